@@ -30,6 +30,7 @@ _FAULTS = (
     *("protective-stop", "safeguard-stop", "emergency-stop", "stop-program", "pause-program"),
     *("freeze", "half", "stall 0.4", "close", "reset", "gone"),
     *("stuck-pose", "nan-pose", "jam", "mute-control", "half-open 0.6", "slider 0.6", "reduced", "robot-mode 6"),
+    "short-states 200",
     *("unplug", "end-stream", "silent", "reboot", "overrange", "saturated", "raw"),
     *("stuck-force", "clipped-force 3", "speed-scaling 0.6"),
 )

@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from palpate_fits.curve_fits import CurveReader, fit_curves
-from palpate_fits.curves import Curve
+from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve_fits import CurveReader, fit_curves
 from scipy.optimize import curve_fit
 
 RADIUS, ELASTICITY, VISCOSITY = 5e-3, 1.1e5, 360.0

@@ -16,6 +16,7 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "mathml"]
 html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"palpate {version}"
+html_show_copyright = False
 exclude_patterns = ["_build"]
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3

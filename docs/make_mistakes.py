@@ -126,7 +126,11 @@ def said(arguments: tuple[str, ...]) -> tuple[int, str]:
             main(arguments)
         except SystemExit as end:
             code = int(end.code or 0)
-    flag = re.search(r"  dr/mine: (.*?)(?=\n  \S|\nwritten|\Z)", out.getvalue(), re.DOTALL)
+    flag = re.search(
+        r"^(invalid|doubtful): (.*?)(?=\n(note|and|written|invalid|doubtful)|\Z)",
+        out.getvalue(),
+        re.DOTALL | re.MULTILINE,
+    )
     text = "\n".join([errors.getvalue().strip(), " ".join(flag[0].split()) if flag else ""]).strip()
     text = re.sub(r"/\S*?/(core|plugins)/", r"\1/", text)
     return code, re.sub(r"(?<!own)\.py, line \d+", ".py, line ...", text)  # in our files it changes

@@ -55,10 +55,26 @@ def test_versions_agree():
     assert (ROOT / "CHANGELOG.md").read_text().startswith(f"# Changelog\n\n## {version}")
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.stem)
-def test_every_page_is_on_the_site(page):
-    """Those that the index does not name would be built, and found by nobody."""
-    assert page.stem == "index" or f"\n{page.stem}\n" in (ROOT / "docs" / "index.md").read_text()
+INDEXES = [ROOT / "docs" / name for name in ("index.md", "how-to.md", "reference.md", "background.md")]
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "tutorials").glob("*.md")])
+
+
+def entries(index):
+    """The pages that an index names."""
+    trees = re.findall(r"```\{toctree\}\n(.*?)```", index.read_text(), re.DOTALL)
+    return [line for tree in trees for line in tree.splitlines() if line and not line.startswith(":")]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_page_is_on_the_site_once(page):
+    """Those that no index names would be built, and found by nobody."""
+    name = page.relative_to(ROOT / "docs").with_suffix("").as_posix()
+    assert sum(entries(index).count(name) for index in INDEXES) == (name != "index")
+
+
+def test_the_first_level_of_the_site_is_short():
+    """A reader who has just come sees where to begin."""
+    assert len(entries(INDEXES[0])) <= 12
 
 
 def test_the_pages_agree_on_how_often_a_log_is_flushed():

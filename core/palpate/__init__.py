@@ -5,4 +5,16 @@ The public names stand in ``__init__.pyi``; importing palpate imports none of th
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    """A public name, imported when it is first used; AttributeError names what is alike."""
+    if name.startswith("_") or name in __all__:
+        return _public(name)
+    try:
+        return _public(name)
+    except AttributeError as error:
+        from palpate.errors import suggest
+
+        raise AttributeError(f"palpate has no {name!r}{suggest(name, __all__)}") from error

@@ -126,6 +126,8 @@ from .trajectory import (
     Resumable as Resumable,
     Setpoint as Setpoint,
     Trajectory as Trajectory,
+    duration_of as duration_of,
+    setpoints_at as setpoints_at,
 )
 from .twin import ArmTruth as ArmTruth, SimulatedTwin as SimulatedTwin, SupportsTwin as SupportsTwin, Twin as Twin
 from .units import (
@@ -149,6 +151,7 @@ from .units import (
     TipMass as TipMass,
     Viscosity as Viscosity,
     is_number as is_number,
+    is_unit as is_unit,
     to_si as to_si,
 )
 from .vectors import Floats as Floats, Layout as Layout, finite_rows as finite_rows

@@ -13,8 +13,11 @@ import select
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
 from typing import Any, Protocol
+
+URGENT = 20  # real-time priority of threads that watch an arm; below those of robots and sensors
 
 
 class Event(Protocol):
@@ -113,8 +116,8 @@ class Clock(Protocol):
         """A new queue, in real time of at most so many items (0: any number): who puts one more waits."""
         ...
 
-    def thread(self, target: Callable[[], Any], name: str) -> Thread:
-        """A new daemon thread, not started yet."""
+    def thread(self, target: Callable[[], Any], name: str, urgent: bool = False) -> Thread:
+        """A new daemon thread, not started yet; an urgent one goes before other programs where that is permitted."""
         ...
 
 
@@ -143,9 +146,16 @@ class WallClock:
         """A `queue.SimpleQueue`, or a `queue.Queue` where its length is limited."""
         return queue.Queue(most) if most else queue.SimpleQueue()
 
-    def thread(self, target: Callable[[], Any], name: str) -> Thread:
+    def thread(self, target: Callable[[], Any], name: str, urgent: bool = False) -> Thread:
         """A `threading.Thread`."""
-        return threading.Thread(target=target, daemon=True, name=name)
+        return threading.Thread(target=partial(_urgently, target) if urgent else target, daemon=True, name=name)
+
+
+def _urgently(target: Callable[[], Any]) -> None:
+    """Call a function at real-time priority, which what it starts does not inherit."""
+    with suppress(AttributeError, OSError):  # not permitted
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(URGENT))
+    target()
 
 
 _WALL = WallClock()

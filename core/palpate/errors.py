@@ -71,6 +71,11 @@ class OutputError(UserError):
     """A result cannot be written where it is wanted."""
 
 
+def error_text(error: BaseException) -> str:
+    """What an error says; that of another program's code with its type."""
+    return str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
+
+
 def suggest(given: str, allowed: Iterable[str]) -> str:
     """``; did you mean 'x'? (there are: x, y)`` for messages about an unknown name."""
     names = sorted(allowed)

@@ -24,6 +24,11 @@ ADVICE: dict[Verdict, str] = {  # a verdict in words, and what a person is to do
 }
 
 
+def verdict_word(verdict: str) -> str:
+    """The word of a verdict for a reader: a note moves no value beyond its uncertainty, so that the track is good."""
+    return "good" if verdict == "note" else verdict
+
+
 @dataclass(frozen=True)
 class Flag:
     """A failed assumption: a code for programs and a sentence for readers.

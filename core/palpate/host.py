@@ -39,7 +39,7 @@ from palpate.contact import force_slopes
 from palpate.device import ask_devices, is_live, own_motions, truth_of
 from palpate.discovery import import_plugin_file, plugin_file_of
 from palpate.errors import ConsentError, StoppedError, suggest
-from palpate.flags import SEVERITIES, verdict
+from palpate.flags import SEVERITIES, verdict, verdict_word
 from palpate.hooks import KINDS
 from palpate.input_file import Enclosure
 from palpate.offers import function_of
@@ -184,6 +184,7 @@ __all__ = [
     "truth_of",
     "values_on_trust",
     "verdict",
+    "verdict_word",
     "whole_file",
     "withdraw_folder",
     "write_new",

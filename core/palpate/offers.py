@@ -9,12 +9,15 @@ from typing import Any
 
 from palpate.errors import PalpateError, PluginError
 
-PANELS = {
-    "run": "Run",
-    "logs": "Look at logs",
-    "analyse": "Analyse",
-    "hardware": "Hardware",
-    "extend": "Extend and look up",
+PANELS = {  # tasks, in the order of ``palpate --help``
+    "begin": "Begin",
+    "run": "Estimate elasticity and viscosity",
+    "hardware": "Palpate with a robot",
+    "compare": "Compare and repeat",
+    "analyse": "Look deeper",
+    "share": "Show others",
+    "logs": "Read and write logs",
+    "extend": "Look up and extend",
 }
 
 
@@ -38,6 +41,7 @@ class ReportSection:
 
     target: str  # "module:function"
     order: int = 50  # sections are shown by increasing order
+    detail: bool = False  # whether a terminal shows it only with --details; a report always does
 
 
 @dataclass(frozen=True)

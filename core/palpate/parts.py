@@ -10,9 +10,18 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, ClassVar, Self, Union, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationInfo, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
 
 from palpate.input_file import check_input
+from palpate.key_mistakes import settings_error
 
 
 def _tuples(value: Any) -> Any:
@@ -35,6 +44,16 @@ class Settings(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", protected_namespaces=())
+
+    def __init__(self, /, **keys: Any) -> None:
+        """Settings by their keys; raises ConfigurationError with every mistake at once."""
+        try:
+            super().__init__(**keys)
+        except ValidationError as error:
+            raise settings_error(error, type(self)) from None
+
+    # Validation of a table does not come by here: it has a context, and a way to tell where a mistake is.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @model_validator(mode="before")
     @classmethod

@@ -131,21 +131,25 @@ class Registry:
                 raise PluginError(f"check {name!r} raises {type(error).__name__}: {error}") from error
 
     def find(self, kind: str, name: str) -> type[Part]:
-        """The part of a kind and name; raises PluginError with what there is, and what may have been meant."""
+        """The part of a kind and name, or its initials; raises PluginError with what there is and what was meant."""
         entries = self.parts[kind]
-        if name in entries:
-            return entries[name].part
+        if full := self._full_name(kind, name):
+            return entries[full].part
         raise PluginError(f"there is no {kind} {name!r}{suggest(name, entries)}{self._lost}")
 
     def named(self, kind: str, name: str) -> str:
         """The full name of a part, from it or from its initials ("dr"); raises ConfigurationError."""
+        if full := self._full_name(kind, name):
+            return full
+        raise ConfigurationError(f"there is no {kind} {name!r}{suggest(name, self.parts[kind])}")
+
+    def _full_name(self, kind: str, name: str) -> str:
+        """The full name of a part, from it or from initials that only one has; empty where there is none."""
         names = self.parts[kind]
         if name in names:
             return name
-        meant = [full for full in names if "".join(word[0] for word in full.split("-")) == name and "-" in full]
-        if len(meant) != 1:
-            raise ConfigurationError(f"there is no {kind} {name!r}{suggest(name, names)}")
-        return meant[0]
+        meant = [full for full in names if "-" in full and "".join(word[:1] for word in full.split("-")) == name]
+        return meant[0] if len(meant) == 1 else ""
 
     def command(self, name: str) -> Command:
         """A command by its whole name; raises PluginError with what there is, and what may have been meant."""
@@ -168,8 +172,8 @@ class Registry:
 
     @property
     def _lost(self) -> str:
-        """Plugins that may have had what is not found."""
-        return "".join(f"; {failure}" for failure in self.failures.values())
+        """Plugins that may have had what is not found, and hooks that are misspelt."""
+        return "".join(f"; {notice}" for notice in self.notices)
 
     def name_of(self, part: type[Part]) -> str:
         """The name by which a pipeline asks for a part."""
@@ -204,7 +208,7 @@ def load_commands(files: Iterable[Path] = ()) -> Registry:
     found = discover(files)
     offered = found.named("command", "palpate_commands", Command)
     commands = {name: command for name, (command, _) in offered.items()}
-    return Registry({}, tuple(found.plugins.values()), found.failures, commands=commands)
+    return Registry({}, tuple(found.plugins.values()), found.failures, found.oddities, commands=commands)
 
 
 def offers(hook: str, root: type) -> dict[str, Any]:

@@ -76,7 +76,7 @@ class SimulatedClock:
         """A new queue, of any length: what is put is taken at the same instant."""
         return _SimulatedQueue(self._turns)
 
-    def thread(self, target: Callable[[], Any], name: str) -> _SimulatedThread:
+    def thread(self, target: Callable[[], Any], name: str, urgent: bool = False) -> _SimulatedThread:
         """A new thread of the process of the thread that asks."""
         return self.process_thread(target, name, self._turns.me().process)
 

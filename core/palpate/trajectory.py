@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
+import math
+import traceback
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, runtime_checkable
+from pathlib import Path
+from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.errors import PalpateError, PluginError
 from palpate.parts import Part
 from palpate.vectors import Floats
 
@@ -77,6 +83,21 @@ class ForceControlled(Protocol):
 
 
 @runtime_checkable
+class Lifted(Protocol):
+    """A trajectory that is another one above the specimen: nothing is palpated with it."""
+
+    @property
+    def lift(self) -> float:
+        """Height above the other one [m]."""
+        ...
+
+    @property
+    def pace(self) -> float:
+        """Speed in parts of that of the other one."""
+        ...
+
+
+@runtime_checkable
 class Resumable(Protocol):
     """A trajectory that can be gone on with where it was stopped; others can only be done as one."""
 
@@ -86,3 +107,65 @@ class Resumable(Protocol):
         None where nothing whole is left.
         """
         ...
+
+
+_T = TypeVar("_T")
+
+
+def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
+    """Setpoints of a trajectory at times (n,) [s] since its start.
+
+    Raises PluginError naming the trajectory where it raises, or where what it returns is no finite setpoint for each.
+    """
+    span = f" at {time[0]:.3f} to {time[-1]:.3f} s" if len(time) else ""
+    found = _asked(trajectory, lambda: trajectory.at(time), span)
+    name, count = _named(trajectory), len(time)
+    if not isinstance(found, Setpoint):
+        raise PluginError(f"{name}: its `at` returns {type(found).__name__}, not Setpoint")
+    forms: dict[str, tuple[int, ...]] = {"position": (count, 3), "velocity": (count, 3), "measuring": (count,)}
+    for field, wanted in forms.items() if found.turning is None else (*forms.items(), ("turning", (count,))):
+        values = getattr(found, field)
+        if not isinstance(values, np.ndarray) or values.shape != wanted or values.dtype.kind not in "fiub":
+            what = (
+                f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
+            )
+            raise PluginError(f"{name}: {field} for {count} times is {what}; an array of numbers {wanted} is wanted")
+        rows = np.isfinite(values).reshape(count, -1).all(axis=1)
+        if not rows.all():
+            raise PluginError(f"{name}: a setpoint is not a finite number: {field} at {time[np.argmin(rows)]:.3f} s")
+    return found
+
+
+def duration_of(trajectory: Trajectory) -> float:
+    """Duration of a trajectory [s]; raises PluginError naming it where it raises, or returns none that is finite."""
+    found = _asked(trajectory, lambda: trajectory.total_duration, "")
+    if not isinstance(found, (int, float, np.floating)) or not math.isfinite(found) or found < 0:
+        raise PluginError(
+            f"{_named(trajectory)}: its total_duration is {found!r}; a finite number of seconds is wanted"
+        )
+    return float(found)
+
+
+def _asked(trajectory: Trajectory, question: Callable[[], _T], when: str) -> _T:
+    try:
+        return question()
+    except PalpateError:
+        raise
+    except (Exception, SystemExit) as error:
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        raise PluginError(f"{_named(trajectory)} failed{when}: {what} ({_place(trajectory, error)})") from error
+
+
+def _named(trajectory: Any) -> str:
+    return f"trajectory {type(trajectory).__name__}"
+
+
+def _place(trajectory: Trajectory, error: BaseException) -> str:
+    """The last line in the file of a trajectory's class that an error has passed."""
+    steps = list(traceback.walk_tb(error.__traceback__))
+    try:
+        own = inspect.getfile(type(trajectory))
+    except (TypeError, OSError):
+        own = ""
+    frame, line = next((step for step in reversed(steps) if step[0].f_code.co_filename == own), steps[-1])
+    return f"{Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name}"

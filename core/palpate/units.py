@@ -82,6 +82,18 @@ def is_number(text: str) -> bool:
     return True
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit, or the sign of per cent.
+
+    >>> is_unit("Pa s"), is_unit("%"), is_unit("correlation")
+    (True, True, False)
+    """
+    try:
+        return text == "%" or bool(is_one_unit(text) and read_unit(text))
+    except UnknownUnitError:
+        return False
+
+
 def to_si(value: object, unit: str) -> float:
     """A number in SI from what a person wrote: a number (SI already) or a text with a unit.
 

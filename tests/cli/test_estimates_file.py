@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from palpate import Estimates, Parameter, Samples
+from palpate import Estimates, OutputError, Parameter, Samples
 from palpate_kit.runs import estimates_file as module
 from palpate_kit.runs.estimates_file import estimates_file
 
@@ -63,7 +63,7 @@ def test_what_the_thread_meets_is_raised_and_nothing_follows_the_gap(tmp_path, m
         append(self, numbers)
 
     monkeypatch.setattr(module.EstimatesFile, "append", failing)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(OutputError, match=r"estimates\.csv: cannot write: No space left"):
         fill(tmp_path / "out", 20)
     assert begins == [0.0, 1.0, 2.0]
     lines = (tmp_path / "out" / "estimates.csv").read_text().splitlines()

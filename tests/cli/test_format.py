@@ -33,10 +33,25 @@ def test_csv_is_a_table_of_equal_rows(palpate, run, command):
     assert "┃" not in done.stdout
 
 
-def test_a_value_and_its_uncertainty_are_two_columns(palpate, run):
-    done = palpate("repeat", run, run.parent / "r", "--format", "csv")
+def test_each_column_is_one_quantity_with_its_unit(palpate, run):
+    done = palpate("replay", run, "--format", "csv")
     head, row = rows_of(done.stdout)[:2]
-    assert head[:3] == ["group", "n", "mean"]
+    assert head == [
+        "track",
+        "elasticity [kPa]",
+        "u(elasticity) [kPa]",
+        "viscosity [Pa s]",
+        "u(viscosity) [Pa s]",
+        "verdict",
+    ]
+    assert [float(cell) for cell in row[1:5:2]] == pytest.approx([112.5, 362], rel=0.03)
+    assert all(float(cell) > 0 for cell in row[2:5:2])
+
+
+def test_a_value_and_its_uncertainty_are_two_columns(palpate, run):
+    done = palpate("repeat", run, run.parent / "r", "--details", "--format", "csv")
+    head, row = rows_of(done.stdout)[:2]
+    assert head[:5] == ["group", "runs", "mean [kPa]", "u(mean) [kPa]", "scatter [kPa]"]
     assert float(row[2]) == pytest.approx(112.5, rel=0.02)
     assert "runs:" in done.stderr  # the histogram is no table
 

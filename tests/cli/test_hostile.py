@@ -202,6 +202,17 @@ def test_only_an_address_is_loopback(root):
             load_pipeline(root / "pipelines" / "point_ur3e.toml", [f"twin.bench.host={bad}"])
 
 
+def test_a_port_where_everybody_can_write_is_refused(palpate, root, tmp_path):
+    """Another user could put a port there first, and the driver would take its readings for the sensor's."""
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o1777)
+    done = palpate("twin", root / "pipelines" / "point_ur3e.toml", "--set", f"twin.bench.port={shared}/sensone")
+    assert done.returncode == 2
+    assert f"everybody can write in {shared}; choose a folder of your own, such as ~/sensone" in done.stderr
+    assert list(shared.iterdir()) == []
+
+
 @pytest.mark.slow
 def test_a_twin_in_the_background_serves_until_it_is_signalled(root, tmp_path):
     address = f"127.{os.getpid() % 200 + 20}.77.{os.getpid() % 250 + 1}"

@@ -172,7 +172,10 @@ def test_a_plugin_that_does_nothing_is_named(palpate, with_plugin, plugin, words
 
 def test_check_says_which_plugins_it_loaded_from_where(palpate, with_plugin):
     path = with_plugin(FILTER.format(body="pass"), "")
-    shown = palpate("check", path).stdout
+    brief = palpate("check", path).stdout
+    assert len(brief.splitlines()) == 2
+    assert f"with {path.parent / 'own.py'}" in brief
+    shown = palpate("check", path, "-v").stdout
     assert f"plugin {path.parent / 'own.py'}" in shown
     assert "palpate_models" in shown
 

@@ -29,7 +29,7 @@ def rig(live, tmp_path):
     """The same rig without a twin, at addresses that only a laboratory has."""
     text = live.read_text()
     text = text[: text.index("\n[twin.bench]")]
-    text = text.replace("127.0.0.1", "192.168.0.17").replace("/tmp/palpate-sensone", "/dev/serial/by-id/usb-bota")
+    text = text.replace("127.0.0.1", "192.168.0.17").replace("~/palpate-sensone", "/dev/serial/by-id/usb-bota")
     file = tmp_path / "rig.toml"
     file.write_text(text)
     return file

@@ -157,7 +157,6 @@ def test_another_channel_leaves_tip_and_mass_those_of_the_run(recorded, palpate,
     log = recorded / "log.mcap"
     done = palpate("compare", log, "--force", "/rig/wrench:wrench.force.z", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    assert "indenter.tip.radius = 2.5 mm" in done.stderr
     assert "alignment.force.delay = 0 s" in flagged(tmp_path / "out")
     assert "radius" not in flagged(tmp_path / "out")
     value = tracks(tmp_path / "out")["dr/ekf"]["parameters"]["elasticity"]["value"]
@@ -168,7 +167,7 @@ def test_one_more_model_takes_what_the_others_say(recorded, palpate, tmp_path):
     short = ["--estimators", "ekf", "--models", "kelvin-voigt", "--out"]
     done = palpate("compare", recorded / "log.mcap", *short, tmp_path / "out", "--set", "indenter.tip.radius=3 mm")
     assert done.returncode == 0, done.stderr
-    assert "indenter.tip.radius = 3 mm" in done.stderr
+    assert "radius = 0.003" in (tmp_path / "out" / "pipeline.toml").read_text()
     assert flagged(tmp_path / "out") == ""
     assert 'type = "kelvin-voigt"\npoisson = 0.5' in (tmp_path / "out" / "pipeline.toml").read_text().replace(
         'indenter = "tip"\n', ""
@@ -222,3 +221,12 @@ def test_what_is_assumed_of_one_model_is_said_of_its_tracks_alone(recorded, palp
     (message,) = said["standard-linear-solid/ekf"]
     assert "model.standard-linear-solid.poisson" in message
     assert tracks(folder)["dr/ekf"]["verdict"] == tracks(recorded)["dr/ekf"]["verdict"]
+
+
+def test_another_tip_reaches_the_models_on_it(recorded, palpate, tmp_path):
+    """E of a sphere goes as 1/sqrt(R); the pipeline that a log carries has the tip in each model."""
+    change = "indenter.tip.radius=10 mm"
+    done = palpate("replay", recorded, "--tracks", "dr/ekf", "--set", change, "--out", tmp_path / "again")
+    assert done.returncode == 0, done.stderr
+    before, after = (tracks(folder)["dr/ekf"]["parameters"]["elasticity"] for folder in (recorded, tmp_path / "again"))
+    assert after["value"] == pytest.approx(before["value"] / 2, rel=0.05)

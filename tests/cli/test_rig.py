@@ -62,6 +62,17 @@ def test_a_pipeline_without_a_twin(root):
         called("twin", root / "pipelines" / "filters.toml")
 
 
+def test_the_doctor_has_nothing_to_examine_where_nothing_is_live(palpate, root, monkeypatch):
+    """No motion is computed, either."""
+    monkeypatch.setattr("palpate_commands.rig_examination.check_motion", None)
+    done = palpate("doctor", root / "pipelines" / "raster.toml")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [
+        "note rig: is not live: nothing to examine",
+        "0 ok, 1 note, 0 bad; -v prints all",
+    ]
+
+
 @pytest.mark.slow
 def test_the_doctor(palpate, live, tmp_path):
     pytest.importorskip("rtde_control", reason="ur-rtde is not installed")

@@ -18,9 +18,18 @@ SHORT = ("--set", "trajectory.press.duration=2 s")
 def test_the_example_prints_the_truth_beside_the_estimates(palpate, point_pipeline, tmp_path):
     done = palpate("run", point_pipeline, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    for text in ("dr/ekf", "elasticity", "viscosity", "eta/G", "surface", "NIS", "truth", "112.5", "362", "±", "kPa"):
+    for text in ("dr/ekf", "elasticity", "viscosity", "truth", "112.5", "362", "±", "kPa", "verdict", "->"):
         assert text in done.stdout
+    for text in ("eta/G", "surface", "NIS", "on trust"):
+        assert text not in done.stdout.partition("doubtful:")[0]
+    assert max(map(len, done.stdout.partition("written to")[0].splitlines())) <= 80
     assert f"written to {tmp_path / 'out'}" in done.stdout.replace("\n", " ")
+
+
+def test_details_are_everything(palpate, point_pipeline, tmp_path):
+    done = palpate("run", point_pipeline, *SHORT, "--details", "--out", tmp_path / "out")
+    for text in ("eta/G", "surface", "NIS", "on trust", "not-converged: only 1.5 s were tracked"):
+        assert text in " ".join(done.stdout.split())
 
 
 def test_the_run_folder(palpate, point_pipeline, tmp_path):
@@ -153,8 +162,10 @@ def test_a_full_disk_ends_the_run_with_one_message_and_a_log_that_opens(point_pi
     assert "Traceback" not in done.stderr
     from palpate_devices.mcap_replay import McapReplay
 
-    with McapReplay(file=tmp_path / "out" / "log.mcap", accept_cut=True).connect(0) as link:
+    with McapReplay(file=tmp_path / "out" / "log.mcap").connect(0) as link:  # a log that is cut is refused
         assert sum(len(batch.time) for batch in link.batches()) > 1000
+    flags = json.loads((tmp_path / "out" / "result.json").read_text())["tracks"]["dr/ekf"]["flags"]
+    assert any(flag["code"] == "interrupted" and "cannot write" in flag["message"] for flag in flags)
 
 
 def test_a_sink_stays_in_the_run_folder(palpate, point_pipeline):

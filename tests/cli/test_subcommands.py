@@ -6,6 +6,7 @@ import pytest
 from palpate import PluginError
 from palpate.cli.commands import command_offers, help_text
 from palpate.host import analysis
+from palpate.offers import PANELS
 
 COMMANDS = command_offers().commands
 FORMER = {command.former: name for name, command in COMMANDS.items() if command.former}
@@ -115,3 +116,32 @@ def test_a_plugin_adds_to_another_ones_command(palpate, tmp_path):
 def test_the_first_word_of_several_is_no_analysis():
     with pytest.raises(PluginError, match=r"'model' is the first word of commands \(there are: export, force"):
         analysis("model")
+
+
+def test_the_help_is_by_task_and_loses_no_command_of_a_stranger(tmp_path):
+    offer = '{"odd": Command("x:y", "Odd.", "nothing")}'
+    text = f"from palpate import Command, plugin\n\n\n@plugin\ndef palpate_commands():\n    return {offer}\n"
+    (tmp_path / "odd.py").write_text(text)
+    assert {command.panel for command in COMMANDS.values()} <= set(PANELS)
+    shown = help_text([tmp_path / "odd.py"])
+    titles = [line.removesuffix(":") for line in shown.splitlines() if line.endswith(":") and line[0] != " "]
+    assert titles == list(PANELS.values())
+    assert "  odd         Odd." in shown.partition("Look deeper:")[2].partition("\n\n")[0]
+
+
+def test_a_misspelt_hook_is_named_where_its_command_is_missed(palpate, tmp_path):
+    text = "from palpate import plugin\n\n\n@plugin\ndef palpate_comands():\n    return {}\n"
+    (tmp_path / "own.py").write_text(text)
+    done = palpate("--plugin", tmp_path / "own.py", "odd")
+    assert done.returncode == 2
+    assert "palpate_comands is no hook; did you mean 'palpate_commands'?" in done.stderr
+
+
+def test_initials_name_a_part_in_a_pipeline_and_its_description(palpate, root, tmp_path):
+    text = (root / "pipelines" / "point.toml").read_text()
+    (tmp_path / "p.toml").write_text(text.replace('"dimensionality-reduction"', '"dr"'))
+    resolved = palpate("check", tmp_path / "p.toml", "--resolved")
+    assert resolved.stdout == palpate("check", root / "pipelines" / "point.toml", "--resolved").stdout
+    shown = palpate("describe", "dr").stdout
+    assert shown == palpate("describe", "dimensionality-reduction").stdout
+    assert "did you mean" in palpate("describe", "dimensionality-reductio").stderr

@@ -36,6 +36,7 @@ PASSED_ON = (
     "result_file.py",
     "device_flags.py",
     "palpate_ros2/sink.py",
+    "parameter_values.py",
 )  # files that make flags of codes given to them
 
 

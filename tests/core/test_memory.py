@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from palpate import Batch
 from palpate.alignment import Aligner
+from palpate.pipeline.closing_reserve import ClosingReserve
 from palpate.pipeline.data_path import DataPath
 from palpate.pipeline.latency import Latency
 from palpate.pipeline.outputs import Outputs
@@ -42,7 +43,14 @@ def test_memory_is_flat(live_pipeline, tmp_path):
     parameters = {track.track.name: track.track.model.parameters for track in tracks.running}
     looks = []
     with ExitStack() as stack:
-        outputs = Outputs(stack, pipeline, Run(folder, pipeline.ports.streams, parameters, {}, {}), tracks.online)
+        outputs = Outputs(
+            stack,
+            pipeline,
+            Run(folder, pipeline.ports.streams, parameters, {}, {}),
+            tracks.online,
+            print,
+            ClosingReserve(None),
+        )
         latency = Latency(pipeline.ports["position"])
         path = DataPath(Aligner(pipeline.alignment, pipeline.ports), tracks, outputs, latency)
         for block in range(round(45 / BLOCK)):

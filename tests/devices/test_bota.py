@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from palpate import DeviceError
+from palpate import ConfigurationError, DeviceError
 from palpate_devices.bota.device import BotaSensor
 from palpate_kit.acquisition.device_clock import ClockMap
 from palpate_kit.protocols.bota_frames import LENGTH, FrameDecoder, TimestampUnwrapper, crc_x25, pack_frame
@@ -176,7 +176,10 @@ def test_a_slow_sensor_is_waited_for(restored):
 @pytest.mark.slow
 def test_a_port_that_somebody_reads_is_refused(restored):
     device = sensor(restored)
-    with device.connect(0), pytest.raises(DeviceError, match="cannot be opened"):
+    with (
+        device.connect(0),
+        pytest.raises(DeviceError, match=r"port /dev/.* is in use by `.*; one device serves one run"),
+    ):
         gathered(device, 10)
 
 
@@ -205,7 +208,7 @@ def test_readings_that_the_sensor_does_not_vouch_for_are_none(restored, fault):
 def test_settings_are_json(restored):
     device = BotaSensor(port="x")
     json.dumps(device.model_dump())
-    with pytest.raises(ValueError, match="is not one of 9600"):
+    with pytest.raises(ConfigurationError, match="is not one of 9600"):
         BotaSensor(port="x", baud=1200)
 
 

@@ -9,7 +9,6 @@ from palpate.offers import import_target
 from palpate_filters import palpate_estimators
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_testing import synthetic_samples
-from pydantic import ValidationError
 
 MODEL = DimensionalityReduction(indenter=Sphere(radius=5e-3))
 TRUTH = [1.1e5, 360.0]
@@ -99,7 +98,7 @@ def test_what_the_force_accelerates_has_a_mass(name):
 @pytest.mark.parametrize("name", ESTIMATORS)
 @pytest.mark.parametrize("settings", [{"force_std": 0.0}, {"velocity_std": -1.0}, {"start_depth": float("nan")}])
 def test_impossible_settings_are_refused(name, settings):
-    with pytest.raises(ValidationError):
+    with pytest.raises(ConfigurationError):
         ESTIMATORS[name](**settings)
 
 

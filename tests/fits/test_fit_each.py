@@ -7,9 +7,9 @@ import numpy as np
 import palpate as python
 import pytest
 from palpate.host import Source, build_pipeline, run_pipeline
-from palpate_fits.curve_fits import CurveReader, fit_curves
-from palpate_fits.curves import Curve
 from palpate_fits.estimator import CasadiFit
+from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve_fits import CurveReader, fit_curves
 from palpate_models import DimensionalityReduction, Sphere
 
 PIPELINE = """

@@ -7,6 +7,8 @@ import palpate as python
 import pytest
 from palpate_models import Sphere
 
+from tests.logs import table_kinds as kinds
+
 TIP = ["--tip", "sphere 3 mm"]
 
 
@@ -42,7 +44,9 @@ def test_a_folder_in_two_dialects_is_one_table_and_what_was_done_stands_beside_i
     lines = done.stdout.splitlines()
     assert max(len(line) for line in lines if "│" in line) <= 80
     assert lines[-1].startswith("3 usable, 1 not: not read (1)")
-    assert {path.name for path in (files / "out").iterdir()} == {"fits.csv", "pipeline.toml", "pipeline-2.toml"}
+    assert {path.name for path in (files / "out").iterdir()} == {
+        "fits.csv", "curves.csv", "pipeline.toml", "pipeline-2.toml",
+    }  # fmt: skip
     with (files / "out" / "fits.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     for seed, row in enumerate(rows):
@@ -84,3 +88,107 @@ def test_what_cannot_be_read_says_why(files, palpate, name, words):
     refused = palpate("fit", name, *TIP)
     assert refused.returncode == 2
     assert words in refused.stderr
+
+
+def rows_of(folder):
+    with (folder / "fits.csv").open(newline="") as file:
+        return {row["curve"].rpartition("/")[2].partition(".")[0]: row for row in csv.DictReader(file)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(3))
+def test_tables_of_all_kinds_give_the_elasticity_of_the_plain_one(tmp_path, palpate, part):
+    """One file of each kind through the command, with the answer to what it asks."""
+    (tmp_path / "curves").mkdir()
+    some = [kind for kind in kinds.KINDS[part::3] if not kind.answers and not kind.timing]
+    for number, kind in enumerate(some):
+        press_of = kinds.press(number % kinds.FILES)
+        (tmp_path / "curves" / f"{kind.name}{kind.suffix}").write_bytes(kind.write(press_of, number % kinds.FILES))
+    done = palpate("fit", str(tmp_path / "curves"), *TIP, "--out", str(tmp_path / "out"))
+    assert done.returncode == 0, done.stderr
+    found = rows_of(tmp_path / "out")
+    assert {*found} == {kind.name for kind in some}
+    for number, kind in enumerate(some):
+        expected = 1e5 * (1 + 0.1 * (number % kinds.FILES))
+        assert float(found[kind.name]["elasticity"]) == pytest.approx(expected, rel=0.005), kind.name
+
+
+@pytest.mark.parametrize(
+    ("kind", "asked", "answer"),
+    [
+        ("no-time", "rate: rows per second", ["--rate", "250 Hz"]),
+        (
+            "volts",
+            "say it with --set device.log.columns.force.scale=NUMBER",
+            ["--set", "device.log.columns.force.scale=0.025"],
+        ),
+    ],
+)
+def test_what_a_file_does_not_state_is_asked_for_and_can_be_answered(tmp_path, palpate, kind, asked, answer):
+    kind = next(one for one in kinds.KINDS if one.name == kind)
+    (tmp_path / "a.csv").write_bytes(kind.write(kinds.press(0), 0))
+    command = ["fit", str(tmp_path / "a.csv"), *TIP, "--out", str(tmp_path / "out")]
+    refused = palpate(*command)
+    assert refused.returncode == 2
+    assert asked in refused.stderr
+    assert palpate(*command, *answer).returncode == 0
+    assert float(rows_of(tmp_path / "out")["a"]["elasticity"]) == pytest.approx(1e5, rel=0.005)
+
+
+def press_file(path, names, extra=()):
+    p = kinds.press(0)
+    path.write_text(kinds.table([*kinds.plain(p, names), *extra], above=["Tip diameter: 10 mm"]))
+    return p
+
+
+def test_what_is_guessed_is_said_and_counts_as_assumed(tmp_path, palpate):
+    press_file(tmp_path / "a.csv", ("time", "force", "height"))
+    command = ["fit", str(tmp_path / "a.csv"), *TIP, "--out", str(tmp_path / "out")]
+    done = palpate(*command)
+    assert "check a.csv: unit of the force: N is a guess" in done.stderr
+    assert "check a.csv: line 1 states Tip diameter: 10 mm, and --tip a radius of 3 mm" in done.stderr
+    assert "device.log.columns.force.unit" in (tmp_path / "out" / "pipeline.toml").read_text()
+    again = palpate(*command[:-1], str(tmp_path / "other"), "--set", "device.log.columns.force.unit=kgf")
+    assert "unit of the force" not in again.stderr
+    assert float(rows_of(tmp_path / "other")["a"]["elasticity"]) == pytest.approx(9.80665e5, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (("time_s", "force [daN]", "height_mm"), "how many N one daN of column force [daN] is"),
+        (("time_s", "force_N", "motor [steps]"), "how many mm one steps of column motor [steps] is"),
+    ],
+)
+def test_units_that_are_not_known_are_asked_for(tmp_path, palpate, names, words):
+    press_file(tmp_path / "a.csv", names)
+    refused = palpate("fit", str(tmp_path / "a.csv"), *TIP)
+    assert refused.returncode == 2
+    assert words in refused.stderr
+
+
+def test_one_of_several_presses_in_one_table_is_asked_for(tmp_path, palpate):
+    p = kinds.press(1)
+    extra = [("force 2 (N)", 1.3 * p.f, ".4f"), ("height 2 (mm)", 1e3 * p.z, ".4f")]
+    press_file(tmp_path / "a.csv", ("time (s)", "force 1 (N)", "height 1 (mm)"), extra)
+    refused = palpate("fit", str(tmp_path / "a.csv"), *TIP)
+    assert refused.returncode == 2
+    assert "the force can be force 1 (N), force 2 (N); say which with --force" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [
+        ([], 'timing: state it by --set alignment.force.uncertainty="1 ms"'),
+        (["force"], 'if it was measured: --set alignment.position.uncertainty="1 ms"'),
+    ],
+)
+def test_the_timing_that_is_still_to_be_stated_is_named(tmp_path, palpate, stated, words):
+    p = kinds.press(0, 700)
+    time, z = p.t, 1e3 * np.round(p.z, 5)  # as commanded: without noise, in steps
+    smooth = np.convolve(np.pad(z, 30, "edge"), np.ones(61) / 61, "valid")
+    columns = [("time_s", time, ".4f"), ("force_N", p.f, ".4f"), ("height_mm", smooth, ".8f")]
+    (tmp_path / "a.csv").write_text(kinds.table(columns))
+    options = [text for role in stated for text in ("--set", f"alignment.{role}.uncertainty=1 ms")]
+    done = palpate("fit", str(tmp_path / "a.csv"), *TIP, *options)
+    assert words in done.stdout

@@ -263,3 +263,16 @@ def test_the_same_modulus_as_nanite_on_every_curve(key, tmp_path):
         assert found["value"] == pytest.approx(expected, rel=1e-3), (path.name, place)
         compared += 1
     assert compared
+
+
+def test_a_curve_whose_numbers_are_damaged_is_named(tmp_path):
+    """HDF5 reads and unpacks them when they are asked for."""
+    path = written(tmp_path / "curve.h5")
+    raw, found = path.read_bytes(), set()
+    for at in range(4000, len(raw), len(raw) // 40):
+        path.write_bytes(raw[:at] + bytes(8) + raw[at + 8 :])
+        try:
+            found.add(len(list(AfmReplay.tables(path))))
+        except LogError as error:
+            found.add(str(error).startswith(f"{path}: its ") and "cannot be read" in str(error))
+    assert True in found

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 from palpate import Estimates, Parameter, Run, Samples
-from palpate_live.datagrams import unpack
+from palpate_kit.page.datagrams import unpack
 from palpate_live.server_process import PageServer
 
 from tests.core.conftest import live_pipeline, run_live, stage  # noqa: F401

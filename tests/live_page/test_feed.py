@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as some
 from palpate import Flag, FlagMeaning, GuardState, Status
-from palpate_live.datagrams import LARGEST, pack, pack_rows, pieces, unpack
+from palpate_kit.page.datagrams import LARGEST, pack, pack_rows, pieces, unpack
 from palpate_live.history import ROWS, History
 from palpate_live.live_feed import PageFeed
 

@@ -99,7 +99,7 @@ def test_the_page_is_told_all_of_a_live_run(run_live, addresses):
 
 
 def read_any(page):
-    from palpate_live.datagrams import unpack
+    from palpate_kit.page.datagrams import unpack
 
     said = page.recv(timeout=60)
     return unpack(said.encode() if isinstance(said, str) else said)

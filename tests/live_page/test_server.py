@@ -5,12 +5,12 @@ import os
 import signal
 import socket
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
 from palpate import OutputError
-from palpate_live.access import refusal
+from palpate_kit.page.gate import refusal
 from palpate_live.live_feed import PageFeed
 from palpate_live.server_process import PageServer
 from websockets.datastructures import Headers
@@ -101,6 +101,33 @@ def test_the_server_refuses_and_serves(child):
 def test_it_listens_on_this_machine_only(child):
     with socket.socket() as other, pytest.raises(OSError, match="refused"):
         other.connect(("127.0.0.2", child.port))
+
+
+@pytest.mark.parametrize("said", [b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"], ids=["nothing", "half a request"])
+def test_connections_without_a_token_keep_nobody_away(child, said):
+    """Of 300 that say nothing the oldest are gone when the next one comes; who has the token stays."""
+    address = ("127.0.0.1", child.port)
+    with connect(f"ws://127.0.0.1:{child.port}/{child.token}/data", origin=f"http://127.0.0.1:{child.port}") as browser:
+        silent = [socket.create_connection(address) for _ in range(300)]
+        for one in silent:
+            one.sendall(said)
+        client = http.client.HTTPConnection(*address, timeout=20)
+        client.request("GET", f"/{child.token}/")
+        assert client.getresponse().status == 200
+        client.close()
+        for one in silent[:200]:
+            one.settimeout(1.0)
+            with suppress(ConnectionResetError):
+                assert one.recv(1) == b""
+        browser.send("stop")
+        with suppress(TimeoutError):
+            browser.recv(timeout=0.1)
+    for one in silent:
+        one.close()
+    deadline = time.monotonic() + 20.0
+    while not child.asked and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert child.asked == ["on the live page"]
 
 
 def test_a_port_that_is_taken_is_one_clear_error():

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate_logs.csv_replay import CsvReplay, _CsvLink
+from palpate_logs.csv_link import CsvLink
+from palpate_logs.csv_replay import CsvReplay
 
 ROWS = "".join(f"{i},{i * 0.25:.8g},{-i}e-3\n" for i in range(30))
 LONG = "".join(f"{i},{i / 7:.17g},{np.sin(i):.17g}\n" for i in range(9000))
@@ -56,7 +57,7 @@ def test_both_ways_read_the_same(tmp_path, monkeypatch, name, delimiter):
     path = tmp_path / "log.csv"
     path.write_bytes(TEXTS[name].replace(",", delimiter).encode())
     found = read(path, delimiter)
-    monkeypatch.setattr(_CsvLink, "_plain", lambda self, text: None)
+    monkeypatch.setattr(CsvLink, "_plain", lambda self, text: None)
     expected = read(path, delimiter)
     if isinstance(expected, str):
         assert found == expected
@@ -68,7 +69,7 @@ def test_both_ways_read_the_same(tmp_path, monkeypatch, name, delimiter):
 def test_plain_numbers_are_not_read_line_by_line(tmp_path, monkeypatch):
     path = tmp_path / "log.csv"
     path.write_text("a,b,c\n" + LONG)
-    monkeypatch.setattr(_CsvLink, "_by_line", None)
+    monkeypatch.setattr(CsvLink, "_by_line", None)
     assert len(read(path, ",")[0]) == 9000
 
 

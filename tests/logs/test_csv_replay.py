@@ -70,9 +70,11 @@ def test_names_that_are_not_there(tmp_path, text, words):
         rows(log(tmp_path / "a.csv", text, columns={"z": {"column": "height", "unit": "mm"}}))
 
 
-@pytest.mark.parametrize(("text", "delimiter"), [("z;f\n1,5;2\n", ";"), ("z,f\n1,5,2,0\n", ",")])
-def test_decimal_commas_are_refused_with_advice(tmp_path, text, delimiter):
-    with pytest.raises(LogError, match=r"a\.csv:2: .*decimal comma.* points"):
+@pytest.mark.parametrize(
+    ("text", "delimiter", "advice"), [("z;f\n1,5;2\n", ";", 'decimal = ","'), ("z,f\n1,5,2,0\n", ",", "with points")]
+)
+def test_decimal_commas_are_refused_with_advice(tmp_path, text, delimiter, advice):
+    with pytest.raises(LogError, match=rf"a\.csv:2: .*decimal comma.*{advice}"):
         rows(log(tmp_path / "a.csv", text, delimiter=delimiter))
 
 

@@ -150,10 +150,11 @@ def test_a_real_table_by_its_columns(palpate, shared, tmp_path):
     [
         ("a.csv", "", "the file is empty"),
         ("a.csv", "force,z\n", "contains no rows of numbers"),
-        ("a.csv", "t;z\n0,1;1,5\n0,2;1,6\n", "decimal commas"),
+        ("a.csv", "t;z\n0,1;1,5\n0,2;1,6\n", "no two columns can be force and position"),
         ("a.csv", "t,z\n0,1,1,5\n0,2,1,6\n", "decimal commas"),
         ("a.csv.gz", "no gzip", "cannot be read"),
-        ("a.csv", "\xff\xfe", "is not a CSV text"),
+        ("a.csv", "\xff\xfe", "the file is empty"),
+        ("a.csv", "\xff\x81", "is not a CSV text"),
         ("a.csv", "t,z\n0.1,1\n", "no two columns can be force and position"),
     ],
 )

@@ -190,8 +190,8 @@ def test_a_table_is_the_same_however_it_is_cut(tmp_path, monkeypatch, window):
     kind = "std_msgs/msg/Float64MultiArray"
     topics = [(t, kind, [(s, array_message([float(i)])) for i, s in enumerate(found)]) for t, found in stamps.items()]
     bag = write_bag(tmp_path / "bag.db3", topics)
-    for room in ("topic_arrays", "table_files"):
-        monkeypatch.setattr(f"palpate_logs.{room}.WINDOW", window)
+    monkeypatch.setattr("palpate_logs.topic_arrays._WINDOW", window)
+    monkeypatch.setattr("palpate_logs.table_files._ROWS", window)
     export(bag, tmp_path / "x.csv", None)
     with (tmp_path / "x.csv").open() as file:
         rows = list(csv.DictReader(file))

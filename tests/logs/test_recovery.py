@@ -177,3 +177,16 @@ def test_many_small_chunks_and_topics(tmp_path):
     assert stamps(tmp_path / "good.mcap", topics=["/7"], start_time=600, end_time=900) == {
         "/7": [at for at in expected["/7"] if 600 <= at < 900]
     }
+
+
+def test_the_words_never_run_backwards(tmp_path):
+    """Chunks of which the later one was logged first, on both sides of one that is damaged."""
+    defined = [Schema(1, b"", "", ""), Channel(1, "/a", "json", {}, 0)]
+    late, lost, early = ([message(1, 10**9 * (begin + i)) for i in range(3)] for begin in (9, 6, 3))
+    bad = bytearray(chunk(*lost))
+    bad[-5] ^= 1
+    path = log(tmp_path / "log.mcap", chunk(*defined, *late), bytes(bad), chunk(*early))
+    said = McapReplay.recover(path, tmp_path / "new.mcap")
+    assert said.startswith("6 messages over 8.000 s are in ")
+    assert "(between 0.000 s and 8.000 s): " in said
+    assert stamps(tmp_path / "new.mcap", log_time_order=False) == {"/a": [10**9 * n for n in (9, 10, 11, 3, 4, 5)]}

@@ -334,5 +334,5 @@ def test_a_load_in_grams_is_a_weight_and_no_newton(palpate, tmp_path, header, un
 
 
 def test_an_acceleration_in_g_is_no_weight(tmp_path):
-    sheet = Sheet(tmp_path / "x.csv", ",", ("acc [g]", "Force [g]"), True)
+    sheet = Sheet(tmp_path / "x.csv", ("acc [g]", "Force [g]"))
     assert (sheet.unit(0), sheet.unit(1)) == (None, "gf")

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from palpate import force_over_time
+from palpate import ConfigurationError, force_over_time
 from palpate_models import (
     Burgers,
     Cone,
@@ -119,12 +119,12 @@ def test_a_gel_relaxes_by_the_master_curve_of_its_tip(tip, radius, g):
     ],
 )
 def test_poroelastic_refuses_what_it_does_not_know(settings, said):
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ConfigurationError, match=said):
         Poroelastic(**settings)
 
 
 def test_a_power_law_over_too_many_decades_is_refused():
-    with pytest.raises(ValueError, match="decades"):
+    with pytest.raises(ConfigurationError, match="decades"):
         PowerLaw(indenter=TIP, shortest=1e-3, longest=100.0)
 
 

@@ -7,10 +7,10 @@ import re
 
 import numpy as np
 import pytest
+from palpate import ConfigurationError
 from palpate_models import BluntCone, Cone, ExactSphere, Profile, Quartic, TruncatedCone
 from palpate_models.indenters.profile.formula import parse_formula
 from palpate_testing import check_indenter
-from pydantic import ValidationError
 
 R, T = 5e-3, math.radians(30)
 DEPTHS = np.geomspace(1e-6, 6e-3, 60)
@@ -100,7 +100,7 @@ def test_kinks_in_points_make_no_dips(tmp_path):
 def test_bad_points_are_refused_with_file_and_line(tmp_path, text, line, words):
     path = tmp_path / "tip.csv"
     path.write_text(text)
-    with pytest.raises(ValidationError, match=f"tip.csv:{line}: .*{words}"):
+    with pytest.raises(ConfigurationError, match=f"tip.csv:{line}: .*{words}"):
         Profile(points=path)
 
 
@@ -115,9 +115,9 @@ def test_bad_points_are_refused_with_file_and_line(tmp_path, text, line, words):
 def test_a_file_that_is_no_profile_is_refused(tmp_path, text, words):
     path = tmp_path / "tip.csv"
     path.write_text(text)
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(ConfigurationError, match=words):
         Profile(points=path)
-    with pytest.raises(ValidationError, match=r"gone\.csv: cannot read"):
+    with pytest.raises(ConfigurationError, match=r"gone\.csv: cannot read"):
         Profile(points=tmp_path / "gone.csv")
 
 
@@ -138,7 +138,7 @@ def test_a_file_that_is_no_profile_is_refused(tmp_path, text, words):
     ],
 )
 def test_a_formula_that_is_no_profile_is_refused(settings, words):
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(ConfigurationError, match=words):
         Profile(**settings)
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from palpate import ConfigurationError
 from palpate_models import Cone, DimensionalityReduction, ExactSphere, Flat, Paraboloid, Quartic, Sphere
 from palpate_models.thickness import Thickness
-from pydantic import ValidationError
 
 sys.path.insert(0, str(Path(__file__).parent))
 from parts import THICKNESSES
@@ -127,7 +127,7 @@ def test_a_range_that_is_left_is_said():
     ],
 )
 def test_a_correction_that_is_not_known_is_refused(settings, words):
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(ConfigurationError, match=words):
         DimensionalityReduction(**{"indenter": Sphere(radius=R)} | settings)
 
 

@@ -11,7 +11,6 @@ from palpate_models.rigid_tip import rounded_flat
 from palpate_models.thickness import Thickness
 from palpate_models.thickness_table import read_table, table_text, tip_facts
 from palpate_testing import check_model
-from pydantic import ValidationError
 
 TIP = Sphere(radius=5e-3)
 DEPTHS = 5e-3 * np.linspace(0.1, 1.0, 10) ** 2
@@ -45,7 +44,7 @@ def test_a_model_with_a_table_passes_its_check(file):
 
 
 def test_a_table_of_another_tip_is_refused(file):
-    with pytest.raises(ValidationError, match="not for"):
+    with pytest.raises(ConfigurationError, match="not for"):
         DimensionalityReduction(indenter=ExactSphere(radius=5e-3), thickness={"table": str(file)})
 
 
@@ -76,7 +75,7 @@ def test_what_is_no_table_is_refused(text, words, tmp_path):
     ],
 )
 def test_a_law_has_what_belongs_to_it(settings, words):
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(ConfigurationError, match=words):
         Thickness(**settings)
 
 

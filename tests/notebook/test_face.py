@@ -1,8 +1,10 @@
 """The Python face: runs, records, fits, comparisons, sweeps and maps, as a notebook uses them."""
 
+import dataclasses
 import gc
 import json
 import math
+import pickle
 import warnings
 
 import numpy as np
@@ -11,6 +13,7 @@ import pandas as pd
 import pytest
 from palpate import ConfigurationError, LogError, OutputError
 from palpate_models import DimensionalityReduction, Sphere
+from palpate_notebook import UncertainQuantity
 
 ROUNDING = 1e-12
 FORCE = {"force": "/rig/wrench:wrench.force.z"}
@@ -200,6 +203,102 @@ def test_a_change_makes_a_new_draft(short):
 
 
 # Records
+
+
+def test_a_value_is_a_number_in_si_wherever_one_is_wanted(fitted):
+    elasticity, viscosity = fitted.elasticity, fitted.viscosity
+    value = elasticity.value
+    assert (elasticity * 2, 2 * elasticity, elasticity / 1e3) == (2 * value, 2 * value, value / 1e3)
+    assert np.log(elasticity) == math.log(value)
+    assert max(viscosity, elasticity) is elasticity
+    np.testing.assert_array_equal(np.array([elasticity, viscosity]), [value, viscosity.value])
+    assert json.loads(json.dumps(elasticity)) == value
+    again = pickle.loads(pickle.dumps(elasticity))
+    assert (str(again), again.budget) == (str(elasticity), elasticity.budget)
+
+
+@pytest.mark.parametrize(
+    ("spec", "text"),
+    [
+        ("", "112.84 ± 0.20 kPa"),
+        (".1f", "112.8 ± 0.2 kPa"),
+        ("+.3e", "+1.128e+02 ± 2.000e-01 kPa"),
+        ("20.0f", "         113 ± 0 kPa"),
+        ("<20", "112.84 ± 0.20 kPa   "),
+    ],
+)
+def test_a_value_is_written_by_a_specification(spec, text):
+    assert format(UncertainQuantity("elasticity", 112840.0, 160.0, 200.0, "Pa"), spec) == text
+
+
+def test_a_value_for_other_libraries(fitted):
+    viscosity = fitted.viscosity
+    twice = 2 * viscosity.to_uncertainties()
+    assert (twice.n, twice.s) == (2 * viscosity.value, 2 * viscosity.combined)
+    measured = viscosity.to_pint().to("kPa*s")
+    assert measured.magnitude.n == pytest.approx(1e-3 * viscosity.value, rel=ROUNDING)
+    assert measured.magnitude.s == pytest.approx(1e-3 * viscosity.combined, rel=ROUNDING)
+
+
+def test_a_value_in_a_setting_is_its_number(short, fitted):
+    draft = short.set("estimator.kinematic.force_std", UncertainQuantity("noise", 0.03, 1e-3, 1e-3, "N"))
+    assert draft.changes[-1] == "estimator.kinematic.force_std=0.03"
+
+
+def test_a_fit_as_rows(fitted):
+    row = fitted.to_dict()
+    assert row["elasticity_combined"] == fitted.elasticity.combined
+    assert row["verdict"] == fitted.verdict
+    frame = fitted.frame
+    np.testing.assert_array_equal(frame["residual"], fitted.residuals)
+    known = np.isfinite(fitted.residuals)
+    assert known.sum() == row["samples"]
+    assert np.sqrt(np.mean(fitted.residuals[known] ** 2)) == pytest.approx(fitted.residual, rel=0.01)
+    assert frame["force"].std() > 20 * frame["residual"].std()
+
+
+@pytest.mark.parametrize(
+    ("of", "name", "meant"),
+    [
+        (lambda fit: fit, "elastisity", "elasticity"),
+        (lambda fit: fit.track, "parameter", "parameters"),
+        (lambda fit: fit.run, "estimate", "estimates"),
+        (lambda fit: fit.elasticity, "unitt", "unit"),
+        (lambda _: palpate, "recrd", "record"),
+    ],
+)
+def test_a_name_that_is_not_there_is_told_with_one_that_is(fitted, of, name, meant):
+    with pytest.raises(AttributeError, match=f"did you mean '{meant}'"):
+        getattr(of(fitted), name)
+
+
+def test_a_property_that_fails_says_why(record):
+    broken = dataclasses.replace(record, devices={"record": {"type": "memory-record", "sha256": 0}})
+    with pytest.raises(ConfigurationError, match="sha256"):
+        _ = broken.samples
+
+
+@pytest.mark.parametrize(
+    ("keys", "what"),
+    [
+        ({"radus": "5 mm"}, r"^Sphere: unknown key 'radus'; did you mean 'radius'\? \(there is: radius\)$"),
+        ({"radius": "5 kg"}, "^Sphere: radius: '5 kg' is a mass, not a length; write for example \"5 mm\"$"),
+        ({}, r"^Sphere: radius: is missing"),
+    ],
+)
+def test_a_mistake_in_a_part_is_one_sentence(keys, what):
+    with pytest.raises(ConfigurationError, match=what):
+        Sphere(**keys)
+
+
+def test_what_a_notebook_shows_of_a_record_and_a_value(record, fitted):
+    html = record._repr_html_()
+    assert "uncertainty 0.14 ms" in html
+    assert "140 g" in html
+    html = fitted.elasticity._repr_html_()
+    assert fitted.elasticity.number in html
+    sources = sorted(fitted.elasticity.budget, key=lambda source: -fitted.elasticity.budget[source])
+    assert [html.index(source) for source in sources] == sorted(html.index(source) for source in sources)
 
 
 def test_a_fit_finds_the_truth(fitted, kept):

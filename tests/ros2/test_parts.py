@@ -129,6 +129,30 @@ def test_a_publisher_that_was_held_up_and_catches_up_has_lost_nothing():
     assert losses.missing == 0
 
 
+@pytest.mark.parametrize("late", [1, 3, 40, 100])
+@pytest.mark.parametrize("cut", [1, 7, 1000])
+@pytest.mark.parametrize("lost", [0, 2])
+def test_what_comes_behind_its_successors_is_no_loss(late, cut, lost):
+    """By as many messages as the usual step is known from, or more."""
+    stamps = np.arange(1000) * 2 * MS
+    for i in (300, 600, 601):
+        stamps[i : i + late + 1] = np.roll(stamps[i : i + late + 1], -1)
+    stamps = np.delete(stamps, range(200, 200 + lost))
+    losses = Losses()
+    for begin in range(0, len(stamps), cut):
+        losses.add(stamps[begin : begin + cut])
+    assert losses.missing == lost
+    assert losses.rate == pytest.approx(500.0)
+
+
+def test_a_clock_that_is_set_back_has_lost_nothing():
+    stamps = np.arange(1000) * 2 * MS
+    stamps[500:] -= 5_000 * MS
+    losses = Losses()
+    losses.add(stamps)
+    assert (losses.missing, losses.pauses) == (0, 0)
+
+
 def test_the_first_of_two_publishers_is_read_until_it_falls_silent():
     publisher = Publisher()
     assert [publisher.takes(w, k * MS) for k, w in enumerate([1, 1, 2, 1, 2])] == [True, True, False, True, False]

@@ -68,7 +68,7 @@ def test_an_image_is_read_and_blurred(tmp_path):
     assert sharp.contrast(x, y, 0.0) == pytest.approx([0.5, 0.0])
     blurred = Inclusion(shape="image", file=path, depth=0.005, pixel=0.001).contrast(x, y, 0.0)
     assert 0.0 < blurred[0] < 0.05
-    with pytest.raises(ValidationError, match="file"):
+    with pytest.raises(ConfigurationError, match="file"):
         Inclusion(shape="image")
 
 

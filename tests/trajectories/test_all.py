@@ -4,12 +4,14 @@ import itertools
 
 import numpy as np
 import pytest
+from palpate import ConfigurationError
 from palpate_testing import check_trajectory
 from palpate_trajectories import palpate_trajectories
 from palpate_trajectories.approach import PressShape
 from palpate_trajectories.excitation import Chirp, MultiSine
 from palpate_trajectories.force_hold import ForceHold
 from palpate_trajectories.grid_points import GridPoints, short_order
+from palpate_trajectories.lifted_motion import LiftedTrajectory
 from palpate_trajectories.line_sweep import LineSweep
 from palpate_trajectories.load_unload import Compression, LoadUnload
 from palpate_trajectories.point import Point
@@ -20,7 +22,6 @@ from palpate_trajectories.stay import Stay
 from palpate_trajectories.surface import Surface
 from palpate_trajectories.translation import TranslatedTrajectory
 from palpate_trajectories.waypoint_file import FromFile
-from pydantic import ValidationError
 
 PRESS = PressShape(bias=0.004)
 TILTED = Surface(height=0.001, tilt_x=0.02, tilt_y=-0.01)
@@ -53,6 +54,7 @@ EXAMPLES = {
         RampHold(depths=(0.002, 0.004), hold=1.5, speed=0.005, turn=0.2, surface=TILTED, place=(0.01, 0.0)),
     ],
     "multi-sine": [MultiSine(bias=0.004), MultiSine(bias=0.003, amplitudes=(1e-3,), frequencies=(3.0,))],
+    "lifted-motion": [LiftedTrajectory(of=Point(bias=0.004), lift=0.02, pace=0.25)],
     "moved": [TranslatedTrajectory(of=Point(bias=0.004), by=(0.01, -0.02))],
     "stay": [Stay(), Stay(height=0.02, place=(0.01, 0.0), duration=2.0)],
     "shake": [Shake(), Shake(frequencies=(2.0, 5.0), amplitude=0.001, duration=3.0)],
@@ -193,7 +195,7 @@ def test_a_short_way_is_short():
     ],
 )  # fmt: skip
 def test_what_cannot_be_done_is_refused_by_name(part, settings, word):
-    with pytest.raises(ValidationError, match=word):
+    with pytest.raises(ConfigurationError, match=word):
         part(**settings)
 
 
@@ -239,5 +241,5 @@ def test_a_ramp_and_its_holds_are_straight_and_still():
     ],
 )
 def test_ramps_that_cannot_be_are_refused(wrong, said):
-    with pytest.raises(ValidationError, match=said):
+    with pytest.raises(ConfigurationError, match=said):
         RampHold(**wrong)

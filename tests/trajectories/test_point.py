@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from palpate import ConfigurationError
 from palpate_testing import check_trajectory
 from palpate_trajectories.point import Point
-from pydantic import ValidationError
 
 
 @pytest.mark.parametrize("duration", [10.0, 2.3, 0.25])
@@ -32,5 +32,5 @@ def test_it_never_goes_deeper_than_bias_and_amplitude():
 
 @pytest.mark.parametrize("wrong", [{"amplitude": 0.004}, {"frequency": 0.0}, {"bias": -0.001}, {"speed": 0.0}])
 def test_what_cannot_be_done_is_refused(wrong):
-    with pytest.raises(ValidationError):
+    with pytest.raises(ConfigurationError):
         Point(**{"bias": 0.004, **wrong})

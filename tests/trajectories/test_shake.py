@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from palpate import ConfigurationError
 from palpate_testing import check_trajectory
 from palpate_trajectories.shake import Shake
-from pydantic import ValidationError
 
 
 @pytest.mark.parametrize("frequencies", [(5.0,), (2.0, 5.0), (1.0, 3.0, 7.0)])
@@ -27,5 +27,5 @@ def test_the_measured_part_is_a_sine_of_full_amplitude():
     "wrong", [{"height": 0.002}, {"frequencies": ()}, {"frequencies": (0.0,)}, {"amplitude": 0.0}, {"duration": 0.0}]
 )
 def test_what_cannot_be_done_is_refused(wrong):
-    with pytest.raises(ValidationError):
+    with pytest.raises(ConfigurationError):
         Shake(**wrong)

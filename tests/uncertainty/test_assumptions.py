@@ -141,5 +141,5 @@ def test_the_terminal_and_the_page_have_the_line_once(ran, palpate, tmp_path):
     done = palpate("report", ran.folder, "--out", tmp_path / "page.html")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "page.html").read_text().count("on trust, % of elasticity/viscosity") == 1
-    done = palpate("replay", ran.folder, "--out", tmp_path / "again")
+    done = palpate("replay", ran.folder, "--details", "--out", tmp_path / "again")
     assert done.stdout.count("on trust, % of elasticity/viscosity") == 1

@@ -23,7 +23,7 @@ def run_folder(tmp_path, **changes):
 
 
 def test_every_source_is_shown_with_its_share(tmp_path, capsys):
-    budget(run_folder(tmp_path))
+    budget(run_folder(tmp_path), details=True)
     shown = capsys.readouterr().out
     for words in ("timing", "7.5 Pa s (2.1 %)", "estimator", "combined", "8.08 Pa s (2.2 %)"):
         assert words in shown
@@ -32,7 +32,7 @@ def test_every_source_is_shown_with_its_share(tmp_path, capsys):
 def test_a_corrected_value_stands_below_with_its_own_uncertainty(tmp_path, capsys):
     value = {"value": 362.0, "unit": "Pa*s", "std": 3.0, "settling": 0.0, "combined": 14.2}
     known = {"bias": 13.0, "bias_std": 3.3, "corrected": 349.0, "corrected_combined": 6.1}
-    budget(run_folder(tmp_path, parameters={"viscosity": value | known}))
+    budget(run_folder(tmp_path, parameters={"viscosity": value | known}), details=True)
     assert "349 Pa s +- 6.1 Pa s" in capsys.readouterr().out
 
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from palpate_uncertainty.choose_command import Candidate, rank_models, sentence
+from palpate_uncertainty.model_standings import Candidate, rank_models, sentence
 
 PIPELINE = """
 [run]

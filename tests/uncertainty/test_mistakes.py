@@ -1,6 +1,7 @@
 """Mistakes of laboratories: what the record shows of them is told, with its effect."""
 
 import importlib
+import itertools
 import sys
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import palpate
 import pytest
 from palpate_models import DimensionalityReduction, Sphere
+from palpate_uncertainty.delay.commanded_motion import share_of_command
 
 E, ETA = 112e3, 362.0  # [Pa], [Pa s]
 MODEL = DimensionalityReduction(indenter=Sphere(radius=5e-3), thickness="half-space")
@@ -121,6 +123,18 @@ def test_a_kinematic_filter_tells_a_material_that_relaxes(estimated):
 def test_a_position_whose_timing_is_declared_is_taken_at_its_word(estimated):
     declared = {"position": {"channel": "record.height", "uncertainty": "0.1 ms"}}
     assert "commanded-motion" not in signs(estimated("commanded", **declared))
+
+
+@pytest.mark.parametrize("way", [1e-3, 4e-3])
+def test_records_that_differ_in_their_noise_alone_do_not_jump(way):
+    """The bound is where a position counts as measured: the noise of a few hundred readings is known to some 4 %."""
+    bound = min(2e-7, 1e-4 * way)
+    shares = [share_of_command(noise * bound, way) for noise in np.geomspace(0.25, 1.5, 60)]
+    assert shares[0] == 1.0
+    assert shares[-1] == 0.0
+    assert all(-0.06 < after - before <= 0.0 for before, after in itertools.pairwise(shares))
+    assert share_of_command(0.0, way) == 1.0
+    assert share_of_command(1e-8, 1e-4) == share_of_command(float("nan"), way) == 0.0
 
 
 def test_what_the_record_does_not_show_is_not_told(laboratory, estimated):

@@ -25,6 +25,7 @@ _FIRST = (  # what somebody has, and the first command for it
     ("Arrays in Python:", "import palpate, then palpate.record(...) and palpate.fit(...)"),
 )
 _USAGE = "usage: palpate [--plugin FILE]... [--no-plugins] COMMAND [ARGUMENT]..."
+_OTHER = "analyse"  # the task of a plugin's command that names none of ours
 _HELP = ("-h", "--help")
 
 
@@ -118,7 +119,7 @@ def start_text() -> str:
 
 
 def help_text(files: Sequence[Path] = ()) -> str:
-    """Usage, and every command with its line, by panels; of subcommands the words."""
+    """Usage, and every command with its line, by task; of subcommands the words."""
     registry = command_offers(files)
     lines = [
         _USAGE,
@@ -129,14 +130,15 @@ def help_text(files: Sequence[Path] = ()) -> str:
         rows = {
             name.partition(" ")[0]: _line(name.partition(" ")[0], registry)
             for name, command in registry.commands.items()
-            if command.panel == panel and (" " not in name or name.partition(" ")[0] not in registry.commands)
+            if (command.panel if command.panel in PANELS else _OTHER) == panel
+            and (" " not in name or name.partition(" ")[0] not in registry.commands)
         }
         lines += ["", f"{title}:", *_table(rows)] if rows else []
     lines += [
         "",
-        "palpate COMMAND --help says more, and shows subcommands; palpate --version prints the version.",
+        "palpate alone says what to type first; palpate COMMAND --help says more, and shows subcommands.",
     ]
-    lines += registry.failures.values()
+    lines += registry.notices
     return "\n".join(lines)
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from palpate.alignment import AlignmentSettings
-from palpate.config.mistakes import Mistake
 from palpate.config.pipeline import CalibrationUse, RunSettings
 from palpate.errors import PalpateError
+from palpate.key_mistakes import Mistake
 from palpate.offers import function_of
 from palpate.registry import Registry
 

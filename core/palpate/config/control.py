@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from palpate.config.mistakes import Mistake
 from palpate.config.pipeline import ControlUse, RunSettings
 from palpate.errors import PalpateError
+from palpate.key_mistakes import Mistake
 from palpate.offers import function_of
 from palpate.registry import Registry
 

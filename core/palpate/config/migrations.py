@@ -6,9 +6,10 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from palpate.config.pipeline_source import Location, Source
+from palpate.config.pipeline_source import Source
 from palpate.errors import ConfigurationError
 from palpate.flags import Flag
+from palpate.key_mistakes import Location
 from palpate.table_migration import Migration
 
 FORMAT = "0.2"  # version of palpate in whose names pipelines are written today

@@ -9,10 +9,10 @@ from pydantic import ValidationError
 
 from palpate import hooks
 from palpate.config.migrations import KEY
-from palpate.config.mistakes import Mistake, mistakes_of
-from palpate.config.pipeline_source import Location, Source
+from palpate.config.pipeline_source import Source
 from palpate.config.unit_plausibility import UNCHECKED, implausible_units
 from palpate.errors import PalpateError, PluginError, suggest
+from palpate.key_mistakes import Location, Mistake, mistakes_of
 from palpate.parts import Part, Settings, nested_settings, part_kind, table_of_parts
 from palpate.registry import Registry
 

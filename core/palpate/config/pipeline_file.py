@@ -15,7 +15,7 @@ from palpate.config.calibration import calibration_of
 from palpate.config.control import control_of
 from palpate.config.declared_uncertainties import unknown_sources
 from palpate.config.migrations import MIGRATIONS, migrate
-from palpate.config.mistakes import Mistake, raise_mistakes
+from palpate.config.mistakes import raise_mistakes
 from palpate.config.part_builder import Builder, unknown_tables
 from palpate.config.pipeline import Pipeline, RunSettings, Track
 from palpate.config.pipeline_source import Source
@@ -26,6 +26,7 @@ from palpate.device import Device
 from palpate.errors import suggest
 from palpate.estimation import Estimator
 from palpate.flags import Flag
+from palpate.key_mistakes import Mistake
 from palpate.registry import Registry
 from palpate.safety import SafetySettings
 from palpate.track_name import TrackName

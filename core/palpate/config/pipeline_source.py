@@ -9,6 +9,7 @@ from typing import Any
 
 from palpate.errors import ConfigurationError, suggest
 from palpate.input_file import Enclosure, check_input
+from palpate.key_mistakes import Location
 from palpate.trust import is_named
 
 _BARE_QUANTITY = re.compile(r"=\s*[-+.\d]+\s*[A-Za-z]+\s*(#.*)?$")
@@ -16,8 +17,6 @@ _TABLE = re.compile(r"\s*\[\[?([^\[\]]+)\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
 
 _DEEPEST = 32  # tables and lists in each other
-
-Location = tuple[str, ...]  # ("device", "log", "columns", "z")
 
 
 class Source:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ from palpate.registry import Registry
 
 
 def resolved_text(pipeline: Pipeline) -> str:
-    """The pipeline as a TOML text in SI units, with every default spelled out and every reference in place.
+    """The pipeline as a TOML text in SI units, with every default spelled out.
 
-    Paths are absolute, so that the text means the same wherever it is kept.
+    Tips and models are named where they are used, so that what changes one changes all that is made of it. Paths are
+    absolute, so that the text means the same wherever it is kept.
     """
     tables: dict[str, Any] = {
         KEY: FORMAT,
@@ -37,8 +39,21 @@ def resolved_text(pipeline: Pipeline) -> str:
     }
     for kind, parts in kinds.items():
         tables[kind] = {name: plain_settings(part, pipeline.registry) for name, part in parts.items()}
+    named = {kind: dict(tables[kind]) for kind in ("indenter", "model")}
+    for kind in ("model", "device", "twin"):
+        for name, part in tables[kind].items():
+            tables[kind][name] = {key: _by_name(item, named) for key, item in part.items()}
     tables |= {name: plain_settings(table, pipeline.registry) for name, table in pipeline.tables.items()}
     return tomli_w.dumps({name: table for name, table in tables.items() if table})
+
+
+def _by_name(value: Any, named: Mapping[str, Mapping[str, Any]]) -> Any:
+    """The same with the name of each part that stands in a table of its own in place of its settings."""
+    if isinstance(value, dict):
+        inner = {key: _by_name(item, named) for key, item in value.items()}
+        same = (name for parts in named.values() for name, part in parts.items() if part in (value, inner))
+        return next(same, inner)
+    return [_by_name(item, named) for item in value] if isinstance(value, list) else value
 
 
 def plain_settings(value: Any, registry: Registry) -> Any:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from palpate.alignment import AlignmentSettings, Ports
 from palpate.arm_limits import Shareable
-from palpate.config.mistakes import Mistake
 from palpate.device import Device, own_motions
+from palpate.key_mistakes import Mistake
 from palpate.safety import SafetySettings
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from palpate.alignment import SIGNAL_UNITS, AlignmentSettings, Port, Ports, channels, signals
-from palpate.config.mistakes import Mistake
 from palpate.device import Device
 from palpate.errors import PalpateError, suggest
+from palpate.key_mistakes import Mistake
 from palpate.safety import SafetySettings
 
 _NORMAL = 2  # column of z in a pose or twist of the work frame, whose z is the surface's normal

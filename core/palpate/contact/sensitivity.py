@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -25,20 +27,31 @@ def force_slopes(
         raise ConfigurationError(f"{type(model).__name__} remembers: its slopes are not those of depth and rate alone")
     import casadi
 
-    d, v, p = casadi.SX.sym("d"), casadi.SX.sym("v"), casadi.SX.sym("p", len(theta))
-    force = contact_force(model, d, v, casadi.vertsplit(p))
-    inputs = casadi.vertcat(p, d, v)
-    function = casadi.Function("slopes", [d, v, p], [force, casadi.densify(casadi.jacobian(force, inputs))])
+    hashable: Any = model
+    try:
+        maps = {n: _slopes_of_many(hashable, len(theta), n) for n in _lengths(len(depth))}
+    except TypeError:  # a model that holds what cannot be hashed
+        maps = {n: _slopes_of_many.__wrapped__(model, len(theta), n) for n in _lengths(len(depth))}
+    parameters = {n: casadi.repmat(casadi.DM(list(theta)), 1, n) for n in maps}
     f, table = np.empty(len(depth)), np.empty((len(depth), len(theta) + 2))
-    maps = {n: (function.map(n), casadi.repmat(casadi.DM(list(theta)), 1, n)) for n in _lengths(len(depth))}
     for begin in range(0, len(depth), _TOGETHER):
         rows = slice(begin, begin + _TOGETHER)
         count = len(depth[rows])
-        many, parameters = maps[count]
-        force, slopes = many(casadi.DM(depth[rows]).T, casadi.DM(rate[rows]).T, parameters)
+        force, slopes = maps[count](casadi.DM(depth[rows]).T, casadi.DM(rate[rows]).T, parameters[count])
         # The map puts the (1, k + 2) Jacobians side by side.
         f[rows], table[rows] = force.full().ravel(), slopes.full().reshape(count, len(theta) + 2)
     return f, table[:, : len(theta)], table[:, -2], table[:, -1]
+
+
+@lru_cache(32)
+def _slopes_of_many(model: ContactModel, parameters: int, count: int) -> Any:
+    """The force of a model and its derivatives for so many samples at once, as a function of CasADi."""
+    import casadi
+
+    d, v, p = casadi.SX.sym("d"), casadi.SX.sym("v"), casadi.SX.sym("p", parameters)
+    force = contact_force(model, d, v, casadi.vertsplit(p))
+    slopes = casadi.densify(casadi.jacobian(force, casadi.vertcat(p, d, v)))
+    return casadi.Function("slopes", [d, v, p], [force, slopes]).map(count)
 
 
 def _lengths(count: int) -> set[int]:

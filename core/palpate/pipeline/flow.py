@@ -20,6 +20,7 @@ from palpate.pipeline.live.standstill import Noise
 from palpate.pipeline.live.states import compensable_offset, get_ready, move, stand_still
 from palpate.pipeline.planned_motion import check_live_motion, check_recorded_motion, single_trajectory
 from palpate.pipeline.rig import Rig
+from palpate.trajectory import duration_of
 
 
 class Flow:
@@ -46,7 +47,7 @@ class Flow:
             arms = [link for link in links.values() if isinstance(link, Arm)]
             if arms:
                 trajectory = single_trajectory(rig)
-                self.total = trajectory.total_duration
+                self.total = duration_of(trajectory)
                 check_recorded_motion(rig, trajectory)
                 for arm in arms:
                     stack.callback(arm.stop)
@@ -68,7 +69,7 @@ class Flow:
         began, before = clock().now(), clock().processor_time()
         guard = Guard(rig.safety, rig.ports)
         with ExitStack() as stack:
-            facts = self.facts = LiveFacts(stack.enter_context(real_time_section()))
+            facts = self.facts = LiveFacts(stack.enter_context(real_time_section(self._interrupt.stop)))
             self.links = connect_devices(rig, stack)
             live = LiveRun(rig, self.links, guard, trajectory, self._take, self._interrupt)
 
@@ -83,11 +84,13 @@ class Flow:
             self.guard = guard
             self._interrupt.trips(guard.trip)
             live.links.start()
-            self._pass_states(live, facts)
-            guard.close()
-            live.links.stop()
-            for arrivals in live.links.remaining():
-                live.pass_on(arrivals)
+            try:
+                self._pass_states(live, facts)
+            finally:
+                guard.close()
+                live.links.stop()
+                for arrivals in live.links.remaining():
+                    live.pass_on(arrivals)
         # Children that have ended count as well; what the devices did is all in here.
         used = clock().processor_time() - before
         facts.cpu_cores = used / max(clock().now() - began, 1e-9)
@@ -104,5 +107,5 @@ class Flow:
         if live.is_stopped:
             return
         if live.arms and live.trajectory is not None:
-            self.total = live.trajectory.total_duration + live.standstill
+            self.total = duration_of(live.trajectory) + live.standstill
         move(live, facts.retreat)

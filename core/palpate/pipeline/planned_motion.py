@@ -9,7 +9,7 @@ from palpate.errors import ConfigurationError
 from palpate.pipeline.live.approach import refuse_own_motion
 from palpate.pipeline.rig import Rig
 from palpate.safety import demand_safe
-from palpate.trajectory import Trajectory
+from palpate.trajectory import Trajectory, duration_of, setpoints_at
 
 _LOOK = 5e-3  # [s] between the setpoints that devices are asked about before anything moves
 
@@ -40,4 +40,4 @@ def check_live_motion(rig: Rig, trajectory: Trajectory) -> None:
 
 def _check_devices_accept(rig: Rig, trajectory: Trajectory) -> None:
     """Raise ConfigurationError where a device refuses the motion; nothing moves for it."""
-    ask_devices(rig.devices, trajectory.at(np.arange(0.0, trajectory.total_duration, _LOOK)))
+    ask_devices(rig.devices, setpoints_at(trajectory, np.arange(0.0, duration_of(trajectory), _LOOK)))

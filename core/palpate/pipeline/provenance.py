@@ -8,6 +8,7 @@ import platform
 import socket
 import sys
 import threading
+from collections.abc import Mapping
 from concurrent.futures import Future
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,7 @@ from palpate.config import Pipeline
 from palpate.device import is_live
 from palpate.parts import input_files
 from palpate.sink import Extent
+from palpate.trajectory import Lifted, duration_of, setpoints_at
 
 _LIBRARIES = ("casadi", "numpy", "scipy", "pydantic", "pluggy", "mcap")
 _LOOK = 0.01  # [s] between the places that count for the box of a motion
@@ -74,9 +76,16 @@ def facts_beside(pipeline: Pipeline) -> Future[dict[str, Any]]:
 _version = cache(importlib.metadata.version)
 
 
-def flat_facts(facts: dict[str, Any]) -> dict[str, str]:
+def lift_facts(pipeline: Pipeline) -> dict[str, Any]:
+    """``run.lifted`` of a motion above the specimen; nothing of others."""
+    found = [motion for motion in pipeline.trajectories.values() if isinstance(motion, Lifted)]
+    return {"lifted": {"height": found[0].lift, "pace": found[0].pace}} if found else {}
+
+
+def flat_facts(facts: Mapping[str, Any]) -> dict[str, str]:
     """The facts that a log carries: versions, input hashes and seed, as texts by name."""
-    return {**facts["versions"], **facts["inputs"], "seed": str(facts["seed"])}
+    lifted = {"lifted": f"{1e3 * facts['lifted']['height']:g} mm"} if "lifted" in facts else {}
+    return {**facts["versions"], **facts["inputs"], "seed": str(facts["seed"]), **lifted}
 
 
 def planned_duration(pipeline: Pipeline) -> float | None:
@@ -86,7 +95,7 @@ def planned_duration(pipeline: Pipeline) -> float | None:
         return max(logs, default=None)
     (trajectory,) = pipeline.trajectories.values()
     live = is_live(pipeline.devices)
-    return trajectory.total_duration + (pipeline.safety.standstill if live and pipeline.safety else 0.0)
+    return duration_of(trajectory) + (pipeline.safety.standstill if live and pipeline.safety else 0.0)
 
 
 def planned_extent(pipeline: Pipeline) -> Extent | None:
@@ -94,5 +103,5 @@ def planned_extent(pipeline: Pipeline) -> Extent | None:
     if len(pipeline.trajectories) != 1:
         return None
     (trajectory,) = pipeline.trajectories.values()
-    places = trajectory.at(np.arange(0.0, trajectory.total_duration + _LOOK, _LOOK)).position
+    places = setpoints_at(trajectory, np.arange(0.0, duration_of(trajectory) + _LOOK, _LOOK)).position
     return tuple(places.min(axis=0).tolist()), tuple(places.max(axis=0).tolist())

@@ -9,7 +9,7 @@ from threading import Event
 from palpate.alignment import Aligner, AlignmentReport
 from palpate.config import Pipeline
 from palpate.device import is_live
-from palpate.errors import DeviceError
+from palpate.errors import DeviceError, UserError, error_text
 from palpate.pipeline.arrivals import Arrivals, Progress
 from palpate.pipeline.data_path import DataPath
 from palpate.pipeline.flow import Flow
@@ -46,19 +46,30 @@ class Session:
         self._path = DataPath(self._aligner, tracks, outputs, self._latency)
         self._flow = Flow(pipeline, self._take, interrupt, declared_noise(pipeline))
         self._health = HealthReporter(outputs.writers, self._flow, self._aligner, tracks, pipeline)
-        self._interrupt, self._observe, self._begun = interrupt, observe, begun
+        self._interrupt, self._observe, self._begun, self._outputs = interrupt, observe, begun, outputs
 
-    def run(self) -> DeviceError | None:
-        """Until there are no more batches and no backlog; the failure of a device, where that ended it."""
-        failure = None
-        try:
-            self._flow.run()
-        except DeviceError as error:
-            self._interrupt.reason, failure = f"stopped by a device: {error}", error
+    def run(self) -> Exception | None:
+        """Until there are no more batches and no backlog; what ended it early, where that was no request to stop.
+
+        Raises UserError where the run is refused before it begins.
+        """
+        failure: Exception | None = None
+        for step in (self._flow.run, self._finish):
+            try:
+                step()
+            except Exception as error:
+                if isinstance(error, UserError) and not self._begun.is_set():
+                    raise
+                if failure is None and self._outputs.failure is None:
+                    what = "a device" if isinstance(error, DeviceError) else "an error"
+                    self._interrupt.reason = f"stopped by {what}: {error_text(error)}"
+                failure = failure or error
+        return self._outputs.failure or failure
+
+    def _finish(self) -> None:
         for _ in self._path.finish(lambda: self._interrupt.reason is not None):
             self._show()
         self._health.last({"time": self._aligner.reached, "behind": 0.0})
-        return failure
 
     def _take(self, arrivals: Arrivals) -> Progress:
         self._begun.set()

@@ -104,7 +104,7 @@ def _wide(flags: Sequence[Flag], values: Mapping[str, UncertainValue]) -> Iterat
         ):
             continue  # which says so already
         share = 100 * value.of_one_place / abs(value.value) if value.value else math.inf
-        known = f"{share:.2g} %" if share < 1000 else "more than tenfold"
+        known = f"{float(f'{share:.2g}'):g} %" if share < 1000 else "more than tenfold"
         text = f"{name} is known to {known} only, mostly for {most.replace('_', ' ')}"
         yield Flag("undetermined", text, effects={name: value.of_one_place})
 
@@ -121,4 +121,4 @@ def _with_effects(flag: Flag, values: Mapping[str, UncertainValue]) -> Flag:
 def _percent(share: float) -> str:
     if not math.isfinite(share):
         return "any amount"
-    return f"{100 * share:.2g} %" if share < 10 else "more than tenfold"
+    return f"{float(f'{100 * share:.2g}'):g} %" if share < 10 else "more than tenfold"

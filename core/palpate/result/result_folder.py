@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import re
 import shutil
+from collections import deque
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -14,6 +17,8 @@ PIPELINE, GIVEN, RESULT = "pipeline.toml", "given.toml", "result.json"
 # Of result.json: 1 had flags as texts, no verdict and no number of its own; to 2 a sweep's values were its last ones;
 # to 3 the standstill of a live run was `rest`.
 SCHEMA = 4
+_CLAIMS = 16  # folders of this process that are locked at once
+_claims: deque[int] = deque()
 
 
 def make_folder(name: str, wanted: Path | None, now: datetime) -> Path:
@@ -24,8 +29,9 @@ def make_folder(name: str, wanted: Path | None, now: datetime) -> Path:
     try:
         if wanted is not None:
             wanted.mkdir(parents=True, exist_ok=True)
-            if any(wanted.iterdir()):
-                raise OutputError(f"{wanted}: the output folder is not empty, and nothing is ever overwritten")
+            _demand_empty(wanted)
+            _claim(wanted)
+            _demand_empty(wanted)  # another run may have written, and ended, in between
             return wanted
         slug = re.sub(r"[^A-Za-z0-9.-]+", "-", name).strip("-") or "run"
         stem = Path("runs") / f"{now:%Y-%m-%d_%H-%M-%S}_{slug}"
@@ -39,6 +45,27 @@ def make_folder(name: str, wanted: Path | None, now: datetime) -> Path:
     except OSError as error:
         raise OutputError(f"{error.filename or wanted}: cannot make the output folder: {error.strerror}") from error
     raise OutputError(f"{stem}: there are too many runs of this name and second")
+
+
+def _demand_empty(folder: Path) -> None:
+    if any(folder.iterdir()):
+        raise OutputError(f"{folder}: the output folder is not empty, and nothing is ever overwritten")
+
+
+def _claim(folder: Path) -> None:
+    """Lock a folder that is empty yet, so that of two runs that begin at once only one writes there."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(handle)
+        raise OutputError(f"{folder}: another run has just begun to write there") from error
+    except OSError:  # a file system without locks
+        os.close(handle)
+        return
+    _claims.append(handle)
+    if len(_claims) > _CLAIMS:  # that of a run which has long written its first files
+        os.close(_claims.popleft())
 
 
 def withdraw_folder(folder: Path) -> None:

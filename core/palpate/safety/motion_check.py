@@ -12,7 +12,7 @@ import numpy as np
 from palpate.errors import ConfigurationError
 from palpate.safety.motion_limits import Excess, Reach
 from palpate.safety.settings import SafetySettings
-from palpate.trajectory import OwnMotion, Setpoint, Trajectory
+from palpate.trajectory import OwnMotion, Setpoint, Trajectory, duration_of, setpoints_at
 from palpate.vectors import Floats
 
 _STEP = 0.002  # [s] between the instants that are checked
@@ -38,10 +38,10 @@ class MotionReport:
 
 def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport:
     """Every setpoint of a motion against the limits; of one of hours a stretch is in memory at a time."""
-    count = math.ceil((trajectory.total_duration + _STEP) / _STEP)
+    count = math.ceil((duration_of(trajectory) + _STEP) / _STEP)
     spans = (np.arange(max(first - _COMMON, 0), min(first + _STRETCH, count)) for first in range(0, count, _STRETCH))
     times = (np.asarray(span * _STEP, np.float64) for span in spans)
-    return _judged(((time, trajectory.at(time)) for time in times), limits)
+    return _judged(((time, setpoints_at(trajectory, time)) for time in times), limits)
 
 
 def check_setpoints(times: Floats, setpoint: Setpoint, limits: SafetySettings) -> MotionReport:

@@ -43,7 +43,7 @@ class Child:
         self._text = b""
         self._closing = clock().event()
         self.fault: str | None = None
-        self._beating = clock().thread(self._beat, f"{name} heartbeat")
+        self._beating = clock().thread(self._beat, f"{name} heartbeat", urgent=True)
         self._beating.start()
 
     def _beat(self) -> None:
@@ -181,4 +181,6 @@ class Parent:
 
 
 def _ending(code: int) -> str:
+    if code == -signal.SIGXCPU:
+        return "killed by SIGXCPU: it computed for 3 s at real-time priority without a pause"
     return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"

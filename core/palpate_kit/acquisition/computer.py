@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import os
+import resource
 import signal
 import socket
 import subprocess
@@ -17,6 +18,10 @@ from contextlib import contextmanager
 from typing import Any, NoReturn, Protocol
 
 from palpate import DeviceError
+
+from palpate_kit.acquisition.device_lock import network_device, reserve
+
+_SPELL = 3_000_000  # [us] of computing at real-time priority without a pause
 
 
 class Process(Protocol):
@@ -59,12 +64,16 @@ class Host(Protocol):
         """End the present process at once."""
         ...
 
+    def reserve(self, device: str) -> None:
+        """Keep a device for the present process until it ends; raises DeviceError where another program has it."""
+        ...
+
     def serial_port(self, path: str, baud: int) -> Any:
         """A serial port, as `serial.Serial`; raises DeviceError."""
         ...
 
     def datagrams(self, address: str, port: int) -> socket.socket:
-        """A connected socket for datagrams."""
+        """A connected socket for datagrams; raises DeviceError where another program has the device."""
         ...
 
     def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
@@ -87,6 +96,9 @@ class Host(Protocol):
 class Computer:
     """The real one."""
 
+    def __init__(self) -> None:
+        self._program = os.getpid()  # that started the present process, if it is a device's
+
     def start(self, role: str, module: str, descriptors: Sequence[int], settings: str) -> Process:
         """A child process, with an interpreter of its own."""
         command = [sys.executable, "-m", module, *map(str, descriptors), settings]
@@ -95,6 +107,7 @@ class Computer:
 
     def enter(self, priority: int) -> str:
         """Leave Ctrl-C and the end of a terminal to the parent, and ask for real-time scheduling."""
+        self._program = os.getppid()
         for number in (signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
         return real_time(priority)
@@ -108,12 +121,17 @@ class Computer:
         """Without destructors: those of a client library sleep, hang or crash."""
         os._exit(code)
 
+    def reserve(self, device: str) -> None:
+        """By a lock that names this program."""
+        reserve(device, self._program)
+
     def serial_port(self, path: str, baud: int) -> Any:
         """The port, ours alone, with the least delay that its driver offers."""
         try:
             import serial
         except ImportError as error:
             raise DeviceError("pyserial is missing: pip install pyserial") from error
+        self.reserve(f"port {os.path.realpath(path)}")  # whichever link leads to it
         try:
             port = serial.Serial(path, baud, timeout=0, exclusive=True)
         except (OSError, ValueError) as error:
@@ -126,7 +144,8 @@ class Computer:
         return port
 
     def datagrams(self, address: str, port: int) -> socket.socket:
-        """A UDP socket."""
+        """A UDP socket; a box answers one program at a time."""
+        self.reserve(f"sensor {network_device(address, port)}")
         link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             link.connect((address, port))
@@ -176,11 +195,16 @@ def use_host(other: Host) -> Iterator[None]:
 
 
 def real_time(priority: int) -> str:
-    """Ask for real-time scheduling of this process; a sentence on what came of it."""
+    """Ask for real-time scheduling of this process; a sentence on what came of it.
+
+    Where it computes for 3 s without a pause the system ends it: no process takes a core for good.
+    """
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except (AttributeError, OSError) as error:
         return f"no real-time scheduling ({error.__class__.__name__}: not permitted)"
+    with contextlib.suppress(OSError, ValueError):  # a lower limit of the system stays
+        resource.setrlimit(resource.RLIMIT_RTTIME, (_SPELL, _SPELL + 1_000_000))
     return f"real-time scheduling, SCHED_FIFO {priority}"
 
 

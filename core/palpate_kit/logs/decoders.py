@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from palpate import LogError
@@ -64,9 +65,21 @@ def _protobuf(topic: Topic) -> Callable[[bytes], Any]:
     try:
         files = descriptor_pb2.FileDescriptorSet.FromString(topic.schema)
         pool = descriptor_pool.DescriptorPool()
-        for file in files.file:
+        for file in _in_order(files.file):
             pool.Add(file)
         message: Any = message_factory.GetMessageClass(pool.FindMessageTypeByName(topic.type))
     except Exception as error:  # protobuf raises a dozen kinds on descriptors that are damaged
         raise LogError(f"its protobuf descriptors are damaged: {error}") from error
     return bounded_parser(message)
+
+
+def _in_order(files: Sequence[Any]) -> Iterator[Any]:
+    """Descriptors of files, each behind those that it imports; a log may have them in any order."""
+    named = {file.name: file for file in files}
+    if any(named[file.name] != file for file in files):
+        raise LogError("two files in them have one name")
+    imports = {name: [other for other in file.dependency if other in named] for name, file in named.items()}
+    try:
+        return iter([named[name] for name in TopologicalSorter(imports).static_order()])
+    except CycleError as error:
+        raise LogError(f"{str(error.args[1][0])[:60]!r} imports itself") from error

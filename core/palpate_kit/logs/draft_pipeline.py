@@ -43,9 +43,9 @@ def readers_of(registry: Registry) -> dict[str, type[Recording]]:
     return {name: part for name, part in usable.items() if issubclass(part, Recording)}
 
 
-def suggestion_of(log: Path, choices: dict[str, str]) -> Suggestion:
+def suggestion_of(log: Path, choices: dict[str, str], registry: Registry | None = None) -> Suggestion:
     """Which of a log's numbers are what; `choices` settles roles. Raises LogError where no device reads the log."""
-    return recording_of(log).suggest(log, choices)
+    return recording_of(log, registry).suggest(log, choices)
 
 
 def pipeline_of(suggestion: Suggestion, log: Path, beside: Path | None = None) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +11,10 @@ from palpate import Batch, Floats, LogError
 
 from palpate_kit.acquisition.prefetch import ahead
 from palpate_kit.logs.channel_mapping import Clock, MappedSignal
-from palpate_kit.logs.decoders import decoder_of
 from palpate_kit.logs.feeds import TopicFeed, mapped_feeds, name_the_log
 from palpate_kit.logs.joint_kinematics import Kinematics, joint_feeds
 from palpate_kit.logs.log_files import readable, regular
-from palpate_kit.logs.memory_budget import Budget
-from palpate_kit.logs.readings import SECOND, FieldReading, MessageDecoder
-from palpate_kit.logs.survey import columns_of
+from palpate_kit.logs.readings import SECOND
 from palpate_kit.logs.topics import Container, Messages, Stamps
 from palpate_kit.logs.turning_frames import FrameOrientations
 
@@ -118,58 +114,6 @@ def window(container: Container, begin: float | None, end: float | None) -> tupl
         None if begin is None else span[0] + round(begin * SECOND),
         None if end is None else span[0] + round(end * SECOND),
     )
-
-
-def tables_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-    """Every topic that contains numbers, in blocks, as recorded; a topic that cannot be decoded is left out."""
-    plans: dict[str, tuple[tuple[str, ...], list[FieldReading]] | None] = {}
-    decoders = {}
-    for topic, messages in container.blocks(set(container.topics)):
-        try:
-            if topic not in decoders:
-                plans[topic] = None
-                decoders[topic] = decoder_of(container.topics[topic])
-                names = tuple(islice(columns_of(decoders[topic].fields(messages.payload(0))), _COLUMNS + 1))
-                if len(names) > _COLUMNS:
-                    raise LogError(f"topic {topic} has more than {_COLUMNS} numbers in a message")
-                plans[topic] = names, [FieldReading.parse(name) for name in names]
-            plan = plans[topic]
-            if plan is None:
-                continue
-            _charge_table(topic, messages, len(plan[0]))
-            table = decoders[topic].read(messages, plan[1])
-        except LogError:
-            plans[topic] = None
-            continue
-        logged = messages.logged[table.rows]
-        yield topic, plan[0], Batch(topic, logged if table.stamps is None else table.stamps, logged, table.values)
-
-
-def _charge_table(topic: str, messages: Messages, columns: int) -> None:
-    """Raise LogError where a table has far more cells than its messages have bytes: one long message, many short."""
-    Budget(f"topic {topic}", int(messages.lengths.sum()), per_byte=8).charge(8 * len(messages) * columns)
-
-
-def texts_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:
-    """Every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] and texts."""
-    plans: dict[str, tuple[MessageDecoder, tuple[str, ...]] | None] = {}
-    for topic, messages in container.blocks(set(container.topics)):
-        try:
-            if topic not in plans:
-                plans[topic] = None
-                decoder = decoder_of(container.topics[topic])
-                plans[topic] = decoder, tuple(decoder.texts(messages.payload(0)))
-            plan = plans[topic]
-            if plan is None or not plan[1]:
-                continue
-            _charge_table(topic, messages, len(plan[1]))
-            stamps = plan[0].read(messages, ()).stamps
-            found = [plan[0].texts(messages.payload(row)) for row in range(len(messages))]
-        except LogError:
-            plans[topic] = None
-            continue
-        rows = [tuple(texts.get(name, "") for name in plan[1]) for texts in found]
-        yield topic, plan[1], messages.logged if stamps is None else stamps, rows
 
 
 def file_facts(path: Path, files: Sequence[Path]) -> Mapping[str, str]:

@@ -70,7 +70,8 @@ class DamageReport:
     def _where(self, loss: DamagedPiece) -> str:
         sides = [None if t is None or self.first is None else (t - self.first) / 1e9 for t in (loss.before, loss.after)]
         if sides[0] is not None and sides[1] is not None:
-            time = f" (between {sides[0]:.3f} s and {sides[1]:.3f} s)"
+            low, high = sorted((sides[0], sides[1]))  # messages need not be in the order of their times
+            time = f" (between {low:.3f} s and {high:.3f} s)"
         elif sides[0] is not None:
             time = f" (after {sides[0]:.3f} s)"
         else:

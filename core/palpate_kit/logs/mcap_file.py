@@ -22,6 +22,7 @@ from palpate_kit.logs.mcap_pass import DATA_WRONG, Pass, check_data_sum
 from palpate_kit.logs.mcap_records import Block, Damage
 from palpate_kit.logs.mcap_salvage import Salvage
 from palpate_kit.logs.mcap_search import chunks_from
+from palpate_kit.logs.topic_kinds import named_by_kind
 from palpate_kit.logs.topics import Messages, Topic
 
 
@@ -137,9 +138,14 @@ class McapFile:
     @cached_property
     def _topics(self) -> Mapping[str, Topic]:
         found: dict[str, Topic] = {}
-        for topic in self._definitions.channels.values():
+        for topic in self._named.values():
             found.setdefault(topic.name, topic)
         return found
+
+    @cached_property
+    def _named(self) -> Mapping[int, Topic]:
+        """The topic of each channel."""
+        return named_by_kind(self._definitions.channels)
 
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
@@ -160,12 +166,12 @@ class McapFile:
         self, block: Block, known: Definitions, wanted: Set[str], begin: int | None, end: int | None
     ) -> Iterator[tuple[str, Messages]]:
         for identity in np.flatnonzero(block.counts).tolist():
-            topic = known.channels.get(identity)
+            topic = self._named.get(identity) or known.channels.get(identity)
             if topic is None or topic.name not in wanted:
                 continue
+            if identity not in self._named:
+                raise LogError(f"{self.path}: the log's summary leaves out a channel of topic {topic.name}")
             messages = _within(block.of(identity), begin, end)
-            if topic.type != self.topics[topic.name].type:
-                raise LogError(f"{self.path}: topic {topic.name} is recorded with two types, {topic.type} and another")
             if len(messages):
                 yield topic.name, messages
 
@@ -219,7 +225,8 @@ class McapFile:
     def _seen(report: DamageReport, block: Block, known: Definitions) -> Block:
         if len(block):
             logged = block.logged
-            report.first = int(logged.min()) if report.first is None else report.first
+            low = int(logged.min())
+            report.first = low if report.first is None else min(low, report.first)
             report.last = max(int(logged.max()), report.last or 0)
             nameless = [i for i in np.flatnonzero(block.counts).tolist() if i not in known.channels]
             report.nameless += int(block.counts[nameless].sum())

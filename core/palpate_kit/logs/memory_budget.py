@@ -9,10 +9,14 @@ ELEMENT = 256  # [bytes] of an element that is walked in Python: its path and it
 VALUE = 64  # [bytes] of a value that a parser in C makes
 
 
+class BudgetError(LogError):
+    """Contents that would take more memory than their bytes allow."""
+
+
 class Budget:
     """Memory that contents may take [bytes]: 32 MiB, and in addition `per_byte` for every byte of them.
 
-    A reader charges what it is about to make, arrays as a whole, before it makes anything. Raises LogError.
+    A reader charges what it is about to make, arrays as a whole, before it makes anything. Raises BudgetError.
     """
 
     def __init__(self, what: str, size: int = 0, per_byte: int = 1) -> None:
@@ -30,7 +34,7 @@ class Budget:
         """Spend memory [bytes]."""
         self.spent += cost
         if self.spent > self._allowance:
-            raise LogError(
+            raise BudgetError(
                 f"{self._what} is damaged: it has {self._size} bytes, and its elements would take more than "
                 f"{self._allowance >> 20} MiB of memory"
             )

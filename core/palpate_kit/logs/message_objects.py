@@ -7,16 +7,18 @@ import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from palpate import Floats, LogError
 
-from palpate_kit.logs.memory_budget import ELEMENT, Budget
+from palpate_kit.logs.memory_budget import ELEMENT, Budget, BudgetError
 from palpate_kit.logs.readings import LATEST, SECOND, FieldReading, TopicTable
 from palpate_kit.logs.topics import Messages, Stamps, Topic
 
-_ELEMENTS = 64  # of an array are listed
+_ELEMENTS = 1000  # of an array are listed
+_SEPARATORS = 64  # in a path, at which a name with dots or brackets may end
 _DEPTH = 16
 _LARGEST = 1.7e308
 _STAMPS = ("header.stamp", "timestamp", "stamp")
@@ -34,7 +36,8 @@ class ObjectDecoder:
             return self.load(payload)
         except Exception as error:  # each library has errors of its own, and those of the C library below it
             how = self.topic.encoding
-            raise LogError(f"topic {self.topic.name}: a message is damaged: it is no {how}: {error}") from error
+            kind = BudgetError if isinstance(error, BudgetError) else LogError
+            raise kind(f"topic {self.topic.name}: a message is damaged: it is no {how}: {error}") from error
 
     def _budget(self, payload: bytes) -> Budget:
         return Budget(f"a message of topic {self.topic.name}", len(payload))
@@ -89,11 +92,11 @@ def _named(item: Any) -> Iterator[tuple[str, str, int | None]]:
         yield name, "", None
 
 
-def _path(reading: FieldReading, places: Mapping[str, tuple[str, int | None]]) -> str:
+def _path(reading: FieldReading, places: Mapping[str, tuple[str, int | None]]) -> str | None:
     if reading.select is None:
         return str(reading)
     if reading.select not in places:
-        return ""
+        return None
     element, index = places[reading.select]
     if index is not None:
         return f"{reading.path}[{index}]"
@@ -104,21 +107,42 @@ def _items(value: Any) -> list[Any]:
     return list(value)[:_ELEMENTS] if isinstance(value, Sequence) and not isinstance(value, str | bytes) else []
 
 
-def _inside(item: Any, path: str) -> Any:
+def _inside(item: Any, path: str | None) -> Any:
     """What a path leads to in nested objects, or None."""
-    if not path:
+    if path is None:
         return None
-    for name in _steps(path):
+    inner, steps = item, _steps(path)
+    if path and not steps:
+        return _by_odd_name(item, path)
+    for name in steps:
         try:
-            if isinstance(item, dict):
-                item = item[name]
+            if isinstance(inner, dict):
+                inner = inner[name]
+            elif isinstance(inner, Mapping):  # of protobuf, whose keys may be numbers
+                inner = inner[{str(key): key for key in inner}[name]]
             elif name.isdigit():
-                item = item[int(name)]
+                inner = inner[int(name)]
             else:
-                item = getattr(item, name)
+                inner = getattr(inner, name)
         except (KeyError, IndexError, TypeError, AttributeError):
-            return None
-    return item
+            return _by_odd_name(item, path) if isinstance(item, dict) else None
+    return inner
+
+
+def _by_odd_name(item: Any, path: str) -> Any:
+    """What a path leads to where names may have dots or brackets in them, as those of JSON."""
+    if not path:
+        return item
+    if isinstance(item, list):
+        match = re.match(r"\[(\d{1,9})\]\.?(.*)", path, re.DOTALL)
+        return _by_odd_name(item[int(match[1])], match[2]) if match and int(match[1]) < len(item) else None
+    ends = [match.start() for match in islice(re.finditer(r"[.\[]", path), _SEPARATORS)]
+    for end in (len(path), *reversed(ends)) if isinstance(item, dict) else ():
+        if path[:end] in item:
+            found = _by_odd_name(item[path[:end]], path[end:].removeprefix("."))
+            if found is not None:
+                return found
+    return None
 
 
 @cache
@@ -132,9 +156,9 @@ def _number(value: Any) -> float:
     return float(value) if math.isfinite(value) else math.nan
 
 
-def _stamp(item: Any, paths: Sequence[str]) -> int | None:
+def _stamp(item: Any, paths: Sequence[str | None]) -> int | None:
     """The stamp [ns] of the element that is read, else that of the message; None where there is none."""
-    inner = [path.rpartition("].")[0] + "].header.stamp" for path in paths if "]." in path]
+    inner = [path.rpartition("].")[0] + "].header.stamp" for path in paths if path and "]." in path]
     for path in (*inner, *_STAMPS):
         stamp = _inside(item, path)
         if stamp is None:

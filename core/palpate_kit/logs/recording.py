@@ -70,6 +70,9 @@ class Suggestion:
     views: Mapping[str, Any] = field(default_factory=dict)  # by role: times [s], values as recorded, unit, sign
     template: str = "log-analysis"  # of tip, model and estimators that go with it
     assumed: tuple[str, ...] = ASSUMED  # what is not stated anywhere
+    guesses: Mapping[str, str] = field(default_factory=dict)  # keys of the device that are guesses, and what is said
+    rivals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by role: all that could serve as well
+    facts: tuple[tuple[int, str, str], ...] = ()  # line, name and value of what a log states of the experiment
 
 
 @dataclass(frozen=True)
@@ -131,8 +134,11 @@ class Recording(Device, ABC):
 
     @classmethod
     @abstractmethod
-    def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-        """Every topic that contains numbers, in blocks: its name, the names of its columns, the numbers as recorded."""
+    def tables(cls, path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+        """Every topic that contains numbers, in blocks: its name, the names of its columns, the numbers as recorded.
+
+        What is left out, and why, is added to the notes.
+        """
 
     @classmethod
     def attached(cls, path: Path) -> LogAttachments:

@@ -120,7 +120,10 @@ def assemble_suggestion(
     hints = [*extra.get("hints", ()), *delay_hint(series)]
     views = {r: (*series[r], {"force": "N", "position": "m", "velocity": "m/s"}[r]) for r in series}
     doubts = (*doubtful_points(found), *extra.get("doubts", ()))
-    return Suggestion(device, alignment, tuple(reasons), doubts, tuple(extra.get("blanks", ())), tuple(hints), views)
+    labels = {r: [s.label for s in (p.series, *p.others)] for r, p in found.picks.items() if p.others and not p.sure}
+    rivals = {role: tuple(label.removeprefix("column ") for label in names) for role, names in labels.items()}
+    blanks = tuple(extra.get("blanks", ()))
+    return Suggestion(device, alignment, tuple(reasons), doubts, blanks, tuple(hints), views, rivals=rivals)
 
 
 def delay_hint(series: Mapping[str, tuple[Floats, Floats]]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from palpate import Floats, LogError
 
 from palpate_kit.logs.decoders import decoder_of
 from palpate_kit.logs.field_statistics import FieldStatistics
-from palpate_kit.logs.readings import SECOND, FieldReading, MessageDecoder
+from palpate_kit.logs.readable_messages import ReadableMessages
+from palpate_kit.logs.readings import SECOND, FieldReading, MessageDecoder, TopicTable
 from palpate_kit.logs.recording import Survey, TopicSurvey
 from palpate_kit.logs.topics import Container, Messages, Stamps, Topic
 from palpate_kit.terminal.progress import report_progress
@@ -59,26 +61,27 @@ class _TopicCounts:
         self._pauses, self._usual = 0, 0.0  # counted by the usual step, once not all steps are kept
         self._longest = 0.0
         self._stamps: tuple[int, int] | None = None  # the least and the greatest
+        self._readable = ReadableMessages(topic.name)
         self._gathered: FieldStatistics | None = None
 
     def add(self, messages: Messages) -> None:
         self._time(np.sort(messages.logged))
         if self.decoder is None:
             return
-        try:
-            if self._gathered is None:
-                self.fields = dict(self.decoder.fields(messages.payload(0)))
-                self._gathered = FieldStatistics(list(islice(columns_of(self.fields), _SHOWN)))
-            table = self.decoder.read(messages, [FieldReading.parse(name) for name in self._gathered.names])
-        except LogError as error:
-            self.decoder, self.note = None, str(error)
-            return
-        self._gathered.add(table.values)
-        if table.stamps is not None and len(table.stamps):
-            low, high = int(table.stamps.min()), int(table.stamps.max())
-            known = self._stamps or (low, high)
-            self._stamps = min(low, known[0]), max(high, known[1])
-            self._late.add((messages.logged[table.rows] - table.stamps) / SECOND)
+        for some, (gathered, table) in self._readable.results(messages, partial(self._read, self.decoder)):
+            gathered.add(table.values)
+            if table.stamps is not None and len(table.stamps):
+                low, high = int(table.stamps.min()), int(table.stamps.max())
+                known = self._stamps or (low, high)
+                self._stamps = min(low, known[0]), max(high, known[1])
+                self._late.add((some.logged[table.rows] - table.stamps) / SECOND)
+
+    def _read(self, decoder: MessageDecoder, messages: Messages) -> tuple[FieldStatistics, TopicTable]:
+        if self._gathered is None:
+            self.fields = dict(decoder.fields(messages.payload(0)))
+            self._gathered = FieldStatistics(list(islice(columns_of(self.fields), _SHOWN)))
+        names = self._gathered.names
+        return self._gathered, decoder.read(messages, [FieldReading.parse(name) for name in names])
 
     def _time(self, logged: Stamps) -> None:
         before = [self._last] if self._count else []
@@ -118,7 +121,7 @@ class _TopicCounts:
             lateness=(float(np.median(late)), float(np.percentile(late, 99))) if len(late) else None,
             fields=names[:_SHOWN],
             numbers=self._gathered.surveys() if self._gathered else (),
-            note="its stamps do not move" if still else self.note,
+            note="its stamps do not move" if still else self.note or self._readable.note,
         )
 
 
@@ -139,10 +142,10 @@ def survey_of(container: Container, path: Path, kind: str) -> Survey:
     return Survey(path, kind, topics, tuple(note for note in (container.trouble,) if note))
 
 
-def columns_of(fields: Mapping[str, int | None]) -> Iterator[str]:
-    """Every number of a message by its own name, array elements counted from 0."""
+def columns_of(fields: Mapping[str, int | None], most: int = _SHOWN) -> Iterator[str]:
+    """Every number of a message by its own name, array elements counted from 0, at most so many of each array."""
     for path, count in fields.items():
         if count is None:
             yield path
         else:
-            yield from (f"{path}[{i}]" for i in range(min(count, _SHOWN)))
+            yield from (f"{path}[{i}]" for i in range(min(count, most)))

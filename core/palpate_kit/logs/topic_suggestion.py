@@ -12,7 +12,8 @@ from palpate import Floats, LogError, printable
 
 from palpate_kit.logs import stated_roles as roles
 from palpate_kit.logs.feeds import stream_names
-from palpate_kit.logs.log_link import join_batches, tables_of
+from palpate_kit.logs.log_link import join_batches
+from palpate_kit.logs.log_tables import tables_of
 from palpate_kit.logs.readings import LARGEST, SECOND, FieldReading, si_unit
 from palpate_kit.logs.recording import Suggestion
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess

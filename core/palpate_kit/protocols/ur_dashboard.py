@@ -28,7 +28,6 @@ def probe(host: str) -> dict[str, str]:
     """The controller's facts; raises DeviceError where one of its ports does not answer as it should."""
     _asked(host, RTDE, "RTDE", lambda link: _rtde(link, host))
     facts = _asked(host, DASHBOARD, "dashboard", _dashboard)
-    refuse_unready(facts, host)
     _asked(host, SCRIPT, "script", lambda link: {})
     return facts
 
@@ -81,11 +80,11 @@ def dashboard_facts(answer: Callable[[str], str]) -> dict[str, str]:
     }
 
 
-def refuse_unready(facts: Mapping[str, str], host: str) -> None:
-    """Raise DeviceError where a robot with these facts cannot be moved."""
-    if facts["remote"] == "false":
+def refuse_unready(facts: Mapping[str, str], host: str, by_hand: bool = False) -> None:
+    """Raise DeviceError where a robot with these facts cannot be moved, by a program or by hand."""
+    if facts["remote"] == "false" and not by_hand:
         raise DeviceError(f"{host}: the robot is not in remote control; switch it on the pendant")
-    if facts["robot_mode"] and facts["robot_mode"] != "RUNNING":
+    if facts["robot_mode"] not in ("", "RUNNING", *(("BACKDRIVE",) if by_hand else ())):
         raise DeviceError(
             f"{host}: the robot is {facts['robot_mode']}, not RUNNING; power it on and release its brakes"
         )

@@ -48,17 +48,20 @@ def _estimates_csv(
         file = path.open("x", newline="", encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{path}: cannot write: {error.strerror}") from error
-    with file:
-        table = EstimatesFile(file, tracks, pipeline.run.estimates_interval)
-        if live:
-            yield table
-            return
-        with ThreadPoolExecutor(1, "estimates") as thread:
-            aside = _Aside(table, thread)
-            try:
-                yield aside
-            finally:  # a run that is stopped has its table, too
-                aside.finish()
+    try:
+        with file:
+            table = EstimatesFile(file, tracks, pipeline.run.estimates_interval)
+            if live:
+                yield table
+                return
+            with ThreadPoolExecutor(1, "estimates") as thread:
+                aside = _Aside(table, thread)
+                try:
+                    yield aside
+                finally:  # a run that is stopped has its table, too
+                    aside.finish()
+    except OSError as error:
+        raise OutputError(f"{path}: cannot write: {error.strerror or error}") from error
 
 
 class EstimatesFile:

@@ -100,7 +100,7 @@ def _to_parquet(stream: Path, path: Path) -> None:
         stream.open("rb") as file,
         pyarrow.ipc.open_stream(file) as reader,
         # Numbers of measurements hardly ever repeat: a dictionary of them would be tried for nothing.
-        parquet.ParquetWriter(draft, reader.schema, use_dictionary=False) as writer,
+        parquet.ParquetWriter(draft, reader.schema, use_dictionary=False, write_page_checksum=True) as writer,
     ):
         for group in _groups(reader):
             writer.write_table(pyarrow.Table.from_batches(group, reader.schema))
@@ -130,7 +130,7 @@ def read_columns(path: Path) -> tuple[tuple[str, ...], Floats]:
             if path.suffix == WHOLE:
                 import pyarrow.parquet as parquet  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
-                table = parquet.read_table(file)
+                table = parquet.read_table(file, page_checksum_verification=True)
             else:
                 table = _what_is_whole(file)
         columns = [np.asarray(column.to_numpy(), np.float64) for column in table.columns]

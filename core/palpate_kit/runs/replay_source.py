@@ -16,6 +16,7 @@ from palpate.host import Enclosure, Source, registry as registries
 from palpate_kit.logs.draft_pipeline import readers_of, recording_of
 from palpate_kit.logs.recording import LogAttachments, Recording, Suggestion
 from palpate_kit.runs.run_folder import RunFolder, pipeline_among
+from palpate_kit.runs.shared_tips import name_tips
 
 _CHOSEN = "chosen"  # the device of channels that were chosen
 
@@ -69,6 +70,7 @@ def replay_source(
     if not isinstance(run, dict) or not isinstance(tables.get("device"), dict):
         raise LogError(f"{where}: is not a pipeline: [run] and [device.*] must be tables")
     _refuse_other_plugins(run, carried)
+    name_tips(source)
     tables["device"] = {name: carried.reader.playback(carried.log.absolute(), name) for name in tables["device"]}
     for name in ("sink", "twin"):
         tables.pop(name, None)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,16 @@ def is_whole(path: Path) -> bool:
         return isinstance(json.loads(path.read_text(encoding="utf-8")), dict)
     except (OSError, ValueError, RecursionError):
         return False
+
+
+@contextmanager
+def open_table(path: Path, place: str) -> Iterator[None]:
+    """Reads a table that no schema describes, such as `details`; raises LogError where that fails, with its name."""
+    try:
+        yield
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+        why = f"{error} is missing" if isinstance(error, KeyError) else error
+        raise LogError(f"{path}: is a damaged result of palpate: {place}: {why}") from error
 
 
 def read_flags(tables: Iterable[Mapping[str, Any]]) -> tuple[Flag, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import tomllib
 from collections.abc import Container, Mapping
 from dataclasses import dataclass
@@ -21,8 +20,8 @@ from palpate_kit.runs.estimates_columns import missing_columns
 from palpate_kit.runs.estimates_file import OFFLINE, ONLINE, TEXT
 from palpate_kit.runs.estimates_parquet import STREAM, WHOLE, read_columns
 from palpate_kit.runs.result_file import is_whole, read_result
+from palpate_kit.runs.review_file import read_marks
 
-REVIEW = "review.json"
 _OLDER = "resolved.toml"  # the pipeline of an older run, whose pipeline.toml is as given
 _UNUSABLE = Status.IDLE | Status.WAITING | Status.DIVERGED
 
@@ -152,12 +151,7 @@ class RunFolder:
     @property
     def rejected(self) -> dict[str, str]:
         """Why a review left the run out, under "", or parts of it, under their names. Raises LogError."""
-        path = self.path / REVIEW
-        try:
-            marks = json.loads(path.read_text(encoding="utf-8"))["rejected"] if path.is_file() else {}
-            return {str(name): str(reason) for name, reason in marks.items()}
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise LogError(f"{path}: is no review of palpate") from error
+        return read_marks(self.path).rejected
 
     @property
     def maps(self) -> Path:

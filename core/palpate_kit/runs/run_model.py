@@ -29,6 +29,13 @@ class RehearsalDocument(Document):
     seed: int = Field(description="of the twin's noise")
 
 
+class LiftDocument(Document):
+    """Of a motion that was made above the specimen: nothing was palpated."""
+
+    height: float = Field(description="above the motion of the pipeline [m]")
+    pace: float = Field(description="speed in parts of its own")
+
+
 class StopDocument(Document):
     """Why the guard stopped the arm."""
 
@@ -120,6 +127,7 @@ class RunDocument(Document):
     inputs: dict[str, str] = Field(description="what the run read: SHA-256 by the name of the input")
     host: str = Field(description="name of the computer")
     rehearsal: RehearsalDocument | Absent = Field(None, description="of a run in simulated time against a twin")
+    lifted: LiftDocument | Absent = Field(None, description="of a motion that was made above the specimen")
     control: ControlDocument | Absent = Field(None, description="the check of the rig behind it, of [run] control")
     live: LiveDocument | Absent = Field(None, description="of a run that talked to devices")
     started: str = Field(description="date and time, ISO 8601", json_schema_extra={"format": "date-time"})

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextvars import ContextVar
 from typing import Any, Literal
 
 import typer
+from palpate import is_unit
 
 Layout = Literal["table", "csv", "latex"]
 
 _ESCAPED = {c: f"\\{c}" for c in "&%$#_{}"} | {"~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
 _ESCAPED |= {"\\": r"\textbackslash{}", "µ": r"$\mu$", "°": r"$^\circ$", "²": "$^2$", "·": r"$\cdot$", "±": r"$\pm$"}
+_NUMBER = r"[+-]?[\d.]+(?:e[+-]?\d+)?"
+_QUANTITY = re.compile(rf"\(?(?P<value>{_NUMBER}) ± (?P<std>{_NUMBER}|\?)(?:\)(?P<power>e-?\d+))?")
+_RAISED = re.compile(r"\\textasciicircum\{\}(\d+)")
 _chosen: ContextVar[Layout] = ContextVar("layout", default="table")
 
 
@@ -43,7 +48,7 @@ def tables_in(shown: Any) -> Iterator[Any]:
 
 def text_of(table: Any, form: Layout) -> str:
     """A table of a terminal as CSV, its first line a comment with the title, or as LaTeX (booktabs)."""
-    headings = [_plain(column.header) for column in table.columns]
+    headings = [_heading(column.header) for column in table.columns]
     rows = [[_plain(cell) for cell in row] for row in zip(*(list(c.cells) for c in table.columns), strict=True)]
     title = _plain(table.title) if table.title else ""
     if form == "csv":
@@ -53,18 +58,42 @@ def text_of(table: Any, form: Layout) -> str:
 
 def _csv(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A value with an uncertainty becomes two columns."""
-    double = [any(" ± " in row[i] for row in rows) for i in range(len(headings))]
+    pairs = [[_pair(cell) for cell in row] for row in rows]
+    double = [any(row[i][1] for row in pairs) for i in range(len(headings))]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     if title:
         text.write(f"# {title}\n")
     writer.writerow(
-        [name for head, two in zip(headings, double, strict=True) for name in _both(head, f"u({head})", two)]
+        [name for head, two in zip(headings, double, strict=True) for name in _both(head, _uncertainty(head), two)]
     )
-    for row in rows:
-        pairs = [(*cell.partition(" ± ")[::2], two) for cell, two in zip(row, double, strict=True)]
-        writer.writerow([one for value, std, two in pairs for one in _both(value, std, two)])
+    for row in pairs:
+        cells = zip(row, double, strict=True)
+        writer.writerow([one for (value, std), two in cells for one in _both(value, std, two)])
     return text.getvalue()
+
+
+def _pair(cell: str) -> tuple[str, str]:
+    """Value and uncertainty of a cell that holds nothing else; any other text whole.
+
+    >>> _pair("112.8 ± 1.8"), _pair("(6.7 ± 3.4)e6"), _pair("5 ± ?"), _pair("E 112.8 ± 1.8 kPa")
+    (('112.8', '1.8'), ('6.7e6', '3.4e6'), ('5', '?'), ('E 112.8 ± 1.8 kPa', ''))
+    """
+    match = _QUANTITY.fullmatch(cell)
+    if match is None:
+        return cell, ""
+    power = match["power"] or ""
+    return match["value"] + power, match["std"] + power
+
+
+def _uncertainty(heading: str) -> str:
+    """The heading of a column of uncertainties.
+
+    >>> _uncertainty("elasticity [kPa]"), _uncertainty("mean")
+    ('u(elasticity) [kPa]', 'u(mean)')
+    """
+    name, bracket, unit = heading.partition(" [")
+    return f"u({name}){bracket}{unit}"
 
 
 def _both(first: str, second: str, two: bool) -> Iterable[str]:
@@ -84,8 +113,23 @@ def _tex(text: str) -> str:
 
     >>> _tex("5 ± 1 %")
     '5 $\\\\pm$ 1 \\\\%'
+    >>> _tex("N^2")
+    'N$^2$'
     """
-    return "".join(_ESCAPED.get(character, character) for character in text)
+    escaped = "".join(_ESCAPED.get(character, character) for character in text)
+    return _RAISED.sub(r"$^\1$", escaped)
+
+
+def _heading(header: Any) -> str:
+    """A heading in one line, its unit in brackets.
+
+    >>> _heading("viscosity\\nPa s"), _heading("auto-\\ncorrelation")
+    ('viscosity [Pa s]', 'auto- correlation')
+    """
+    *above, last = str(getattr(header, "plain", header)).split("\n")
+    if above and is_unit(last):
+        return f"{_plain(' '.join(above))} [{last}]"
+    return _plain(header)
 
 
 def _plain(cell: Any) -> str:

@@ -30,4 +30,12 @@ FormatOption = Annotated[
     Layout,
     typer.Option("--format", callback=choose, help="Print the tables as they are, as CSV, or as LaTeX (booktabs)."),
 ]
+DetailsOption = Annotated[bool, typer.Option("--details", help="Print everything that was found.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON in place of the table.")]
+WhereOption = Annotated[
+    str | None,
+    typer.Option(
+        "--where", metavar="WORDS",
+        help="Of a folder of fits of many curves only these, such as 'verdict:doubtful sample=S1 E>100 rms<0.05'.",
+    ),
+]  # fmt: skip

@@ -3,33 +3,76 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from palpate import Flag, ReportSection
-from palpate.host import Result, TrackResult, UncertainValue, display_unit, function_of
+from palpate.host import Result, TrackResult, UncertainValue, display_unit, function_of, verdict_word
 
+from palpate_kit.terminal.flag_summary import doubt_lines
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 from palpate_kit.terminal.table import Table as Cells
 
 _MILLINEWTON = 1e-3  # [N]
-_SHOWN = 3  # flags of a track; the rest is counted
 _ALONG = "ranges along the path of the tip; by place: palpate map {folder}"
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-def result_view(result: Result, sections: Mapping[str, ReportSection] | None = None) -> RenderableType:
-    """The table of tracks, the truth where it is known, sections, flags, and where the run folder is."""
+def result_view(
+    result: Result, sections: Mapping[str, ReportSection] | None = None, details: bool = False
+) -> RenderableType:
+    """The values of each track with their verdict, sections, and the worst doubts.
+
+    With `details` every column, section and flag.
+    """
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
-    units: dict[str, str] = {}
-    for track in result.tracks.values():
-        units |= {name: found.unit for name, found in track.parameters.items()}
+    shown = {name: section for name, section in (sections or {}).items() if details or not section.detail}
+    said = [Text(_ALONG.format(folder=result.folder))] if any(map(_swept, result.tracks.values())) else []
+    parts = [*said, *_more(result, shown), *_derived(result), *_doubts(result, details)]
+    table = _every_number(result) if details else _values(result).view()
+    return Group(table, *parts)
+
+
+def _units(result: Result) -> dict[str, str]:
+    """SI units of all parameters by name."""
+    return {name: found.unit for track in result.tracks.values() for name, found in track.parameters.items()}
+
+
+def _values(result: Result) -> Cells:
+    """Every track with its parameters and its verdict, and the truth where it is known."""
+    units = _units(result)
+    heads = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
+    rows = [
+        [label, *_cells(track, list(units))[: len(units)], verdict_word(track.verdict)]
+        for label, track in result.tracks.items()
+    ]
+    if result.truth:
+        rows.append(["truth", *(_plain(_scaled(result.truth.get(name, math.nan), units[name])) for name in units), ""])
+    return Cells.of(result.run["name"], ["track", *heads, "verdict"], rows, ["track", "verdict"])
+
+
+def _doubts(result: Result, details: bool) -> list[RenderableType]:
+    """The worst doubts, or every flag with its remedy."""
+    from rich.text import Text
+
+    if not details:
+        said = [str(flag) for flag in result.flags if flag.severity == "note"]
+        doubts = [flag for flag in result.flags if flag.severity != "note"]
+        flags = {label: [*doubts, *track.flags] for label, track in result.tracks.items()}
+        return [Text(line, style="yellow") for line in (*said, *doubt_lines(flags))]
+    lines = [Text(line, style="yellow") for line in flag_lines(result.flags, result.tracks)]
+    return [Text("flags" if lines else "no flags"), *lines]
+
+
+def _every_number(result: Result) -> RenderableType:
+    """Every track with its parameters, surface, residual and NIS."""
+    from rich.table import Table
+
+    units = _units(result)
     table = Table(title=result.run["name"], title_justify="left")
     table.add_column("track")
     for name, unit in units.items():
@@ -42,18 +85,7 @@ def result_view(result: Result, sections: Mapping[str, ReportSection] | None = N
         known = [_scaled(result.truth.get(name, math.nan), unit) for name, unit in units.items()]
         surface = _scaled(result.truth.get("surface", math.nan), "m")
         table.add_row("truth", *(_plain(v) for v in known), "", _plain(surface), "", "", style="dim")
-    flags = [Text(line, style="yellow") for line in flag_lines(result.flags, result.tracks)]
-    head = [Text("flags")] if flags else [Text("no flags")]
-    said = [Text(_ALONG.format(folder=result.folder))] if any(map(_swept, result.tracks.values())) else []
-    return Group(
-        table,
-        *said,
-        *_more(result, sections or {}),
-        *_derived(result),
-        *head,
-        *flags,
-        Text(f"written to {result.folder}"),
-    )
+    return table
 
 
 def _residual(force: float) -> str:
@@ -88,7 +120,7 @@ def _more(result: Result, sections: Mapping[str, ReportSection]) -> Iterator[Ren
 
 
 def flag_lines(of_record: Sequence[Flag], tracks: Mapping[str, TrackResult]) -> Iterator[str]:
-    """At most three flags of the record and of each track, the worst first; one that several tracks share is said once.
+    """Every flag of the record and of each track, the worst first; one that several tracks share is said once.
 
     Each is followed by what to do; notes are not.
     """
@@ -99,7 +131,7 @@ def flag_lines(of_record: Sequence[Flag], tracks: Mapping[str, TrackResult]) -> 
 def _lines(flags: Mapping[str, Sequence[Flag]]) -> Iterator[str]:
     shared: dict[str, dict[str, Flag]] = {}
     for label, every in flags.items():
-        for flag in every[:_SHOWN]:
+        for flag in every:
             shared.setdefault(flag.code, {})[label] = flag
     for concerned in shared.values():
         flag = next(iter(concerned.values()))
@@ -107,11 +139,6 @@ def _lines(flags: Mapping[str, Sequence[Flag]]) -> Iterator[str]:
         yield f"  {', '.join(concerned)}: {flag}{of_first}"
         if flag.severity != "note" and flag.remedy:
             yield f"    -> {flag.remedy}"
-    more = {label: every[_SHOWN:] for label, every in flags.items() if every[_SHOWN:]}
-    for label, rest in more.items():
-        count = Counter("note" if flag.severity == "note" else "flag" for flag in rest)
-        counted = " and ".join(f"{n} {word}{'s' if n > 1 else ''}" for word, n in sorted(count.items()))
-        yield f"  {label}: and {counted}"
 
 
 def _range(track: TrackResult, name: str) -> str:

@@ -42,7 +42,7 @@ class Table:
         return view
 
 
-def console(width: int = 120) -> Console:
+def console(width: int = 80) -> Console:
     """A console on standard output: as wide as the terminal, or of a given width where there is none.
 
     Texts are never taken as markup: names come from users, logs and plugins. A table that the terminal is too narrow

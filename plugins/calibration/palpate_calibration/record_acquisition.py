@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
-from palpate import Arm, Batch, ConfigurationError, LogError, Turnable, clock
+from palpate import Arm, Batch, ConfigurationError, LogError, Turnable, clock, duration_of, setpoints_at
 from palpate.host import Flow, Reach, ask_devices, demand_safe, each, interruptible, is_live, single_trajectory
 
 from palpate_calibration.calibration_record import CalibrationRecord, CalibrationRecorder
@@ -50,8 +50,8 @@ def words(reach: Reach, settings: CalibrationSettings) -> str:
 def reach_of(plan: CalibrationPlan, contact: bool, where: str = "[calibration] ") -> Reach:
     """What the plan's motion asks; raises ConfigurationError where it breaks a limit. Nothing moves for it."""
     trajectory = single_trajectory(plan)
-    times = np.arange(0.0, trajectory.total_duration, _STEP)
-    setpoint = trajectory.at(times)
+    times = np.arange(0.0, duration_of(trajectory), _STEP)
+    setpoint = setpoints_at(trajectory, times)
     reach = Reach.of(times, setpoint)
     keys = {"low": "deepest" if contact else "lowest", "high": "highest"}
     for excess in plan.settings.limits(contact).excesses(reach):

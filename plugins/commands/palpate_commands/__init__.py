@@ -17,10 +17,16 @@ def palpate_commands() -> dict[str, Command]:
         ("run", "run:run", "Run a pipeline; print what was found.", "run"),
         ("replay", "replay:replay", "Estimate again from the log of a run.", "run"),
         ("resume", "resume:resume", "Continue a run that was interrupted.", "run"),
-        ("check", "check:check", "Show every mistake in a pipeline, without running it.", "run"),
-        ("init", "init:init", "Write a pipeline or a plugin to start from.", "run"),
-        ("doctor", "doctor:doctor", "Look at robot and sensor; nothing moves.", "hardware"),
-        ("twin", "twin:twin", "Serve the rig of a pipeline in software.", "hardware"),
+        ("check", "check:check", "Show every mistake in a pipeline, without running it.", "begin"),
+        ("init", "init:init", "Write a pipeline or a plugin to start from.", "begin"),
+        ("doctor", "doctor:doctor", "Check robot and sensor; nothing moves.", "hardware"),
+        (
+            "acceptance",
+            "acceptance.acceptance_command:acceptance",
+            "Stop a rig in every way, measure it, write a page to sign.",
+            "hardware",
+        ),
+        ("twin", "twin:twin", "Serve robot and sensor of a pipeline in software.", "hardware"),
         ("list", "list_parts:list_parts", "List every part, with its plugin.", "extend"),
         ("describe", "describe:describe", "Describe a part: formula, source, every key.", "extend"),
         ("trust", "trust:trust", "Approve a plugin file of a recording, or list what is approved.", "extend"),
@@ -32,7 +38,7 @@ def palpate_commands() -> dict[str, Command]:
         "init completion": Command(
             "palpate_commands.completion:completion",
             "Print the completion of palpate for a shell.",
-            "run",
+            "begin",
             "completion",
         ),
     }
@@ -61,5 +67,8 @@ def palpate_templates() -> dict[str, Template]:
         "log": Template(package, f"{folder}/log.toml", "your own log; comes with an example"),
         "ur3e": Template(package, f"{folder}/point_ur3e.toml", "a UR3e and a SensONE, or their twins"),
         "raster": Template(package, f"{folder}/raster.toml", "a map of 60 mm x 40 mm, simulated"),
+        "raster-ur3e": Template(
+            package, f"{folder}/raster_ur3e.toml", "a map with a UR3e and a SensONE, or their twins"
+        ),
         "calibrate": Template(package, f"{folder}/guided.toml", "a calibration step by step, simulated"),
     }

@@ -16,6 +16,7 @@ def check(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
     overrides: Overrides = None,
     resolved: Annotated[bool, typer.Option("--resolved", help="Print the pipeline with every default, in SI.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every plugin and where it is.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check a pipeline without running it: every mistake at once, each with its line."""
@@ -36,5 +37,8 @@ def check(
         for notice in pipeline.registry.notices:
             typer.echo(notice, err=True)
         typer.echo(f"{file} is in order: devices {devices}; tracks {tracks}")
-        for plugin in pipeline.registry.plugins:
+        for plugin in pipeline.registry.plugins if verbose else ():
             typer.echo(f"plugin {plugin.name}" + (f" from {plugin.place}" if plugin.place != plugin.name else ""))
+        others = [plugin.name for plugin in pipeline.registry.plugins if not plugin.name.startswith("palpate ")]
+        if others and not verbose:
+            typer.echo(f"with {', '.join(others)}; -v says where every plugin is")

@@ -7,6 +7,7 @@ import json
 import types
 import typing
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,9 +41,10 @@ def describe(
     """Describe a part: what it is, and every key with unit, default and meaning; or a flag: what it means."""
     registry = registries.load(plugin or [])
     found: list[tuple[str, str, type[Settings]]] = []
-    for kind, entries in registry.parts.items():
-        if part in entries:
-            found.append((kind, f"{part}: a type of [{kind}.*]", entries[part].part))
+    for kind in registry.parts:
+        with suppress(ConfigurationError):
+            full = registry.named(kind, part)
+            found.append((kind, f"{full}: a type of [{kind}.*]", registry.find(kind, full)))
     if part in _TABLES:
         found.append(("table", f"[{part}]: a table of every pipeline", _TABLES[part]))
     if as_json and (found or part in registry.flags):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -11,25 +13,44 @@ from palpate.host import load_pipeline
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 
-from palpate_commands.rig_examination import examine
+from palpate_commands.rig_examination import Finding, examine
 
 _MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
+_SHOWN = 5  # findings that are not good; the last line counts all
 
 
 def doctor(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
     overrides: Overrides = None,
     duration: Annotated[float, typer.Option(help="Listening time [s].", min=0.2)] = 2.0,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print everything that was looked at.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Connect every device and look: ports, rates, pauses, clocks, noise at rest, the limits. Nothing moves."""
     found = []
     for finding in examine(load_pipeline(file, overrides or []), duration):
         found.append(finding)
-        if not as_json:
-            typer.echo(f"{_MARKS[finding.verdict]} {finding.subject}: {finding.text}")
+        if verbose and not as_json:
+            typer.echo(_line(finding))
     bad = sum(finding.verdict == "bad" for finding in found)
     if as_json:
         print_json({"findings": found, "bad": bad})
+    elif not verbose:
+        for line in _summary(found):
+            typer.echo(line)
     if bad:
         raise UserError(f"{bad} problem{'s' if bad > 1 else ''} to fix")
+
+
+def _line(finding: Finding) -> str:
+    return f"{_MARKS[finding.verdict]} {finding.subject}: {finding.text}"
+
+
+def _summary(findings: Sequence[Finding]) -> Iterator[str]:
+    """What is not good, the bad first, and how many of each there are."""
+    counts = Counter(finding.verdict for finding in findings)
+    wrong = [finding for verdict in ("bad", "note") for finding in findings if finding.verdict == verdict]
+    yield from map(_line, wrong[:_SHOWN])
+    more = f", {len(wrong) - _SHOWN} of which are not above" if len(wrong) > _SHOWN else ""
+    notes = f"{counts['note']} note{'s' if counts['note'] != 1 else ''}"
+    yield f"{counts['good']} ok, {notes}, {counts['bad']} bad{more}; -v prints all"

@@ -17,6 +17,7 @@ _PACKAGE = "palpate_commands"
 _VERSION = 'palpate = "0.2"                        # the version for which this is written'
 _NEXT = {
     "ur3e": "palpate twin {0}   # in another terminal: robot and sensor in software\npalpate run {0}",
+    "raster-ur3e": "palpate rehearse {0} --out rehearsal\npalpate map rehearsal",
     "raster": "palpate run {0} --out raster\npalpate map raster",
     "calibrate": "palpate calibrate {0} --yes",
 }
@@ -26,7 +27,10 @@ _BESIDE = {"log": ("log.csv",)}
 
 def init(
     what: Annotated[
-        str, typer.Argument(metavar="[WHAT]", help="point, log, ur3e, raster or calibrate; with --plugin its name.")
+        str,
+        typer.Argument(
+            metavar="[WHAT]", help="point, log, ur3e, raster, raster-ur3e or calibrate; with --plugin its name."
+        ),
     ] = "point",
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="File, or folder of a plugin. [default: named after it]")

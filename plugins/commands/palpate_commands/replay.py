@@ -9,7 +9,7 @@ import typer
 from palpate import ConfigurationError
 from palpate.host import build_pipeline
 from palpate_kit.runs.replay_source import read_run_log, replay_source
-from palpate_kit.terminal.options import FolderOption, FormatOption, JsonOption, Overrides
+from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, JsonOption, Overrides
 from palpate_kit.terminal.progress import progress
 
 from palpate_commands.run import execute
@@ -29,6 +29,7 @@ def replay(
     ] = None,
     out: FolderOption = None,
     as_json: JsonOption = False,
+    details: DetailsOption = False,
     layout: FormatOption = "table",
 ) -> None:
     """Estimate again from the log of a run, by the pipeline in the log: the same numbers to the bit.
@@ -47,4 +48,4 @@ def replay(
         text.override(assignment)
     with progress(f"look at {source}"):
         pipeline = build_pipeline(text)
-    execute(pipeline, out, as_json)
+    execute(pipeline, out, as_json, details)

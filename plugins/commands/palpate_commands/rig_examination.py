@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from palpate.host import (
 
 _RATE = 0.02  # of the nominal rate
 _LATE = 0.01  # [s]
+_CORES, _NEEDED = 2, 1.2  # of the host; that a run keeps busy
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,9 @@ class Finding:
 
 def examine(pipeline: Pipeline, duration: float) -> Iterator[Finding]:
     """Connect every live device, listen for a while [s], judge; nothing is commanded to move."""
-    yield from _motion(pipeline)
+    if any(device.live for device in pipeline.devices.values()):  # else there is no arm that could move
+        yield from _motion(pipeline)
+        yield _host()
     with ExitStack() as stack:
         links: dict[str, Link] = {}
         for name, device in pipeline.devices.items():
@@ -51,6 +55,17 @@ def examine(pipeline: Pipeline, duration: float) -> Iterator[Finding]:
                 yield Finding("bad", name, str(error))
         if links:
             yield from _listened(pipeline, links, duration)
+
+
+def _host() -> Finding:
+    """Whether this computer has room for a run: its cores, and what other programs take of them."""
+    cores, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
+    text = f"{cores} core{'s' if cores > 1 else ''} for this program, a load of {load:.1f} in the last minute"
+    if cores < _CORES:
+        return Finding("note", "host", f"{text}: too small, robot and sensor have to share with estimates and page")
+    if load > cores - _NEEDED:
+        return Finding("note", "host", f"{text}: other programs leave too little, estimates and page will be late")
+    return Finding("good", "host", text)
 
 
 def _listening(device: Device, seed: int) -> AbstractContextManager[Link]:

@@ -14,10 +14,12 @@ import typer
 from palpate import ConfigurationError
 from palpate.host import Pipeline, analysis, function_of, load_pipeline, run_pipeline
 from palpate_kit.terminal.layout import layout
-from palpate_kit.terminal.options import FolderOption, FormatOption, Overrides
+from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, Overrides
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.result_summary import result_view
 from palpate_kit.terminal.table import console
+
+from palpate_commands.lifted_run import lifted
 
 _LOGS = (".mcap", ".db3", ".csv", ".gz")
 
@@ -31,6 +33,13 @@ def run(
     seed: Annotated[int | None, typer.Option(help="Seed of the run; overrides that of the file.", min=0)] = None,
     report: Annotated[bool, typer.Option("--report", help="Write a report into the run folder.")] = False,
     live: Annotated[bool, typer.Option("--live", help='Show it in the browser: --set sink.live.type="live".')] = False,
+    lift: Annotated[
+        str | None, typer.Option(metavar="HEIGHT", help="Make the very motion so far above: 20mm. Nothing is palpated.")
+    ] = None,
+    speed: Annotated[
+        str | None, typer.Option(metavar="PERCENT", help="With --lift: so fast, in % of the motion's own: 25%.")
+    ] = None,
+    details: DetailsOption = False,
     form: FormatOption = "table",
 ) -> None:
     """Run a pipeline; print the results and where they are written."""
@@ -48,10 +57,12 @@ def run(
     for name, table in pipeline.tables.items():
         if command := getattr(table, "many_runs_by", ""):
             typer.echo(f"one run: [{name}] is for `palpate {command} {file}`, which makes all of them", err=True)
-    execute(pipeline, out, as_json)
+    if speed is not None and lift is None:
+        raise ConfigurationError("--speed is for --lift: a slower palpation is another measurement, of [trajectory.*]")
+    execute(pipeline if lift is None else lifted(pipeline, lift, speed), out, as_json, details)
 
 
-def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False) -> None:
+def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details: bool = False) -> None:
     """Run a pipeline, show progress and results; ends with the code of the signal that stopped it."""
     for notice in pipeline.registry.notices:
         typer.echo(notice, err=True)
@@ -64,7 +75,12 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False) -> None
     if as_json:
         typer.echo(json.dumps(result.table(), indent=2))
     else:
-        console().print(result_view(result, pipeline.registry.report_sections))
+        console(120 if details else 80).print(result_view(result, pipeline.registry.report_sections, details))
+        if (lift := result.run.get("lifted")) is not None:
+            typer.echo(
+                f"lifted by {1e3 * lift['height']:g} mm, at {lift['pace']:.0%} of the speed: nothing was palpated"
+            )
+        typer.echo(f"written to {result.folder}", err=layout() != "table")
     for line in _reported(pipeline, result.folder):
         typer.echo(line, err=as_json or layout() != "table")
     result.demand_whole()

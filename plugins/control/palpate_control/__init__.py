@@ -10,7 +10,7 @@ def palpate_commands() -> dict[str, Command]:
     """Checking a rig."""
     return {
         "control": Command(
-            "palpate_control.control_command:control", "Check a rig on a reference of known stiffness.", "hardware"
+            "palpate_control.control_command:control", "Check a rig against a reference of known stiffness.", "hardware"
         )
     }
 

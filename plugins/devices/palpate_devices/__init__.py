@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import lazy_loader
-from palpate import Fact, plugin
+from palpate import Command, Fact, plugin
 
 if TYPE_CHECKING:
     from palpate import Migration
@@ -46,6 +46,13 @@ def palpate_devices() -> dict[str, str]:
         "rdt": "palpate_devices.rdt.device:RdtSensor",
         "mcap-replay": "palpate_devices.mcap_replay:McapReplay",
     }
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """What is done at a robot by hand."""
+    text = "Find payload, tip and surface by leading the arm; nothing is moved."
+    return {"teach": Command("palpate_devices.teach.teach_command:teach", text, "hardware")}
 
 
 @plugin

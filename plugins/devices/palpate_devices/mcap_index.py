@@ -35,6 +35,16 @@ class Index:
         data: bytes = builder.end()  # type: ignore[no-untyped-call]
         self._file.write(_LENGTH.pack(len(data)) + data)
 
+    @property
+    def size(self) -> int:
+        """How long it is [bytes]."""
+        return self._file.tell()
+
+    def shorten(self, size: int) -> None:
+        """Drop what came after a size [bytes]; raises OSError."""
+        self._file.seek(size)
+        self._file.truncate()
+
     def __iter__(self) -> Iterator[_IndexRecord]:
         self._file.seek(0)
         while head := self._file.read(_LENGTH.size):

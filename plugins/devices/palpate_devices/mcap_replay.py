@@ -15,7 +15,8 @@ from palpate import Batch, Channel, File, Link, LogError, Stream, Time
 from palpate_kit.logs.channel_mapping import Clock, MappedSignal
 from palpate_kit.logs.feeds import TopicFeed, raw_feed, untimed_note
 from palpate_kit.logs.joint_kinematics import Kinematics, joint_feeds
-from palpate_kit.logs.log_link import LogLink, described_feeds, distinct, file_facts, tables_of, texts_of, window
+from palpate_kit.logs.log_link import LogLink, described_feeds, distinct, file_facts, window
+from palpate_kit.logs.log_tables import tables_of, texts_of
 from palpate_kit.logs.mcap_file import McapFile
 from palpate_kit.logs.mcap_recovery import count_messages, recover_mcap
 from palpate_kit.logs.recording import LogAttachments, Recording, Suggestion, Survey
@@ -116,6 +117,8 @@ class McapReplay(Recording):
 
     @contextmanager
     def _connected(self) -> Iterator[Link]:
+        if (height := self.attached(self.file).facts.get("lifted")) is not None:
+            raise LogError(f"{self.file}: was recorded {height} above the specimen (--lift): nothing was palpated")
         yield LogLink(self._log, self._feeds, window(self._log, self.begin, self.end), str(self.file))
 
     @cached_property
@@ -184,9 +187,9 @@ class McapReplay(Recording):
         return suggestion_for(McapFile(path, accept_cut=True), path, "mcap-replay", choices)
 
     @classmethod
-    def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+    def tables(cls, path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
         """See `Recording`."""
-        return tables_of(McapFile(path, accept_cut=True))
+        return tables_of(McapFile(path, accept_cut=True), notes)
 
     @classmethod
     def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:

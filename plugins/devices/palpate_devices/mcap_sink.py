@@ -7,14 +7,16 @@ import os
 import queue
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
-from typing import IO, Any
+from contextlib import AbstractContextManager, contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Estimates, Floats, OutputError, Run, Samples, Sink, Stream, Thread, Writer, clock
 from pydantic import Field
 
+from palpate_devices.log_file import Bookmark, LogFile
 from palpate_devices.mcap_blocks import add_messages
 from palpate_devices.mcap_index import keep_index_in
 from palpate_devices.messages import LOG_SCHEMA, STANDARD, MessageType, numbers_type, pack_messages
@@ -47,21 +49,25 @@ class McapSink(Sink):
     def _opened(self, run: Run) -> Iterator[Writer]:
         path = run.folder / self.file
         try:
-            with path.open("xb") as file, tempfile.TemporaryFile() as index:
-                recorder = _LogWriter(_Log(file, run, index))
+            with path.open("xb", buffering=0) as file, tempfile.TemporaryFile() as index:
+                recorder = _LogWriter(_Log(LogFile(file.fileno()), run, index), str(path))
                 try:
                     yield recorder
                 finally:
                     recorder.finish()
         except OSError as error:
-            raise OutputError(f"sink mcap: cannot write {path}: {error.strerror}") from error
+            raise _unwritten(path, error) from error
+
+
+def _unwritten(path: Path | str, error: OSError) -> OutputError:
+    return OutputError(f"sink mcap: cannot write {path}: {error.strerror or error}")
 
 
 class _LogWriter:
     """Hands everything to a thread that writes: neither the end of a chunk nor the disk ever delays a control loop."""
 
-    def __init__(self, log: _Log) -> None:
-        self._log = log
+    def __init__(self, log: _Log, path: str) -> None:
+        self._log, self._path = log, path
         self._stamps: NDArray[np.int64] = np.zeros(0, np.int64)
         self._lateral: Floats = np.zeros((0, 2))
         self._waiting = clock().queue(_WAITING)  # of calls; None is the last
@@ -95,12 +101,17 @@ class _LogWriter:
         self._waiting.put(work)
 
     def finish(self) -> None:
-        """Write what waits, and close the log; raises what the thread has met."""
+        """Write what waits, and close the log, early where it cannot be written; raises what the thread has met."""
         self._waiting.put(None)
         self._thread.join()
-        if self._failure is not None:
-            raise self._failure
-        self._log.finish()
+        try:
+            if self._failure is not None:
+                raise self._failure
+            self._log.finish()
+        except BaseException:
+            with suppress(OSError):  # no room even for that: it is whole up to its last chunk
+                self._log.close_early()
+            raise
 
     def _work(self) -> None:
         while True:
@@ -115,6 +126,8 @@ class _LogWriter:
             try:
                 work()
                 self._log.save()
+            except OSError as error:
+                self._failure = _unwritten(self._path, error)
             except Exception as error:  # it is raised where it is handled
                 self._failure = error
 
@@ -126,11 +139,11 @@ def _nothing() -> None:
 class _Log:
     """The file; used by one thread at a time."""
 
-    def __init__(self, file: IO[bytes], run: Run, index: IO[bytes]) -> None:
+    def __init__(self, file: LogFile, run: Run, index: IO[bytes]) -> None:
         from mcap.writer import CompressionType, Writer
 
         self._file = file
-        self._log = Writer(file, compression=CompressionType.ZSTD)
+        self._log: Any = Writer(cast(Any, file), compression=CompressionType.ZSTD)
         keep_index_in(self._log, index)
         self._log.start(profile="ros2", library=f"palpate {run.facts.get('palpate', '')}")
         self._schemas: dict[str, int] = {}
@@ -150,6 +163,7 @@ class _Log:
         self._log.add_metadata("palpate", {"schema": str(LOG_SCHEMA), **run.facts})
         for name, text in run.documents.items():
             self._log.add_attachment(0, 0, name, "application/toml", text.encode())
+        self._whole = Bookmark(self._log, file)
         self._flushed = self._synced = clock().now()
         self._syncing: Thread | None = None
         self._unsynced: OSError | None = None
@@ -157,7 +171,7 @@ class _Log:
     def _channel(self, topic: str, kind: MessageType, facts: dict[str, str] | None = None) -> int:
         if kind.name not in self._schemas:
             self._schemas[kind.name] = self._log.register_schema(kind.name, "ros2msg", kind.definition.encode())
-        return self._log.register_channel(topic, "cdr", self._schemas[kind.name], facts or {})
+        return int(self._log.register_channel(topic, "cdr", self._schemas[kind.name], facts or {}))
 
     def mark(self, facts: Mapping[str, str]) -> None:
         self._log.add_metadata("palpate result", dict(facts))
@@ -207,8 +221,8 @@ class _Log:
         now = clock().now()
         if now - self._flushed < _FLUSH_EVERY:
             return
-        self._log.flush()  # type: ignore[no-untyped-call]
-        self._file.flush()
+        self._log.flush()
+        self._whole.set()
         self._flushed = now
         if self._unsynced is not None:
             raise self._unsynced
@@ -227,8 +241,15 @@ class _Log:
     def finish(self) -> None:
         if self._syncing is not None:
             self._syncing.join()
-        self._log.finish()  # type: ignore[no-untyped-call]
+        self._log.finish()
         self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def close_early(self) -> None:
+        """End the log with its last whole chunk; raises OSError."""
+        if self._syncing is not None:
+            self._syncing.join()
+        self._whole.close()
         os.fsync(self._file.fileno())
 
 

@@ -42,13 +42,16 @@ def palpate_estimators() -> dict[str, str]:
 @plugin
 def palpate_commands() -> dict[str, Command]:
     """Fits over models and logs."""
-    return {"fit": Command("palpate_fits.fit_command:fit", "Offline fits of models to logs, side by side.")}
+    return {"fit": Command("palpate_fits.fit_command:fit", "Fit models to logs and folders of curves.", "run")}
 
 
 @plugin
 def palpate_report_sections() -> dict[str, ReportSection]:
     """Offline fits among the tracks of a run."""
-    return {"offline-fits": ReportSection("palpate_fits.fit_tables:fits_of_a_run")}
+    return {
+        "offline-fits": ReportSection("palpate_fits.fit_tables:fits_of_a_run", detail=True),
+        "best-fit": ReportSection("palpate_fits.fit_tables:best_fit_of_a_run"),
+    }
 
 
 @plugin

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,22 +10,23 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from palpate import ConfigurationError
-from palpate.host import Pipeline, Registry, approved_plugins, display_unit, make_folder, registry
+from palpate import ConfigurationError, printable
+from palpate.host import Pipeline, Registry, approved_plugins, display_unit, make_folder, registry, verdict_word
+from palpate_kit.curves.alike_logs import logs_among
+from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
+from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
+from palpate_kit.curves.folder_fits import FEW, fit_each
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
 
-from palpate_fits.curve_fits import CurveReader, Row, value_units
-from palpate_fits.curve_pool import on_cores
-from palpate_fits.curve_table import TABLE, FitTable
-from palpate_fits.file_pipelines import DEVICE, SETTINGS, FileGroup, file_groups, files_among
+from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups
 
 _WIDTH = 80  # columns
 _NAME = 28  # characters of a file's name
 _SHOWN = ("elasticity", "viscosity")
-_FEW = 32  # curves that are not worth a second process
+_GUESSES = 6  # that are printed
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,7 @@ class FileFit:
     out: Path | None
     jobs: int | None
     as_json: bool
+    fitting: bool = True
 
 
 def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
@@ -47,7 +48,7 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     refused: dict[str, str] = {}
     with progress("look at the files"):
         known = registry.load()
-        files = files_among(sources, known)
+        files = logs_among(sources, known)
         groups = list(file_groups(files, wanted.tip, wanted.model, wanted.choices, wanted.overrides, refused))
     if not groups:
         name, error = next(iter(refused.items()))
@@ -56,13 +57,18 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     folder = wanted.out or make_folder("fit", None, datetime.now(UTC).astimezone())
     order = {str(file): place for place, file in enumerate(files)}
     rows = [row for row in _fitted(groups, folder, wanted, len(files)) if row["curve"] in order]
+    if not wanted.fitting:
+        for name, error in refused.items():
+            typer.echo(f"{name}: {error}", err=True)
+        typer.echo(f"{sum(len(group.curves) for group in groups)} curves to fit: palpate fit {folder}")
+        return
     rows += [{"curve": name, "error": error} for name, error in refused.items()]
     rows.sort(key=lambda row: order[row["curve"]])
     bad = [row for row in rows if not _usable(row)]
     if wanted.as_json:
         print_json({"table": str(folder / TABLE), "files": rows})
     else:
-        _show(rows, bad, groups[0].pipeline, folder, known)
+        _show(rows, bad, groups, folder, known, wanted.overrides)
     if bad:
         raise typer.Exit(1)
 
@@ -74,14 +80,11 @@ def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, count: i
         done = 0
         for number, group in enumerate(groups, start=1):
             settings = SETTINGS if number == 1 else f"pipeline-{number}.toml"
-            table = FitTable(folder, group.pipeline, DEVICE, settings)
             reader = CurveReader(group.text, str(group.path), wanted.overrides, DEVICE, approved_plugins())
-            left = [curve for curve in group.curves if curve.name not in table.done]
-            workers = wanted.jobs or (1 if len(left) < _FEW else len(os.sched_getaffinity(0)))
-            for rows in on_cores(reader, left, workers):
-                table.add(rows)
-                done += 1
-                report_progress(done)
+            workers = wanted.jobs or (1 if len(group.curves) < FEW else None)
+            table = fit_each(group.pipeline, reader, group.curves, folder, workers, settings, wanted.fitting)
+            done += len(group.curves)
+            report_progress(done)
     assert table is not None
     return table.rows
 
@@ -90,16 +93,24 @@ def _usable(row: Row) -> bool:
     return not row.get("error") and row.get("verdict") != "invalid"
 
 
-def _show(rows: Sequence[Row], bad: Sequence[Row], pipeline: Pipeline, folder: Path, known: Registry) -> None:
-    console(_WIDTH).print(overview(rows, pipeline).view())
+def _show(
+    rows: Sequence[Row],
+    bad: Sequence[Row],
+    groups: Sequence[FileGroup],
+    folder: Path,
+    known: Registry,
+    overrides: Sequence[str],
+) -> None:
+    console(_WIDTH).print(overview(rows, groups[0].pipeline).view())
     for row in bad:
         if row.get("error"):
             typer.echo(f"{row['curve']}: {row['error']}", err=True)
+    _show_guesses(groups)
     doubtful = [row for row in rows if row.get("verdict") == "doubtful"]
     if doubtful:
         typer.echo(f"doubtful: {_causes(doubtful, known, 'doubtful')}; palpate describe CODE says what to do")
-    if any({"assumed", "delay-unclear"} <= {*row.get("flags", "").split()} for row in doubtful):
-        typer.echo('timing: state it by --set alignment.force.uncertainty="1 ms", or by its delay')
+    if any("delay-unclear" in row.get("flags", "").split() for row in doubtful):
+        typer.echo(_timing(overrides))
     typer.echo(f"{folder / TABLE}: every number; {SETTINGS} beside it: how the files were read")
     first = next((row["curve"] for row in rows if _usable(row)), None)
     if first is not None:
@@ -110,13 +121,41 @@ def _show(rows: Sequence[Row], bad: Sequence[Row], pipeline: Pipeline, folder: P
     typer.echo(f"{usable} usable, {len(bad)} not: {_causes(bad, known, 'invalid')}" if bad else f"all {usable} usable")
 
 
+def _timing(overrides: Sequence[str]) -> str:
+    """What is still to be stated of the timing."""
+    stated = {
+        role for role in ("force", "position") if any(text.startswith(f"alignment.{role}.") for text in overrides)
+    }
+    if "force" not in stated:
+        return 'timing: state it by --set alignment.force.uncertainty="1 ms", or by its delay'
+    if "position" not in stated:
+        return (
+            "timing: a position without noise may be the command, which an arm follows later; if it was measured: "
+            '--set alignment.position.uncertainty="1 ms"'
+        )
+    return "timing: what is stated of it leaves the viscosity open"
+
+
+def _show_guesses(groups: Sequence[FileGroup]) -> None:
+    """What no file states, for the first groups of files."""
+    guesses = [doubt for group in groups for doubt in group.doubts]
+    for doubt in guesses[:_GUESSES]:
+        typer.echo(f"check {printable(doubt)}", err=True)
+    if len(guesses) > _GUESSES:
+        typer.echo(f"{len(guesses) - _GUESSES} more guesses: palpate info FILE --suggest", err=True)
+
+
 def overview(rows: Sequence[Row], pipeline: Pipeline) -> Table:
     """File, values with combined uncertainty in display units, and verdict."""
     units = value_units(pipeline.tracks[0].model)
     shown = [name for name in _SHOWN if name in units] or list(units)[:2]
     heads = [f"{name}\n{display_unit(units[name])[0]}" for name in shown]
     cells = [
-        [_short(row["curve"]), *(_cell(row, name, units[name]) for name in shown), row.get("verdict") or "not read"]
+        [
+            _short(row["curve"]),
+            *(_cell(row, name, units[name]) for name in shown),
+            verdict_word(row.get("verdict") or "not read"),
+        ]
         for row in rows
     ]
     return Table.of("", ["file", *heads, "verdict"], cells, ["file", "verdict"])

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-import json
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import tomli_w
-from palpate import ConfigurationError, UserError, to_si
+from palpate import ConfigurationError, to_si
 from palpate.host import Pipeline, Registry, Source, build_pipeline, registry, suggest
-from palpate_kit.logs.draft_pipeline import readers_of, suggestion_of
+from palpate_kit.curves.alike_logs import alike_logs
+from palpate_kit.curves.curve_files import Curve
+from palpate_kit.logs.draft_pipeline import suggestion_of
 from palpate_kit.logs.recording import Suggestion
 
-from palpate_fits.curves import Curve
-
-DEVICE, SETTINGS = "log", "pipeline.toml"
+DEVICE = "log"
+_READER = f"device.{DEVICE}."
+_OF_TIP = re.compile(r"\b(tip|probe|indenter|ball|sphere|kugel)", re.IGNORECASE)
+_ACROSS = re.compile(r"diameter|durchmesser", re.IGNORECASE)
+_ALIKE = 0.02  # by which a tip may miss what a file states
 _TIMED = ("force", "position", "velocity")
 
 
@@ -27,6 +31,7 @@ class FileGroup:
     text: str  # of their pipeline
     path: Path  # what messages call it
     pipeline: Pipeline
+    doubts: tuple[str, ...]  # what in it is a guess
     curves: list[Curve] = field(default_factory=list)
 
 
@@ -64,24 +69,6 @@ def tip_table(text: str, known: Registry) -> dict[str, Any]:
     return {"type": name, **values}
 
 
-def files_among(sources: Sequence[Path], known: Registry) -> list[Path]:
-    """The files, and of folders all that a device reads and palpate did not write; raises ConfigurationError."""
-    readers = readers_of(known).values()
-    found: list[Path] = []
-    for source in sources:
-        if not source.exists():
-            raise ConfigurationError(f"{source}: there is no such file or folder")
-        if source.is_dir():
-            own = {settings.parent for settings in source.rglob(SETTINGS)}
-            files = [path for path in sorted(source.rglob("*")) if path.is_file() and not own & {*path.parents}]
-            found += [path for path in files if any(reader.recognises(path) for reader in readers)]
-        else:
-            found.append(source)
-    if not found:
-        raise ConfigurationError(f"{', '.join(map(str, sources))}: holds no file that palpate can read")
-    return list(dict.fromkeys(found))
-
-
 def file_groups(
     files: Iterable[Path],
     tip: str,
@@ -90,7 +77,7 @@ def file_groups(
     overrides: Sequence[str],
     refused: dict[str, str],
 ) -> Iterator[FileGroup]:
-    """Files by how they are read; `refused` takes those of which that cannot be told, with what must be said.
+    """Files by how they are read, the most first; `refused` takes the others, with what must be said.
 
     `choices` name the columns of roles, as of ``palpate info --suggest``.
 
@@ -98,32 +85,58 @@ def file_groups(
     """
     known = registry.load()
     parts = _parts(tip_table(tip, known), known.named("model", model), known)
-    groups: dict[str, FileGroup] = {}
-    for file in files:
-        try:
-            suggestion = _suggestion(file, choices, overrides)
-        except UserError as error:
-            refused[str(file)] = str(error).removeprefix(f"{file}: ")
-            continue
-        key = json.dumps([{**suggestion.device, "file": ""}, suggestion.alignment], default=str)
-        if key not in groups:
-            tables = _tables(suggestion, file, parts, overrides)
-            path = Path(f"pipeline of {file.name}")
-            groups[key] = FileGroup(tomli_w.dumps(tables), path, _built(tables, path, overrides))
-        groups[key].curves.append(Curve(str(file), str(file.resolve())))
-    yield from groups.values()
+    stated = {key.strip(): value.strip().strip("\"'") for key, _, value in (text.partition("=") for text in overrides)}
+    facts: dict[Path, Suggestion] = {}
+
+    def suggested(file: Path) -> Suggestion:
+        found = _suggestion(file, choices, stated, known)
+        facts[file] = replace(found, views={})  # without its numbers
+        return found
+
+    for group in alike_logs(files, suggested, refused):
+        first, suggestion = group.logs[0], group.suggestion
+        tables = _tables(suggestion, first, parts, stated)
+        path = Path(f"pipeline of {first.name}")
+        pipeline = _built(tables, path, overrides)
+        known_now = [text for key, text in suggestion.guesses.items() if f"{_READER}{key}" in stated]
+        others = f" and {len(group.logs) - 1} more" if len(group.logs) > 1 else ""
+        doubts = [f"{file.name}: {text}" for file in group.logs for text in _other_tips(facts[file], pipeline)]
+        doubts += [f"{first.name}{others}: {text}" for text in suggestion.doubts if text not in known_now]
+        curves = [Curve(str(file), str(file.resolve())) for file in group.logs]
+        yield FileGroup(tomli_w.dumps(tables), path, pipeline, tuple(doubts), curves)
 
 
-def _suggestion(file: Path, choices: Mapping[str, str], overrides: Sequence[str]) -> Suggestion:
+def _suggestion(file: Path, choices: Mapping[str, str], stated: Mapping[str, str], known: Registry) -> Suggestion:
     """How a file is read; raises ConfigurationError with what only the user can say."""
-    suggestion = suggestion_of(file, dict(choices))
-    answers = {assignment.partition("=")[0].strip() for assignment in overrides}
-    asked = [text for text in suggestion.blanks if f"device.{DEVICE}.{text.partition(':')[0]}" not in answers]
+    keys = {key.removeprefix(_READER): value for key, value in stated.items() if key.startswith(_READER)}
+    keys.pop("time", None)  # a table, which no choice is
+    suggestion = suggestion_of(file, {**keys, **choices}, known)
+    asked = [text for text in suggestion.blanks if f"{_READER}{text.partition(':')[0]}" not in stated]
     if asked:
         key = asked[0].partition(":")[0]
-        option = f"--{key}" if key in ("force", "position", "time", "rate") else f"--set device.{DEVICE}.{key}="
+        option = f"--{key}" if key in ("force", "position", "time", "rate") else f"--set {_READER}{key}=NUMBER"
         raise ConfigurationError(f"{asked[0]}; say it with {option}")
+    for role, columns in suggestion.rivals.items():
+        raise ConfigurationError(f"the {role} can be {', '.join(columns)}; say which with --{role}")
     return suggestion
+
+
+def _other_tips(suggestion: Suggestion, pipeline: Pipeline) -> list[str]:
+    """Where a file states another radius of the tip than its pipeline."""
+    radius = getattr(next(iter(pipeline.indenters.values())), "radius", None)
+    found = []
+    for line, name, value in suggestion.facts:
+        across = _ACROSS.search(name) is not None
+        if radius is None or not _OF_TIP.search(name) or not (across or "radius" in name.lower()):
+            continue
+        try:
+            unit = re.search(r"[\[(]([^\])]+)[\])]", name)
+            theirs = to_si(f"{value} {unit[1]}" if unit else value, "m") * (0.5 if across else 1.0)
+        except ValueError:
+            continue
+        if abs(theirs / radius - 1.0) > _ALIKE:
+            found.append(f"line {line} states {name}: {value}, and --tip a radius of {1e3 * radius:g} mm")
+    return found
 
 
 def _parts(tip: dict[str, Any], model: str, known: Registry) -> dict[str, Any]:
@@ -133,13 +146,13 @@ def _parts(tip: dict[str, Any], model: str, known: Registry) -> dict[str, Any]:
     return {"indenter": {"tip": tip}, "model": {model: table}, "estimator": {"fit": {"type": "casadi-fit"}}}
 
 
-def _tables(suggestion: Suggestion, file: Path, parts: Mapping[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
-    """The tables of the pipeline; delays and tare that neither file nor user states are assumed, and flagged."""
-    stated = {assignment.partition("=")[0].strip() for assignment in overrides}
+def _tables(suggestion: Suggestion, file: Path, parts: Mapping[str, Any], stated: Mapping[str, str]) -> dict[str, Any]:
+    """The tables of the pipeline; units, delays and tare that neither file nor user states are assumed, and flagged."""
     roles = [role for role in _TIMED if role in suggestion.alignment]
     timed = any(f"alignment.{role}.{key}" in stated for role in roles for key in ("delay", "uncertainty"))
     assumed = ["alignment.tare"] if "alignment.tare" not in stated else []
     assumed += [f"alignment.{role}.delay" for role in roles] if not timed else []
+    assumed += [f"{_READER}{key}" for key in suggestion.guesses if f"{_READER}{key}" not in stated]
     return {
         "run": {"assumed": assumed},
         "device": {DEVICE: {**suggestion.device, "file": str(file.resolve())}},

@@ -10,19 +10,28 @@ from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, OutputError, PalpateError
-from palpate.host import approved_plugins, finite_tree, load_pipeline, make_folder, withdraw_folder, write_whole
+from palpate.host import (
+    approved_plugins,
+    finite_tree,
+    load_pipeline,
+    make_folder,
+    values_on_trust,
+    withdraw_folder,
+    write_whole,
+)
+from palpate_kit.curves.curve_files import curve_files, curves_by
+from palpate_kit.curves.curve_fits import CurveReader, offline
+from palpate_kit.curves.fit_folder import is_fit_folder
+from palpate_kit.curves.folder_fits import fit_each
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_scheduler
-from palpate_kit.terminal.options import FormatOption, Overrides
+from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, WhereOption
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
 
-from palpate_fits.curve_fits import CurveReader
-from palpate_fits.curve_table import fit_each
-from palpate_fits.curves import curve_files, curves_by
 from palpate_fits.evaluation import each_cycle, evaluate
 from palpate_fits.fit_jobs import LogFit, fits_of
-from palpate_fits.fit_sources import leave_out, log_device, named_pipelines, offline
-from palpate_fits.fit_tables import each_table, fit_views
+from palpate_fits.fit_sources import leave_out, log_device, named_pipelines
+from palpate_fits.fit_tables import by_cycle, each_table, evaluation, fit_overview, fit_views
 
 _FIT = "fit.json"
 
@@ -40,7 +49,9 @@ def fit(
     tip: Annotated[
         str | None, typer.Option(help='Fit files without a pipeline, or folders of them: "sphere 3 mm" (its radius).')
     ] = None,
-    model: Annotated[str, typer.Option(help="With --tip: the contact model, by name or initials.")] = "dr",
+    model: Annotated[
+        str | None, typer.Option(help="With --tip: the contact model, by name or initials. [default: dr]")
+    ] = None,
     force: Annotated[str | None, typer.Option(help="With --tip: the column of the force.")] = None,
     position: Annotated[str | None, typer.Option(help="With --tip: the column of the height or depth.")] = None,
     time: Annotated[str | None, typer.Option(help="With --tip: the column of the time.")] = None,
@@ -52,15 +63,14 @@ def fit(
         ),
     ] = None,
     overrides: Overrides = None,
-    carry: Annotated[
-        bool,
-        typer.Option(help="Evaluate what was fitted on each log on all others with the surface of the first, too."),
-    ] = False,
+    cross: Annotated[bool, typer.Option("--cross", help="Evaluate what was fitted on each log on all others.")] = False,
+    carry: Annotated[bool, typer.Option(help="As --cross, with the surface of the first, too.")] = False,
     cycles: Annotated[bool, typer.Option("--cycles", help="Fit every cycle of a log by itself.")] = False,
     scheduler: SchedulerOption = None,
     stage: StageOption = None,
     pictures: Annotated[bool, typer.Option(help="Draw force over time and depth, and residuals.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of the tables.")] = False,
+    details: DetailsOption = False,
     layout: FormatOption = "table",
     each: Annotated[
         bool, typer.Option("--each", help="Thousands of curves, one a file: a row of fits.csv each; --out goes on.")
@@ -69,9 +79,39 @@ def fit(
     jobs: Annotated[
         int | None, typer.Option(help="With --each: curves at a time. [default: one per core]", min=1)
     ] = None,
+    where: WhereOption = None,
+    unset: Annotated[
+        list[str] | None,
+        typer.Option("--unset", metavar="TABLE.KEY", help="With --where: take an own setting of these curves back."),
+    ] = None,
+    groups: Annotated[
+        Path | None, typer.Option(help="Of a folder of fits: a CSV with a column `curve`, and columns to group by.")
+    ] = None,
+    no_refit: Annotated[
+        bool, typer.Option("--no-refit", help="Of many curves: write the settings, and fit nothing yet.")
+    ] = False,
 ) -> None:
-    """Fit every offline track to every log; compare, and evaluate what was found on one log on the others."""
+    """Fit every offline track to every log: elasticity, viscosity and a verdict for each.
+
+    A folder that --each or --tip has made is continued: what has changed since is fitted anew. There, --set, --tip
+    and --model change the settings of all curves, and --set with --where those of some.
+    """
     demand_scheduler(scheduler, stage)
+    if len(sources) == 1 and is_fit_folder(sources[0]):
+        from palpate_fits.folder_command import FolderChange, fit_folder
+
+        if pipeline is not None or out is not None or by is not None:
+            raise ConfigurationError(f"{sources[0]}: is a folder of fits, which has its pipeline; change it with --set")
+        change = FolderChange(
+            where, tuple(overrides or ()), tuple(unset or ()), tip, model, groups, not no_refit, jobs, as_json
+        )
+        fit_folder(sources[0], change)
+        return
+    for option, value in (("--where", where), ("--unset", unset), ("--groups", groups)):
+        if value:
+            raise ConfigurationError(f"{option}: is for one folder of fits, that --each or --tip has made")
+    if no_refit and not (tip or each):
+        raise ConfigurationError("--no-refit: is for many curves, with --each or --tip")
     if tip is not None:
         if pipeline is not None or any(source.suffix == ".toml" for source in sources):
             raise ConfigurationError("--tip is for files without a pipeline, which has a tip of its own")
@@ -79,25 +119,27 @@ def fit(
 
         given = {"force": force, "position": position, "time": time, "rate": rate}
         choices = {role: text for role, text in given.items() if text is not None}
-        fit_files(sources, FileFit(tip, model, choices, tuple(overrides or ()), out, jobs, as_json))
+        fit_files(
+            sources, FileFit(tip, model or "dr", choices, tuple(overrides or ()), out, jobs, as_json, not no_refit)
+        )
         return
     if each or by:
         if scheduler is not None:
             raise ConfigurationError("--each fits curves on the cores of this machine; it has no --scheduler")
-        _each(sources, pipeline, overrides or [], out, by, jobs, as_json)
+        _each(sources, pipeline, overrides or [], out, by, jobs, as_json, not no_refit)
         return
     if scheduler is not None:  # workers stand elsewhere
         sources, pipeline = [source.resolve() for source in sources], pipeline.resolve() if pipeline else None
     failures: dict[str, PalpateError] = {}
-    folder, logs = _fitted(sources, pipeline, overrides or [], out, scheduler, stage, pictures, failures)
-    crossed = evaluate(logs, carry) if len(logs) > 1 else []
+    folder, logs = _fitted(sources, pipeline, overrides or [], out, scheduler, stage, pictures, details, failures)
+    crossed = evaluate(logs, carry) if (cross or carry) and len(logs) > 1 else []
     by_cycle = [row for log in logs for row in each_cycle(log)] if cycles else []
     document = _document(logs, crossed, by_cycle)
     _write(folder, document)
     if as_json:
         typer.echo(json.dumps(document, indent=2))
     else:
-        _show(logs, crossed, by_cycle, folder)
+        _show(logs, crossed, by_cycle, folder, details)
     if failures:
         typer.echo(f"{len(failures)} of {len(sources)} logs failed: {', '.join(failures)}", err=True)
         raise typer.Exit(1)
@@ -111,6 +153,7 @@ def _fitted(
     scheduler: str | None,
     stage: str | None,
     pictures: bool,
+    details: bool,
     failures: dict[str, PalpateError],
 ) -> tuple[Path, list[LogFit]]:
     """The folder, and the logs that were fitted in the order of the sources; of the others, `failures` hold why.
@@ -119,6 +162,10 @@ def _fitted(
     """
     with progress(f"look at {len(sources)} sources"):
         loaded = named_pipelines(sources, reader, overrides, failures)
+    if details:
+        for name, pipeline in loaded:
+            told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
+            typer.echo(f"{name}: taken for known: {told}", err=True)
     names = [name for name, _ in loaded]
     gone_on_with = out is not None and (out / _FIT).is_file()
     folder = _folder(out, names)
@@ -152,12 +199,18 @@ def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
     return wanted
 
 
-def _show(logs: Sequence[LogFit], crossed: list[dict[str, Any]], cycles: list[dict[str, Any]], folder: Path) -> None:
-    terminal = console(160)
+def _show(
+    logs: Sequence[LogFit], crossed: list[dict[str, Any]], cycles: list[dict[str, Any]], folder: Path, details: bool
+) -> None:
+    terminal = console(160) if details else console()
     tables = {log.name: (log.result.tracks, log.result.flags) for log in logs}
-    for view in fit_views(tables, crossed, cycles):
+    for view in fit_views(tables) if details else fit_overview(tables):
         terminal.print(view)
-    terminal.print(f"written to {folder}", highlight=False, markup=False)
+    if crossed:
+        terminal.print(evaluation(crossed))
+    if cycles:
+        terminal.print(by_cycle(cycles))
+    terminal.print(f"written to {folder}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _each(
@@ -168,6 +221,7 @@ def _each(
     by: str | None,
     workers: int | None,
     as_json: bool,
+    fitting: bool,
 ) -> None:
     """Many curves, each a row of a table."""
     if reader is None:
@@ -182,7 +236,10 @@ def _each(
     told = CurveReader(pipeline.text, str(pipeline.path), tuple(assignments), device, approved_plugins())
     folder = out or make_folder("fit", None, datetime.now(UTC).astimezone())
     with progress("fit", "curves", None if by else len(files)):
-        table = fit_each(pipeline, told, curves, folder, workers)
+        table = fit_each(pipeline, told, curves, folder, workers, fitting=fitting)
+    if not fitting:
+        typer.echo(f"{len(files)} curves to fit: palpate fit {folder}")
+        return
     found = table.summary()
     if as_json:
         typer.echo(json.dumps({"table": str(table.path), "tracks": found}, indent=2))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, PalpateError, UserError
-from palpate.host import ConsentError, Pipeline, Source, build_pipeline, load_pipeline, values_on_trust
+from palpate.host import ConsentError, Pipeline, Source, build_pipeline, load_pipeline
+from palpate_kit.curves.curve_fits import offline
 from palpate_kit.runs.replay_source import RunLog, read_run_log, replay_source
 
 
@@ -57,15 +57,12 @@ def _carried(log: Path, overrides: list[str]) -> Pipeline:
     if carried is None:
         asked = "is a log; say its tip, as in --tip 'sphere 3 mm', or say with --pipeline FILE which pipeline reads it"
         raise ConfigurationError(f"{log}: {asked}")
-    typer.echo(f"{log}: tip, models and alignment are those of its run", err=True)
     source = replay_source(carried)
     for assignment in overrides:
         source.override(assignment)
     pipeline = build_pipeline(source)
     if not any(not track.estimator.online for track in pipeline.tracks):
         pipeline = build_pipeline(_with_fit(carried, overrides))
-    told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
-    typer.echo(f"taken for known: {told}", err=True)
     return pipeline
 
 
@@ -82,13 +79,3 @@ def log_device(pipeline: Pipeline, path: Path) -> str:
     if len(logs) != 1:
         raise ConfigurationError(f"{path}: --pipeline wants one device with a file, and this has {len(logs)}")
     return logs[0]
-
-
-def offline(pipeline: Pipeline) -> Pipeline:
-    """The pipeline with its offline tracks only."""
-    tracks = tuple(track for track in pipeline.tracks if not track.estimator.online)
-    if not tracks:
-        raise ConfigurationError(
-            f'{pipeline.path}: has no offline estimator; add for example [estimator.fit] type = "casadi-fit"'
-        )
-    return replace(pipeline, tracks=tracks)

@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from palpate import BudgetRow, Effect, Flag
-from palpate.host import Result, TrackResult, display_unit
+from palpate import BudgetRow, Effect, FitReport, Flag
+from palpate.host import Result, TrackResult, UncertainValue, display_unit
+from palpate_kit.terminal.flag_summary import doubt_lines
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.result_summary import flag_lines
 from palpate_kit.terminal.table import Table
@@ -20,12 +21,70 @@ if TYPE_CHECKING:
 Tracks = Mapping[str, TrackResult]
 
 
-def fit_views(
-    logs: Mapping[str, tuple[Tracks, Sequence[Flag]]],
-    crossed: Sequence[dict[str, Any]],
-    cycles: Sequence[dict[str, Any]],
-) -> Iterator[RenderableType]:
-    """Comparison of all fits, their evidence and flags, budgets, evaluation on other logs, and cycles."""
+_SHOWN = ("elasticity", "viscosity")
+
+
+def fit_overview(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[RenderableType]:
+    """Log, track where there are several, values and verdict; which model each record prefers; the worst doubts."""
+    from rich.text import Text
+
+    yield overview({name: tracks for name, (tracks, _) in logs.items()}).view()
+    for name, (tracks, _) in logs.items():
+        if sentence := evidence(tracks):
+            yield Text(f"{name}: {sentence}" if len(logs) > 1 else sentence)
+    single = all(len(tracks) == 1 for tracks, _ in logs.values())
+    concerned = {
+        name if single else f"{name} {label}": [*flags, *track.flags]
+        for name, (tracks, flags) in logs.items()
+        for label, track in tracks.items()
+    }
+    for line in doubt_lines(concerned):
+        yield Text(line, style="yellow")
+
+
+def overview(logs: Mapping[str, Tracks]) -> Table:
+    """A row for each fit: elasticity and viscosity, or the first two parameters of a model without, and the verdict."""
+    every = [track for tracks in logs.values() for track in tracks.values()]
+    units = {name: found.unit for track in every for name, found in _chief(track).items()}
+    heads = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
+    several = any(len(tracks) > 1 for tracks in logs.values())
+    rows = [
+        [
+            name,
+            *([label] if several else []),
+            *(_value(_chief(track).get(key) if track.usable else None) for key in units),
+            _verdict(track),
+        ]
+        for name, tracks in logs.items()
+        for label, track in tracks.items()
+    ]
+    left = ["log", *(["track"] if several else []), "verdict"]
+    return Table.of("", [*left[:-1], *heads, "verdict"], rows, left)
+
+
+def _chief(track: TrackResult) -> dict[str, UncertainValue]:
+    """The values of a track that an overview shows, by name; those of the model before what follows from them."""
+    values = {value.name: value.found for value in track.derived} | dict(track.parameters)
+    shown = [name for name in _SHOWN if name in values] or list(track.parameters)[:2]
+    return {name: values[name] for name in shown}
+
+
+def _value(found: UncertainValue | None) -> str:
+    if found is None or not math.isfinite(found.value):
+        return "-"
+    factor = display_unit(found.unit)[1]
+    return value_with_uncertainty(found.value * factor, found.combined * factor)
+
+
+def _verdict(track: TrackResult) -> str:
+    """The verdict, with the code that makes it invalid."""
+    if track.usable:
+        return track.verdict
+    return next((f"{track.verdict}: {flag.code}" for flag in track.flags if flag.severity == "invalid"), track.verdict)
+
+
+def fit_views(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[RenderableType]:
+    """Comparison of all fits, their evidence and flags, and the budget of each."""
     from rich.text import Text
 
     yield comparison({name: tracks for name, (tracks, _) in logs.items()}).view()
@@ -39,10 +98,6 @@ def fit_views(
         for label, track in tracks.items():
             if track.usable and track.report is not None and track.report.budget:
                 yield budget(f"{name}: {label}", track, all_sources(track, track.report.budget))
-    if crossed:
-        yield evaluation(crossed)
-    if cycles:
-        yield by_cycle(cycles)
 
 
 def each_table(tracks: Mapping[str, Mapping[str, Any]]) -> Table:
@@ -60,56 +115,72 @@ def each_table(tracks: Mapping[str, Mapping[str, Any]]) -> Table:
 def fits_of_a_run(result: Result) -> list[Table | str]:
     """Comparison of the offline fits among a run's tracks, where there are several."""
     fits = {name: track for name, track in result.tracks.items() if track.report is not None}
-    return [comparison({result.run["name"]: fits}), evidence(fits)] if len(fits) > 1 else []
+    return [comparison({result.run["name"]: fits})] if len(fits) > 1 else []
+
+
+def best_fit_of_a_run(result: Result) -> list[Table | str]:
+    """Which of its offline fits the record of a run prefers, where there are several."""
+    return list(filter(None, [evidence(result.tracks)]))
 
 
 def comparison(logs: Mapping[str, Tracks]) -> Table:
-    """One row for each fit: parameters with uncertainty, residual, evidence, autocorrelation, flags."""
+    """One row for each fit: what was looked for with uncertainty, residual, evidence, autocorrelation, flags."""
     head = ["log"] if len(logs) > 1 else []
-    left = [*head, "track", "parameters", "surface\nmm"]
-    numbers = ["residual\nN^2", "RMS\nN", "AIC", "BIC", "auto-\ncorrelation", "samples,\neffective", "flags"]
+    units = {name: unit for tracks in logs.values() for track in tracks.values() for name, unit in _unknowns(track)}
+    values = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
+    left = [*head, "track"]
+    numbers = ["surface\nmm", "residual\nN^2", "RMS\nN", "AIC", "BIC", "auto-\ncorrelation", "samples", "effective"]
     rows = [
-        [*([log] if head else []), label, *_row(track)]
+        [*([log] if head else []), label, *_row(track, list(units))]
         for log, tracks in logs.items()
         for label, track in tracks.items()
     ]
-    return Table.of("offline fits", [*left, *numbers], rows, left)
+    return Table.of("offline fits", [*left, *values, *numbers, "flags"], rows, [*left, "flags"])
 
 
-def _row(track: TrackResult) -> list[str]:
+def _unknowns(track: TrackResult) -> Iterator[tuple[str, str]]:
+    """Parameters, and what else a fit looked for, with their SI units."""
+    yield from ((name, found.unit) for name, found in track.parameters.items())
+    if track.report is not None:
+        yield from (
+            (name, known.unit) for name, known in track.report.unknowns.items() if known.free and name != "surface"
+        )
+
+
+def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
     codes = " ".join(sorted({flag.code for flag in track.flags}))
     report = track.report
     if not track.usable or (report is None and not any(math.isfinite(f.value) for f in track.parameters.values())):
-        return ["not fitted" if report is None else "not usable", "", "", "", "", "", "", "", codes]
-    lines = [_parameter(name, f.value, f.combined, f.unit) for name, f in track.parameters.items()]
-    surface = value_with_uncertainty(1e3 * track.surface.value, 1e3 * track.surface.combined)
+        said = "not fitted" if report is None else "not usable"
+        return [*([said] * len(names)), *([""] * 8), codes]
+    cells = [_value(track.parameters[name]) if name in track.parameters else _unknown(report, name) for name in names]
+    cells.append(value_with_uncertainty(1e3 * track.surface.value, 1e3 * track.surface.combined))
     if report is None:  # an offline estimator that is no fit, or reports nothing
-        return ["\n".join(lines), surface, "", f"{track.force_rms:.4g}", "", "", "", str(track.samples), codes]
-    lines += [
-        _parameter(name, known.value, known.std, known.unit)
-        for name, known in report.unknowns.items()
-        if known.free and name not in track.parameters and name != "surface"
-    ]
+        return [*cells, "", f"{track.force_rms:.4g}", "", "", "", str(track.samples), "", codes]
     return [
-        "\n".join(lines),
-        surface,
+        *cells,
         f"{report.rss:.4g}",
         f"{report.rms:.4g}",
         _number(report.aic, ".1f"),
         _number(report.bic, ".1f"),
         _number(report.autocorrelation, ".2f"),
-        f"{report.samples}\n{_number(report.effective_samples, '.0f')}",
+        str(report.samples),
+        _number(report.effective_samples, ".0f"),
         codes,
     ]
 
 
+def _unknown(report: FitReport | None, name: str) -> str:
+    """What a fit looked for beside the parameters of the model; nothing where it did not."""
+    known = None if report is None else report.unknowns.get(name)
+    if known is None or not known.free:
+        return ""
+    factor = display_unit(known.unit)[1]
+    return value_with_uncertainty(known.value * factor, (known.std or 0.0) * factor)
+
+
 def _number(value: float | None, form: str) -> str:
     return "-" if value is None else format(value, form)
-
-
-def _parameter(name: str, value: float, std: float | None, unit: str) -> str:
-    word, factor = display_unit(unit)
-    return f"{name} {value_with_uncertainty(value * factor, (std or 0.0) * factor)} {word}"
 
 
 def evidence(tracks: Tracks) -> str:
@@ -183,16 +254,22 @@ def _left(row: dict[str, Any] | None) -> str:
 
 
 def by_cycle(rows: Sequence[dict[str, Any]]) -> RenderableType:
-    """One row for each cycle."""
-    from rich.table import Table
-
-    table = Table(title="every cycle by itself", title_justify="left")
-    for heading in ("log", "track", "cycle", "parameters", "RMS N", "flags"):
-        table.add_column(heading)
+    """One row for each cycle: what was looked for, its residual and its flags."""
+    units = {name: known["unit"] for row in rows for name, known in row["unknowns"].items() if known["free"]}
+    heads = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
+    cells = []
     for row in rows:
         free = {name: known for name, known in row["unknowns"].items() if known["free"]}
-        found = [_parameter(name, known["value"], known["std"], known["unit"]) for name, known in free.items()]
+        values = [_cycle_value(free.get(name)) if free else "not fitted" for name in units]
         codes = " ".join(sorted({flag["code"] for flag in row["flags"]}))
         rms = "-" if row["rms"] is None else f"{row['rms']:.4g}"
-        table.add_row(row["log"], row["track"], str(row["cycle"]), "\n".join(found) or "not fitted", rms, codes)
-    return table
+        cells.append([row["log"], row["track"], str(row["cycle"]), *values, rms, codes])
+    left = ["log", "track", "cycle", "flags"]
+    return Table.of("every cycle by itself", [*left[:3], *heads, "RMS\nN", "flags"], cells, left).view()
+
+
+def _cycle_value(known: dict[str, Any] | None) -> str:
+    if known is None:
+        return ""
+    factor = display_unit(known["unit"])[1]
+    return value_with_uncertainty(known["value"] * factor, (known["std"] or 0.0) * factor)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from palpate import ContactModel
+from palpate import ConfigurationError, ContactModel
 from palpate.host import registry as registries
-from pydantic import ValidationError
 
 from palpate_indentation.approach_fit import CurveFit, fit_curve
 from palpate_indentation.elastic_law import ElasticLaw
@@ -53,7 +52,7 @@ def sphere_laws(
         try:
             fields = {key: getattr(law.model, key) for key in type(law.model).model_fields}
             model = law.model if chosen else type(law.model)(**{**fields, "indenter": tip})
-        except ValidationError:  # a thickness correction that is for one of the laws only
+        except ConfigurationError:  # a thickness correction that is for one of the laws only
             continue
         other = law.with_model(model)
         fit = fit_curve(other, branch, noise, tilt=tilt, robust=robust)

@@ -17,13 +17,13 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
+from palpate_kit.page.datagrams import Header, Rows, unpack
+from palpate_kit.page.gate import admit_viewer
 from websockets.asyncio.server import ServerConnection, broadcast
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
-from palpate_live.access import admit_viewer
-from palpate_live.datagrams import Header, Rows, unpack
 from palpate_live.page_server import listen, process_arguments, see_off, work
 from palpate_live.row_columns import COMMON, PER_TRACK
 

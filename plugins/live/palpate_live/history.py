@@ -8,8 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
-
-from palpate_live.datagrams import Header, Rows, pack, pack_rows, unpack
+from palpate_kit.page.datagrams import Header, Rows, pack, pack_rows, unpack
 
 ROWS = 24_000  # four minutes in full; of a longer run the older part is ever coarser
 ROWS_RECORDED = 240_000

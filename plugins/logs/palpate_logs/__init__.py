@@ -58,9 +58,9 @@ def palpate_commands() -> dict[str, Command]:
     """Looking at logs."""
     where = "palpate_logs.commands"
     return {
-        "info": Command(f"{where}.info:info", "Contents of a log, and a pipeline that reads it.", "logs"),
+        "info": Command(f"{where}.info:info", "Show what a log contains, and suggest a pipeline for it.", "logs"),
         "log export": Command(f"{where}.export:export", "A log as CSV, NPZ, MAT or Parquet.", "logs", "export"),
-        "record": Command(f"{where}.record:record", "The streams of a pipeline into a log, without estimates.", "run"),
+        "record": Command(f"{where}.record:record", "Record the streams of a pipeline, without estimates.", "logs"),
         "log recover": Command(
             f"{where}.recover:recover", "The undamaged part of a log as a new log.", "logs", "recover"
         ),

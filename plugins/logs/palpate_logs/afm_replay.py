@@ -131,7 +131,7 @@ class AfmReplay(Recording):
         )  # fmt: skip
 
     @classmethod
-    def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+    def tables(cls, path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
         """See `Recording`; a curve without time is left out."""
         for i, curve in enumerate(_curves(path)):
             time = curve.time(None, path)
@@ -139,6 +139,8 @@ class AfmReplay(Recording):
                 name, stamps = f"curve {i}", _stamps(time)
                 columns = np.column_stack([curve.column(key) for key in curve.columns])
                 yield name, curve.columns, Batch(name, stamps, stamps, columns)
+            elif notes is not None:
+                notes.append(f"curve {i} has no time, and is left out")
 
 
 @dataclass(frozen=True)
@@ -183,8 +185,11 @@ class _AfmCurve:
         return np.take(np.asarray(meanings), self.column("segment").astype(int), mode="clip")
 
     def column(self, name: str) -> Floats:
-        """(n,) as recorded."""
-        return np.asarray(self.data[name], np.float64)
+        """(n,) as recorded; raises LogError where that is damaged."""
+        try:
+            return np.asarray(self.data[name], np.float64)
+        except (OSError, ValueError, TypeError) as error:  # read now, not when the file was opened
+            raise LogError(f"{self.data.path}: its {name} cannot be read: {error}") from error
 
     def time(self, rate: float | None, path: Path) -> Floats | None:
         """(n,) [s] that advances from every reading to the next; None where neither file nor `rate` gives it."""

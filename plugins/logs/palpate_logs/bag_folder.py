@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Callable, Iterator, Mapping, Set
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 from palpate import LogError, printable
 from palpate_kit.logs.log_files import regular
 from palpate_kit.logs.mcap_file import McapFile
+from palpate_kit.logs.topic_kinds import named_by_kind
 from palpate_kit.logs.topics import Container, Messages, Topic
 
-from palpate_logs.sqlite_bag import SqliteBag
+from palpate_logs.sqlite_bag import SqliteBag, unpacked_rows
 
 _METADATA = 1 << 24  # [bytes] of metadata.yaml that are read
 _NAMES = 1 << 20  # characters of a list of files
@@ -24,9 +27,9 @@ class Bag:
     def __init__(self, path: Path, accept_cut: bool = False) -> None:
         self.path = path
         self.files = bag_files(path)
-        packed = path.is_dir() and _setting(path / "metadata.yaml", "compression_mode").lower() == "message"
+        self._packed = path.is_dir() and _setting(path / "metadata.yaml", "compression_mode").lower() == "message"
         self._parts: list[Container] = [
-            McapFile(file, accept_cut) if file.name.endswith(".mcap") else SqliteBag(file, packed)
+            McapFile(file, accept_cut) if file.name.endswith(".mcap") else SqliteBag(file, self._packed)
             for file in self.files
         ]
 
@@ -43,16 +46,16 @@ class Bag:
     @property
     def topics(self) -> Mapping[str, Topic]:
         """The topics of all files."""
-        return self._topics
+        found: dict[str, Topic] = {}
+        for topic in self._topics.values():
+            found.setdefault(topic.name, topic)
+        return found
 
     @cached_property
-    def _topics(self) -> Mapping[str, Topic]:
-        found: dict[str, Topic] = {}
-        for part in self._parts:
-            for name, topic in part.topics.items():
-                if found.setdefault(name, topic).type != topic.type:
-                    raise LogError(f"{self.path}: topic {name} changes its type from one file to the next")
-        return found
+    def _topics(self) -> Mapping[tuple[int, str], Topic]:
+        """Those of each file, by its number and the name there."""
+        parts = enumerate(self._parts)
+        return named_by_kind({(i, name): topic for i, part in parts for name, topic in part.topics.items()})
 
     @property
     def span(self) -> tuple[int, int] | None:
@@ -65,10 +68,22 @@ class Bag:
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
         """Messages of the wanted topics, file after file."""
-        for part in self._parts:
-            present = {name for name in wanted if name in part.topics}
-            if present:
-                yield from part.blocks(present, begin, end)
+        for i, part in enumerate(self._parts):
+            names = {name: self._topics[i, name].name for name in part.topics}
+            present = {name for name in names if names[name] in wanted}
+            for name, messages in part.blocks(present, begin, end) if present else ():
+                packed = self._packed and isinstance(part, McapFile)
+                yield from ((names[name], some) for some in (self._unpacked(messages) if packed else (messages,)))
+
+    def _unpacked(self, messages: Messages) -> Iterator[Messages]:
+        """Messages that were compressed one by one, a few at a time."""
+        rows = [(0, row, messages.payload(row)) for row in range(len(messages))]
+        try:
+            for some in unpacked_rows(rows):
+                kept = np.array([row for _, row, _ in some])
+                yield Messages.joined([raw for _, _, raw in some], messages.logged[kept], messages.published[kept])
+        except sqlite3.DatabaseError as error:
+            raise LogError(f"{self.path}: {error}") from error
 
 
 def bag_files(path: Path) -> list[Path]:

@@ -1,27 +1,58 @@
-"""Cells of a CSV log: their numbers, and decimal commas, which it must not have."""
+"""Cells of a table: the numbers and the times of day in them."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from functools import cache
 
 from palpate import is_number
 
-POINTS = "write the numbers with points"  # the advice where they have commas
+POINTS = 'state decimal = ","'  # the advice where numbers have decimal commas
 
 
-def number(cell: str) -> float:
-    """The number in a cell; raises ValueError. ``1_5`` is none: Python alone takes it for 15."""
-    if "_" in cell:
+def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
+    """The number in a cell; raises ValueError. ``1_5`` is none: Python alone takes it for 15.
+
+    >>> number("1.234,5", ",", ".")
+    1234.5
+    """
+    text = cell.strip()
+    if "_" in text:
         raise ValueError(cell)
-    return float(cell)
+    if thousands:
+        text = text.replace("\u00a0", " ").replace("\u202f", " ")
+        if _grouped(decimal, thousands).fullmatch(text):
+            text = text.replace(thousands, "")
+    if decimal == ",":
+        if "." in text:
+            raise ValueError(cell)
+        text = text.replace(",", ".", 1)
+    return float(text)
 
 
-def number_or_nan(cell: str) -> float:
+def number_or_nan(cell: str, decimal: str = ".", thousands: str = "") -> float:
     """The number in a cell; NaN where it is none."""
     try:
-        return number(cell)
+        return number(cell, decimal, thousands)
     except ValueError:
         return float("nan")
+
+
+@cache
+def _grouped(decimal: str, thousands: str) -> re.Pattern[str]:
+    """What a number with marks between its thousands looks like."""
+    return re.compile(rf"[+-]?\d{{1,3}}(?:{re.escape(thousands)}\d{{3}})+(?:{re.escape(decimal)}\d*)?")
+
+
+def is_grouped(cell: str, decimal: str, thousands: str) -> bool:
+    """Whether a cell can be a number with marks between its thousands.
+
+    >>> is_grouped("1,234", ".", ","), is_grouped("0,234", ".", ","), is_grouped("1,23", ".", ",")
+    (True, False, False)
+    """
+    text = cell.strip().lstrip("+-")
+    return not text.startswith("0") and _grouped(decimal, thousands).fullmatch(text) is not None
 
 
 def has_decimal_comma(cell: str) -> bool:

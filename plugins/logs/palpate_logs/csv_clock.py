@@ -10,10 +10,12 @@ import numpy as np
 from palpate import Floats, LogError, to_si
 from palpate_kit.logs.readings import si_unit
 
+from palpate_logs.csv_clock_times import CLOCK
+from palpate_logs.csv_names import begins_as_time, role_by_words
 from palpate_logs.csv_sheet import Sheet
 
 RATES = (20.0, 5000.0)  # [Hz] of a recording, by which the unit of a time without one is found
-NAMES = ("time", "t", "stamp", "timestamp", "second", "seconds", "sec", "secs")
+_ALIKE = 0.2  # share of the rows with the stamp of the row before, above which a clock is too coarse
 
 
 @dataclass(frozen=True)
@@ -38,13 +40,21 @@ def clock_of(sheet: Sheet, values: Floats, choices: Mapping[str, str]) -> TimeCo
     if "time" in choices:
         columns = [sheet.index_of("time", choices["time"])]
     else:
-        columns = [k for k, name in enumerate(sheet.names) if _first_word(name) in NAMES]
+        columns = [k for k, name in enumerate(sheet.names) if begins_as_time(name)]
+        columns += [k for k, name in enumerate(sheet.names) if role_by_words(name) == "time" and k not in columns]
+        columns += [k for k in sorted(sheet.layout.clocks) if k not in columns]
     named = len(columns)
     rest = [] if "time" in choices else [k for k in range(len(sheet.names)) if k not in columns]
     columns += [k for k in rest if _ticks(values[:, k])]
-    for i, k in enumerate(columns):
-        steps = np.diff(values[:, k])
+    for i, k in sorted(enumerate(columns), key=lambda pair: _falls(values[:, pair[1]])):
+        steps = np.diff(values[np.isfinite(values[:, k]), k])
         usual = float(np.median(steps)) if len(steps) else 0.0
+        if k in sheet.layout.clocks:
+            if np.mean(steps == 0) > _ALIKE:
+                continue  # whole seconds say nothing of what is between
+            often = f"{1.0 / float(np.mean(steps[steps > 0])):.4g} Hz" if (steps > 0).any() else "one row"
+            setting = {"time": {"column": sheet.column(k), "unit": CLOCK}}
+            return TimeColumn(values[:, k], setting, f"time of day: {often}", k)
         unit = sheet.unit(k) or next((u for u in ("s", "ms", "us", "ns") if usual > 0 and _plausible(usual, u)), None)
         if unit is None or si_unit(unit)[0] != "s":
             continue
@@ -54,10 +64,9 @@ def clock_of(sheet: Sheet, values: Floats, choices: Mapping[str, str]) -> TimeCo
     return None
 
 
-def _first_word(name: str) -> str:
-    """Up to a space, an underscore or a bracket."""
-    ends = [at for at in map(name.find, "_ [(\t") if at >= 0]
-    return name[: min(ends, default=len(name))].lower()
+def _falls(values: Floats) -> bool:
+    """Whether a column begins anew, as the time of a cycle does."""
+    return bool((np.diff(values[np.isfinite(values)]) < 0).any())
 
 
 def _plausible(step: float, unit: str) -> bool:

@@ -2,39 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Batch, Floats, LogError
-from palpate_kit.logs.field_statistics import FieldStatistics
-from palpate_kit.logs.readings import LATEST, SECOND, nanoseconds, si_unit
-from palpate_kit.logs.recording import Suggestion, Survey, TopicSurvey
+from palpate import Floats, LogError
+from palpate.host import suggest
+from palpate_kit.logs.readings import si_unit
+from palpate_kit.logs.recording import Suggestion
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
 from palpate_kit.logs.suggestion import assemble_suggestion, find_roles
 
-from palpate_logs.csv_clock import NAMES, RATES, TimeColumn, clock_of
-from palpate_logs.csv_sheet import Sheet, column_text, together
-from palpate_logs.csv_truncation import cut_number
+from palpate_logs.csv_clock import RATES, TimeColumn, clock_of
+from palpate_logs.csv_layout import facts_worth_stating
+from palpate_logs.csv_names import exact_role, is_depth, is_of_retraction, role_by_words
+from palpate_logs.csv_sheet import KEYS, Sheet, column_text, together
 from palpate_logs.csv_units import DIMENSIONS, units_of
 
 _ROWS = 400_000  # that are looked into
-_PAUSE = 10.0  # usual intervals that make a gap
-_WORDS = {
-    "force": ("force", "f", "fz", "f_z", "force_z", "forcez", "fn", "load"),
-    "position": ("position", "pos", "z", "pos_z", "posz", "height", "depth", "displacement", "penetration"),
-    "velocity": ("velocity", "vel", "v", "vz", "v_z", "vel_z", "velz", "speed"),
-    "time": NAMES,
-}
 _NICE = (20, 25, 50, 60, 80, 100, 120, 125, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500, 2000, 2500, 4000, 5000)
 _USUAL = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
 _NEAR = 0.05  # by which a rate found from the numbers may miss one of those
 
 
 @dataclass(frozen=True)
-class _SheetRoles:
+class SheetRoles:
     """A file, looked into."""
 
     sheet: Sheet
@@ -43,23 +38,34 @@ class _SheetRoles:
 
     def series(self) -> list[NumberColumn]:
         """Every column but the time, with its role by its unit or name."""
-        names = self.sheet.names
         time = self.clock.seconds if self.clock else np.arange(len(self.values), dtype=float)
+        roles = self._roles()
         found: list[NumberColumn] = []
-        for k, name in enumerate(names):
-            if self.clock is not None and k == self.clock.column:
+        for k, role in enumerate(roles):
+            if role == "time" or (self.clock is not None and k == self.clock.column) or _counts(self.values[:, k]):
                 continue
             unit = self.sheet.unit(k)
-            role = DIMENSIONS.get(si_unit(unit)[0], "other") if unit else _role_by_name(name)
             why = f"in {unit}" if unit else "by its name" if role else ""
             label = f"column {column_text(self.sheet.column(k))}"
-            if role != "time" and not _counts(self.values[:, k]):
-                found.append(NumberColumn(label, time, self.values[:, k], role, why, unit, ("", str(k))))
+            found.append(NumberColumn(label, time, self.values[:, k], role, why, unit, ("", str(k))))
         return found
 
-
-def _role_by_name(name: str) -> str | None:
-    return next((role for role, words in _WORDS.items() if name.strip().lower() in words), None)
+    def _roles(self) -> list[str | None]:
+        """What each column's unit states, else its name, else a word of it; "other" is none."""
+        names, roles = self.sheet.names, []
+        for k, name in enumerate(names):
+            unit, by_words = self.sheet.unit(k), role_by_words(name)
+            by_unit = DIMENSIONS.get(si_unit(unit)[0], "other") if unit else None
+            roles.append("other" if by_words == "other" and by_unit != "force" else by_unit or exact_role(name))
+        for role in (*ROLES, "other"):
+            if role == "other" or role not in roles:
+                roles = [mine or (role if role_by_words(name) == role else None) for mine, name in zip(roles, names)]
+        places = [k for k, mine in enumerate(roles) if mine == "position"]
+        if depths := [k for k in places if is_depth(names[k])]:
+            roles = ["other" if k in places and k not in depths else mine for k, mine in enumerate(roles)]
+        if not all(map(is_of_retraction, names)):
+            roles = ["other" if is_of_retraction(name) else mine for mine, name in zip(roles, names)]
+        return roles
 
 
 def _counts(values: Floats) -> bool:
@@ -67,75 +73,23 @@ def _counts(values: Floats) -> bool:
     return len(values) > 2 and bool((np.diff(values) == 1).all())
 
 
-def _look(path: Path, choices: Mapping[str, str]) -> _SheetRoles:
-    sheet = Sheet.of(path)
+def look(path: Path, choices: Mapping[str, str]) -> SheetRoles:
+    """A file with its numbers and its time; raises LogError."""
+    sheet = Sheet.of(path, {key: choices[key] for key in KEYS if key in choices})
     values = together(sheet.blocks(), _ROWS)
-    return _SheetRoles(sheet, values, clock_of(sheet, values, choices))
-
-
-def survey_csv(path: Path) -> Survey:
-    """What a CSV file contains: its rows, their rate, and what its columns may be."""
-    looked = _look(path, {})
-    sheet, clock = looked.sheet, looked.clock
-    found = find_roles(looked.series(), {})
-    may = {int(p.series.key[1]): role for role, p in found.picks.items()} if found else {}
-    may |= {clock.column: "time"} if clock and clock.column is not None else {}
-    columns = []
-    gathered = FieldStatistics([f"{name}{f' ({may[k]}?)' if k in may else ''}" for k, name in enumerate(sheet.names)])
-    rows = 0
-    for block in sheet.blocks():
-        rows += len(block)
-        gathered.add(block)
-    columns = list(gathered.names)
-    kind = f"{len(sheet.names)} columns, {'a header' if sheet.header else 'no header'}, {sheet.delimiter!r} between"
-    notes: tuple[str, ...] = (
-        () if clock else ("no column is the time: give the rate, --rate '500 Hz', or the column, --time",)
-    )
-    if (cut := cut_number(path, sheet.delimiter)) is not None:
-        notes += (
-            f"the file was cut within its last number, {cut}: its line has no end, all numbers above have more digits",
-        )
-    if clock is None:
-        numbers = gathered.surveys()
-        topic = TopicSurvey(path.name, kind, "csv", rows, 0, 0, fields=tuple(columns), numbers=numbers)
-        return Survey(path, "CSV", (topic,), notes)
-    stamps = nanoseconds(clock.seconds[np.abs(clock.seconds) < LATEST])
-    steps = np.diff(np.sort(stamps)).astype(np.float64) / SECOND
-    low, usual, high = (float(p) for p in np.percentile(steps, (1, 50, 99))) if len(steps) else (0.0, 0.0, 0.0)
-    topic = TopicSurvey(
-        path.name,
-        kind,
-        "csv",
-        rows,
-        int(stamps.min()),
-        int(stamps.max()),
-        (low, usual, high),
-        int(np.count_nonzero(steps > _PAUSE * usual)),
-        float(steps.max(initial=0.0)),
-        None,
-        tuple(columns),
-        gathered.surveys(),
-    )
-    return Survey(path, "CSV", (topic,), notes)
-
-
-def tables_csv(path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-    """Every row that has a time, in blocks, as recorded; raises LogError where no column is the time."""
-    looked = _look(path, {})
-    sheet, clock = looked.sheet, looked.clock
-    if clock is None or clock.column is None:
-        raise LogError(f"{path}: no column is the time (there are: {sheet.columns})")
-    scale = si_unit(str(clock.setting["time"]["unit"]))[1]
-    for block in sheet.blocks():
-        with np.errstate(invalid="ignore", over="ignore"):
-            rows = np.abs(block[:, clock.column] * scale) < LATEST
-        stamps = nanoseconds(block[rows, clock.column] * scale)
-        yield path.name, sheet.names, Batch(path.name, stamps, stamps, block[rows])
+    clock = clock_of(sheet, values, choices)
+    if clock is not None and not (timed := np.isfinite(clock.seconds)).all():
+        return SheetRoles(sheet, values[timed], replace(clock, seconds=clock.seconds[timed]))
+    return SheetRoles(sheet, values, clock)
 
 
 def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     """Tables that read a CSV file; raises LogError where nothing in it can be a force or a position."""
-    looked = _look(path, choices)
+    known = [*ROLES, "time", "rate", *KEYS]
+    for key in choices:
+        if key not in (*known, "file", "type") and not key.startswith("columns."):
+            raise LogError(f"{path}: a table has no {key!r}{suggest(key, known)} (there are: {', '.join(known)})")
+    looked = look(path, choices)
     sheet, clock = looked.sheet, looked.clock
     series = looked.series()
     chosen = {role: _chosen(sheet, series, role, choices[role]) for role in ROLES if role in choices}
@@ -143,7 +97,8 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     if found is None:
         there = sheet.columns
         raise LogError(f"{path}: no two columns can be force and position; choose with --force, --position ({there})")
-    units, doubts = units_of(found, clock is not None)
+    units, guesses = units_of(found, sheet, clock is not None)
+    doubts = list(guesses.values())
     factors = {role: si_unit(unit)[1] for role, unit in units.items()}
     device: dict[str, Any] = {"type": "csv-replay", "file": str(path)}
     extra: dict[str, list[str]] = {"reasons": [], "doubts": doubts, "blanks": [], "hints": []}
@@ -157,14 +112,55 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     else:
         rate = _rate(found, factors, extra)
         device["rate"] = "? Hz" if rate is None else f"{rate:g} Hz"
-    if sheet.delimiter != ",":
-        device["delimiter"] = sheet.delimiter
-    columns = {role: int(pick.series.key[1]) for role, pick in found.picks.items()}
-    device["columns"] = {role: {"column": sheet.column(k), "unit": units[role]} for role, k in columns.items()}
+    device |= sheet.settings
+    device["columns"] = _columns(found, sheet, units, choices, extra["blanks"])
+    trials = _other_trials(found, sheet)
+    doubts += [f"{role}: {names[0]} and {', '.join(names[1:])} can be it" for role, names in trials.items()]
+    back = [name for name in sheet.names if is_of_retraction(name)]
+    if back:
+        extra["reasons"].append(f"left out: {', '.join(map(column_text, back))}: the way back, beside the way in")
+    facts = facts_worth_stating(sheet.facts)
+    extra["hints"] += [f"line {fact.line} states: {fact.name}: {fact.value}" for fact in facts]
     channels = {role: f"log.{role}" for role in found.picks}
-    return assemble_suggestion(
-        found, device, channels, factors, extra, 1.0 if clock is not None else 1.0 / (rate or _USUAL)
-    )
+    second = 1.0 if clock is not None else 1.0 / (rate or _USUAL)
+    suggestion = assemble_suggestion(found, device, channels, factors, extra, second)
+    keys = {f"columns.{role}.unit": text for role, text in guesses.items()}
+    rivals = {**suggestion.rivals, **trials}
+    stated = tuple((fact.line, fact.name, fact.value) for fact in facts)
+    return replace(suggestion, guesses=keys, rivals=rivals, facts=stated)
+
+
+def _other_trials(found: RoleGuess, sheet: Sheet) -> dict[str, tuple[str, ...]]:
+    """By role, columns that differ by a number in their names only and serve as well: several presses in one table."""
+    trials: dict[str, tuple[str, ...]] = {}
+    for role, pick in found.picks.items():
+        indices = [int(series.key[1]) for series in (pick.series, *pick.others)]
+        stems = [re.sub(r"\d+", "", sheet.names[k]) for k in indices]
+        alike = [sheet.names[k] for k, stem in zip(indices, stems) if stem == stems[0] and sheet.header]
+        if len(alike) > 1 and "chosen" not in pick.why:
+            trials[role] = tuple(sorted(alike))
+    return trials
+
+
+def _columns(
+    found: RoleGuess, sheet: Sheet, units: Mapping[str, str], choices: Mapping[str, str], blanks: list[str]
+) -> dict[str, dict[str, Any]]:
+    """The columns by role; what one of a unit is that only a person knows, is a blank."""
+    columns: dict[str, dict[str, Any]] = {}
+    for role, pick in found.picks.items():
+        k = int(pick.series.key[1])
+        columns[role] = {"column": sheet.column(k), "unit": units[role]}
+        if not sheet.needs_scale(k):
+            continue
+        key = f"columns.{role}.scale"
+        try:
+            columns[role]["scale"] = float(choices[key]) if key in choices else "?"
+        except ValueError as error:
+            raise LogError(f"{sheet.path}: {key} = {choices[key]!r}: a number is wanted") from error
+        if key not in choices:
+            per = f"how many {units[role]} one {sheet.written_unit(k)} of {pick.series.label} is"
+            blanks.append(f"{key}: {per}")
+    return columns
 
 
 def _rate(found: RoleGuess, factors: Mapping[str, float], extra: Mapping[str, list[str]]) -> float | None:

@@ -5,18 +5,20 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from palpate_logs.csv_workbook import WORKBOOKS
+
 _TAIL = 1 << 16  # [bytes] that are looked into
 _LINES = 100  # before the last one, of which none is as short by chance: one table in a hundred, where digits vary
 _NUMBER = re.compile(r"[+-]?(\d*)(?:\.(\d*))?(?:[eE][+-]?(\d+))?")
 
 
-def cut_number(path: Path, delimiter: str) -> str | None:
+def cut_number(path: Path, delimiter: str, decimal: str = ".") -> str | None:
     """The last number of a file, if its line has no end and all numbers above it have more digits.
 
     Digits of the exponent, else behind the point, else of whole numbers: of a number that was cut, those that matter
     are the first to go. Tables written by hand often have no last end of line; a file that was packed is whole.
     """
-    if path.suffix == ".gz":
+    if path.suffix in (".gz", *WORKBOOKS):
         return None
     with path.open("rb") as file:
         size = file.seek(0, 2)
@@ -25,6 +27,9 @@ def cut_number(path: Path, delimiter: str) -> str | None:
             return None
         file.seek(max(size - _TAIL, 0))
         text = file.read().decode(errors="replace")
+    if "\0" in text:  # UTF-16
+        return None
+    text = text.replace(",", ".") if decimal == "," else text
     *above, last = text.splitlines() or [""]
     if '"' in text:
         return None

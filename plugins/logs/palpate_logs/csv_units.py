@@ -7,33 +7,44 @@ from palpate_kit.logs.readings import si_unit
 from palpate_kit.logs.role_guess import RoleGuess
 from palpate_kit.logs.suggestion import force_unit, length_unit
 
+from palpate_logs.csv_names import weight_of
+from palpate_logs.csv_sheet import Sheet
+
 DIMENSIONS = {"N": "force", "m": "position", "m/s": "velocity"}  # roles, by the SI unit of a column
+_SCALED = {"force": "N", "position": "mm", "velocity": "mm/s"}  # what volts and counts are scaled to
 _LIKE = 0.25  # by which a velocity may miss the slope of the position, of their units' ratio
 
 
-def units_of(found: RoleGuess, clocked: bool) -> tuple[dict[str, str], list[str]]:
-    """Units from the header, else the likeliest; and which of them are guesses; `clocked`: its time is known."""
-    units = {
-        r: p.series.unit
-        for r, p in found.picks.items()
-        if p.series.unit and DIMENSIONS.get(si_unit(p.series.unit)[0]) == r
-    }
-    doubts = []
-    spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in found.picks.items()}
+def units_of(found: RoleGuess, sheet: Sheet, clocked: bool) -> tuple[dict[str, str], dict[str, str]]:
+    """Units by role from the header, else the likeliest; and what is said of those; `clocked`: its time is known."""
+    picks = found.picks
+    columns = {role: int(pick.series.key[1]) for role, pick in picks.items()}
+    units = {r: u for r, k in columns.items() if (u := sheet.unit(k)) and DIMENSIONS.get(si_unit(u)[0]) == r}
+    guesses: dict[str, str] = {}
+    spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in picks.items()}
+    for role, k in columns.items():
+        if sheet.needs_scale(k) and role not in units:
+            units[role] = _SCALED[role]
+    weight = weight_of(sheet.written_unit(columns["force"]))
+    if weight and "force" not in units:
+        units["force"] = weight
+        written = sheet.written_unit(columns["force"])
+        guesses["force"] = f"unit of the force: {weight} is a guess: a load in {written} is taken for its weight"
     if "position" not in units:
         units["position"] = length_unit(spans["position"])
-        doubts.append(f"unit of the position: {units['position']} is a guess from its range: {spans['position']:.3g}")
+        guesses["position"] = (
+            f"unit of the position: {units['position']} is a guess from its range: {spans['position']:.3g}"
+        )
     way = spans["position"] * si_unit(units["position"])[1]
     if "force" not in units:
         units["force"], elasticity = force_unit(spans["force"], way)
-        doubts.append(
+        guesses["force"] = (
             f"unit of the force: {units['force']} is a guess: a tip of 5 mm would then measure some "
             f"{elasticity / 1e3:.3g} kPa"
         )
-    if "velocity" in found.picks and "velocity" not in units:
-        units["velocity"], doubt = _speed_unit(found, units["position"], clocked)
-        doubts.append(doubt)
-    return units, doubts
+    if "velocity" in picks and "velocity" not in units:
+        units["velocity"], guesses["velocity"] = _speed_unit(found, units["position"], clocked)
+    return units, guesses
 
 
 def _speed_unit(found: RoleGuess, length: str, clocked: bool) -> tuple[str, str]:

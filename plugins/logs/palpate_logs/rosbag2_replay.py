@@ -12,7 +12,8 @@ from palpate import Batch, File, Link, LogError, Stream, Time
 from palpate_kit.logs.channel_mapping import Clock, MappedSignal
 from palpate_kit.logs.feeds import TopicFeed, untimed_note
 from palpate_kit.logs.joint_kinematics import Kinematics
-from palpate_kit.logs.log_link import LogLink, described_feeds, file_facts, tables_of, texts_of, window
+from palpate_kit.logs.log_link import LogLink, described_feeds, file_facts, window
+from palpate_kit.logs.log_tables import tables_of, texts_of
 from palpate_kit.logs.recording import Recording, Suggestion, Survey
 from palpate_kit.logs.survey import survey_of
 from palpate_kit.logs.topic_suggestion import suggestion_for
@@ -116,9 +117,9 @@ class Rosbag2Replay(Recording):
         return suggestion_for(cls._opened(path), path, "rosbag2-replay", choices)
 
     @classmethod
-    def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+    def tables(cls, path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
         """See `Recording`."""
-        return tables_of(cls._opened(path))
+        return tables_of(cls._opened(path), notes)
 
     @classmethod
     def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:

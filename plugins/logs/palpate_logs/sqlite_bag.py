@@ -16,6 +16,7 @@ from palpate import LogError, printable
 from palpate_kit.logs.decompression import largest, unpack
 from palpate_kit.logs.log_files import regular
 from palpate_kit.logs.temporary_folders import scratch
+from palpate_kit.logs.topic_kinds import named_by_kind
 from palpate_kit.logs.topics import Messages, Topic
 
 _BLOCK = 4000  # messages read at once
@@ -41,17 +42,22 @@ class SqliteBag:
     @property
     def topics(self) -> Mapping[str, Topic]:
         """By name."""
-        return self._topics
+        return {topic.name: topic for topic in self._topics.values()}
 
     @cached_property
-    def _topics(self) -> Mapping[str, Topic]:
+    def _topics(self) -> Mapping[int, Topic]:
         with self._open() as database:
             columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
             if not {"name", "type", "serialization_format"} <= columns:
                 raise LogError(f"{self.path}: is no rosbag2 database: it has no table of topics")
             texts = dict(self._definitions(database))
-            rows = database.execute("SELECT name, type, serialization_format FROM topics ORDER BY id").fetchall()
-        return {name: Topic(name, kind, encoding, "ros2msg", texts.get(kind, b"")) for name, kind, encoding in rows}
+            rows = database.execute("SELECT id, name, type, serialization_format FROM topics ORDER BY id").fetchall()
+        undefined = "ros2msg", b""
+        topics = {
+            identity: Topic(name, kind, encoding, *texts.get(kind, undefined))
+            for identity, name, kind, encoding in rows
+        }
+        return named_by_kind(topics)
 
     @property
     def span(self) -> tuple[int, int] | None:
@@ -69,21 +75,21 @@ class SqliteBag:
         return first, last
 
     @staticmethod
-    def _definitions(database: sqlite3.Connection) -> Iterator[tuple[str, bytes]]:
+    def _definitions(database: sqlite3.Connection) -> Iterator[tuple[str, tuple[str, bytes]]]:
         """Definitions by type, which rosbag2 writes since Iron."""
         if not database.execute("PRAGMA table_info(message_definitions)").fetchall():
             return
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
         for kind, encoding, text in database.execute(query):
-            if encoding == "ros2msg":
-                yield kind, text.encode() if isinstance(text, str) else bytes(text)
+            if encoding in ("ros2msg", "ros2idl"):
+                yield kind, (encoding, text.encode() if isinstance(text, str) else bytes(text))
 
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
         """Messages of the wanted topics in the order of their time-stamps, within [begin, end) [ns]."""
         with self._open() as database:
-            named = dict(database.execute("SELECT id, name FROM topics"))
+            named = {identity: topic.name for identity, topic in self._topics.items()}
             identities = [identity for identity, name in named.items() if name in wanted]
             query = (
                 f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({','.join('?' * len(identities))}) "
@@ -97,7 +103,7 @@ class SqliteBag:
     def _grouped(self, block: list[tuple[int, int, bytes]], named: Mapping[int, str]) -> Iterator[tuple[str, Messages]]:
         for identity in dict.fromkeys(row[0] for row in block):
             rows = [row for row in block if row[0] == identity]
-            for some in _unpacked(rows) if self._packed else (rows,):
+            for some in unpacked_rows(rows) if self._packed else (rows,):
                 stamps = np.array([row[1] for row in some], np.int64)
                 yield named[identity], Messages.joined([row[2] for row in some], stamps, stamps)
 
@@ -191,7 +197,7 @@ def _some(rows: sqlite3.Cursor) -> list[tuple[int, int, bytes]]:
     return block
 
 
-def _unpacked(rows: list[tuple[int, int, bytes]]) -> Iterator[list[tuple[int, int, bytes]]]:
+def unpacked_rows(rows: list[tuple[int, int, bytes]]) -> Iterator[list[tuple[int, int, bytes]]]:
     """Messages that were compressed one by one, no more at once than are held of plain ones."""
     some: list[tuple[int, int, bytes]] = []
     size = 0

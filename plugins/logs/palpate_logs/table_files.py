@@ -13,28 +13,38 @@ from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats
 from palpate_kit.terminal.progress import report_progress
 
-from palpate_logs.topic_arrays import WINDOW, TopicArrays, part_of
+from palpate_logs.topic_arrays import TopicArrays, TopicFiles
+
+_ROWS = 50_000  # of one topic that are put side by side at once
+_CELLS = 1 << 23  # of a table that are held at once
 
 
-def _windows(numbers: Mapping[str, TopicArrays]) -> Iterator[tuple[NDArray[np.int64], dict[str, Floats]]]:
-    """The rows of one table, some ten thousand at a time."""
+def _windows(numbers: Mapping[str, TopicFiles]) -> Iterator[tuple[NDArray[np.int64], dict[str, Floats]]]:
+    """The rows of one table, some ten thousand at a time, or fewer that are long."""
     at = dict.fromkeys(numbers, 0)
-    whole = sum(len(entry.stamps) for entry in numbers.values())
+    lengths = {topic: len(entry) for topic, entry in numbers.items()}
+    window = _window(numbers)
     while True:
-        report_progress(sum(at.values()), whole)
-        ahead = {t: part_of(n.stamps, at[t], min(at[t] + WINDOW + 1, len(n.stamps))) for t, n in numbers.items()}
-        edge = min((int(stamps[WINDOW]) for stamps in ahead.values() if len(stamps) > WINDOW), default=None)
+        report_progress(sum(at.values()), sum(lengths.values()))
+        ahead = {t: entry.stamps(at[t], min(at[t] + window + 1, lengths[t])) for t, entry in numbers.items()}
+        edge = min((int(stamps[window]) for stamps in ahead.values() if len(stamps) > window), default=None)
         if edge is None:
-            until = {topic: len(entry.stamps) for topic, entry in numbers.items()}
+            until = dict(lengths)
         elif all(not len(stamps) or stamps[0] >= edge for stamps in ahead.values()):
             edge += 1  # more messages of one instant than fit
-            until = {topic: int(np.searchsorted(entry.stamps, edge)) for topic, entry in numbers.items()}
+            until = {topic: int(np.searchsorted(entry.stamps(), edge)) for topic, entry in numbers.items()}
         else:  # looked for in what is read: a search through a mapped file would leave all of it in memory
             until = {topic: at[topic] + int(np.searchsorted(stamps, edge)) for topic, stamps in ahead.items()}
-        yield _rows({topic: entry.part(at[topic], until[topic]) for topic, entry in numbers.items()})
+        yield _rows({topic: entry.rows(at[topic], until[topic]) for topic, entry in numbers.items()})
         at = until
         if edge is None:
             return
+
+
+def _window(numbers: Mapping[str, TopicFiles]) -> int:
+    """Rows of each topic that are put side by side at once; in the worst case no time-stamp is common to two topics."""
+    columns = sum(len(entry.names) for entry in numbers.values())
+    return max(min(_ROWS, _CELLS // max(columns * len(numbers), 1)), 1)
 
 
 def _rows(numbers: Mapping[str, TopicArrays]) -> tuple[NDArray[np.int64], dict[str, Floats]]:
@@ -65,8 +75,8 @@ def _occurrence(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
     return found
 
 
-def _csv(out: Path, numbers: Mapping[str, TopicArrays]) -> None:
-    first = min(int(entry.stamps[0]) for entry in numbers.values() if len(entry.stamps))
+def _csv(out: Path, numbers: Mapping[str, TopicFiles]) -> None:
+    first = min(int(entry.stamps(0, 1)[0]) for entry in numbers.values() if len(entry))
     with out.open("x", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         names = (f"{entry.topic}:{name}" for entry in numbers.values() for name in entry.names)
@@ -79,7 +89,7 @@ def _csv(out: Path, numbers: Mapping[str, TopicArrays]) -> None:
                 writer.writerow(["" if value != value else value for value in row])
 
 
-def _all_texts(numbers: Mapping[str, TopicArrays]) -> dict[str, tuple[str, ...]]:
+def _all_texts(numbers: Mapping[str, TopicFiles]) -> dict[str, tuple[str, ...]]:
     return {name: words for entry in numbers.values() for name, words in entry.texts.items()}
 
 
@@ -88,34 +98,34 @@ def _spoken(places: Floats, words: tuple[str, ...]) -> list[str]:
     return ["" if place != place else words[int(place)] for place in places.tolist()]
 
 
-def _columns(entry: TopicArrays) -> Iterator[tuple[str, Any]]:
+def _columns(entry: TopicFiles) -> Iterator[tuple[str, Any]]:
     """Each field with its array, of numbers or of texts."""
     for k, name in enumerate(entry.names):
-        column = entry.values[:, k]
+        column = entry.column(k)
         yield name, np.array(_spoken(column, entry.words[k]), str) if entry.words else column
 
 
-def _arrays(numbers: Mapping[str, TopicArrays]) -> dict[str, Any]:
+def _arrays(numbers: Mapping[str, TopicFiles]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for entry in numbers.values():
-        found[f"{entry.topic}:stamp_ns"] = entry.stamps
+        found[f"{entry.topic}:stamp_ns"] = entry.stamps()
         found |= {f"{entry.topic}:{name}": array for name, array in _columns(entry)}
     return found
 
 
-def _npz(out: Path, numbers: Mapping[str, TopicArrays]) -> None:
+def _npz(out: Path, numbers: Mapping[str, TopicFiles]) -> None:
     with out.open("xb") as file:
         np.savez_compressed(file, **{name.strip("/").replace("/", "."): a for name, a in _arrays(numbers).items()})
 
 
-def _mat(out: Path, numbers: Mapping[str, TopicArrays]) -> None:
+def _mat(out: Path, numbers: Mapping[str, TopicFiles]) -> None:
     """A struct for each topic, named by what MATLAB allows."""
     from scipy.io import savemat
 
     structs: dict[str, Any] = {}
     for entry in numbers.values():
         fields = structs.setdefault(_word(entry.topic), {})
-        fields["stamp_ns"] = entry.stamps
+        fields["stamp_ns"] = entry.stamps()
         fields |= {_word(name): array for name, array in _columns(entry)}
     with out.open("xb") as file:
         savemat(file, structs, long_field_names=True, do_compression=True)
@@ -126,7 +136,7 @@ def _word(name: str) -> str:
     return word if word[:1].isalpha() else f"x{word}"[:63]
 
 
-def _parquet(out: Path, numbers: Mapping[str, TopicArrays]) -> None:
+def _parquet(out: Path, numbers: Mapping[str, TopicFiles]) -> None:
     try:
         import pyarrow  # type: ignore[import-not-found,import-untyped,unused-ignore]
         import pyarrow.parquet  # type: ignore[import-not-found,import-untyped,unused-ignore]
@@ -136,13 +146,13 @@ def _parquet(out: Path, numbers: Mapping[str, TopicArrays]) -> None:
     texts = _all_texts(numbers)
     kinds = ((name, pyarrow.string() if name in texts else pyarrow.float64()) for name in names)
     fields = [("stamp_ns", pyarrow.int64()), *kinds]
-    with pyarrow.parquet.ParquetWriter(out, pyarrow.schema(fields)) as writer:
+    with pyarrow.parquet.ParquetWriter(out, pyarrow.schema(fields), write_page_checksum=True) as writer:
         for stamps, columns in _windows(numbers):
             spoken = {n: _spoken(columns[n], words) for n, words in texts.items()}
             writer.write_table(pyarrow.table({"stamp_ns": stamps, **columns, **spoken}))
 
 
-WRITERS: Mapping[str, Callable[[Path, Mapping[str, TopicArrays]], None]] = {
+WRITERS: Mapping[str, Callable[[Path, Mapping[str, TopicFiles]], None]] = {
     ".csv": _csv,
     ".npz": _npz,
     ".mat": _mat,

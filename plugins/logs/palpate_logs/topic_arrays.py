@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,108 +12,119 @@ from palpate_kit.logs.draft_pipeline import recording_of
 from palpate_kit.terminal.progress import report_progress
 
 TEXTS = "\0"  # behind the name of a topic, for its texts
-WINDOW = 50_000  # rows of one topic that are put side by side at once
+_WINDOW = 50_000  # rows that are sorted at once
 
 
 @dataclass(frozen=True)
 class TopicArrays:
-    """One topic as arrays; they lie in files, so that a log may be larger than the memory."""
+    """Rows of one topic, in memory."""
 
+    topic: str
     names: tuple[str, ...]
     stamps: NDArray[np.int64]  # (n,) [ns]
-    values: Floats  # (n, k) as recorded; of texts their places in `words`
-    topic: str = ""
+    values: Floats  # (n, k) as recorded; of texts their places in the words
+
+
+@dataclass(frozen=True)
+class TopicFiles:
+    """One topic in two files, which are open only while they are read: a log may have thousands of topics."""
+
+    topic: str
+    names: tuple[str, ...]
+    base: Path
     words: tuple[tuple[str, ...], ...] = ()  # of each column of texts, those that there are
 
-    def part(self, begin: int, end: int) -> TopicArrays:
-        """Some rows, in memory."""
-        rows = part_of(self.stamps, begin, end), part_of(self.values, begin, end)
-        return TopicArrays(self.names, *rows, self.topic, self.words)
+    def __len__(self) -> int:
+        return self._file("stamps").stat().st_size // 8
+
+    def _file(self, kind: str) -> Path:
+        return self.base.with_name(f"{self.base.name}.{kind}")
+
+    def append(self, stamps: NDArray[np.int64], values: Floats) -> None:
+        """Write more rows, at the end."""
+        for kind, array in (("stamps", stamps), ("values", values)):
+            with self._file(kind).open("ab") as file:
+                file.write(np.ascontiguousarray(array).data)
+
+    def stamps(self, begin: int = 0, end: int | None = None) -> NDArray[np.int64]:
+        """Time-stamps of some rows (n,) [ns], read."""
+        return np.fromfile(self._file("stamps"), np.int64, -1 if end is None else end - begin, offset=8 * begin)
+
+    def rows(self, begin: int, end: int) -> TopicArrays:
+        """Some rows, read: pages of a file that is mapped would all stay in memory."""
+        k = len(self.names)
+        values = np.fromfile(self._file("values"), np.float64, (end - begin) * k, offset=8 * begin * k)
+        return TopicArrays(self.topic, self.names, self.stamps(begin, end), values.reshape(end - begin, k))
+
+    def column(self, k: int) -> Floats:
+        """One column of all rows (n,)."""
+        shape = len(self), len(self.names)
+        return (
+            np.array(np.memmap(self._file("values"), np.float64, "r", shape=shape)[:, k]) if shape[0] else np.zeros(0)
+        )
 
     @property
     def texts(self) -> dict[str, tuple[str, ...]]:
         """The words of each column of texts, by its full name."""
         return {f"{self.topic}:{name}": words for name, words in zip(self.names, self.words, strict=False)}
 
+    def sort(self) -> None:
+        """Bring the rows into the order of time."""
+        stamps = self.stamps()  # these, and their order, are held: 16 bytes a message
+        if (stamps[1:] >= stamps[:-1]).all():
+            return
+        order = np.argsort(stamps, kind="stable")
+        stamps[order].tofile(self._file("stamps"))
+        if self.names:
+            values = np.memmap(self._file("values"), np.float64, "r", shape=(len(stamps), len(self.names)))
+            with self._file("sorted").open("wb") as file:
+                for begin in range(0, len(order), _WINDOW):
+                    file.write(np.ascontiguousarray(values[order[begin : begin + _WINDOW]]).data)
+            self._file("sorted").rename(self._file("values"))
 
-def topics_of(log: Path, topics: list[str] | None, folder: Path) -> dict[str, TopicArrays]:
-    """The log's topics, in files of the folder."""
-    names: dict[str, tuple[str, ...]] = {}
-    files: dict[str, tuple[IO[bytes], IO[bytes]]] = {}
+
+def topics_of(log: Path, topics: list[str] | None, folder: Path, notes: list[str]) -> dict[str, TopicFiles]:
+    """The log's topics, in files of the folder; what is left out, and why, is added to the notes."""
+    names: dict[str, None] = {}
+    files: dict[str, TopicFiles] = {}
     count = 0
-    with ExitStack() as stack:
-        for topic, columns, batch in recording_of(log).tables(log):
-            count += len(batch.time)
-            report_progress(count)
-            names[topic] = columns
-            if topics and topic not in topics:
-                continue
-            if topic not in files:
-                paths = (folder / f"{len(files)}.{kind}" for kind in ("stamps", "values"))
-                stamps, values = (stack.enter_context(path.open("wb")) for path in paths)
-                files[topic] = stamps, values
-            files[topic][0].write(np.ascontiguousarray(batch.time).data)
-            files[topic][1].write(np.ascontiguousarray(batch.values).data)
+    for topic, columns, batch in recording_of(log).tables(log, notes):
+        count += len(batch.time)
+        report_progress(count)
+        names[topic] = None
+        if topics and topic not in topics:
+            continue
+        if topic not in files:
+            files[topic] = TopicFiles(topic, columns, folder / f"{len(files)}")
+        files[topic].append(batch.time, batch.values)
     texts = _texts(log, topics, folder)
     missing = [topic for topic in topics or () if topic not in files and topic + TEXTS not in texts]
+    why = f"; {printable(notes[0])}" if notes else ""
     if missing:
         there = printable(", ".join(names))
-        raise LogError(f"{log}: --topic {missing[0]}: contains no numbers and no texts (there are: {there})")
+        raise LogError(f"{log}: --topic {missing[0]}: contains no numbers and no texts (there are: {there}){why}")
     if not files and not texts:
-        raise LogError(f"{log}: contains no numbers and no texts")
-    return {topic: _mapped(folder, str(i), names[topic], topic) for i, topic in enumerate(files)} | texts
+        raise LogError(f"{log}: contains no numbers and no texts{why}")
+    found = files | texts
+    for one in found.values():
+        one.sort()
+    return found
 
 
-def _texts(log: Path, topics: list[str] | None, folder: Path) -> dict[str, TopicArrays]:
+def _texts(log: Path, topics: list[str] | None, folder: Path) -> dict[str, TopicFiles]:
     """The log's topics of texts: each text by its place among those that there are."""
-    names: dict[str, tuple[str, ...]] = {}
+    files: dict[str, TopicFiles] = {}
     places: dict[str, list[dict[str, int]]] = {}
-    files: dict[str, tuple[IO[bytes], IO[bytes]]] = {}
-    with ExitStack() as stack:
-        for topic, columns, stamps, rows in recording_of(log).texts(log):
-            if topics and topic not in topics:
-                continue
-            if topic not in files:
-                paths = (folder / f"{len(files)}t.{kind}" for kind in ("stamps", "values"))
-                one, other = (stack.enter_context(path.open("wb")) for path in paths)
-                files[topic], names[topic], places[topic] = (one, other), columns, [{} for _ in columns]
-            known = places[topic]
-            codes = [[known[k].setdefault(text, len(known[k])) for k, text in enumerate(row)] for row in rows]
-            files[topic][0].write(np.ascontiguousarray(stamps).data)
-            files[topic][1].write(np.array(codes, np.float64).data)
+    for topic, columns, stamps, rows in recording_of(log).texts(log):
+        if topics and topic not in topics:
+            continue
+        if topic not in files:
+            files[topic] = TopicFiles(topic, columns, folder / f"{len(files)}t")
+            places[topic] = [{} for _ in columns]
+        known = places[topic]
+        codes = [[known[k].setdefault(text, len(known[k])) for k, text in enumerate(row)] for row in rows]
+        files[topic].append(stamps, np.array(codes, np.float64))
     return {
-        topic + TEXTS: _mapped(folder, f"{i}t", names[topic], topic, tuple(tuple(known) for known in places[topic]))
-        for i, topic in enumerate(files)
+        topic + TEXTS: TopicFiles(topic, file.names, file.base, tuple(tuple(known) for known in places[topic]))
+        for topic, file in files.items()
     }
-
-
-def _mapped(
-    folder: Path, number: str, names: tuple[str, ...], topic: str, words: tuple[tuple[str, ...], ...] = ()
-) -> TopicArrays:
-    """A topic's arrays, in the order of time."""
-    count = (folder / f"{number}.stamps").stat().st_size // 8
-    shape = count, len(names)
-    if not count * len(names):
-        return TopicArrays(names, np.fromfile(folder / f"{number}.stamps", np.int64), np.zeros(shape), topic, words)
-    stamps = np.memmap(folder / f"{number}.stamps", np.int64, "r+", shape=(count,))
-    values = np.memmap(folder / f"{number}.values", np.float64, "r+", shape=shape)
-    windows = [(begin, min(begin + WINDOW, count)) for begin in range(0, count, WINDOW)]
-    if all((np.diff(part_of(stamps, max(begin - 1, 0), end)) >= 0).all() for begin, end in windows):
-        return TopicArrays(names, stamps, values, topic, words)
-    order = np.argsort(stamps, kind="stable")  # this, and the stamps, are held: 16 bytes a message
-    stamps[:] = stamps[order]
-    stamps.flush()
-    path = folder / f"{number}.ordered"
-    with path.open("wb") as file:
-        for begin, end in windows:
-            file.write(np.ascontiguousarray(values[order[begin:end]]).data)
-    return TopicArrays(names, stamps, np.memmap(path, np.float64, "r", shape=shape), topic, words)
-
-
-def part_of(array: NDArray[Any], begin: int, end: int) -> NDArray[Any]:
-    """Some rows, read: pages of a file that is mapped would all stay in memory."""
-    if not isinstance(array, np.memmap):
-        return array[begin:end]
-    width = int(np.prod(array.shape[1:]))
-    flat = np.fromfile(str(array.filename), array.dtype, (end - begin) * width, offset=begin * width * array.itemsize)
-    return flat.reshape(-1, *array.shape[1:])

@@ -8,7 +8,7 @@ def palpate_commands() -> dict[str, Command]:
     """Maps, curves, lumps, sites and search."""
     where = "palpate_maps.commands"
     return {
-        "map": Command(f"{where}.map_command:map_run", "Make the map of a run, with its uncertainty."),
+        "map": Command(f"{where}.map_command:map_run", "Map the stiffness of a run, with its uncertainty."),
         "map curves": Command(
             f"{where}.curves_command:curves", "Draw runs along a line side by side.", former="curves"
         ),

@@ -9,6 +9,7 @@ from palpate_maps.baseline_sites import (
     prediction_p,
     welch,
 )
+from palpate_maps.curve_sites import read_curve_sites
 from palpate_maps.lump_criteria import Findings, Lump, LumpSettings, SweepMethod
 from palpate_maps.lumps import find_lumps
 from palpate_maps.map_grid import StiffnessMap, make_map
@@ -42,6 +43,7 @@ __all__ = [
     "off_limits",
     "prediction_p",
     "propose",
+    "read_curve_sites",
     "read_path",
     "rejected_runs",
     "search_ended",

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Floats, LogError
+from palpate.host import RESULT
 from palpate_kit.runs.pipeline_diff import differences
+from palpate_kit.runs.result_file import open_table
 from palpate_kit.runs.run_folder import RunFolder, TrackTable
 
 
@@ -132,7 +134,8 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
         if track is not None and track in table.tracks:
             found = _path(part.path, table.track(track), track, parameter)
             details = part.result["tracks"].get(track, {}).get("details", {}) if part.finished else {}
-            sensitivity = float(details.get("relief_sensitivity", 0.0))
+            with open_table(part.path / RESULT, f"tracks.{track}.details.relief_sensitivity"):
+                sensitivity = float(details.get("relief_sensitivity", 0.0))
             return replace(found, relief_sensitivity=sensitivity) if found is not None else None
     return None
 

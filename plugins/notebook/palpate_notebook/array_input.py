@@ -5,21 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from palpate import ConfigurationError, Floats, to_si
 
 _NANO = 1e9
 _LARGEST = 9.2e9  # [s] that a time-stamp can hold
 
 
-def numbers(name: str, given: Any, unit: str, written: str | None = None) -> Floats:
+def numbers(name: str, given: ArrayLike, unit: str, written: str | None = None) -> Floats:
     """A column (n,) in the SI `unit`, from what a person has; `written` is the unit of plain numbers.
 
     Raises ConfigurationError for what is no column of numbers, or of another dimension.
     """
     if hasattr(given, "magnitude") and hasattr(given, "to"):  # of pint
         if written is not None:
-            raise ConfigurationError(f"{name}: carries its own unit, {given.units}: leave it out of units")
+            raise ConfigurationError(
+                f"{name}: carries its own unit, {getattr(given, 'units', '?')}: leave it out of units"
+            )
         return numbers(name, _converted(name, given, unit), unit)
     attributes = getattr(given, "attrs", None)
     if written is None and isinstance(attributes, dict) and isinstance(attributes.get("units"), str):
@@ -51,7 +53,7 @@ def _scale(name: str, written: str | None, unit: str) -> float:
         raise ConfigurationError(f"{name}: {error}") from error
 
 
-def stamps(given: Any, written: str | None = None) -> NDArray[np.int64]:
+def stamps(given: ArrayLike, written: str | None = None) -> NDArray[np.int64]:
     """Time-stamps (n,) [ns] from seconds, or from dates; raises ConfigurationError where one is none."""
     if np.asarray(getattr(given, "magnitude", given)).dtype.kind == "M":
         dates = np.asarray(given).astype("datetime64[ns]")

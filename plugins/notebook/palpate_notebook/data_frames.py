@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from palpate import Floats, Samples
 from palpate.host import display_unit
 
 from palpate_notebook.optional_imports import library
@@ -27,6 +28,14 @@ def summary_frame(document: Mapping[str, Any], si: bool) -> pandas.DataFrame:
             rows.append({"track": name, "parameter": parameter, **numbers, "unit": unit, "verdict": track["verdict"]})
     columns = ["track", "parameter", "value", "std", "combined", "unit", "verdict"]
     return library("pandas").DataFrame(rows, columns=columns).set_index(["track", "parameter"])
+
+
+def fit_frame(samples: Samples, measured: Floats, modelled: Floats) -> pandas.DataFrame:
+    """A row for each sample: the motion, the sensor's force, contact force as measured and modelled, residual [SI]."""
+    columns = {name: getattr(samples, name) for name in ("position", "velocity", "contact", "force")}
+    columns |= {"contact_force": measured, "model": modelled, "residual": measured - modelled}
+    pandas = library("pandas")
+    return pandas.DataFrame(columns, index=pandas.Index(samples.time, name="time"))
 
 
 def budget_frame(track: Mapping[str, Any]) -> pandas.DataFrame:

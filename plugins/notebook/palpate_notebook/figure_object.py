@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from palpate_kit.figures import save_figure, style
 
+from palpate_notebook.suggestions import with_suggestions
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+@with_suggestions
 class Picture:
     """A picture, drawn without a screen; `figure` is matplotlib's, for whatever is to be changed."""
 
-    def __init__(self, figure: Any) -> None:
+    def __init__(self, figure: Figure) -> None:
         self.figure = figure
 
     @property
-    def axes(self) -> list[Any]:
+    def axes(self) -> list[Axes]:
         """The axes of matplotlib, in the order of the panels."""
         return list(self.figure.axes)
 

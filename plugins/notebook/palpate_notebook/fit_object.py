@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 from palpate import Flag, Floats
 
 from palpate_notebook.figure_object import Picture
 from palpate_notebook.quantity import UncertainQuantity
 from palpate_notebook.run_object import FinishedRun
+from palpate_notebook.suggestions import with_suggestions
 from palpate_notebook.track_object import TrackView
 
 if TYPE_CHECKING:
     import pandas
 
 
+@with_suggestions
 class Fit:
     """What one fit found."""
 
@@ -62,8 +65,39 @@ class Fit:
 
     @property
     def force(self) -> Floats:
-        """The model's contact force (n,) [N] at each sample of `run.samples`; NaN where nothing was fitted."""
+        """The model's contact force (n,) [N] at each sample; NaN where nothing was fitted."""
         return self.run.track_tables[self.track.name].others["force"]
+
+    @property
+    def residuals(self) -> Floats:
+        """Measured less modelled contact force (n,) [N] at each sample; NaN where nothing was fitted."""
+        return self.run.contact_force - self.force
+
+    @property
+    def frame(self) -> pandas.DataFrame:
+        """A row for each sample [SI]: motion, force of the sensor, contact force, the model's, and the residual."""
+        from palpate_notebook.data_frames import fit_frame
+
+        return fit_frame(self.run.aligned, self.run.contact_force, self.force)
+
+    def to_dict(self) -> dict[str, str | float]:
+        """One row [SI], named as the columns of ``fits.csv``: values, uncertainties, verdict, codes of flags."""
+        values = {**self.parameters, "surface": self.surface}
+        numbers = {
+            f"{name}{kind}": number
+            for name, found in values.items()
+            for kind, number in (("", found.value), ("_std", found.std), ("_combined", found.combined))
+        }
+        judged = {"verdict": self.verdict, "flags": " ".join(flag.code for flag in self.flags)}
+        samples = int(np.isfinite(self.force).sum())
+        return {
+            "curve": self.run.name,
+            "track": self.track.name,
+            **numbers,
+            "rms": self.residual,
+            "samples": samples,
+            **judged,
+        }
 
     def summary(self, si: bool = False) -> pandas.DataFrame:
         """A row for each parameter: value, std, combined, unit; in display units, or SI."""

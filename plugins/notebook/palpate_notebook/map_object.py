@@ -13,6 +13,7 @@ from palpate_maps.map_figures import map_picture, sweep_picture
 
 from palpate_notebook.figure_object import Picture
 from palpate_notebook.optional_imports import library
+from palpate_notebook.suggestions import with_suggestions
 
 if TYPE_CHECKING:
     import pandas
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from palpate_notebook.run_object import FinishedRun
 
 
+@with_suggestions
 @dataclass(frozen=True)
 class MapView:
     """A parameter over an area, or along a line that was swept, with its uncertainty and the lumps in it."""

@@ -10,10 +10,13 @@ import tomli_w
 from palpate import ConfigurationError
 from palpate.host import Pipeline, Source, build_pipeline
 
+from palpate_notebook.suggestions import with_suggestions
+
 if TYPE_CHECKING:
     from palpate_notebook.run_object import FinishedRun
 
 
+@with_suggestions
 @dataclass(frozen=True)
 class Draft:
     """A pipeline file and changes on top; every change makes a new draft."""
@@ -22,7 +25,7 @@ class Draft:
     text: str
     changes: tuple[str, ...] = ()  # "table.key=value", as of `--set`
 
-    def set(self, key: str, value: Any) -> Draft:
+    def set(self, key: str, value: object) -> Draft:
         """A draft with one setting changed: ``set("estimator.ekf.force_std", "0.03 N")``.
 
         Raises ConfigurationError for a value that no pipeline file can hold; keys are judged with everything else.
@@ -57,9 +60,15 @@ class Draft:
         return f"<Draft of {self.path}{changes}>"
 
 
-def toml_value(key: str, value: Any) -> str:
+def toml_value(key: str, value: object) -> str:
     """A value as TOML writes it; raises ConfigurationError for one that it cannot."""
-    plain = value.tolist() if hasattr(value, "tolist") else list(value) if isinstance(value, range | tuple) else value
+    plain: Any = value
+    if hasattr(plain, "tolist"):
+        plain = plain.tolist()
+    elif isinstance(value, range | tuple):
+        plain = list(value)
+    elif isinstance(value, float):
+        plain = float(value)  # of a quantity, which is printed with its unit
     if isinstance(plain, Path):
         plain = str(plain)
     if isinstance(plain, dict):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Samples
-from palpate.host import acceleration, display_unit, suggest
+from palpate.host import display_unit, suggest
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 
 from palpate_notebook.figure_object import Picture
@@ -94,7 +94,7 @@ def _panels(run: FinishedRun, names: list[str], over_depth: bool) -> Any:
     for axis, name in zip(axes, names, strict=True):
         table = run.track_tables[name]
         rows = _thinned(np.flatnonzero(table.usable & np.isfinite(table.others["force"])))
-        measured = np.interp(table.time[rows], samples.time, _contact_force(run, samples))
+        measured = np.interp(table.time[rows], samples.time, run.contact_force)
         position = np.interp(table.time[rows], samples.time, samples.position)
         along = 1e3 * (table.others["surface"][rows] - position) if over_depth else table.time[rows]
         axis.plot(along, measured, ".", markersize=1, color="0.6", label="measured")
@@ -103,11 +103,6 @@ def _panels(run: FinishedRun, names: list[str], over_depth: bool) -> Any:
         axis.set(xlabel="depth [mm]" if over_depth else "time [s]", ylabel="contact force [N]")
         legend_outside(axis)
     return figure
-
-
-def _contact_force(run: FinishedRun, samples: Samples) -> Floats:
-    """Force (n,) [N] on the tip itself: that of the sensor and the inertia of what hangs behind it."""
-    return np.asarray(samples.force + run.tip_mass * np.nan_to_num(acceleration(samples.time, samples.velocity)))
 
 
 @style()
@@ -140,7 +135,7 @@ def fit_picture(run: FinishedRun, name: str) -> Picture:
     figure, axes = figure_of(3)
     rows = _thinned(np.flatnonzero(table.usable & np.isfinite(table.others["force"])))
     time, modelled = table.time[rows], table.others["force"][rows]
-    measured = np.interp(time, samples.time, _contact_force(run, samples))
+    measured = np.interp(time, samples.time, run.contact_force)
     depth = 1e3 * (table.others["surface"][rows] - np.interp(time, samples.time, samples.position))
     for axis, along, label in ((axes[0, 0], time, "time [s]"), (axes[0, 1], depth, "depth [mm]")):
         axis.plot(along, measured, ".", markersize=1, color="0.6", label="measured")

@@ -3,21 +3,41 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from html import escape
+from typing import TYPE_CHECKING, Any
 
 from palpate import ConfigurationError, to_si
 from palpate.host import display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
+from palpate_notebook.html_table import html_table
+from palpate_notebook.optional_imports import library
+from palpate_notebook.suggestions import with_suggestions
 
-@dataclass(frozen=True)
-class UncertainQuantity:
+if TYPE_CHECKING:
+    import pint
+    import uncertainties
+
+_NUMBERS = ("value", "std", "combined")
+_SPEC = re.compile(r"(?P<pad>(?:.?[<>^])?)(?P<sign>[+ -]?)(?P<width>\d*)(?P<group>[,_]?)(?P<digits>(?:\.\d+)?[eEfFgG])")
+
+
+@with_suggestions
+@dataclass(frozen=True, eq=False, repr=False)
+class UncertainQuantity(float):
     """A value and its standard uncertainties, in SI; printed in display units.
 
-    >>> print(UncertainQuantity("elasticity", 112840.0, 160.0, 200.0, "Pa"))
+    It is a number, its value in SI, wherever a number is wanted: arithmetic gives plain numbers, without uncertainty.
+
+    >>> elasticity = UncertainQuantity("elasticity", 112840.0, 160.0, 200.0, "Pa")
+    >>> print(elasticity)
     112.84 ± 0.20 kPa
+    >>> print(f"{elasticity:.1f}"), elasticity / 1e3, elasticity > 1e5
+    112.8 ± 0.2 kPa
+    (None, 112.84, True)
     """
 
     name: str
@@ -27,6 +47,10 @@ class UncertainQuantity:
     unit: str
     budget: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty by source
     caveat: str = ""  # what has to hold where it follows from other parameters
+
+    def __new__(cls, name: str, value: float, *_: object, **__: object) -> UncertainQuantity:
+        """The number that it is."""
+        return super().__new__(cls, value)
 
     @classmethod
     def of(cls, name: str, table: Mapping[str, Any], budget: Mapping[str, float] | None = None) -> UncertainQuantity:
@@ -41,14 +65,21 @@ class UncertainQuantity:
         except ValueError as error:
             raise ConfigurationError(f"{self.name}: {error}") from error
 
-    def __float__(self) -> float:
-        return self.value
+    def to_uncertainties(self) -> uncertainties.UFloat:
+        """Value and combined uncertainty [SI] as a number of `uncertainties`, independent of every other.
 
-    def __str__(self) -> str:
-        return f"{self.number} {display_unit(self.unit)[0]}".removesuffix(" 1")
+        Raises UserError where that library is not installed.
+        """
+        return library("uncertainties").ufloat(self.value, self.combined, self.name)
 
-    def __repr__(self) -> str:
-        return str(self)
+    def to_pint(self, units: pint.UnitRegistry[Any] | None = None) -> pint.Quantity[Any]:
+        """Value and combined uncertainty as a quantity of `pint`, in its application's registry or another one.
+
+        Raises UserError where `pint` or `uncertainties` is not installed.
+        """
+        chosen = units if units is not None else library("pint").get_application_registry()
+        found: pint.Quantity[Any] = chosen.Quantity(self.to_uncertainties(), "" if self.unit == "1" else self.unit)  # pyright: ignore[reportAssignmentType]
+        return found
 
     @property
     def number(self) -> str:
@@ -56,5 +87,30 @@ class UncertainQuantity:
         factor = display_unit(self.unit)[1]
         return value_with_uncertainty(self.value * factor, self.combined * factor)
 
+    def __getnewargs__(self) -> tuple[str, float]:  # type: ignore[override]
+        return self.name, self.value
 
-_NUMBERS = ("value", "std", "combined")
+    def __format__(self, spec: str) -> str:
+        """Both numbers by a specification such as ".1f", in display units; the whole text by any other."""
+        match = _SPEC.fullmatch(spec)
+        if match is None:
+            return format(str(self), spec)
+        unit, factor = display_unit(self.unit)
+        value = format(self.value * factor, match["sign"] + match["group"] + match["digits"])
+        std = "?" if math.isnan(self.combined) else format(self.combined * factor, match["group"] + match["digits"])
+        return format(f"{value} ± {std} {unit}".removesuffix(" 1"), (match["pad"] or ">") + match["width"])
+
+    def __str__(self) -> str:
+        return f"{self.number} {display_unit(self.unit)[0]}".removesuffix(" 1")
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        """Name and value, and what the uncertainty is made of, the largest part first."""
+        unit, factor = display_unit(self.unit)
+        shares = sorted(self.budget.items(), key=lambda item: -abs(item[1]))
+        rows = [[source, f"{abs(share) * factor:.2g}"] for source, share in shares]
+        table = html_table(["source of uncertainty", f"u [{unit}]"], rows) if rows else ""
+        caveat = f"<br>{escape(self.caveat)}" if self.caveat else ""
+        return f"<b>{escape(self.name)}</b> {escape(str(self))}{caveat}{table}"

@@ -9,6 +9,7 @@ from typing import Any
 
 from palpate import ConfigurationError
 from palpate_kit.logs.draft_pipeline import suggestion_of
+from palpate_kit.logs.recording import Suggestion
 from palpate_kit.runs.replay_source import read_run_log, replay_source, with_other_channels
 
 from palpate_notebook.record_object import Record, alignment_table
@@ -20,7 +21,7 @@ _UNSTATED = ("alignment.tare", "alignment.*.delay")  # of another's log
 
 def read(
     path: str | Path,
-    signals: Mapping[str, str] | None = None,
+    signals: Mapping[str, str | float] | None = None,
     *,
     timing: str | float | None = None,
     delay: str | float | Mapping[str, str | float] | None = None,
@@ -33,14 +34,15 @@ def read(
 
     A log that palpate has written states its signals, and what was declared of them; `signals` reads
     some of them elsewhere, and all else stays. Of others, `signals` settles what is what, as in
-    ``{"force": "/wrench:wrench.force.z", "height": "z", "rate": "500 Hz"}``; the rest is found by what the numbers do
-    together, and what is only a guess is warned of. Delays and tare that are not stated are flagged in the results
+    ``{"force": "/wrench:wrench.force.z", "height": "z", "rate": "500 Hz"}``; keys of a table's device are taken as
+    they are: ``{"columns.force.scale": 25.0, "decimal": ","}``. The rest is found by what the numbers do together,
+    and what is only a guess is warned of. Delays and tare that are not stated are flagged in the results
     (`assumed`). All else as in `palpate.record`.
 
     Raises LogError for what is no log, ConfigurationError where something must be said that no file can say.
     """
     log = Path(path)
-    choices = {_ROLES.get(role, role): text for role, text in (signals or {}).items()}
+    choices = {_ROLES.get(role, role): str(text) for role, text in (signals or {}).items()}
     carried = read_run_log(log)
     doubts: tuple[str, ...] = ()
     if carried is not None and not choices:
@@ -48,7 +50,7 @@ def read(
     else:
         suggestion = suggestion_of(log, choices)
         if suggestion.blanks:
-            raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}: state it in signals={{...}}")
+            raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}: state it in signals={_asked(suggestion)}")
         doubts = suggestion.doubts
         for text in doubts:
             warnings.warn(f"{log.name}: {text}", stacklevel=2)
@@ -68,6 +70,12 @@ def read(
         if key.startswith("alignment.") and key not in stated
     ]
     return Record(log.name, tables["device"], table, log, doubts, assumed=tuple(dict.fromkeys(assumed)))
+
+
+def _asked(suggestion: Suggestion) -> str:
+    """What is to be stated, as Python takes it."""
+    keys = [text.partition(":")[0] for text in suggestion.blanks]
+    return "{" + ", ".join(f'"{key}": ...' for key in keys) + "}"
 
 
 def _stated(

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from palpate import Batch, ConfigurationError, Floats, is_number, to_si
+from numpy.typing import ArrayLike, NDArray
+from palpate import Batch, ConfigurationError, Floats, is_number, printable, to_si
 from palpate.host import suggest
 
 from palpate_notebook.array_input import numbers, stamps
+from palpate_notebook.html_table import html_table
 from palpate_notebook.memory_device import NamedColumns, register_readings
+from palpate_notebook.suggestions import with_suggestions
 
 if TYPE_CHECKING:
     import xarray
@@ -24,6 +28,7 @@ _ROLES = {"height": "position", "x": "lateral_x", "y": "lateral_y"}  # by column
 _SIGNALS = ("force", "height", "velocity")
 
 
+@with_suggestions
 @dataclass(frozen=True)
 class Record:
     """Readings and what is declared of them: everything of a pipeline that does not concern model and estimator."""
@@ -58,26 +63,44 @@ class Record:
 
         return samples_picture(align_record(self), self.name)
 
+    @property
+    def _size(self) -> str:
+        if self.columns is None:
+            return ""
+        span = float(self.columns.time[-1] - self.columns.time[0]) * 1e-9
+        return f": {len(self.columns.time)} readings, {span:.4g} s"
+
     def __repr__(self) -> str:
         declared = ", ".join(f"{key} {value}" for key, value in self.alignment.items() if not isinstance(value, dict))
-        size = ""
-        if self.columns is not None:
-            span = float(self.columns.time[-1] - self.columns.time[0]) * 1e-9
-            size = f": {len(self.columns.time)} readings, {span:.4g} s"
         doubts = "".join(f"\n  check: {text}" for text in self.doubts)
-        return f"<Record {self.name}{size}; {declared or 'nothing declared'}>{doubts}"
+        return f"<Record {self.name}{self._size}; {declared or 'nothing declared'}>{doubts}"
+
+    def _repr_html_(self) -> str:
+        """What is read from where, what is declared, and what was guessed."""
+        rows = [[key, _told(value)] for key, value in self.alignment.items()]
+        doubts = "".join(f"<li>check: {escape(printable(text))}</li>" for text in self.doubts)
+        title = f"<b>{escape(printable(self.name))}</b>{escape(self._size)}"
+        return f"{title}{html_table(['alignment', ''], rows)}{f'<ul>{doubts}</ul>' if doubts else ''}"
+
+
+def _told(value: object) -> str:
+    """A setting of the alignment; of a signal its channel first, then its keys."""
+    if not isinstance(value, Mapping):
+        return printable(str(value))
+    others = (f"{key} {item}" for key, item in value.items() if key != "channel")
+    return printable(", ".join([str(value.get("channel", "")), *others]).removeprefix(", "))
 
 
 def record(
     *,
-    time: Any = None,
+    time: ArrayLike | None = None,
     rate: str | float | None = None,
-    force: Any,
-    height: Any,
-    velocity: Any = None,
-    x: Any = None,
-    y: Any = None,
-    measuring: Any = None,
+    force: ArrayLike,
+    height: ArrayLike,
+    velocity: ArrayLike | None = None,
+    x: ArrayLike | None = None,
+    y: ArrayLike | None = None,
+    measuring: ArrayLike | None = None,
     timing: str | float | None = None,
     delay: str | float | Mapping[str, str | float] | None = None,
     sign: int | Mapping[str, int] | None = None,
@@ -113,7 +136,7 @@ def record(
     return Record(name, {"record": {"type": "memory-record", "sha256": digest}}, table, columns=kept)
 
 
-def _columns(given: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, Floats]:
+def _columns(given: Mapping[str, ArrayLike | None], units: Mapping[str, str]) -> dict[str, Floats]:
     """Numbers (n,) [SI] of the columns that are given; raises ConfigurationError for what is none."""
     for key in units.keys() - {*given, "time"}:
         raise ConfigurationError(f"units: there is no column {key!r}{suggest(key, [*given, 'time'])}")
@@ -129,7 +152,9 @@ def _demand_equal_lengths(lengths: Mapping[str, int]) -> None:
         raise ConfigurationError(f"a record of {lengths['time']} readings is too short")
 
 
-def _stamps(time: Any, rate: str | float | None, columns: Mapping[str, Floats], unit: str | None) -> Any:
+def _stamps(
+    time: ArrayLike | None, rate: str | float | None, columns: Mapping[str, Floats], unit: str | None
+) -> NDArray[np.int64]:
     if (time is None) == (rate is None):
         raise ConfigurationError('give either time=, in seconds, or rate="500 Hz"')
     if time is not None:
@@ -140,7 +165,7 @@ def _stamps(time: Any, rate: str | float | None, columns: Mapping[str, Floats], 
         raise ConfigurationError(f"rate: {error}") from error
     if hertz <= 0:
         raise ConfigurationError(f"rate: {rate!r} must be above 0")
-    return np.rint(np.arange(len(columns["force"])) * (1e9 / hertz)).astype(np.int64)
+    return np.asarray(np.rint(np.arange(len(columns["force"])) * (1e9 / hertz)).astype(np.int64))
 
 
 def alignment_table(

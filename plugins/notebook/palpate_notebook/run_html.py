@@ -10,6 +10,7 @@ from palpate import printable
 from palpate.host import display_unit
 from palpate_kit.terminal.quantities import round_number
 
+from palpate_notebook.html_table import html_table
 from palpate_notebook.quantity import UncertainQuantity
 
 Document = Mapping[str, Any]
@@ -64,8 +65,6 @@ def run_text(document: Document) -> str:
 def run_html(document: Document) -> str:
     """The table of tracks and the flags, for a notebook; every text is escaped."""
     headings, rows = _cells(document)
-    head = "".join(f"<th>{escape(text)}</th>" for text in headings)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     listed = "".join(f"<li>{escape(printable(text))}</li>" for text in _flags(document))
-    table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-    return f"<b>{escape(printable(document['run']['name']))}</b>{table}{f'<ul>{listed}</ul>' if listed else 'no flags'}"
+    name = escape(printable(document["run"]["name"]))
+    return f"<b>{name}</b>{html_table(headings, rows)}{f'<ul>{listed}</ul>' if listed else 'no flags'}"

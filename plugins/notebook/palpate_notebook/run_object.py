@@ -12,14 +12,16 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from palpate import ConfigurationError, Flag, LogError, OutputError, Samples
-from palpate.host import Pipeline, analysis, build_pipeline, resolved_text, suggest
+import numpy as np
+from palpate import ConfigurationError, Flag, Floats, LogError, OutputError, Samples
+from palpate.host import Pipeline, acceleration, analysis, build_pipeline, resolved_text, suggest
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.result_file import read_flags
 from palpate_kit.runs.run_folder import RunFolder, TrackTable
 
 from palpate_notebook.plotting import Plots
 from palpate_notebook.run_html import run_html, run_text
+from palpate_notebook.suggestions import with_suggestions
 from palpate_notebook.track_object import TrackView
 
 if TYPE_CHECKING:
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
 Found = tuple[Samples | None, Mapping[str, TrackTable]]
 
 
+@with_suggestions
 class FinishedRun:
     """What a run found; `run["dr/ekf"]` is one of its tracks."""
 
@@ -132,6 +135,15 @@ class FinishedRun:
         if samples is None:
             raise LogError(f"{self.name}: the record contains no samples")
         return samples
+
+    @cached_property
+    def contact_force(self) -> Floats:
+        """Force (n,) [N] on the tip itself, at each sample: the sensor's, and the inertia of what hangs behind it.
+
+        Raises LogError like `samples`.
+        """
+        moved = np.nan_to_num(acceleration(self.aligned.time, self.aligned.velocity))
+        return np.asarray(self.aligned.force + self.tip_mass * moved)
 
     @property
     def _whole(self) -> Samples | None:

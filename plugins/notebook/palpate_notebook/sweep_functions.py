@@ -21,11 +21,13 @@ from palpate_studies.sweep.sweep_table import rows_of
 
 from palpate_notebook.optional_imports import library
 from palpate_notebook.pipeline_changes import Draft, load, toml_value
+from palpate_notebook.suggestions import with_suggestions
 
 if TYPE_CHECKING:
     import pandas
 
 
+@with_suggestions
 @dataclass(frozen=True)
 class Sweep:
     """What a sweep found."""
@@ -50,7 +52,7 @@ class Sweep:
 
 def sweep(
     pipeline: str | Path | Draft,
-    settings: Mapping[str, Iterable[Any]],
+    settings: Mapping[str, Iterable[object]],
     *,
     combine: Literal["grid", "list"] = "grid",
     folder: str | Path | None = None,
@@ -84,7 +86,7 @@ def sweep(
     return Sweep(tuple(rows), {number: str(why) for number, why in failed.items() if isinstance(why, PalpateError)})
 
 
-def _combinations(values: Mapping[str, list[Any]], combine: str) -> list[dict[str, Any]]:
+def _combinations(values: Mapping[str, list[object]], combine: str) -> list[dict[str, object]]:
     if not values or not all(values.values()):
         raise ConfigurationError('a sweep needs lists of values by setting, such as {"run.seed": range(8)}')
     lengths = {key: len(column) for key, column in values.items()}
@@ -98,7 +100,7 @@ def _combinations(values: Mapping[str, list[Any]], combine: str) -> list[dict[st
     return [dict(zip(values, one, strict=True)) for one in zip(*values.values(), strict=True)]
 
 
-def _changes(values: Mapping[str, Any]) -> list[str]:
+def _changes(values: Mapping[str, object]) -> list[str]:
     return [f"{key}={toml_value(key, value)}" for key, value in values.items()]
 
 

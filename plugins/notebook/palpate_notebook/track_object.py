@@ -11,6 +11,7 @@ from palpate.host import suggest
 from palpate_kit.runs.result_file import read_flags
 
 from palpate_notebook.quantity import UncertainQuantity
+from palpate_notebook.suggestions import with_suggestions
 
 if TYPE_CHECKING:
     import pandas
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from palpate_notebook.run_object import FinishedRun
 
 
+@with_suggestions
 class TrackView:
     """What one contact model with one estimator found."""
 

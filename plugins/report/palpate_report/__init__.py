@@ -10,10 +10,10 @@ def palpate_commands() -> dict[str, Command]:
     """Report and pictures."""
     return {
         "report": Command(
-            "palpate_report.report_command:report", "Write one page on a run, or on many runs, to hand on."
+            "palpate_report.report_command:report", "Write a one-page report on one run or many.", "share"
         ),
         "plot": Command(
-            "palpate_report.plot_command:plot", "Draw pictures of a run, fit for a paper, with their data."
+            "palpate_report.plot_command:plot", "Draw figures of a run for a paper, with their data.", "share"
         ),
     }
 

@@ -15,9 +15,9 @@ from palpate_report.run_verdict import LEVELS
 _MARKS = "osD^vPX"
 
 
-def caption_of(parameter: str) -> str:
+def caption_of(parameter: str, noun: str = "run") -> str:
     """What the picture of one parameter shows."""
-    return f"{parameter.replace('_', ' ')} of each run; bars are two combined uncertainties, hollow: to be looked at"
+    return f"{parameter.replace('_', ' ')} of each {noun}; bars are two combined uncertainties, hollow: to be looked at"
 
 
 @style()

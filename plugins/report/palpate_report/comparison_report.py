@@ -56,13 +56,25 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 def comparison_page(groups: Mapping[str, Sequence[RunContents]], track: str | None, anonymous: bool) -> str:
     """The whole page of many runs; raises LogError where none of them has a result."""
     runs = [run for name, records in groups.items() for run in _runs(name, records)]
+    return page_of_runs(runs, list(groups), track, anonymous)
+
+
+def page_of_runs(
+    runs: Sequence[GroupRun],
+    groups: Sequence[str],
+    track: str | None,
+    anonymous: bool,
+    noun: str = "run",
+    notes: Sequence[str] = (),
+) -> str:
+    """The whole page of runs, or of what else a noun calls them, in groups; raises LogError where none has a result."""
     if not any(run.tracks for run in runs):
-        raise LogError("none of these runs has a result: report them one by one to see why")
+        raise LogError(f"none of these {noun}s has a result: look at them one by one to see why")
     chosen = _track_of(runs, track)
     parameters = _parameters(runs, chosen)
     counts = {level: sum(run.verdict.level == level for run in runs) for level in LEVELS}
     pictures = [
-        {"svg": svg_text(values_by_run(runs, chosen, name, unit)), "caption": caption_of(name)}
+        {"svg": svg_text(values_by_run(runs, chosen, name, unit)), "caption": caption_of(name, noun)}
         for name, unit in parameters.items()
     ]
     sites = sites_of(runs, chosen, *next(iter(parameters.items()))) if parameters else None
@@ -73,7 +85,9 @@ def comparison_page(groups: Mapping[str, Sequence[RunContents]], track: str | No
     )
     return render(
         "comparison.html",
-        title=f"{len(runs)} runs",
+        title=f"{len(runs)} {noun}s",
+        noun=noun,
+        notes=notes,
         track=chosen,
         counts=counts,
         levels=LEVELS,
@@ -81,7 +95,7 @@ def comparison_page(groups: Mapping[str, Sequence[RunContents]], track: str | No
             _statistics(runs, group, chosen, name, unit) for name, unit in parameters.items() for group in groups
         ],
         grouped=len(groups) > 1,
-        tests=[row for name, unit in parameters.items() for row in _tests(runs, list(groups), chosen, name, unit)],
+        tests=[row for name, unit in parameters.items() for row in _tests(runs, groups, chosen, name, unit)],
         caution=_CAUTION,
         pictures=pictures,
         sites=svg_text(sites) if sites is not None else None,

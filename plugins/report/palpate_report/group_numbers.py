@@ -5,14 +5,38 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
-from palpate_report.run_contents import RunContents
 from palpate_report.run_verdict import RunVerdict
 
 APART = 2e-3  # [m] between the places of runs, from which on they are sites
+
+
+class ComparedRecord(Protocol):
+    """What a comparison reads of a run, or of a curve."""
+
+    @property
+    def path(self) -> Path:
+        """Where it is."""
+        ...
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """Its result."""
+        ...
+
+    @property
+    def resolved_text(self) -> str | None:
+        """The pipeline as run."""
+        ...
+
+    @property
+    def resolved(self) -> Mapping[str, Any]:
+        """The tables of the pipeline as run."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -21,7 +45,7 @@ class GroupRun:
 
     name: str
     group: str
-    record: RunContents
+    record: ComparedRecord
     verdict: RunVerdict
     place: tuple[float, float] | None  # [m] where it was palpated; None for a sweep, or where it is not known
 

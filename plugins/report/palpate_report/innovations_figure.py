@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from palpate import Floats
+from palpate.host import RESULT
 from palpate_kit.figures import legend_outside, quartiles
+from palpate_kit.runs.result_file import open_table
 
 from palpate_report.figure_subject import TRACKS, ReportFigure, Subject, pair
 
@@ -13,12 +17,7 @@ _QUARTILE = 0.6745  # standard deviations, within which half of a normal distrib
 
 def innovations(subject: Subject) -> ReportFigure | None:
     """Innovations over their standard deviations over time, and their autocorrelation."""
-    tracks = subject.record.document.get("tracks", {})
-    white = {
-        name: tracks[name]["diagnoses"]["innovations"]
-        for name in subject.tracks
-        if "innovations" in tracks.get(name, {}).get("diagnoses", {})
-    }
+    white = dict(_autocorrelations(subject))
     names = [
         name
         for name in subject.tracks
@@ -38,13 +37,11 @@ def innovations(subject: Subject) -> ReportFigure | None:
     for level in (-_QUARTILE, 0.0, _QUARTILE):
         left.axhline(level, color="black", linewidth=0.5, linestyle="-" if level == 0 else ":")
     left.set(xlabel="time [s]", ylabel="innovation / its std")
-    for name, table in list(white.items())[:TRACKS]:
-        shares = np.array(table["autocorrelation"])
-        lags = 1e3 * table["interval"] * np.arange(1, len(shares) + 1)
-        axes[1].plot(lags, shares, marker=".", markersize=2, linewidth=0.7, label=name)
-        data |= {f"{name}:lag_s": lags / 1e3, f"{name}:autocorrelation": shares}
+    for name, (lags, shares, _) in list(white.items())[:TRACKS]:
+        axes[1].plot(1e3 * lags, shares, marker=".", markersize=2, linewidth=0.7, label=name)
+        data |= {f"{name}:lag_s": lags, f"{name}:autocorrelation": shares}
     if white:
-        bound = max(2 / np.sqrt(table["samples"]) for table in white.values())
+        bound = max(2 / np.sqrt(samples) for _, _, samples in white.values())
         axes[1].axhspan(-bound, bound, color="0.85", linewidth=0)
         axes[1].set(xlabel="lag [ms]", ylabel="autocorrelation")
         axes[1].set_ylim(min(-0.2, *axes[1].get_ylim()), max(0.4, axes[1].get_ylim()[1]))
@@ -56,3 +53,17 @@ def innovations(subject: Subject) -> ReportFigure | None:
         "autocorrelation over the later half of the record (grey: where 95 % of that of white noise lies)"
     )
     return ReportFigure(figure, caption, data)
+
+
+def _autocorrelations(subject: Subject) -> Iterator[tuple[str, tuple[Floats, Floats, float]]]:
+    """Of each track that has some: lags [s], shares, and how many samples they are of; raises LogError."""
+    tracks = subject.record.document.get("tracks", {})
+    for name in subject.tracks:
+        table = tracks.get(name, {}).get("diagnoses", {}).get("innovations")
+        if table is None:
+            continue
+        with open_table(subject.record.folder.path / RESULT, f"tracks.{name}.diagnoses.innovations"):
+            shares: Floats = np.array(table["autocorrelation"], np.float64)
+            lags = float(table["interval"]) * np.arange(1.0, len(shares) + 1)
+            samples = float(table["samples"])
+        yield name, (lags, shares, samples)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError, Floats, LogError
+from palpate import ConfigurationError, Floats, LogError, OutputError
 from palpate.host import suggest, write_whole
 from palpate_kit.figures import FORMATS, WIDTHS, save_figure
 
@@ -61,7 +61,7 @@ def plot(
                     f"{run}: has nothing to draw for {name!r}: {_MISSING.get(name, 'no estimates')}"
                 )
             continue
-        folder.mkdir(parents=True, exist_ok=True)
+        _make(folder)
         write_whole(folder / f"{name}.csv", _csv(picture.data))
         for ending in endings:
             save_figure(picture.figure, folder / f"{name}.{ending}")
@@ -78,6 +78,13 @@ _MISSING = {
     "time": "no force was recorded, or the run dates from before forces were in estimates.csv: replay it",
     "residuals": "no estimate was made, or the run dates from before forces were in estimates.csv: replay it",
 }
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot make the output folder: {error.strerror}") from error
 
 
 def _formats(given: list[str]) -> list[str]:

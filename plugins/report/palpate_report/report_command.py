@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 from palpate import ConfigurationError
 from palpate.host import suggest, write_whole
+from palpate_kit.curves.fit_folder import is_fit_folder
+from palpate_kit.terminal.options import WhereOption
 from palpate_kit.terminal.progress import progress
 
 from palpate_report.run_contents import RunContents
@@ -17,11 +19,19 @@ _PAGES = (".html", ".htm")
 
 def report(
     runs: Annotated[
-        list[Path] | None, typer.Argument(metavar="RUN...", help="Run folders; several make a page that compares them.")
+        list[Path] | None,
+        typer.Argument(
+            metavar="RUN...",
+            help="Run folders; several make a page that compares them, and so does a folder of fits of many curves.",
+        ),
     ] = None,
     group: Annotated[
         list[str] | None, typer.Option(metavar="NAME=PATTERN", help="A group of runs by a pattern; can be repeated.")
     ] = None,
+    by: Annotated[
+        str | None, typer.Option(metavar="COLUMN", help="Groups of curves by a column of curves.csv, such as sample.")
+    ] = None,
+    where: WhereOption = None,
     track: Annotated[str | None, typer.Option(help="Track to show first, such as dr/fit. [default: the best]")] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Page to write. [default: RUN/report.html, or comparison.html]")
@@ -31,10 +41,19 @@ def report(
 ) -> None:
     """Write one page on a run, or on many runs: verdict, numbers, flags, budget, pictures, pipeline."""
     from palpate_report.comparison_report import comparison_page, groups_of
-    from palpate_report.pdf import print_pdf
 
     if out is not None and out.suffix not in _PAGES:
         raise ConfigurationError(f"--out {out}: a page's name ends in {' or '.join(_PAGES)}")
+    if curves := next((run for run in runs or () if is_fit_folder(run)), None):
+        if len(runs or ()) > 1 or group:
+            raise ConfigurationError(f"{curves}: is a folder of fits of many curves, which is reported by itself")
+        from palpate_report.curves_report import curves_page
+
+        with progress(f"report of {curves}"):
+            _hand_over(curves_page(curves, track, anonymous, by, where), out or curves / "report.html", pdf)
+        return
+    if by or where:
+        raise ConfigurationError(f"--{'by' if by else 'where'}: is for a folder of fits of many curves")
     groups = groups_of(runs or [], group or [])
     records = [record for found in groups.values() for record in found]
     with progress(f"report of {len(records)} run{'s' * (len(records) != 1)}"):
@@ -42,6 +61,13 @@ def report(
             path, text = out or records[0].path / "report.html", _page(records[0], track, anonymous)
         else:
             path, text = out or Path("comparison.html"), comparison_page(groups, track, anonymous)
+    _hand_over(text, path, pdf)
+
+
+def _hand_over(text: str, path: Path, pdf: bool) -> None:
+    """Write a page, and print it to a PDF where that is wanted, too."""
+    from palpate_report.pdf import print_pdf
+
     write_whole(path, text)
     typer.echo(f"report: {path}")
     if pdf:

@@ -70,9 +70,13 @@ class RunContents:
         """The pipeline as run."""
         return _text(self.folder.pipeline) if self.folder.began else None
 
-    @cached_property
+    @property
     def resolved(self) -> Mapping[str, Any]:
         """The tables of the pipeline as run; empty where it cannot be read."""
+        return self._resolved
+
+    @cached_property
+    def _resolved(self) -> Mapping[str, Any]:
         try:
             return tomllib.loads(self.resolved_text or "")
         except tomllib.TOMLDecodeError:

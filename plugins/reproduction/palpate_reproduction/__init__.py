@@ -10,6 +10,6 @@ def palpate_commands() -> dict[str, Command]:
     """One command."""
     return {
         "reproduce": Command(
-            "palpate_reproduction.reproduce_command:reproduce", "The paper's tables and figures, reproduced."
+            "palpate_reproduction.reproduce_command:reproduce", "Reproduce the paper's tables and figures.", "compare"
         ),
     }

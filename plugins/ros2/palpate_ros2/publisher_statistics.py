@@ -131,6 +131,7 @@ class Losses:
     """Messages that are missing between stamps, by the usual step.
 
     A publisher that was held up sends late, and then several at once: what comes too soon after a long step is no loss.
+    Nor is what comes behind its successors.
     """
 
     missing: int = 0
@@ -143,9 +144,7 @@ class Losses:
 
     def add(self, stamps: Stamps) -> None:
         """Stamps [ns] of one publisher as they came."""
-        before = stamps[:1] if self._last is None else np.array([self._last])
-        steps = np.diff(np.concatenate([before, stamps]))[int(self._last is None) :].tolist()
-        self._last = int(stamps[-1])
+        steps = [step for stamp in stamps.tolist() if (step := self._step(stamp)) is not None]
         if not self._usual:
             self._steps += steps
             if len(self._steps) < _KNOWN:
@@ -154,8 +153,19 @@ class Losses:
         for step in steps:
             self._count(step)
 
+    def _step(self, stamp: int) -> int | None:
+        """From the latest stamp to this one, negative where this one comes late; None where a clock begins."""
+        last = self._last
+        if last is not None and 0 < last - stamp < _LEAP:
+            return stamp - last
+        self._last = stamp
+        return None if last is None or stamp < last else stamp - last
+
     def _count(self, step: int) -> None:
-        if step > max(_PAUSE, _SLOW * self._usual):
+        if step < 0:
+            covered = self._debt >= 1.0
+            self._debt, self.missing = self._debt - covered, max(self.missing - (not covered), 0)
+        elif step > max(_PAUSE, _SLOW * self._usual):
             self.pauses += 1
         elif abs(step / self._usual - 1) > _IRREGULAR:
             self._debt, self._regular = max(self._debt + step / self._usual - 1, 0.0), 0

@@ -41,4 +41,4 @@ def palpate_twins() -> dict[str, str]:
 def palpate_commands() -> dict[str, Command]:
     """A run without its rig."""
     target = "palpate_simulation.rehearse:rehearse"
-    return {"rehearse": Command(target, "Run the pipeline of a robot in simulated time.", "run")}
+    return {"rehearse": Command(target, "Run the pipeline of a robot in simulated time.", "hardware")}

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 from palpate import ArmTruth, ConfigurationError, DeviceError, HoldUp, SimulatedTwin, Time, Twin
 from palpate.host import Pipeline, Result, SafetySettings, load_pipeline, plain_settings, run_pipeline, suggest
-from palpate_kit.terminal.options import FolderOption, Overrides
+from palpate_kit.terminal.options import DetailsOption, FolderOption, Overrides
 from palpate_kit.terminal.result_summary import result_view
 from palpate_kit.terminal.table import Table, console
 from pydantic import TypeAdapter, ValidationError
@@ -41,6 +41,7 @@ def rehearse(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the twin's noise.", min=0)] = 0,
+    details: DetailsOption = False,
 ) -> None:
     """Run the pipeline of a robot in simulated time: nothing real moves, and every time it goes the same way."""
     pipeline = _rehearsed(file, [*(overrides or []), *_of_specimen(specimen or [])])
@@ -63,7 +64,8 @@ def rehearse(
             failure = error
         truth = bench.truth
     if result is not None:
-        console().print(result_view(result, pipeline.registry.report_sections))
+        console(120 if details else 80).print(result_view(result, pipeline.registry.report_sections, details))
+        typer.echo(f"written to {result.folder}")
     if pipeline.safety is not None:
         console().print(_limits(truth, pipeline.safety).view())
     for words, _ in script.waiting:

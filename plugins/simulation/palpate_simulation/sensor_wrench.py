@@ -9,6 +9,7 @@ import numpy as np
 from palpate import Floats
 
 GRAVITY = 9.80665  # [m/s^2]
+_FLANGE_OFFSET = (3.0, -2.0, 5.0, 0.1, -0.2, 0.05)  # [N, N m] of the sensor in an arm's flange, never zeroed
 _TORQUE_NOISE = 0.02  # N*m for one newton of force noise, of the order of the real sensor's
 
 
@@ -42,3 +43,11 @@ def sensed_wrench(
     scaled = noise * noise_std
     scaled[:, 3:] *= _TORQUE_NOISE
     return np.clip(wrench + scaled, -limit, limit)
+
+
+def flange_wrench(pose: Floats, mass: float, centre: Sequence[float]) -> list[float]:
+    """Reading (6,) [N, N*m] of the sensor in the flange at a pose (4, 4): the weight of a load [kg], and an offset."""
+    x, y, z = (-mass * GRAVITY * pose[2, :3]).tolist()
+    a, b, c = centre
+    load = (x, y, z, b * z - c * y, c * x - a * z, a * y - b * x)
+    return [part + offset for part, offset in zip(load, _FLANGE_OFFSET, strict=True)]

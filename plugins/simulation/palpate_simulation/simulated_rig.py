@@ -30,6 +30,8 @@ from palpate import (
     TipMass,
     Trajectory,
     clock,
+    duration_of,
+    setpoints_at,
 )
 from palpate_kit.acquisition.prefetch import ahead
 from palpate_kit.force_control import refusal
@@ -188,9 +190,9 @@ class _RigLink:
         if self._trajectory is None:
             return
         settings = self._settings
-        end = self._trajectory.total_duration
+        end = duration_of(self._trajectory)
         ticks = np.arange(int(np.floor(end * settings.rate)) + 1) / settings.rate
-        setpoint = self._trajectory.at(ticks)
+        setpoint = setpoints_at(self._trajectory, ticks)
         loop = PositionLoop(settings.gain, settings.damping, settings.lag, 1.0 / settings.rate)
         if isinstance(self._trajectory, ForceControlled):
             noise = self._led_noise.standard_normal(len(ticks)) * settings.force_std

@@ -15,13 +15,15 @@ def palpate_commands() -> dict[str, Command]:
     """Studies."""
     return {
         "compare": Command(
-            "palpate_studies.compare_command:compare", "Run every model with every estimator on one log."
+            "palpate_studies.compare_command:compare", "Run every model with every estimator on one log.", "compare"
         ),
         "sweep": Command(
-            "palpate_studies.sweep.sweep_command:sweep", "Run every combination of settings, on all cores."
+            "palpate_studies.sweep.sweep_command:sweep", "Run every combination of settings, on all cores.", "compare"
         ),
         "repeat": Command(
-            "palpate_studies.repeat_command:repeat", "Statistics over many runs, and tests between groups."
+            "palpate_studies.repeat_command:repeat",
+            "Summarise many runs, and test groups against each other.",
+            "compare",
         ),
         "repeat review": Command(
             "palpate_studies.review_command:review", "Rate runs, and mark those to leave out.", former="review"
@@ -29,7 +31,7 @@ def palpate_commands() -> dict[str, Command]:
         "plan design": Command(
             "palpate_studies.design.design_command:design",
             "Bounds of a palpation, and its best settings.",
-            "run",
+            "hardware",
             "design",
         ),
     }

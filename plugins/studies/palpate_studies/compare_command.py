@@ -18,9 +18,11 @@ from palpate_kit.jobs.job import Job
 from palpate_kit.logs.draft_pipeline import pipeline_of, suggestion_of
 from palpate_kit.runs.replay_source import added_table, read_run_log, replay_source, with_other_channels
 from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.terminal.flag_summary import doubt_lines
 from palpate_kit.terminal.json_output import print_aside, print_json
-from palpate_kit.terminal.options import FolderOption, FormatOption, JsonOption, Overrides, Points
+from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, JsonOption, Overrides, Points
 from palpate_kit.terminal.progress import progress, report_progress
+from palpate_kit.terminal.result_summary import flag_lines
 from palpate_kit.terminal.table import console
 
 from palpate_studies import comparison_table
@@ -47,6 +49,7 @@ def compare(
     scheduler: SchedulerOption = None,
     stage: StageOption = None,
     as_json: JsonOption = False,
+    details: DetailsOption = False,
     layout: FormatOption = "table",
 ) -> None:
     """Run every model with every estimator on one log, read once; print one table, draw one picture.
@@ -64,7 +67,7 @@ def compare(
     with progress(f"look at {log}"):
         source, added = _chosen(_source(log, choices), models, estimators, overrides or [])
         pipeline, refused = with_what_runs(source, added)
-    if log.suffix != ".toml":
+    if details and log.suffix != ".toml":
         told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
         typer.echo(f"taken for known: {told}", err=True)
     names = [track.name for track in pipeline.tracks]
@@ -78,7 +81,7 @@ def compare(
     if as_json:
         print_json({**result.table(), "folder": result.folder, "not_run": refused})
     else:
-        _tell(result, refused, reference)
+        _tell(result, refused, reference, details)
     result.demand_whole()
     write_new(result.folder / "compare.csv", comparison_table.csv_text(result, refused))
     with print_aside(as_json):
@@ -100,12 +103,13 @@ def _there(pipeline: Pipeline, out: Path | None, scheduler: str, stage: str | No
     return outcome.result
 
 
-def _tell(result: Result, refused: Mapping[str, str], reference: str | None) -> None:
-    terminal = console()
-    for shown in comparison_table.tables(result, refused):
+def _tell(result: Result, refused: Mapping[str, str], reference: str | None, details: bool) -> None:
+    terminal = console(120) if details else console()
+    for shown in comparison_table.tables(result, refused, details):
         terminal.print(shown if isinstance(shown, str) else shown.view(), highlight=False)
-    for flag in result.flags:
-        terminal.print(f"every track: {flag}", style="yellow", markup=False, highlight=False)
+    flags = {label: [*result.flags, *track.flags] for label, track in result.tracks.items()}
+    for line in flag_lines(result.flags, result.tracks) if details else doubt_lines(flags):
+        terminal.print(line, style="yellow", markup=False, highlight=False)
     if reference is not None:
         terminal.print(_differences(result, reference))
 

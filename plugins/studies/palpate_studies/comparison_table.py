@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from itertools import groupby
 from typing import Any
 
-from palpate.host import Result, TrackResult, UncertainValue, display_unit
+from palpate.host import Result, TrackResult, UncertainValue, display_unit, verdict_word
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 from palpate_kit.runs.run_folder import TrackTable
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
@@ -19,20 +19,23 @@ _CURVES = 7  # in one panel
 _ORDER = ("good", "note", "doubtful", "invalid")
 
 
-def tables(result: Result, refused: Mapping[str, str]) -> Iterator[Table | str]:
-    """One table for each model, the best verdicts first; why tracks are in none (`refused`, by track); and counts."""
+def tables(result: Result, refused: Mapping[str, str], details: bool) -> Iterator[Table | str]:
+    """One table for each model, the best verdicts first; why tracks are in none (`refused`, by track); and counts.
+
+    With `details` residual, NIS and flags, too.
+    """
     ordered = sorted(result.tracks.items(), key=lambda item: (item[1].model, _ORDER.index(item[1].verdict)))
     for model, group in groupby(ordered, key=lambda item: item[1].model):
         tracks = [track for _, track in group]
         units = {name: found.unit for track in tracks for name, found in track.parameters.items()}
-        headings = ["estimator", "verdict", *(f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items())]
-        rows = [_row(track, units) for track in tracks]
+        values = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
+        rows = [_row(track, units, details) for track in tracks]
         if result.truth:
             known = [_true(result.truth.get(name), unit) for name, unit in units.items()]
-            rows.append(["truth", "", *known, "", "", ""])
-        yield Table.of(
-            f"model {model}", [*headings, "residual\nN", "NIS", "flags"], rows, ["estimator", "verdict", "flags"]
-        )
+            rows.append(["truth", *known, *([""] * (4 if details else 1))])
+        more = ["residual\nN", "NIS", "flags"] if details else []
+        headings = ["estimator", *values, "verdict", *more]
+        yield Table.of(f"model {model}", headings, rows, ["estimator", "verdict", "flags"])
     failed = {
         name: flag.message for name, track in result.tracks.items() for flag in track.flags if flag.code == "failed"
     }
@@ -42,12 +45,11 @@ def tables(result: Result, refused: Mapping[str, str]) -> Iterator[Table | str]:
     yield f"{usable} of {len(result.tracks) + len(refused)} usable"
 
 
-def _row(track: TrackResult, units: Mapping[str, str]) -> list[str]:
+def _row(track: TrackResult, units: Mapping[str, str], details: bool) -> list[str]:
     codes = "\n".join(dict.fromkeys(flag.code for flag in track.flags))
-    if not track.usable:
-        return [track.estimator, track.verdict, *([""] * len(units)), "", "", codes]
-    values = [_shown(track.parameters.get(name)) for name in units]
-    return [track.estimator, track.verdict, *values, f"{track.force_rms:.3f}", f"{track.nis:.2f}", codes]
+    values = [_shown(track.parameters.get(name)) if track.usable else "" for name in units]
+    numbers = [f"{track.force_rms:.3f}", f"{track.nis:.2f}"] if track.usable else ["", ""]
+    return [track.estimator, *values, verdict_word(track.verdict), *([*numbers, codes] if details else [])]
 
 
 def _shown(found: UncertainValue | None) -> str:

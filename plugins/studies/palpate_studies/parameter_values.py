@@ -1,15 +1,18 @@
-"""What runs, logs and cycles say of one parameter of one track, each by its name, and which were rejected."""
+"""What runs, logs, cycles and curves say of one parameter of one track, each by its name, and which were rejected."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import typer
 from palpate import ConfigurationError, Flag
-from palpate.host import suggest, verdict
+from palpate.host import registry, suggest, verdict
+from palpate_kit.curves.curve_filter import CurveFilter, curve_filter
+from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder, stale_words
 from palpate_kit.runs.result_file import read_flags, read_results
 from palpate_kit.runs.run_folder import RunFolder
 
@@ -30,6 +33,7 @@ class ParameterValue:
     flags: tuple[Flag, ...]
     verdict: str
     rejected: str | None  # the reason; None where it was not
+    groups: Mapping[str, str] = field(default_factory=dict)  # of a curve: what ``curves.csv`` says of it
 
     @property
     def usable(self) -> bool:
@@ -42,11 +46,19 @@ def natural(path: Path | str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", str(path)) if part]
 
 
-def readings(path: Path, track: str | None, parameter: str, *, first: bool = False) -> Iterator[ParameterValue]:
-    """Readings of a run, or of every log, or cycle, of `palpate fit`; `first`: of the first of several tracks.
+def readings(
+    path: Path, track: str | None, parameter: str, *, first: bool = False, where: str | None = None
+) -> Iterator[ParameterValue]:
+    """Readings of a run, or of every log, cycle or curve of `palpate fit`; `first`: of the first of several tracks.
 
-    Raises LogError for what is no result, ConfigurationError where there is no such track or parameter.
+    Of curves those `where` filter words hold. Raises LogError for what is no result, ConfigurationError where there is
+    no such track or parameter, and for words that do not parse.
     """
+    if is_fit_folder(path):
+        yield from _of_curves(FitFolder(path), track, parameter, first, where)
+        return
+    if where is not None:
+        raise ConfigurationError(f"--where: {path} is no folder of fits of many curves")
     file = path
     if path.is_dir():
         file = path / "fit.json" if (path / "fit.json").is_file() else path / "result.json"
@@ -65,6 +77,36 @@ def readings(path: Path, track: str | None, parameter: str, *, first: bool = Fal
         return
     for log in sorted(results.by_log, key=natural):
         yield _of_run(results.by_log[log], file, track, parameter, (path, log), first)
+
+
+def _of_curves(
+    folder: FitFolder, track: str | None, parameter: str, first: bool, where: str | None
+) -> Iterator[ParameterValue]:
+    name = _chosen(dict.fromkeys(folder.tracks), track, folder.path, first)
+    if parameter not in folder.values:
+        raise ConfigurationError(
+            f"{folder.path}: there is no parameter {parameter!r}{suggest(parameter, folder.values)}"
+        )
+    chosen: CurveFilter = curve_filter(where, folder, registry.load().meanings)
+    if old := stale_words(folder):
+        typer.echo(old, err=True)
+    for row in sorted(chosen.choose(folder.rows), key=lambda row: natural(row.curve)):
+        if row.track in (name, ""):
+            yield _of_curve(folder, row, name, parameter)
+
+
+def _of_curve(folder: FitFolder, row: CurveRow, track: str, parameter: str) -> ParameterValue:
+    meanings = registry.load().meanings
+    flags = tuple(
+        Flag(code, meanings[code].meaning if code in meanings else code,
+             meanings[code].severity if code in meanings else "doubtful")
+        for code in row.flags
+    )  # fmt: skip
+    return ParameterValue(
+        f"{folder.path}#{row.curve}", folder.path, row.curve, track, row.number(parameter),
+        row.number(f"{parameter}_combined"), folder.units.get(parameter, ""), None, row.number("rms"), flags,
+        row.verdict or "invalid", row.rejected, row.groups,
+    )  # fmt: skip
 
 
 def _of_run(

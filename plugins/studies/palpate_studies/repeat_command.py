@@ -11,14 +11,15 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, LogError, UserError, to_si
-from palpate.host import ConsentError, finite_tree
+from palpate.host import ConsentError, finite_tree, suggest
+from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.jobs.engines import SchedulerOption, StageOption
-from palpate_kit.terminal.options import FormatOption, Overrides
+from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, WhereOption
 from palpate_kit.terminal.table import console
 
 from palpate_studies.force_error import force_error
 from palpate_studies.log_estimates import LogRuns
-from palpate_studies.parameter_values import natural, readings
+from palpate_studies.parameter_values import ParameterValue, natural, readings
 from palpate_studies.repeat_figure import draw_repeatability
 from palpate_studies.repeat_tables import views
 from palpate_studies.repeatability import against_truth, repeatability, uncertainty_of_mean
@@ -39,26 +40,30 @@ class _Group:
     rejected: dict[str, str] = field(default_factory=dict)  # by run: why
     failures: dict[str, UserError] = field(default_factory=dict)  # by path
 
-    def read(self, path: Path, estimated: LogRuns, track: str | None, parameter: str) -> None:
+    def read(self, path: Path, estimated: LogRuns, track: str | None, parameter: str, where: str | None = None) -> None:
         """Take in the readings of a file; one that cannot be read is left out. Raises ConsentError."""
         try:
-            of_file = list(readings(estimated.run_of(path), track, parameter))
+            of_file = list(readings(estimated.run_of(path), track, parameter, where=where))
         except ConsentError:
             raise
         except UserError as error:
             self.failures[str(path)] = error
             return
         for reading in of_file:
-            self.unit = reading.unit
-            if reading.rejected is not None:
-                self.rejected[reading.name] = reading.rejected
-            elif reading.usable and reading.value is not None:
-                self.values.append(reading.value)
-                self.tracked += [(reading.folder, reading.track)] if reading.key == "" else []
-                self.stated.append(reading.std or 0.0)
-                self.common += [] if reading.systematic is None else [reading.systematic]
-            else:
-                self.skipped += 1
+            self.take(reading)
+
+    def take(self, reading: ParameterValue) -> None:
+        """Take in one reading."""
+        self.unit = reading.unit
+        if reading.rejected is not None:
+            self.rejected[reading.name] = reading.rejected
+        elif reading.usable and reading.value is not None:
+            self.values.append(reading.value)
+            self.tracked += [(reading.folder, reading.track)] if reading.key == "" else []
+            self.stated.append(reading.std or 0.0)
+            self.common += [] if reading.systematic is None else [reading.systematic]
+        else:
+            self.skipped += 1
 
     def demand_values(self, parameter: str) -> None:
         """Say which runs are left out; raises what the first failed with, or LogError, where no run has a value."""
@@ -75,13 +80,17 @@ def repeat(
         list[Path] | None,
         typer.Argument(
             metavar="RUN...",
-            help="Run folders, folders of them, logs of runs, result.json or fit.json files; or a pipeline file with a "
-            "[repeat] table, which is run so often.",
+            help="Run folders, folders of them or of fits of many curves, logs of runs, result.json or fit.json files; "
+            "or a pipeline file with a [repeat] table, which is run so often.",
         ),
     ] = None,
     group: Annotated[
         list[str] | None, typer.Option(metavar="NAME=PATTERN", help="A group of runs by a pattern; can be repeated.")
     ] = None,
+    by: Annotated[
+        str | None, typer.Option(metavar="COLUMN", help="Groups of curves by a column of curves.csv, such as sample.")
+    ] = None,
+    where: WhereOption = None,
     track: Annotated[str | None, typer.Option(help="Track, such as dr/fit. [default: the only one]")] = None,
     parameter: Annotated[str, typer.Option(help="Parameter, or surface.")] = "elasticity",
     picture: Annotated[
@@ -97,6 +106,7 @@ def repeat(
     scheduler: SchedulerOption = None,
     stage: StageOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+    details: DetailsOption = False,
     layout: FormatOption = "table",
 ) -> None:
     """Mean, standard uncertainty, autocorrelation, trend and histogram over many runs; tests between groups.
@@ -106,24 +116,47 @@ def repeat(
     files: dict[str, list[Path]] = {}
     for name, paths in _groups(sources or [], group or []).items():
         files[name] = [run for path in paths for run in _runs(path, overrides or [], out, scheduler, stage)]
-    groups = _read(files, track, parameter)
+    groups = _read(files, track, parameter, where) if by is None else _by_column(files, by, track, parameter, where)
     document = _document(groups, parameter, truth)
     if picture is not None:
         draw_repeatability(document, picture)
-    _show(document, as_json)
+    _show(document, as_json, details)
     if failures := dict.fromkeys(path for found in groups.values() for path in found.failures):
         typer.echo(f"{len(failures)} runs failed: {', '.join(failures)}", err=True)
         raise typer.Exit(1)
 
 
-def _read(files: Mapping[str, Sequence[Path]], track: str | None, parameter: str) -> dict[str, _Group]:
+def _read(
+    files: Mapping[str, Sequence[Path]], track: str | None, parameter: str, where: str | None
+) -> dict[str, _Group]:
     """What the files of each group say of a parameter; raises UserError where a group says nothing."""
     estimated = LogRuns()
     groups = {name: _Group(name) for name in files}
     for name, paths in files.items():
         for path in paths:
-            groups[name].read(path, estimated, track, parameter)
+            groups[name].read(path, estimated, track, parameter, where)
         groups[name].demand_values(parameter)
+    return groups
+
+
+def _by_column(
+    files: Mapping[str, Sequence[Path]], by: str, track: str | None, parameter: str, where: str | None
+) -> dict[str, _Group]:
+    """Curves of folders in groups by a column of curves.csv; raises UserError where a group says nothing."""
+    groups: dict[str, _Group] = {}
+    for path in (path for paths in files.values() for path in paths):
+        if not is_fit_folder(path):
+            raise ConfigurationError(f"--by {by}: {path} is no folder of fits of many curves")
+        columns = FitFolder(path).columns
+        if by not in columns:
+            raise ConfigurationError(f"--by {by}: {path / 'curves.csv'} has no such column{suggest(by, columns)}")
+        for reading in readings(path, track, parameter, where=where):
+            name = reading.groups.get(by) or "none"
+            groups.setdefault(name, _Group(name)).take(reading)
+    for group in groups.values():
+        group.demand_values(parameter)
+    if not groups:
+        raise ConfigurationError(f"--where {where!r}: holds of no curve")
     return groups
 
 
@@ -146,13 +179,13 @@ def _document(groups: Mapping[str, _Group], parameter: str, truth: str | None) -
     return document
 
 
-def _show(document: dict[str, Any], as_json: bool) -> None:
+def _show(document: dict[str, Any], as_json: bool, details: bool) -> None:
     """Print what was found."""
     if as_json:
         typer.echo(json.dumps(document, indent=2))
         return
     terminal = console()
-    for view in views(document):
+    for view in views(document, details):
         terminal.print(view, highlight=False, markup=False)
 
 
@@ -160,7 +193,7 @@ def _runs(path: Path, overrides: list[str], out: Path | None, scheduler: str | N
     """The runs of a source: those in a folder of them, or those made of a pipeline file. Raises UserError."""
     if path.suffix == ".toml" and path.is_file():
         return perform(path, overrides, out, scheduler, stage)
-    if path.is_dir() and not any((path / name).exists() for name in ("fit.json", "result.json")):
+    if path.is_dir() and not any((path / name).exists() for name in ("fit.json", "result.json", "fits.csv")):
         return sorted((inner.parent for inner in path.glob("*/result.json")), key=natural) or [path]
     return [path]
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 from palpate.host import display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.table import Table
 
+_LENGTHS = ("mean", "scatter", "scatter of mean", "common")  # in the unit of the value
+_DETAILS = ("scatter of mean", "common", "correlation\nof neighbours", "correlation\nwith order", "p of order")
 _BAR = 40  # characters of the tallest bar
 _CAUTION = (
     "p is the chance of such a difference between repeats at one site each. Sites of one material differ, too: before "
@@ -15,27 +19,23 @@ _CAUTION = (
 )
 
 
-def views(document: dict[str, Any]) -> Iterator[Any]:
-    """Statistics of every group, a histogram and an average of each, and tests between groups."""
-    from rich.table import Table
-
+def views(document: dict[str, Any], details: bool) -> Iterator[Any]:
+    """Mean and scatter of every group, errors and tests; with `details` all statistics and a histogram."""
     word, factor = display_unit(document["unit"])
-    table = Table(title=f"{document['parameter']} [{word}]", title_justify="left")
-    headings = (
-        "group",
-        "n",
-        "mean",
-        "std",
-        "scatter\nof mean",
-        "common",
-        "correlation\nof neighbours",
-        "correlation\nwith order (p)",
-    )
-    for heading in headings:
-        table.add_column(heading, justify="left" if heading == "group" else "right")
-    for name, found in document["groups"].items():
-        table.add_row(name, str(found["count"]), *_statistics(found, factor))
-    yield table
+    names = ("mean", "scatter", *(_DETAILS if details else ()))
+    heads = ["group", "runs", *(f"{name}\n{word}" if name in _LENGTHS else name for name in names)]
+    rows = [
+        [name, str(found["count"]), *_statistics(found, factor)[: len(names)]]
+        for name, found in document["groups"].items()
+    ]
+    yield Table.of(document["parameter"], heads, rows, ["group"]).view()
+    if details:
+        yield from _distributions(document, word, factor)
+    yield from _judgements(document, word, factor)
+
+
+def _distributions(document: dict[str, Any], word: str, factor: float) -> Iterator[Any]:
+    """A histogram and an average of each group, and the error of its force."""
     for name, found in document["groups"].items():
         yield from _histogram(name, found, factor)
         if found["moving_average"]:
@@ -49,6 +49,10 @@ def views(document: dict[str, Any]) -> Iterator[Any]:
                 f"{name}: force less model over {band['count']} runs: {1e3 * band['rms']:.3g} mN RMS, mean at most "
                 f"{1e3 * largest:+.3g} mN"
             )
+
+
+def _judgements(document: dict[str, Any], word: str, factor: float) -> Iterator[Any]:
+    """The error of each group, tests between groups, and what was left out."""
     for name, found in document["groups"].items():
         if error := found.get("truth"):
             said = f"{100 * error['error']:+.2f} ± {100 * error['error_std']:.2g} %"
@@ -70,13 +74,18 @@ def _statistics(found: dict[str, Any], factor: float) -> list[str]:
     std = (found["std"] or 0.0) * factor
     trend = found["correlation_with_order"]
     return [
-        value_with_uncertainty(found["mean"] * factor, (found["combined_of_mean"] or 0.0) * factor),
+        value_with_uncertainty(found["mean"] * factor, _or_unknown(found["combined_of_mean"]) * factor),
         f"{std:.3g}",
         f"{(found['std_of_mean'] or 0.0) * factor:.3g}",
         "-" if found["common"] is None else f"{found['common'] * factor:.3g}",
         "-" if found["correlation"] is None else f"{found['correlation']:+.2f}",
-        "-" if trend is None else f"{trend:+.2f} ({found['correlation_with_order_p']:.2g})",
+        "-" if trend is None else f"{trend:+.2f}",
+        "-" if trend is None else f"{found['correlation_with_order_p']:.2g}",
     ]
+
+
+def _or_unknown(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def _histogram(name: str, found: dict[str, Any], factor: float) -> Iterator[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -12,9 +12,9 @@ from typing import Annotated
 import numpy as np
 import typer
 from palpate import ConfigurationError, UserError
-from palpate.host import display_unit, finite_tree, suggest, write_whole
-from palpate_kit.runs.run_folder import RunFolder
-from palpate_kit.terminal.options import FormatOption, TrackOption
+from palpate.host import display_unit, finite_tree, suggest, verdict_word
+from palpate_kit.runs.review_file import Mark, write_mark
+from palpate_kit.terminal.options import FormatOption, TrackOption, WhereOption
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
 
@@ -76,22 +76,28 @@ def review(
                                        "deleted. Can be repeated.")
     ] = None,
     accept: Annotated[
-        list[str] | None, typer.Option("--accept", metavar="NAME", help="Take a mark back. Can be repeated.")
+        list[str] | None, typer.Option("--accept", metavar="NAME", help="Mark as good; a rejection is taken back. Can "
+                                       "be repeated.")
     ] = None,
+    clear: Annotated[
+        list[str] | None, typer.Option("--clear", metavar="NAME", help="Take any mark back. Can be repeated.")
+    ] = None,
+    where: WhereOption = None,
     reason: Annotated[str | None, typer.Option(help="Why; wanted with --reject.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
     layout: FormatOption = "table",
 ) -> None:  # fmt: skip
-    """List runs or cycles, the worst first, by verdict, residual and distance from the others; mark what to leave out.
+    """List runs, cycles or curves, the worst first, by verdict, residual and distance from the others, and mark them.
 
-    `repeat`, `map compare` and maps leave out what is marked, and say so.
+    `repeat`, `map compare`, maps and reports leave out what is rejected, and say so.
     """
     if reject and not (reason or "").strip():
         raise ConfigurationError('--reject: say why, with --reason "..."')
-    group, failures = _read(runs, track, parameter)
-    if reject or accept:
-        _mark(group, reject or [], accept or [], (reason or "").strip())
-        group, failures = _read(runs, track, parameter)
+    group, failures = _read(runs, track, parameter, where)
+    if reject or accept or clear:
+        marks: dict[Mark, Sequence[str]] = {"bad": reject or (), "good": accept or (), "none": clear or ()}
+        _mark(group, marks, (reason or "").strip())
+        group, failures = _read(runs, track, parameter, where)
     found = rate_values(group)
     if as_json:
         typer.echo(json.dumps(finite_tree({"parameter": parameter, "runs": [_row(one) for one in found]}), indent=2))
@@ -105,32 +111,35 @@ def review(
         raise typer.Exit(1)
 
 
-def _read(runs: Sequence[Path], track: str | None, parameter: str) -> tuple[list[ParameterValue], int]:
+def _read(
+    runs: Sequence[Path], track: str | None, parameter: str, where: str | None
+) -> tuple[list[ParameterValue], int]:
     """All readings, and how many files could not be read; raises what the only one raised."""
     found: list[ParameterValue] = []
     failures: dict[Path, UserError] = {}
     for path in sorted(set(runs), key=natural):
         try:
-            found += readings(path, track, parameter, first=True)
+            found += readings(path, track, parameter, first=True, where=where)
         except UserError as error:
             failures[path] = error
     for path in [*failures][0 if found else 1 :]:
         typer.echo(f"{path} is left out: {failures[path]}", err=True)
     if not found:
-        raise next(iter(failures.values())) if failures else ConfigurationError("name at least one run folder")
+        nothing = "name at least one run folder" if where is None else f"--where {where!r}: holds of no curve"
+        raise next(iter(failures.values())) if failures else ConfigurationError(nothing)
     return found, len(failures)
 
 
-def _mark(group: Sequence[ParameterValue], reject: Sequence[str], accept: Sequence[str], reason: str) -> None:
+_OPTIONS: dict[Mark, str] = {"bad": "--reject", "good": "--accept", "none": "--clear"}
+
+
+def _mark(group: Sequence[ParameterValue], marks: Mapping[Mark, Sequence[str]], reason: str) -> None:
     """Write marks beside the results; raises ConfigurationError for a name that none, or more than one, has."""
-    changes: list[tuple[ParameterValue, str | None]] = [(_named(group, name, "--reject"), reason) for name in reject]
-    changes += [(_named(group, name, "--accept"), None) for name in accept]
-    for reading, why in changes:
-        marks = dict(RunFolder(reading.folder).rejected)
-        marks.pop(reading.key, None)
-        if why is not None:
-            marks[reading.key] = why
-        write_whole(reading.folder / "review.json", json.dumps({"rejected": marks}, indent=2) + "\n")
+    changes: list[tuple[ParameterValue, Mark]] = [
+        (_named(group, name, _OPTIONS[mark]), mark) for mark, names in marks.items() for name in names
+    ]
+    for reading, mark in changes:
+        write_mark(reading.folder, reading.key, mark, reason if mark == "bad" else "")
 
 
 def _named(group: Sequence[ParameterValue], name: str, option: str) -> ParameterValue:
@@ -165,7 +174,7 @@ def _table(found: Sequence[RatedValue], parameter: str) -> Table:
             else value_with_uncertainty(reading.value * factor, (reading.std or 0.0) * factor)
         )
         codes = "\n".join(dict.fromkeys(flag.code for flag in reading.flags if flag.severity != "note"))
-        said = reading.verdict if reading.rejected is None else f"rejected:\n{reading.rejected}"
+        said = verdict_word(reading.verdict) if reading.rejected is None else f"rejected:\n{reading.rejected}"
         rows.append([
             reading.name, f"{one.rating:.1f}", value, _number(one.apart, "+.1f"), _number(reading.residual, ".3f"),
             said, codes,

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from palpate_trajectories.excitation import Chirp, MultiSine
     from palpate_trajectories.force_hold import ForceHold
     from palpate_trajectories.grid_points import GridPoints
+    from palpate_trajectories.lifted_motion import LiftedTrajectory
     from palpate_trajectories.line_sweep import LineSweep
     from palpate_trajectories.load_unload import Compression, LoadUnload
     from palpate_trajectories.point import Point
@@ -28,6 +29,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "force_hold": ["ForceHold"],
         "waypoint_file": ["FromFile"],
         "grid_points": ["GridPoints"],
+        "lifted_motion": ["LiftedTrajectory"],
         "line_sweep": ["LineSweep"],
         "load_unload": ["Compression", "LoadUnload"],
         "translation": ["TranslatedTrajectory"],
@@ -45,6 +47,7 @@ __all__ = [
     "ForceHold",
     "FromFile",
     "GridPoints",
+    "LiftedTrajectory",
     "LineSweep",
     "LoadUnload",
     "MultiSine",
@@ -74,6 +77,7 @@ def palpate_trajectories() -> dict[str, str]:
         "from-file": "palpate_trajectories.waypoint_file:FromFile",
         "shake": "palpate_trajectories.shake:Shake",
         "stay": "palpate_trajectories.stay:Stay",
+        "lifted-motion": "palpate_trajectories.lifted_motion:LiftedTrajectory",
         "moved": "palpate_trajectories.translation:TranslatedTrajectory",
     }
 
@@ -91,5 +95,7 @@ def palpate_migrations() -> tuple[Migration, ...]:
 def palpate_commands() -> dict[str, Command]:
     """Motions looked at before they are made."""
     return {
-        "plan": Command("palpate_trajectories.plan.plan_command:plan", "Look at a motion before running it.", "run")
+        "plan": Command(
+            "palpate_trajectories.plan.plan_command:plan", "Preview a motion before running it.", "hardware"
+        )
     }

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import display_unit, suggest
+from palpate.host import RESULT, display_unit, suggest
+from palpate_kit.runs.result_file import open_table
 from palpate_kit.runs.run_folder import RunFolder
-from palpate_kit.terminal.options import FormatOption, JsonOption
+from palpate_kit.terminal.options import DetailsOption, FormatOption, JsonOption
 from palpate_kit.terminal.progress import progress, report_progress
-from palpate_kit.terminal.table import console
+from palpate_kit.terminal.table import Table, console
 
 if TYPE_CHECKING:
     from palpate_uncertainty.monte_carlo import PropagatedDraws
@@ -26,6 +28,7 @@ def budget(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     track: Annotated[str | None, typer.Option(help="Track, such as dr/fit. [default: all]")] = None,
     as_json: JsonOption = False,
+    details: DetailsOption = False,
     monte_carlo: Annotated[
         int | None,
         typer.Option(metavar="N", help="Draw every declared input N times and estimate again (GUM Supplement 1)."),
@@ -51,10 +54,12 @@ def budget(
             tables[name] = {"budget": tables[name], "monte_carlo": facts}
         typer.echo(json.dumps(tables, indent=2))
         return
-    screen = console()
+    screen = console(120) if details else console()
     for name, found in chosen.items():
-        screen.print(_view(name, found))
-        for line in _at_one_frequency(found.get("diagnoses", {}).get("one-frequency")):
+        screen.print(_view(name, found) if details else _shares(name, found).view())
+        with open_table(run / RESULT, f"tracks.{name}.diagnoses.one-frequency"):
+            lines = list(_at_one_frequency(found.get("diagnoses", {}).get("one-frequency")))
+        for line in lines:
             screen.print(line)
     for found in drawn.values():
         _print_draws(screen, found, seed)
@@ -82,6 +87,50 @@ def _print_draws(screen: Any, found: PropagatedDraws, seed: int) -> None:
         linear = shown.get("combined", "?")
         screen.print(f"{found.name} {name}: u {linear} by the budget, {shown['std']} by the draws{ratio}")
         screen.print(f"  mean {shown['mean']}, 95 % from {shown['low']} to {shown['high']}; value {shown['value']}")
+
+
+def _shares(name: str, found: Mapping[str, Any]) -> Table:
+    """Sources of one track, the largest first: standard uncertainty, and what it gives each value in per cent."""
+    parameters = found["parameters"]
+    heads = [f"{parameter}\n%" for parameter in parameters]
+    rows = sorted(found["budget"], key=lambda row: -_largest(row["effects"].values()))
+    cells = [
+        [
+            row["source"],
+            *_number_and_unit(row["std"], row["unit"]),
+            *(_percent((row["effects"].get(parameter) or {}).get("percent")) for parameter in parameters),
+        ]
+        for row in rows
+    ]
+    cells.append(["combined", "", "", *(_percent(_share(value)) for value in parameters.values())])
+    shown = [
+        f"{parameter} {'?' if value['value'] is None else _shown(value['value'], value['unit'])}"
+        for parameter, value in parameters.items()
+    ]
+    return Table.of(f"{name}: {', '.join(shown)}", ["source", "u", "unit", *heads], cells, ["source", "unit"])
+
+
+def _number_and_unit(std: float | None, unit: str) -> tuple[str, str]:
+    if std is None:
+        return "", ""
+    written, factor = display_unit(unit)
+    return f"{std * factor:.3g}", "" if written == "1" else written
+
+
+def _largest(effects: Iterable[Mapping[str, Any] | None]) -> float:
+    """The largest share of a source in any value; one that is not known counts most."""
+    shares = [effect["percent"] for effect in effects if effect]
+    return max((math.inf if share is None else share for share in shares), default=0.0)
+
+
+def _share(value: Mapping[str, Any]) -> float | None:
+    if value["combined"] is None or not value["value"]:
+        return None
+    return 100 * float(value["combined"]) / abs(float(value["value"]))
+
+
+def _percent(share: float | None) -> str:
+    return "?" if share is None else "< 0.005" if share < _LEAST else f"{share:.2g}"
 
 
 def _view(name: str, found: Mapping[str, Any]) -> Any:
@@ -123,7 +172,9 @@ def _corrected(value: Mapping[str, Any]) -> str:
     """The value less its known bias, with the remaining uncertainty."""
     if value.get("corrected") is None:
         return ""
-    return f"{_shown(value['corrected'], value['unit'])} +- {_shown(value['corrected_combined'], value['unit'])}"
+    combined = value.get("corrected_combined")
+    std = "?" if combined is None else _shown(combined, value["unit"])
+    return f"{_shown(value['corrected'], value['unit'])} +- {std}"
 
 
 def _cell(effect: Mapping[str, Any] | None, unit: str) -> str:

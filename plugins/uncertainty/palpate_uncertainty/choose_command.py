@@ -2,67 +2,43 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 from palpate import ConfigurationError, Floats, LogError, Problem, Samples
-from palpate.host import Pipeline, Source, TrackResult, build_pipeline, display_unit, is_live, suggest
+from palpate.host import Pipeline, Source, TrackResult, build_pipeline, display_unit, is_live, registry, suggest
+from palpate_kit.curves.curve_filter import curve_filter
+from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.runs.replay_source import added_table, read_run_log, replay_source
 from palpate_kit.runs.sample_observer import SampleObserver
+from palpate_kit.runs.shared_tips import name_tips
 from palpate_kit.terminal.json_output import print_json
-from palpate_kit.terminal.options import FormatOption, JsonOption
+from palpate_kit.terminal.options import FormatOption, JsonOption, WhereOption
 from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
 
 from palpate_uncertainty.held_out import held_out
+from palpate_uncertainty.model_standings import Candidate, ModelStanding, rank_models, sentence
 
 _FIT = "casadi-fit"
-_SUPPORTED = 6.0  # of BIC, by independent samples; strong evidence beyond (Kass and Raftery 1995)
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """One model on one record."""
-
-    record: str
-    model: str
-    bic: float
-    share: float  # of independent samples among those that were fitted
-    blocks: Floats  # (4,) [N] held-out root mean squares
-    rms: float  # [N] of the fit to all
-    misfit: bool  # a lack of fit was found
-    verdict: str
-    elasticity: tuple[float, float] | None  # [Pa] and its combined uncertainty
-    doubts: tuple[str, ...] = ()  # codes of the flags that speak against its numbers
-
-
-@dataclass(frozen=True)
-class ModelStanding:
-    """One model over all records."""
-
-    model: str
-    behind: float  # of the best one's evidence
-    weight: float
-    held_out: float  # [N]
-    best_blocks: int
-    blocks: int
-    misfits: int
-    records: int
-    elasticity: tuple[float, float] | None  # mean over records, and its uncertainty or spread, the larger
 
 
 def choose(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders, logs of runs or pipeline files.")],
+    runs: Annotated[
+        list[Path],
+        typer.Argument(metavar="RUN...", help="Run folders, logs of runs, pipeline files, or a folder of fits."),
+    ],
     models: Annotated[
         str | None,
         typer.Option(help="Names or types of models, separated by commas. [default: all of the pipeline]"),
     ] = None,
+    where: WhereOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:
@@ -72,9 +48,9 @@ def choose(
     is left is the channel's noise.
     """
     wanted = [name.strip() for name in models.split(",") if name.strip()] if models else []
-    found = [candidate for run in runs for candidate in candidates(run, wanted)]
+    found = [candidate for run in runs for candidate in _of_source(run, wanted, where)]
     standings = rank_models(found)
-    said = sentence(standings, len(runs))
+    said = sentence(standings, len({one.record for one in found}))
     if as_json:
         print_json({"standings": standings, "candidates": [_row(one) for one in found], "sentence": said})
         return
@@ -86,11 +62,35 @@ def choose(
             console().print(text, style="yellow", markup=False, highlight=False)
 
 
-def candidates(path: Path, wanted: Sequence[str]) -> list[Candidate]:
-    """Every model on one record; raises UserError."""
+def _of_source(path: Path, wanted: Sequence[str], where: str | None) -> Iterator[Candidate]:
+    """Every model on a record, or on each curve of a folder of fits that no review has rejected; raises UserError."""
+    if not is_fit_folder(path):
+        if where is not None:
+            raise ConfigurationError(f"--where: {path} is no folder of fits of many curves")
+        yield from candidates(path, _source(path, wanted))
+        return
+    folder = FitFolder(path)
+    chosen = {row.curve for row in curve_filter(where, folder).choose(folder.rows) if row.rejected is None}
+    curves = [curve for curve in folder.curves() if curve.name in chosen]
+    if not curves:
+        raise ConfigurationError(
+            f"{path}: has no curves{f' of {where!r}' if where else ''} that are not rejected and whose files are known"
+        )
+    for curve in curves:
+        settings = path / folder.pipeline_of(curve.name)
+        source = Source.read(settings, named=False)
+        device = folder.reader(settings.name).device
+        name_tips(source)
+        for assignment in (f"device.{device}.file={json.dumps(curve.file)}", *curve.own):
+            source.override(assignment)
+        yield from candidates(Path(curve.name), with_candidates(source, settings, wanted))
+
+
+def candidates(path: Path, source: Source) -> list[Candidate]:
+    """Every model of a pipeline on one record; raises UserError."""
     from palpate.host import run_pipeline
 
-    pipeline = build_pipeline(_source(path, wanted))
+    pipeline = build_pipeline(source)
     if is_live(pipeline.devices):
         raise ConfigurationError(f"{path}: has a live device; record first: palpate run {path}")
     kept = SampleObserver()
@@ -133,8 +133,14 @@ def _source(path: Path, wanted: Sequence[str]) -> Source:
         if carried is None:
             raise LogError(f"{path}: carries no pipeline; give a pipeline file that reads it")
         source = replay_source(carried)
+    return with_candidates(source, path, wanted)
+
+
+def with_candidates(source: Source, path: Path, wanted: Sequence[str]) -> Source:
+    """A pipeline with one fit of every candidate; raises ConfigurationError."""
     tables = source.tables
     known: dict[str, Any] = tables.setdefault("model", {})
+    wanted = [name if name in known else registry.load().named("model", name) for name in wanted]
     for name in wanted:
         if name not in known:
             try:
@@ -152,80 +158,6 @@ def _source(path: Path, wanted: Sequence[str]) -> Source:
     tables.setdefault("run", {})["tracks"] = [f"{name}/{own}" for name in names]
     tables.pop("sink", None)
     return source
-
-
-def rank_models(found: Sequence[Candidate]) -> list[ModelStanding]:
-    """Models over all records, the best first; only those that have a fit of every record stand."""
-    records = list(dict.fromkeys(one.record for one in found))
-    names = list(dict.fromkeys(one.model for one in found))
-    by = {(one.record, one.model): one for one in found}
-    total = dict.fromkeys(names, 0.0)
-    for record in records:
-        for name, behind in _behind([one for one in found if one.record == record]).items():
-            total[name] += behind
-    finite = [value for value in total.values() if np.isfinite(value)]
-    best = min(finite, default=0.0)
-    shares = {name: float(np.exp(-(value - best) / 2)) if np.isfinite(value) else 0.0 for name, value in total.items()}
-    winners = [_winner([by[record, name] for name in names if (record, name) in by]) for record in records]
-    standings = []
-    for name in names:
-        own = [by[record, name] for record in records if (record, name) in by]
-        blocks = np.concatenate([one.blocks for one in own]) if own else np.zeros(0)
-        standings.append(
-            ModelStanding(
-                name, float(total[name] - best), shares[name] / max(sum(shares.values()), 1e-300),
-                float(np.sqrt(np.mean(blocks**2))) if len(blocks) else float("nan"),
-                sum(sum(winner == name for winner in record) for record in winners), sum(map(len, winners)),
-                sum(one.misfit or one.verdict == "invalid" for one in own), len(records), _mean(own),
-            )
-        )  # fmt: skip
-    return sorted(standings, key=lambda one: one.behind if np.isfinite(one.behind) else np.inf)
-
-
-def _behind(group: Sequence[Candidate]) -> dict[str, float]:
-    """How far each model's BIC is behind the best one's on a record, by samples that are independent under that.
-
-    Sources: Kass and Raftery 1995; residuals that are correlated feign no certainty.
-    """
-    best = min((one for one in group if np.isfinite(one.bic)), key=lambda one: one.bic, default=None)
-    if best is None:
-        return {one.model: float("nan") for one in group}
-    return {one.model: best.share * (one.bic - best.bic) for one in group}
-
-
-def _winner(group: Sequence[Candidate]) -> list[str]:
-    """Which model predicts each block of a record best."""
-    if not group or not len(group[0].blocks):
-        return []
-    table = np.array([np.where(np.isfinite(one.blocks), one.blocks, np.inf) for one in group])
-    return [group[int(place)].model for place in np.argmin(table, axis=0)]
-
-
-def _mean(own: Sequence[Candidate]) -> tuple[float, float] | None:
-    values = np.array([one.elasticity for one in own if one.elasticity is not None])
-    if not len(values):
-        return None
-    spread = float(np.std(values[:, 0], ddof=1)) if len(values) > 1 else 0.0
-    return float(values[:, 0].mean()), max(float(np.sqrt(np.mean(values[:, 1] ** 2))), spread)
-
-
-def sentence(standings: Sequence[ModelStanding], records: int) -> str:
-    """The data's evidence, in a sentence for a paper."""
-    over = f"over {records} records" if records > 1 else "of the record"
-    fair = [one for one in standings if one.misfits < one.records and np.isfinite(one.behind)]
-    if not fair:
-        return f"None of the models describes the data {over}: the residual of each is not the channel's noise."
-    best = standings[0]
-    level = [one.model for one in standings if one.behind < _SUPPORTED]
-    refuted = [f"{one.model} by {one.behind:.3g}" for one in standings if one.behind >= _SUPPORTED]
-    text = f"The data {over} support {' and '.join(level)}"
-    text += " alike" if len(level) > 1 else f" (weight {100 * best.weight:.0f} %)"
-    text += f"; less {', '.join(refuted)} of BIC" if refuted else ""
-    if best.blocks:
-        text += f"; {best.model} predicts {best.best_blocks} of {best.blocks} held-out blocks best"
-    if best.misfits:
-        text += f"; it leaves a lack of fit in {best.misfits} of {best.records}"
-    return text + "."
 
 
 def _table(standings: Sequence[ModelStanding]) -> Table:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.channel_noise import ENOUGH, WHITE, Null, null_of
+from palpate_uncertainty.directed_scores import suspected
 from palpate_uncertainty.directed_tests import DirectedTest, directed_tests, near_best
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.refit import Course, hesitation_samples, make_course, possible, runs_of, sweeps
@@ -85,7 +86,9 @@ class _NullBase:
 
     @property
     def p(self) -> float:
-        """Of the directed tests as a family."""
+        """Of the directed tests as a family; 1 where their scores leave no doubt that none is significant."""
+        if not self.course.model.memory and not suspected(self.course, self.fit, self.null, self.frequency):
+            return 1.0
         return min((1.0, *(len(self.directed) * test.p for test in self.directed.values())))
 
     def by_motion(self, found: WhitenessTest, power: float) -> WhitenessTest:

@@ -104,25 +104,44 @@ def alternatives(course: Course, base: Refit, frequency: float | None = None) ->
 
     `frequency` [Hz] is that of a motion that oscillates with one.
     """
-    elastic = [i for i, parameter in enumerate(course.model.parameters) if parameter.role == "elastic"]
-    makers: list[Maker] = [_timing, _drift, _mass]
-    shape = _shape(course, base) if elastic and not course.model.memory else None
-    if shape is not None:
-        makers += [
-            lambda c: _thickness(c, base.theta, shape),
-            lambda c: _tip(c, elastic, shape),
-            lambda c: _compliance(c, base),
-            _lift_off,
-        ]
-    for make in makers:
+    for make in makers(course, base):
         yield refit(course, base.theta, base.surface, make)
-    if len(elastic) == 1 and not course.model.memory and all(p.role for p in course.model.parameters):
-        viscous = any(parameter.role == "viscous" for parameter in course.model.parameters)
-        fastest = 1.0 / (2.0 * np.pi * frequency) if frequency is not None and viscous else 0.0
+    if (relaxing := relaxing_parameter(course)) is not None:
+        fastest = fastest_branch(course, frequency)
         stays, surface, at_first, residual, branches = fit_relaxation(
-            course, base.theta, base.surface, elastic[0], fastest
+            course, base.theta, base.surface, relaxing, fastest
         )
         yield Refit("memory", stays, surface, np.array([stays, at_first]), residual, branches)
+
+
+def makers(course: Course, base: Refit) -> list[Maker]:
+    """The respects in which the model of a course may be wrong, but for relaxation."""
+    elastic = [i for i, parameter in enumerate(course.model.parameters) if parameter.role == "elastic"]
+    always: list[Maker] = [_timing, _drift, _mass]
+    shape = _shape(course, base) if elastic and not course.model.memory else None
+    if shape is None:
+        return always
+    return [
+        *always,
+        lambda c: _thickness(c, base.theta, shape),
+        lambda c: _tip(c, elastic, shape),
+        lambda c: _compliance(c, base),
+        _lift_off,
+    ]
+
+
+def relaxing_parameter(course: Course) -> int | None:
+    """Which parameter may relax; None where the model has a memory of its own, or its force is not linear in all."""
+    parameters = course.model.parameters
+    elastic = [i for i, parameter in enumerate(parameters) if parameter.role == "elastic"]
+    linear = len(elastic) == 1 and not course.model.memory and all(parameter.role for parameter in parameters)
+    return elastic[0] if linear else None
+
+
+def fastest_branch(course: Course, frequency: float | None) -> float:
+    """The time [s] in which what relaxes is told from the model's viscosity; 0 where nothing keeps it from that."""
+    viscous = any(parameter.role == "viscous" for parameter in course.model.parameters)
+    return 1.0 / (2.0 * np.pi * frequency) if frequency is not None and viscous else 0.0
 
 
 def _timing(course: Course) -> ModelAlternative:

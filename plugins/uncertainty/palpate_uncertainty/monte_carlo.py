@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, ContactModel, Estimator, Floats, Part, Problem, Samples
-from palpate.host import Pipeline, build_pipeline, run_pipeline
+from palpate.host import RESULT, Pipeline, build_pipeline, run_pipeline
 from palpate_kit.runs.replay_source import read_run_log, replay_source
+from palpate_kit.runs.result_file import open_table
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.runs.sample_observer import SampleObserver
 from palpate_kit.terminal.progress import progress, report_progress
@@ -86,10 +87,10 @@ def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
         run_pipeline(pipeline, Path(folder) / "replay", report_progress, kept)
     samples = Samples.joined(kept.blocks)
     results = RunFolder(run).result["tracks"]
-    return [_case(pipeline, track.name, results[str(track.name)], samples) for track in pipeline.tracks]
+    return [_case(run, pipeline, track.name, results[str(track.name)], samples) for track in pipeline.tracks]
 
 
-def _case(pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Samples) -> Case:
+def _case(run: Path, pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Samples) -> Case:
     track = next(track for track in pipeline.tracks if track.name == name)
     settings = pipeline.alignment
     standstill = pipeline.safety.standstill if pipeline.safety else None
@@ -99,9 +100,10 @@ def _case(pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Sam
     names = [parameter.name for parameter in track.model.parameters]
     table = result.get("details", {}).get("covariance")
     covariance = None
-    if isinstance(table, Mapping) and set(names) <= set(table["names"]):
-        places = [table["names"].index(n) for n in names]
-        covariance = np.array(table["matrix"], float)[np.ix_(places, places)]
+    with open_table(run / RESULT, f"tracks.{name}.details.covariance"):
+        if isinstance(table, Mapping) and set(names) <= set(table["names"]):
+            places = [table["names"].index(n) for n in names]
+            covariance = np.array(table["matrix"], float)[np.ix_(places, places)]
     return Case(
         str(name), track.model, track.estimator.model_copy(update=changes), problem, samples, pipeline.run.average,
         settings.weight == "removed", tuple(result["budget"]), result["parameters"], covariance,

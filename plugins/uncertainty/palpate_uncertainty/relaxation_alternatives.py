@@ -30,11 +30,11 @@ def fit_relaxation(
     """
     from scipy.optimize import minimize_scalar, nnls
 
-    rows, times = np.flatnonzero(course.used), _times(course, fastest)
+    rows, times = np.flatnonzero(course.used), relaxation_times(course, fastest)
     few = rows[:: max(1, -(-len(rows) // _MOST))]
 
     def cost(height: float) -> float:
-        columns = _columns(course, theta, height, place, times)[few]
+        columns = relaxation_columns(course, theta, height, place, times)[few]
         return float(nnls(_scaled(columns)[0], course.force[few])[1])
 
     span = min(_FARTHEST, 0.8 * float(np.min(course.depth(surface)[rows]))) if rows.size else 0.0
@@ -42,7 +42,7 @@ def fit_relaxation(
     found: Any = minimize_scalar(
         cost, bounds=(surface - span, surface + _FARTHEST), method="bounded", options={"xatol": _CLOSE}
     )
-    columns = _columns(course, theta, float(found.x), place, times)
+    columns = relaxation_columns(course, theta, float(found.x), place, times)
     scaled, sizes = _scaled(columns[few])
     weights = nnls(scaled, course.force[few])[0] / sizes
     k = len(theta)
@@ -54,12 +54,13 @@ def fit_relaxation(
     return stays, float(found.x), at_first, left, len(times) * (1 if course.from_air else 2)
 
 
-def _times(course: Course, fastest: float) -> list[float]:
+def relaxation_times(course: Course, fastest: float) -> list[float]:
+    """Time constants [s] of the branches that a course can show."""
     fastest = max(fastest, 3 * float(np.median(np.diff(course.time))))
     return [time for time in _TIMES if fastest < time < course.span]
 
 
-def _columns(course: Course, theta: Floats, surface: float, place: int, times: list[float]) -> Floats:
+def relaxation_columns(course: Course, theta: Floats, surface: float, place: int, times: list[float]) -> Floats:
     """Forces (n, m) [N] of each parameter, of each branch, and of what had not relaxed when the record began."""
     columns = []
     for i in range(len(theta)):

@@ -15,7 +15,7 @@ class HostWatch:
     def __init__(self, limit: float | None, over: Event, trip: Callable[[str], None]) -> None:
         self._limit, self._over, self._trip = limit, over, trip  # [s]
         self._looked: dict[str, float] = {}  # by device: when its batches were last asked for, monotonic [s]
-        self._thread = clock().thread(self._watch, "guard")
+        self._thread = clock().thread(self._watch, "guard", urgent=True)
 
     @property
     def is_watching(self) -> bool:

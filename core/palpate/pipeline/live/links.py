@@ -34,7 +34,8 @@ class LiveLinks:
         self.largest_backlog = 0
         self.behind = False  # whether the consumer of the batches is busy rather than waiting for them
         self._threads = [
-            clock().thread(partial(self._pump, name, link), f"{name} batches") for name, link in links.items()
+            clock().thread(partial(self._pump, name, link), f"{name} batches", urgent=True)
+            for name, link in links.items()
         ]
 
     @property

@@ -32,6 +32,7 @@ class LiveRun:
         self.links = LiveLinks(links, guard)
         self.standstill = rig.safety.standstill if rig.safety else _STANDSTILL  # [s]
         self._take = take
+        self._failed = False  # whether taking has failed, as where the disk is full
         self._sampled: float | None = None  # [s] of the record that have become samples
 
     @property
@@ -45,8 +46,14 @@ class LiveRun:
         return self._sampled is None or self._sampled >= self.standstill
 
     def pass_on(self, arrivals: Arrivals) -> None:
-        """Let them be taken."""
-        progress = self._take(arrivals)
+        """Let them be taken; those after a failure to take them are dropped."""
+        if self._failed:
+            return
+        try:
+            progress = self._take(arrivals)
+        except BaseException:
+            self._failed = True
+            raise
         if progress is not None:
             self._sampled = progress.sampled
             self.links.behind = progress.behind > 0

@@ -1,22 +1,28 @@
-"""A live run among other programs: what can be done so that they do not hold it up."""
+"""A live run among other programs: what can be done so that they do not hold it up, nor it them."""
 
 from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import FrameType
 
-from palpate.clocks import clock
+from palpate.clocks import URGENT, clock
 
-_PRIORITY = 20  # below that of robots and sensors
+_SPELL = 2.0  # [s] that an urgent thread may compute without a pause
 
 
 @contextmanager
-def real_time_section() -> Iterator[str]:
-    """Freeze the garbage collector, switch threads quickly, take real-time priority; report whether that was had."""
+def real_time_section(stop: Callable[[str], None]) -> Iterator[str]:
+    """Freeze the garbage collector, switch threads quickly; a sentence on the priority that urgent threads get.
+
+    An urgent thread that computes for 2 s without a pause loses its priority, and `stop` is asked for.
+    """
     if clock().simulated:
         yield "simulated time"
         return
@@ -24,30 +30,50 @@ def real_time_section() -> Iterator[str]:
     gc.collect()
     gc.freeze()
     sys.setswitchinterval(0.0005)
-    said = _scheduled(_PRIORITY)
     try:
-        yield said
+        with _limited_spells(stop):
+            yield _permission()
     finally:
-        _scheduled(0)
         sys.setswitchinterval(before)
         gc.unfreeze()
 
 
-def _scheduled(priority: int) -> str:
-    """Real-time scheduling of this process, where that is permitted; 0 gives it back.
-
-    Of all its threads, those that write as well: one that waits for a core and holds the interpreter's lock makes every
-    other one wait. Those that they start inherit it.
-    """
+def _permission() -> str:
+    """Whether this process may have real-time scheduling: tried out, and given back."""
     try:
-        policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
-        os.sched_setscheduler(0, policy, os.sched_param(priority))
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(URGENT))
+        _ordinary(0)
     except (AttributeError, OSError):
         return "no real-time scheduling: not permitted"
-    for thread in _threads():
-        with suppress(OSError):  # the thread has ended meanwhile
-            os.sched_setscheduler(thread, policy, os.sched_param(priority))
-    return f"real-time scheduling, SCHED_FIFO {priority}" if priority else ""
+    return f"real-time scheduling of guard and reception, SCHED_FIFO {URGENT}"
+
+
+@contextmanager
+def _limited_spells(stop: Callable[[str], None]) -> Iterator[None]:
+    """Let the kernel say when an urgent thread of this process has computed for too long."""
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "SIGXCPU"):
+        yield  # no signal can be heard: no limit, for it would end the process
+        return
+    import resource
+
+    def too_long(number: int, frame: FrameType | None) -> None:
+        for thread in _threads():
+            with suppress(OSError):  # it has ended meanwhile
+                _ordinary(thread)
+        stop(f"a thread that watches the arm computed for {_SPELL:g} s without a pause")
+
+    limits, handler = resource.getrlimit(resource.RLIMIT_RTTIME), signal.signal(signal.SIGXCPU, too_long)
+    try:
+        with suppress(OSError, ValueError):  # a lower limit of the system stays
+            resource.setrlimit(resource.RLIMIT_RTTIME, (round(1e6 * _SPELL), limits[1]))
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_RTTIME, limits)
+        signal.signal(signal.SIGXCPU, handler)
+
+
+def _ordinary(thread: int) -> None:
+    os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))
 
 
 def _threads() -> list[int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from palpate.clocks import clock
 from palpate.device import ReportsHealth
-from palpate.errors import ConfigurationError, DeviceError
+from palpate.errors import ConfigurationError, DeviceError, error_text
 from palpate.pipeline.live.approach import check_start
 from palpate.pipeline.live.arm_preparation import refuse_preload, send_limits
 from palpate.pipeline.live.live_run import LiveRun
@@ -72,16 +72,16 @@ def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
         check_start(live.arms.values(), trajectory, limits)  # the arms have moved since
         if live.is_stopped:
             return
-    for arm in live.arms.values():
-        assert trajectory is not None
-        arm.follow(trajectory)
     try:
+        for arm in live.arms.values():
+            assert trajectory is not None
+            arm.follow(trajectory)
         for arrivals in live.links.to_the_end(_PATIENCE):
             live.pass_on(arrivals)
             if live.interrupt.reason is not None:
                 guard.trip(live.interrupt.reason)  # a signal takes note, and trips nothing
     except BaseException as error:
-        guard.trip(f"{type(error).__name__}: {error}")
-        for _ in live.links.to_the_end(_PATIENCE):
-            pass  # let the arms retract
+        guard.trip(error_text(error))
+        for arrivals in live.links.to_the_end(_PATIENCE):  # let the arms retract
+            live.pass_on(arrivals)
         raise

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from typing import Literal
+from typing import Annotated, Literal
 
 from palpate import Channel, Device, Force, Link, Stream, Time
 from palpate_kit.acquisition.sensor_process import SensorProcess, wrench_stream
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field, field_validator
 
 from palpate_devices.bota.reader import BotaReader
 from palpate_devices.bota.sensor_setup import BAUD_RATES
@@ -23,7 +24,9 @@ class BotaSensor(Device):
     every start and nothing is ever written to its EEPROM. Opening the port resets it, which takes some seconds.
     """
 
-    port: str = Field(min_length=1, description="its serial port, such as /dev/serial/by-id/...")
+    port: Annotated[str, AfterValidator(os.path.expanduser)] = Field(
+        min_length=1, description="its serial port, such as /dev/serial/by-id/..."
+    )
     baud: int = Field(default=460800, description="its baud rate: 9600, 57600, 115200, 230400 or 460800")
     sinc: int = Field(default=64, ge=32, le=2048, description="length of the sinc filter: 64 is 800 Hz, 512 is 100 Hz")
     fir: bool = Field(default=False, description="low-pass filter after the sinc filter; adds delay")

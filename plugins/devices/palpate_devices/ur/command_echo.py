@@ -13,6 +13,7 @@ _NUMBERS = 1 << 16
 _UNIT = 1e-3  # [m/s^2] of one; the client library takes up to 150 m/s^2
 _TIMEOUT = 1.0  # [s]
 _RECIPE = struct.Struct(">Bdd")  # its number, time [s], register
+STATE_BYTES = _RECIPE.size
 
 
 class Echo:
@@ -54,6 +55,7 @@ class ReadBack:
 
     def __init__(self, host: str) -> None:
         self._buffer = bytearray()
+        self.wrong_size: tuple[int, int] | None = None  # bytes of a state, and how many were agreed on
         try:
             self._link = socket.create_connection((host, RTDE_PORT), _TIMEOUT)
         except OSError as error:
@@ -105,5 +107,8 @@ class ReadBack:
                 self._buffer += data
         except OSError:  # nothing more now, or for good, which the silence shows
             pass
-        values = [content for kind, content in self._packets() if kind == "U" and len(content) == _RECIPE.size]
+        states = [content for kind, content in self._packets() if kind == "U"]
+        values = [content for content in states if len(content) == STATE_BYTES]
+        if len(values) < len(states):
+            self.wrong_size = next(len(content) for content in states if len(content) != STATE_BYTES), STATE_BYTES
         return _RECIPE.unpack(values[-1])[1:] if values else None

@@ -28,7 +28,7 @@ from palpate_kit.acquisition.child import Child
 from palpate_kit.acquisition.computer import host
 from palpate_kit.kinematics.ur_arm import JOINTS
 from palpate_kit.kinematics.work_frame import WorkFrame
-from palpate_kit.protocols.ur_dashboard import probe, reported_model, reports_payload
+from palpate_kit.protocols.ur_dashboard import probe, refuse_unready, reported_model, reports_payload
 from pydantic import Field
 
 from palpate_devices.ur import layout
@@ -71,6 +71,11 @@ class UR(Device):
     )
     payload_centre: tuple[Length, ...] = Field(
         default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="centre of mass of that payload on the flange"
+    )
+    safety_checksum: str | None = Field(
+        default=None,
+        pattern=r"^[0-9A-Za-z]{4}([0-9A-Za-z]{4})?$",
+        description="of the safety configuration, as the pendant shows it; for the record: no interface tells it",
     )
     kinematics: Literal["controller", "dh"] = Field(
         default="controller", description="tip pose and velocity from the controller, or from the joints by nominal DH"
@@ -158,8 +163,11 @@ class UR(Device):
         name = f"ur at {self.host}"
         try:
             identity = host().controller_facts(self.host, probe)
+            refuse_unready(identity, self.host)
         except DeviceError as error:
             raise DeviceError(f"ur at {error}") from error
+        if self.safety_checksum is not None:
+            identity = {**identity, "safety_checksum": self.safety_checksum}
         child = Child(name, "robot", layout.MODULE, self._worker_settings(identity, observe), ROW.size, _HINT)
         try:
             link = URLink(self, child, {**identity, **child.wait_for("ready", self.start)})

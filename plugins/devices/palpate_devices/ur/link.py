@@ -21,6 +21,7 @@ from palpate import (
     Setpoint,
     Trajectory,
     clock,
+    setpoints_at,
 )
 from palpate_kit.acquisition.child import Child
 from palpate_kit.acquisition.device_clock import ClockMap, epoch_offset
@@ -117,7 +118,7 @@ class URLink:
     def approach_path(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
         """The way to the first setpoint; see `palpate.SupportsApproach`."""
         name, settings, position = self._child.name, self._settings, self._known_place()
-        start = trajectory.at(np.zeros(1)).position[0]
+        start = setpoints_at(trajectory, np.zeros(1)).position[0]
         away = float(np.linalg.norm(start - position))
         if away > settings.start_tolerance:
             here = ", ".join(f"{1e3 * x:.1f}" for x in position)

@@ -40,6 +40,7 @@ _VARIABLES = [
 _LOAD = ["payload", "payload_cog"]
 _NEAR = 5e-3  # [m] between the controller's pose and that of the nominal kinematics
 _NO_LINGER = struct.pack("ii", 1, 0)
+_SWING, _FASTEST = 5e-3, 3.0  # [m], [m/s] of a tip: the largest arm of the series reaches 2 m/s
 _TAKES = 0.2  # [s] until the controller's states show a new TCP or payload
 
 
@@ -68,6 +69,10 @@ class Robot:
         self.paces = (1.0, 1.0)  # speed slider, the controller's own scaling
         self._echo = Echo()
         self._read_back: Any = None  # a ReadBack
+        self.wrong_size: tuple[int, int] | None = (
+            None  # bytes of a state, and how many were agreed on, where they differ
+        )
+        self.leap: float | None = None  # [m] between the last two states, where no arm moves so far
         self.facts: dict[str, Any] = {}
         self.tool = np.eye(4)
         self.model = MODELS["ur3e"]
@@ -156,11 +161,26 @@ class Robot:
             values, modes, paces = self._read()
         if len(values) != STATE.size:
             return False
+        self.leap = self._leap(stamp, values)
         self.stamp, self.seen, self.state, self.fresh = stamp, now, values, True
         self.modes, self.paces = modes, paces
-        if self._read_back is not None and (news := self._read_back.latest()) is not None:
-            self._echo.hear(*news)
+        self.read_back()
         return True
+
+    def read_back(self) -> None:
+        """Take over what the controller has taken of the commands."""
+        if self._read_back is None:
+            return
+        if (news := self._read_back.latest()) is not None:
+            self._echo.hear(*news)
+        self.wrong_size = self._read_back.wrong_size
+
+    def _leap(self, stamp: float, values: list[float]) -> float | None:
+        """How far [m] the tip is from where the state before had it, if that is farther than any arm moves."""
+        if not self.state:
+            return None
+        way = math.dist(values[STATE["position"]], self.state[STATE["position"]])
+        return way if way > _SWING + _FASTEST * abs(stamp - self.stamp) else None
 
     @property
     def unheard(self) -> float:

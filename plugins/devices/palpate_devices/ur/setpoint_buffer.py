@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import IO
 
 import numpy as np
-from palpate import Floats, Trajectory
+from palpate import Floats, Trajectory, duration_of, setpoints_at
 
 from palpate_devices.ur.layout import SETPOINT
 
@@ -83,11 +83,11 @@ def write_setpoints(trajectory: Trajectory) -> Iterator[tuple[IO[bytes], int]]:
 
     On the disk, not in memory: of a motion of hours the system may put aside what is not wanted yet.
     """
-    count = int(np.floor(trajectory.total_duration / PERIOD + 1e-9)) + 1
+    count = int(np.floor(duration_of(trajectory) / PERIOD + 1e-9)) + 1
     with tempfile.TemporaryFile(prefix="palpate-") as file:
         for first in range(0, count, _PIECE):
             times = np.asarray(np.arange(first, min(first + _PIECE, count)) * PERIOD, np.float64)
-            setpoint = trajectory.at(times)
+            setpoint = setpoints_at(trajectory, times)
             rows = np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring.astype(float)])
             file.write(np.ascontiguousarray(rows, np.float64).tobytes())
         file.flush()

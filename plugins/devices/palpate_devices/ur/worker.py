@@ -9,14 +9,16 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
-from palpate import Floats, ForceLaw, clock
+from palpate import DeviceError, Floats, ForceLaw, clock
 from palpate_kit.acquisition.child import Parent
 from palpate_kit.acquisition.computer import host
+from palpate_kit.acquisition.device_lock import network_device
 from palpate_kit.acquisition.ring import Ring
 from palpate_kit.force_control import refusal
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_devices.ur.client_library import missing_library
+from palpate_devices.ur.command_echo import RTDE_PORT
 from palpate_devices.ur.controller_states import NORMAL, RUNNING, STOPPED, complaint, slowdown
 from palpate_devices.ur.fence import ArmState, Fence, Verdict
 from palpate_devices.ur.force_watch import ForceEye
@@ -34,6 +36,8 @@ _EXPLAIN = 10  # periods
 _MUTE = 25  # periods in which a stop has to reach the other connection, too
 _HEARD = 0.25  # [s] for a stop to be carried out
 _LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
+_SAFETY_MODES = range(1, 14)  # that a controller has
+_LEAP = "no arm does that; was another TCP set meanwhile?"
 _MOVING = ("retreat", "stay", "approach", "follow")
 
 
@@ -46,7 +50,12 @@ def main(arguments: Sequence[str]) -> None:
 
 def _serve(parent: Parent, ring: Ring, settings: dict[str, Any], scheduling: str) -> NoReturn:
     try:
+        if not settings["observe"]:
+            host().reserve(f"robot {network_device(settings['host'], RTDE_PORT)}")
         robot = Robot(settings)
+    except DeviceError as error:
+        parent.tell("fault", text=str(error))
+        host().leave(1)
     except ImportError as error:
         parent.tell("fault", text=f"{missing_library()} ({error})")
         host().leave(1)
@@ -161,7 +170,11 @@ class _Loop:
         robot = self._robot
         if robot.poll():
             if not robot.is_number:
-                self._fail("the controller's pose or joints are no numbers" + self._halt_in_doubt())
+                self._fail(self._garbled("the controller's pose or joints are no numbers"))
+            if robot.control is not None and (robot.leap is not None or robot.wrong_size is not None):
+                self._fail(
+                    self._garbled(f"the tip leapt by {1e3 * (robot.leap or 0.0):.0f} mm between two states: {_LEAP}")
+                )
             if self._commander is None:
                 self._commander = Commander(self._law, robot.look().position, robot.turn())
                 self._setpoint = self._commander.setpoint
@@ -175,6 +188,8 @@ class _Loop:
         if robot.control is not None and complaint(robot.modes, None) is not None:
             moving = commander is not None and commander.mode != "hold"
             text = str(complaint(robot.modes, robot.height if moving else None))
+            if robot.modes[1] not in _SAFETY_MODES:
+                self._fail(self._garbled(text))
             self._fail(text + (self._mute_control() if robot.modes == (RUNNING, NORMAL, STOPPED) else ""))
         self._check_pace(commander)
         age = (now - robot.seen) / 1e9
@@ -187,6 +202,17 @@ class _Loop:
             )
         if age > self._controller_timeout:
             self._fail(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
+
+    def _garbled(self, text: str) -> str:
+        """Why a state makes no sense, once the arm is stopped: the other connection shows whether its packets do."""
+        heard = self._halt_in_doubt()
+        self._robot.read_back()
+        if (sizes := self._robot.wrong_size) is not None:
+            text = (
+                f"the controller sends states of {sizes[0]} bytes in place of {sizes[1]}: what the client library "
+                "makes of them is not where the arm is"
+            )
+        return text + heard
 
     def _check_pace(self, commander: Commander | None) -> None:
         """A robot that is slower than its commands does not begin, and leaves the material in a motion."""

@@ -2,7 +2,8 @@
 import { Chart, chosen, style } from "./charts.js";
 import { drawMap } from "./map.js";
 import { Cards, element, seconds, showDevices, showFlags } from "./panels.js";
-import { Record, unpack } from "./record.js";
+import { unpack } from "./messages.js";
+import { Record } from "./record.js";
 
 const $ = (id) => document.getElementById(id);
 const FAST = 40, NUMBERS = 250, SLOW = 500, MAP = 1000, RETRY = 1000; // [ms]
@@ -104,6 +105,7 @@ function showState(state, t) {
   const { run } = record, duration = run.duration, guard = state.guard;
   if (over && !run.recorded) say(guard?.phase === "tripped" ? "stopped by the guard" : "the run has ended", `${guard?.reason ?? ""} palpate watch ${run.folder} shows it again`, guard?.phase === "tripped");
   else if (run.recorded) say("recorded run", guard?.reason ?? "");
+  else if (!(record.end > 0) && !asked) say("waiting", "for the first reading: robot and sensors are connecting");
   else if (guard) say(PHASES[guard.phase], guard.reason ?? "", guard.phase === "tripped");
   else if (socket?.readyState === 1) say(asked ? "stop was asked for" : "running");
   $("stop").textContent = guard ? "Stop and retract" : "Stop";

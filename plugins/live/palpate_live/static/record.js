@@ -1,19 +1,6 @@
 // What the page knows: rows of the run, the older the coarser, and how things stand at a time.
 
 const ROWS = 24000, ROWS_RECORDED = 240000;
-const decoder = new TextDecoder();
-
-export function unpack(data) {
-  if (typeof data === "string") return { header: JSON.parse(data) };
-  const length = new DataView(data).getUint32(0, true);
-  const header = JSON.parse(decoder.decode(new Uint8Array(data, 4, length)));
-  const begin = 4 + length, rows = header.rows;
-  const all = new Float32Array(data, begin + 8 * rows);
-  const columns = [];
-  for (let at = 0; rows && at + rows <= all.length; at += rows) columns.push(all.subarray(at, at + rows));
-  return { header, time: new Float64Array(data, begin, rows), columns };
-}
-
 export class Record {
   constructor(run) {
     this.run = run;

@@ -6,12 +6,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError, OutputError
+from palpate import ConfigurationError, OutputError, printable
 from palpate_kit.logs.temporary_folders import scratch
 from palpate_kit.terminal.progress import progress
 
 from palpate_logs.table_files import WRITERS
-from palpate_logs.topic_arrays import TEXTS, topics_of
+from palpate_logs.topic_arrays import topics_of
+
+_SHOWN = 20  # notes
 
 
 def export(
@@ -27,12 +29,14 @@ def export(
         raise ConfigurationError(f"--out {out}: the name must end in one of {', '.join(WRITERS)}")
     if out.exists():
         raise OutputError(f"{out}: exists already, and nothing is ever overwritten")
+    notes: list[str] = []
     try:
         with scratch(out.parent) as folder, progress(f"export of {log.name}", "messages"):
-            numbers = topics_of(log, topics, folder)
+            numbers = topics_of(log, topics, folder, notes)
             write(out, numbers)
+            counts = {numbers[topic].topic: len(numbers[topic]) for topic in sorted(numbers, reverse=True)}
     except OSError as error:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error
-    rows = {topic: len(numbers[topic].stamps) for topic in sorted(numbers, reverse=True)}  # numbers after texts
-    counts = {topic.rstrip(TEXTS): count for topic, count in rows.items()}
+    for note in [*notes[:_SHOWN], f"and {len(notes) - _SHOWN} more"] if len(notes) > _SHOWN else notes:
+        typer.echo(f"{log}: {printable(note)}", err=True)
     typer.echo(f"{sum(counts.values())} messages of {len(counts)} topics are in {out}")

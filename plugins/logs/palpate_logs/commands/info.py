@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from palpate import OutputError, printable
+from palpate import LogError, OutputError, printable
 from palpate.host import Source, plugin_files
 from palpate_kit.logs.draft_pipeline import pipeline_of, recording_of, suggestion_of, system_at
 from palpate_kit.logs.recording import Suggestion, Survey, TopicSurvey
@@ -16,6 +16,7 @@ from palpate_kit.terminal.options import JsonOption
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
 
+from palpate_logs.commands.folder_suggestion import is_folder_of_logs, suggest_folder
 from palpate_logs.commands.installation import show_installation
 from palpate_logs.suggestion_figure import draw_suggestion
 
@@ -25,7 +26,10 @@ if TYPE_CHECKING:
 
 def info(
     log: Annotated[
-        Path | None, typer.Argument(help="The log: .mcap, .db3, a bag folder, .csv; or ros2://DOMAIN.")
+        Path | None,
+        typer.Argument(
+            help="The log: .mcap, .db3, a bag folder, .csv; a folder of logs, with --suggest; or ros2://DOMAIN."
+        ),
     ] = None,
     suggest: Annotated[bool, typer.Option("--suggest", help="Print a ready pipeline that reads the log.")] = False,
     force: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="Source of the force.")] = None,
@@ -49,8 +53,14 @@ def info(
         return
     if suggest or out is not None or picture is not None:
         given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
-        _suggest(log, {role: text for role, text in given.items() if text is not None}, out, picture, as_json)
+        choices = {role: text for role, text in given.items() if text is not None}
+        if is_folder_of_logs(log) and picture is None:
+            suggest_folder(log, choices, out, as_json)
+        else:
+            _suggest(log, choices, out, picture, as_json)
         return
+    if is_folder_of_logs(log):
+        raise LogError(f"{log}: is a folder; with --suggest, palpate says how the logs in it are read")
     system = system_at(str(log))
     with progress(f"info of {log.name}", "messages"):
         survey = recording_of(log).survey(log) if system is None else system.survey()

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from palpate import ConfigurationError, KnowsTruth, LogError, PalpateError, to_si
 from palpate.host import load_pipeline
+from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.figures import save_figure
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.json_output import print_json
-from palpate_kit.terminal.options import JsonOption, Points, TrackOption
+from palpate_kit.terminal.options import JsonOption, Points, TrackOption, WhereOption
 from palpate_kit.terminal.progress import progress, report_progress
 
 from palpate_maps.commands.curves_command import curves_of, drop_rejected, points_of, unit_of
@@ -34,8 +35,11 @@ def length(text: str, option: str) -> float:
 
 
 def map_run(
-    run: Annotated[Path, typer.Argument(help="The run folder, or a pipeline file to run first.")],
+    run: Annotated[
+        Path, typer.Argument(help="The run folder, a folder of fits of many curves, or a pipeline file to run first.")
+    ],
     track: TrackOption = None,
+    where: WhereOption = None,
     parameter: Parameter = None,
     cell: Annotated[str, typer.Option(help="Size of the map's cells.")] = "1 mm",
     method: Annotated[str, typer.Option(help="gaussian-process or average.")] = "gaussian-process",
@@ -47,6 +51,7 @@ def map_run(
 ) -> None:
     """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve.
 
+    Of a folder of fits of many curves each curve is a site, at x_m and y_m of its curves.csv, or where it was measured.
     A pipeline file is run first, into a new folder of runs/. No earlier map is written over: the second is map-2.
     """
     from palpate_maps import map_analysis as maps
@@ -54,10 +59,16 @@ def map_run(
     if method not in ("gaussian-process", "average"):
         raise ConfigurationError(f'--method: {method!r} is not one of "gaussian-process" and "average"')
     run = _run_first(run)
-    drop_rejected([run])
+    of_curves = is_fit_folder(run)
+    if where is not None and not of_curves:
+        raise ConfigurationError(f"--where: {run} is no folder of fits of many curves")
+    drop_rejected([] if of_curves else [run])
     with progress(f"map of {run.resolve().name}"):
-        path = maps.read_path(run, track, parameter)
-        sites = maps.sites_along(path)
+        if of_curves:
+            path, sites = maps.read_curve_sites(run, track, parameter, where)
+        else:
+            path = maps.read_path(run, track, parameter)
+            sites = maps.sites_along(path)
         findings = None
         with suppress(LogError):  # too few sites for lumps are enough for a map
             findings = maps.find_lumps(sites)
@@ -108,6 +119,8 @@ class _MapOutput:
     @property
     def unit(self) -> str:
         """Of the parameter."""
+        if is_fit_folder(self.run):
+            return FitFolder(self.run).units.get(self.path.parameter, "")
         return unit_of(self.run, self.path.track, self.path.parameter)
 
 

@@ -38,6 +38,7 @@ class SimulatedArm:
     model: Model = UR3E
     pace: float = 1.0  # of what it does, as of the speed slider and the controller's own scaling
     jammed: bool = False  # it stands still, whatever is commanded
+    brakes: float = math.inf  # [rad/s^2] by which its joints stop at most
     _mode: str = "hold"
     _target: Floats = field(default_factory=lambda: np.zeros(6))
     _lag: float = 0.05
@@ -108,7 +109,7 @@ class SimulatedArm:
 
     def stop(self, deceleration: float = _STOPPING) -> None:
         """Come to rest."""
-        self._mode, self._path, self._deceleration = "hold", [], max(deceleration, 0.1)
+        self._mode, self._path, self._deceleration = "hold", [], max(min(deceleration, self.brakes), 0.01)
 
     @property
     def moving(self) -> bool:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from palpate import ArmTruth, Device, HoldUp, SimulatedTwin, SupportsTwin
-from palpate_kit.acquisition.computer import real_time
 
 from palpate_simulation.twins.console import Console
 from palpate_simulation.twins.faults import FAULTS, apply_fault, make_fault
 from palpate_simulation.twins.settings import BenchSettings
 from palpate_simulation.twins.world import World
 
+_NICE = -10  # before other programs, but never at real-time priority: a driver's threads get their turn
 # Not what asks or ends the twins, or changes what they recorded: that is for their terminal.
 _OF_A_RUN = {
     entry: meaning
@@ -68,11 +69,12 @@ class VirtualBench(BenchSettings):
     def serve(self, seed: int, ready: Callable[[Mapping[str, str]], None]) -> None:
         """Serve until SIGTERM, Ctrl-C or the end of the standard input, where that is open."""
         world = World(self, seed)
+        with suppress(OSError):  # not permitted
+            os.nice(_NICE)
         try:
-            scheduling = real_time(50)
             for number in (signal.SIGTERM, signal.SIGINT):
                 signal.signal(number, world.end)
-            ready({"robot": self.host, "sensor": str(self.port), "scheduling": scheduling})
+            ready({"robot": self.host, "sensor": str(self.port)})
             world.run(Console(lambda words: apply_fault(world, words), FAULTS))
         finally:
             world.close()

@@ -7,10 +7,12 @@ from collections import deque
 from typing import Any
 
 import numpy as np
-from palpate import clock
+from palpate import ConfigurationError, clock
 from palpate_kit.kinematics.ur_arm import pose_of, rotation_matrix
 
+from palpate_simulation.sensor_wrench import flange_wrench
 from palpate_simulation.twins.arm import TICK, SimulatedArm
+from palpate_simulation.twins.dashboard import TOO_SOON, dashboard_facts
 from palpate_simulation.twins.program import Program
 from palpate_simulation.twins.rtde import OUTPUTS, ClientSession
 
@@ -19,9 +21,9 @@ GREETING = "Connected: Universal Robots Dashboard Server"
 _STOPPED, _PLAYING, _PAUSED = 1, 2, 4
 _NORMAL, _REDUCED, _PROTECTIVE, _SAFEGUARD, _EMERGENCY = 1, 2, 3, 5, 7
 _SOUND = (_NORMAL, _REDUCED)
-_POWER_OFF, _RUNNING = 3, 7
-_ROBOT_MODES = {3: "POWER_OFF", 4: "POWER_ON", 5: "IDLE", 6: "BACKDRIVE", 7: "RUNNING"}
+_POWER_OFF, _BACKDRIVE, _RUNNING = 3, 6, 7
 _SAFETY_BITS = {_NORMAL: 0x1, _REDUCED: 0x2, _PROTECTIVE: 0x404, _SAFEGUARD: 0x410, _EMERGENCY: 0x4C0}
+_FLANGE = np.eye(4)  # the tool that ends there
 _SIZES = {"VECTOR6D": 6, "VECTOR3D": 3, "VECTOR6INT32": 6, "VECTOR6UINT32": 6}
 
 
@@ -58,6 +60,7 @@ class Controller:
         self.stuck: list[float] | None = None  # the pose that it keeps reporting
         self.no_number = False  # its pose is none
         self.pendant_tcp = arm.tcp
+        self.load: tuple[float, tuple[float, ...]] = 0.0, (0.0, 0.0, 0.0)  # [kg] at the flange, its centre [m]
         self._state: dict[str, Any] = {
             name: (0.0,) * _SIZES[kind] if kind in _SIZES else 0 for name, kind in OUTPUTS.items()
         }
@@ -133,6 +136,38 @@ class Controller:
         self.arm.stop(80.0)
         self._safety = _EMERGENCY
 
+    def release_emergency_stop(self) -> None:
+        """Let the red button out, switch the power on and release the brakes."""
+        self._safety, self._robot_mode = _NORMAL, _RUNNING
+
+    @property
+    def is_stopped_by_button(self) -> bool:
+        """Whether the red button is pressed."""
+        return self._safety == _EMERGENCY
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether no safety stop holds the arm."""
+        return self._safety in _SOUND
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the arm is in freedrive."""
+        return self._robot_mode == _BACKDRIVE and self.is_sound
+
+    def freedrive(self, free: bool) -> None:
+        """Let the arm be led by hand, or hold it again; raises ConfigurationError where a safety stop holds it."""
+        if not self.is_sound:
+            raise ConfigurationError("freedrive: a safety stop holds the arm; end it first (estop, restore)")
+        self.change_mode(_BACKDRIVE if free else _RUNNING)
+        self.arm.stop()
+
+    def slow_stops(self, deceleration: float) -> None:
+        """Let no stop brake a joint harder than this [rad/s^2]; raises ValueError where that is not positive."""
+        if not deceleration > 0.0:
+            raise ValueError("a deceleration above 0 is wanted")
+        self.arm.brakes = deceleration
+
     def restore(self, q: Any) -> None:
         """No stop, no program, the arm at rest at joint angles (6,)."""
         self.end_program()
@@ -141,7 +176,7 @@ class Controller:
         self._safety, self._robot_mode = _NORMAL, _RUNNING
         self._slider, self._scaling, self.arm.pace = 1.0, 1.0, 1.0
         self.unknown_output, self.refuses_start, self.remote, self.deaf = "", False, True, False
-        self.stuck, self.no_number, self.arm.jammed = None, False, False
+        self.stuck, self.no_number, self.arm.jammed, self.arm.brakes = None, False, False, math.inf
         self.arm.q, self.arm.qd, self.arm.tcp = q, np.zeros(6), self.pendant_tcp
 
     def date(self, until: float) -> None:
@@ -191,7 +226,7 @@ class Controller:
             "actual_TCP_speed": (jacobian @ qd).tolist(),
             "target_TCP_pose": pose_of(pose),
             "actual_TCP_force": self.force.tolist(),
-            "ft_raw_wrench": self.force.tolist(),
+            "ft_raw_wrench": flange_wrench(arm.tip(_FLANGE)[0], *self.load),
             "robot_mode": _POWER_OFF if emergency else self._robot_mode,
             "target_speed_fraction": self._slider,
             "speed_scaling": self._scaling,
@@ -214,20 +249,6 @@ class Controller:
 
     def dashboard(self, line: str) -> str:
         """The dashboard's answer to a line."""
-        running = self._runtime == _PLAYING
-        answers = {
-            "PolyscopeVersion": f"URSoftware {'.'.join(map(str, VERSION))} (software)",
-            "get serial number": "20233500001",
-            "get robot model": self.arm.model.name.upper().rstrip("E"),
-            "is in remote control": str(self.remote).lower(),
-            "robotmode": f"Robotmode: {self._mode_name()}",
-            "safetymode": f"Safetymode: {self._safety_name()}",
-            "safetystatus": f"Safetystatus: {self._safety_name()}",
-            "running": f"Program running: {str(running).lower()}",
-            "programState": {_PLAYING: "PLAYING", _PAUSED: "PAUSED"}.get(self._runtime, "STOPPED") + " rtde_control",
-            "close safety popup": "closing safety popup",
-            "quit": "Disconnected",
-        }
         if line == "stop":
             self.end_program()
             return "Stopped"
@@ -236,22 +257,13 @@ class Controller:
             return "Starting program" if self._runtime == _PLAYING else "Failed to execute: play"
         if line == "unlock protective stop":
             if self.now - self._stopped_at < 5.0:
-                return (
-                    "Cannot unlock protective stop until 5s after occurrence. "
-                    "Always inspect cause of protective stop before unlocking"
-                )
+                return TOO_SOON
             self._safety = _NORMAL
             return "Protective stop releasing"
-        return answers.get(line, f"could not understand: '{line}'")
-
-    def _mode_name(self) -> str:
         mode = _POWER_OFF if self._safety == _EMERGENCY else self._robot_mode
-        return _ROBOT_MODES.get(mode, "NO_CONTROLLER")
-
-    def _safety_name(self) -> str:
-        names = {_REDUCED: "REDUCED", _PROTECTIVE: "PROTECTIVE_STOP", _SAFEGUARD: "SAFEGUARD_STOP"}
-        names[_EMERGENCY] = "ROBOT_EMERGENCY_STOP"
-        return names.get(self._safety, "NORMAL")
+        modes = mode, self._safety, self._runtime
+        facts = dashboard_facts(modes, ".".join(map(str, VERSION)), self.arm.model.name, self.remote)
+        return facts.get(line, f"could not understand: '{line}'")
 
 
 def _fraction(given: float) -> float:

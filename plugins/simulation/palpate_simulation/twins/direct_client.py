@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from itertools import accumulate
 from typing import Any, ClassVar
 
 from palpate import clock
 
 from palpate_simulation.twins.arm import TICK
 from palpate_simulation.twins.controller import Controller
+from palpate_simulation.twins.rtde import OUTPUTS, layout
 
+_READ_BACK_BYTES = 17
 _PROGRAM = "def rtde_control():\n# int register offset 0\nend\n"
 _START = 5.0  # [s] for the program to start, as in the library
 _ANSWER = 300.0  # [s]; the library waits so long for a command that is never carried out
@@ -30,6 +33,7 @@ class DirectPorts:
         self.sockets: list[Any] = []
         self.began = clock().now()
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
+        self.missing = 0
         self.shut_ports: set[int] = set()
         self.is_open = True
         self.connections = 0  # number of the present ones: every end of them counts one up
@@ -80,6 +84,7 @@ class DirectPorts:
     def restore(self) -> None:
         """Listen and answer again."""
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
+        self.missing = 0
         self.is_open, self._held_until = True, 0.0
         self.drop_unsent()
         self.shut_ports.clear()
@@ -103,10 +108,14 @@ class DirectReadBack:
 
     def __init__(self, ports: DirectPorts) -> None:
         self._ports, self._connection, self._seen = ports, ports.connections, -1.0
+        self.wrong_size: tuple[int, int] | None = None
 
     def latest(self) -> tuple[float, float] | None:
         """Controller's time [s] and register of the newest state; None where there is no new one."""
         state = self._ports.latest
+        if self._ports.missing:
+            self.wrong_size = max(_READ_BACK_BYTES - self._ports.missing, 1), _READ_BACK_BYTES
+            return None
         if state is None or self._ports.connections != self._connection or state["timestamp"] == self._seen:
             return None
         self._seen = float(state["timestamp"])
@@ -124,6 +133,7 @@ class DirectStates:
         "getActualTCPPose": "actual_TCP_pose",
         "getActualTCPSpeed": "actual_TCP_speed",
         "getActualTCPForce": "actual_TCP_force",
+        "getFtRawWrench": "ft_raw_wrench",
         "getRobotMode": "robot_mode",
         "getSafetyMode": "safety_mode",
         "getRuntimeState": "runtime_state",
@@ -133,8 +143,10 @@ class DirectStates:
         "getPayloadCog": "payload_cog",
     }
 
-    def __init__(self, ports: DirectPorts) -> None:
+    def __init__(self, ports: DirectPorts, variables: Sequence[str] = ()) -> None:
         self._ports, self._connection = ports, ports.connections
+        sizes = [layout([name], OUTPUTS).size for name in variables]
+        self._ends = dict(zip(variables, accumulate(sizes), strict=True))  # bytes of a packet
         self._last: dict[str, Any] = dict(ports.controller.state()) if ports.latest is None else ports.latest
         self._starts = not ports.controller.refuses_start
 
@@ -152,7 +164,10 @@ class DirectStates:
     def _output(self, name: str) -> Any:
         if self.isConnected() and self._ports.latest is not None:
             self._last = self._ports.latest
-        return self._last[name]
+        value = self._last[name]
+        if self._ports.missing and self._ends[name] > max(self._ends.values()) - self._ports.missing:
+            return [0.0] * len(value) if isinstance(value, Sequence) else 0  # the library reads on behind the packet
+        return value
 
 
 class DirectCommands:

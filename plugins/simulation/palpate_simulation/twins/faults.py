@@ -38,6 +38,7 @@ FAULTS = {
     "reset": "the same by a TCP reset",
     "gone": "the controller closes its ports as well",
     "half": "the controller sends half a packet and nothing more",
+    "short-states BYTES": "the controller's states are whole packets that lack so many bytes",
     "message": "the controller sends a text between its states",
     "refuse-start": "the controller refuses to send states to new connections",
     "lack NAME": "the controller does not know an output",
@@ -63,6 +64,11 @@ FAULTS = {
     "corrupt FRACTION": "this share of the frames is damaged on the line",
     "refuse LETTER": "the sensor refuses a command",
     "sign": "the sensor's sign is reversed",
+    "push X Y Z": "a hand pushes the tip with this force [N] in the work frame, until the next push; 0 0 0 lets go",
+    "freedrive": "the button is pressed, and at the next time let go: the program ends, the arm gives way to push",
+    "lead X Y Z A B C": "in freedrive, a hand leads the tip to a place [mm], the tool turned as by `start`",
+    "estop": "the red button is pressed, and at the next time let out, with the power on and the brakes released",
+    "slow-stop DECELERATION": "every stop of the robot brakes its joints no harder than this [rad/s^2]",
     "turn X Y Z": "the tool is turned: gravity points along X Y Z in the sensor's frame (the arm does not show it)",
     "mark": "reset the record of how far and fast the arm moved",
     "trace FILE": "write the arm's true motion of the last minute, as a numpy array",
@@ -97,6 +103,14 @@ def _turned(world: World, words: Words) -> None:
     world.down = (x, y, z)
 
 
+def _pressed(world: World, _: Words) -> None:
+    controller = world.controller
+    if controller.is_stopped_by_button:
+        controller.release_emergency_stop()
+    else:
+        controller.emergency_stop()
+
+
 def _begun(world: World, words: Words) -> None:
     world.settings = restart_at(world.settings, [float(word) for word in words])
 
@@ -126,6 +140,7 @@ _ACTIONS: dict[str, Action] = {
     "mark": lambda world, _: world.truth.mark(),
     "trace": lambda world, words: world.truth.write(words[0]),
     "half": _set("ports", "halved", True),
+    "short-states": lambda world, words: setattr(world.ports, "missing", int(words[0])),
     "message": lambda world, _: world.ports.say("a text between two states"),
     "refuse-start": _set("controller", "refuses_start", True),
     "lack": lambda world, words: setattr(world.controller, "unknown_output", words[0]),
@@ -151,13 +166,23 @@ _ACTIONS: dict[str, Action] = {
     "corrupt": lambda world, words: setattr(world.sensor, "corruption", float(words[0])),
     "refuse": lambda world, words: world.sensor.refuse(words[0]),
     "sign": lambda world, _: setattr(world.sensor, "sign", -world.sensor.sign),
+    "push": lambda world, words: world.hand.push([float(word) for word in words]),
+    "freedrive": lambda world, _: world.hand.freedrive(),
+    "lead": lambda world, words: world.hand.lead([float(word) for word in words]),
+    "estop": _pressed,
+    "slow-stop": lambda world, words: world.controller.slow_stops(float(words[0])),
     "turn": _turned,
     "start": _begun,
     "elasticity": _softened,
     "restore": lambda world, _: world.restore(),
     "quit": lambda world, _: None,
 }
-_NUMBERS = {"turn": "three numbers", "start": "six numbers"}  # that an action wants; others one
+_NUMBERS = {
+    "turn": "three numbers",
+    "push": "three numbers",
+    "start": "six numbers",
+    "lead": "six numbers",
+}  # that an action wants; others one
 
 
 def apply_fault(world: World, words: list[str]) -> str:

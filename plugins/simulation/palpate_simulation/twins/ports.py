@@ -19,6 +19,7 @@ class RobotPorts(Protocol):
     frozen: bool  # no states are sent
     mute: bool  # nothing is answered
     halved: bool  # half a state is sent, then none
+    missing: int  # bytes that the states lack at their end
     greets_not: bool  # the dashboard does not speak first
     control_mute: bool  # the connection that commands is neither read nor answered
 

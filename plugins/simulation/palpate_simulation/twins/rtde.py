@@ -192,8 +192,8 @@ class ClientSession:
             self._inputs[identity] = names, layout(names, INPUTS)
         return packet("I", bytes([identity]) + ",".join(types).encode())
 
-    def data(self, state: Mapping[str, Any]) -> bytes:
-        """This tick's data packet; empty where the session does not want one now."""
+    def data(self, state: Mapping[str, Any], missing: int = 0) -> bytes:
+        """This tick's data packet, `missing` so many bytes; empty where the session does not want one now."""
         self._ticks += 1
         if not self.started or self._ticks % self._every:
             return b""
@@ -204,4 +204,5 @@ class ClientSession:
                 values.append(value)
             else:
                 values.extend(value)
-        return packet("U", b"\1" + self._struct.pack(*values))
+        payload = b"\1" + self._struct.pack(*values)
+        return packet("U", payload[: max(len(payload) - missing, 1)])

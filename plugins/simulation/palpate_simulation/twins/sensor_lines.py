@@ -8,11 +8,12 @@ import os
 import pty
 import select
 import socket
+import stat
 import termios
 from pathlib import Path
 from typing import Protocol
 
-from palpate import DeviceError
+from palpate import ConfigurationError, DeviceError
 
 _BAUD, _RATE = termios.B460800, 460800
 
@@ -44,6 +45,12 @@ class PseudoTerminal:
     """A pseudo-terminal, to which a symbolic link points."""
 
     def __init__(self, path: Path) -> None:
+        """Raise ConfigurationError for a folder in which everybody can write, and put a port of theirs."""
+        if path.parent.is_dir() and path.parent.stat().st_mode & stat.S_IWOTH:
+            raise ConfigurationError(
+                f"port {path} of the twin: everybody can write in {path.parent}; choose a folder of your own, "
+                f"such as ~/{path.name}"
+            )
         self._path, self._master, self._open = path, -1, False
 
     def plug_in(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, Self
 
-from palpate import Angle, Delay, File, Force, ForceDrift, Frequency, Length, Speed, Time, TipMass, Twin
+from palpate import Angle, Delay, File, Force, ForceDrift, Frequency, Length, Mass, Speed, Time, TipMass, Twin
 from palpate_kit.kinematics.work_frame import WorkFrame
 from pydantic import Field, model_validator
 
@@ -19,7 +19,11 @@ class BenchSettings(Twin):
     """The table of a bench of twins."""
 
     host: str = Field(default="127.0.0.1", pattern=LOOPBACK, description="loopback address of the controller")
-    port: File = Field(default=Path("/tmp/palpate-sensone"), description="path of the sensor's port")
+    port: File = Field(
+        default=Path("~/palpate-sensone"),
+        validate_default=True,
+        description="path of the sensor's port, in a folder in which others cannot write",
+    )
     specimen: Specimen = Field(description="what the tip presses on")
     work: WorkFrame = Field(description="work frame of the specimen: as for the robot")
     tcp: tuple[Length, ...] = Field(
@@ -46,6 +50,10 @@ class BenchSettings(Twin):
     tip_mass: TipMass = Field(default=0.14, gt=0, description="mass of everything mounted behind the sensor")
     centre_of_mass: tuple[Length, ...] = Field(
         default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="of that mass, in the sensor's frame"
+    )
+    payload: Mass = Field(default=0.45, gt=0, le=20, description="everything that hangs at the flange")
+    payload_centre: tuple[Length, ...] = Field(
+        default=(0.0, 0.0, 0.04), min_length=3, max_length=3, description="centre of that mass on the flange"
     )
     force_delay: Delay = Field(
         default=0.0, ge=0, le=0.1, description="delay of the sensor's readings; has to be declared to an estimator"

@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 from palpate import DeviceError, EndOfThread, HoldUp, SimulatedClock
 from palpate_kit.acquisition.computer import Process, use_host
-from palpate_kit.protocols.ur_dashboard import DASHBOARD, RTDE, SCRIPT, dashboard_facts, refuse_unready
+from palpate_kit.protocols.ur_dashboard import DASHBOARD, RTDE, SCRIPT, dashboard_facts
 
 from palpate_simulation.twins.controller import Controller
 from palpate_simulation.twins.direct_client import DirectCommands, DirectPorts, DirectReadBack, DirectStates
@@ -136,6 +136,9 @@ class SimulatedHost:
         """End the process that the calling thread belongs to."""
         raise _ProcessExitError(code)
 
+    def reserve(self, device: str) -> None:
+        """No other program can reach the twin."""
+
     def serial_port(self, path: str, baud: int) -> Any:
         """The twin's."""
         if self._wiring.line is None:
@@ -156,13 +159,11 @@ class SimulatedHost:
                 raise DeviceError(f"{address}: the {name} port {number} cannot be reached (Connection refused)")
             if ports.mute or (ports.greets_not and number == DASHBOARD):
                 raise DeviceError(f"{address}: the {name} port {number} does not answer within 1 s")
-        facts = dashboard_facts(ports.controller.dashboard)
-        refuse_unready(facts, address)
-        return facts
+        return dashboard_facts(ports.controller.dashboard)
 
     def robot_states(self, address: str, variables: Sequence[str]) -> DirectStates:
         """The twin's."""
-        return DirectStates(self._ports())
+        return DirectStates(self._ports(), variables)
 
     def robot_commands(self, address: str) -> DirectCommands:
         """The twin's."""

@@ -71,6 +71,7 @@ class ListeningPorts:
         self._listening: dict[socket.socket, int] = {}
         self.clients: list[Client] = []
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
+        self.missing = 0
         self._held_until = 0.0  # monotonic time [s]
         self.began = clock().now()  # the controller's zero of time, as a monotonic time [s]
         self.open()
@@ -145,6 +146,7 @@ class ListeningPorts:
         """Listen and answer again."""
         self._held_until = 0.0
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
+        self.missing = 0
         self.open()
 
     @property
@@ -180,7 +182,7 @@ class ListeningPorts:
             return
         state = self._controller.state()
         for client in wanting:
-            data = client.session.data(state)
+            data = client.session.data(state, self.missing)
             if not client.send(data[: len(data) // 2] if self.halved else data):
                 self._drop(client)
         self.frozen = self.frozen or self.halved

@@ -15,6 +15,7 @@ from palpate_simulation.twins.arm import TICK, SimulatedArm
 from palpate_simulation.twins.arm_truth import Truth
 from palpate_simulation.twins.console import Console
 from palpate_simulation.twins.controller import Controller
+from palpate_simulation.twins.hand import Hand
 from palpate_simulation.twins.ports import NetworkWiring, Wiring
 from palpate_simulation.twins.rdt_box import COUNTS, VirtualBox
 from palpate_simulation.twins.sensone import VirtualSensor
@@ -39,16 +40,13 @@ class World:
         arm = SimulatedArm(self._start(), self._tool, model=MODELS[settings.robot])
         robot_seed, sensor_seed = (int(s.generate_state(1)[0]) for s in noise[:2])
         self.controller = Controller(arm, settings.position_std, settings.velocity_std, robot_seed)
+        self.controller.load = settings.payload, settings.payload_centre
+        self.hand = Hand(self.controller, settings.work, self._tool)
+        line = wiring.serial(settings.port) if settings.sensor == "bota" else None  # first: it may be refused
         self.ports = wiring.ports(settings.host, self.controller)
         self.sensor: VirtualSensor | VirtualBox = (
-            VirtualSensor(
-                wiring.serial(settings.port),
-                settings.line_time,
-                settings.sensor_ppm,
-                settings.clock_start,
-                sensor_seed,
-            )
-            if settings.sensor == "bota"
+            VirtualSensor(line, settings.line_time, settings.sensor_ppm, settings.clock_start, sensor_seed)
+            if line is not None
             else VirtualBox(wiring.datagrams(settings.host), settings.sensor_rate, COUNTS[settings.sensor], sensor_seed)
         )
         self.electronics = Electronics()
@@ -74,6 +72,7 @@ class World:
 
     def restore(self) -> None:
         """Make everything sound again."""
+        self.hand.release()
         self.controller.restore(self._start())
         self.ports.restore()
         self.sensor.restore()
@@ -148,6 +147,7 @@ class World:
 
     def _tick(self) -> None:
         began = self.controller.now
+        self.hand.act()
         self.controller.tick()
         position, velocity = self._before
         self._before = self._tip()
@@ -169,7 +169,7 @@ class World:
         noise = self._rng.standard_normal((len(instants), 6))
         offset = settings.bias + settings.drift * instants
         std = settings.force_std * self.sensor.noise_factor
-        push = settings.specimen.with_friction(contact, speeds)
+        push = settings.specimen.with_friction(contact, speeds) + self.hand.force
         load = settings.tip_mass, offset, noise, std, settings.force_limit
         down = np.array(self.down) @ self._askew  # the sensor turns with the tool
         return sensed_wrench(push, accelerations, *load, down.tolist(), settings.centre_of_mass)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from palpate import ConfigurationError, ContactModel, to_si
+from palpate import ConfigurationError, ContactModel, duration_of, setpoints_at, to_si
 from palpate.host import Pipeline, is_live, truth_of
 
 from palpate_studies.design.measurement_noise import MeasurementNoise, QuantityNoise
@@ -90,7 +90,7 @@ def _protocol(settings: DesignSettings, pipeline: Pipeline) -> tuple[float, floa
     if len(pipeline.trajectories) == 1 and (depth is None or duration is None):
         trajectory = next(iter(pipeline.trajectories.values()))
         step = 1e-3
-        setpoint = trajectory.at(np.arange(0.0, trajectory.total_duration, step))
+        setpoint = setpoints_at(trajectory, np.arange(0.0, duration_of(trajectory), step))
         if setpoint.measuring.any():
             heights = setpoint.position[setpoint.measuring, 2]
             middle = -float(heights.max() + heights.min()) / 2

@@ -20,7 +20,7 @@ from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.table import console as terminal
 
 from palpate_studies.sweep.combinations import Combination, combinations_of, refuse_hopeless
-from palpate_studies.sweep.sweep_table import SweepRow, best_rows, write_rows
+from palpate_studies.sweep.sweep_table import SweepRow, best_rows, sweep_doubt_lines, write_rows
 
 
 def sweep(
@@ -28,7 +28,7 @@ def sweep(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", help="Folder of the sweep; one that holds a part of it is gone on with. [default: runs/...]"
+            "--out", "-o", help="Folder of the sweep; one that holds a part of it is continued. [default: runs/...]"
         ),
     ] = None,
     overrides: Overrides = None,
@@ -69,7 +69,10 @@ def sweep(
     if as_json:
         print_json({"folder": folder, "combinations": len(planned), "failed": failed, "rows": rows})
     elif failed < len(planned):
-        terminal().print(best_rows(rows).view())
+        screen = terminal()
+        screen.print(best_rows(rows).view())
+        for line in sweep_doubt_lines(rows):
+            screen.print(line, style="yellow", highlight=False)
     before = f", {earlier} found in the folder" if earlier else ""
     typer.echo(
         f"{len(planned)} combinations, {failed} failed{before}: {folder / 'sweep.csv'}",

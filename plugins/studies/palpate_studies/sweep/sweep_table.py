@@ -5,19 +5,21 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from palpate import PalpateError
-from palpate.host import display_unit, whole_file, write_whole
+from palpate import Flag, PalpateError
+from palpate.host import display_unit, verdict_word, whole_file, write_whole
 from palpate_kit.jobs.job import Outcome
+from palpate_kit.terminal.flag_summary import doubt_lines
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table
 
 from palpate_studies.sweep.combinations import Combination
 
+_SHOWN = 2  # values
 _VERDICTS = ("good", "note", "doubtful", "invalid")
 
 
@@ -71,9 +73,43 @@ def best_rows(rows: Sequence[dict[str, Any]], most: int = 12) -> Table:
 
     kept = sorted((row for row in rows if "error" not in row), key=cost)[:most]
     swept = [key for key in (kept[0] if kept else {}) if "." in key]
-    cells = [[str(row["combination"]), *(str(row[key]) for key in swept), row["track"], *_numbers(row)] for row in kept]
-    headings = ["number", *swept, "track", "estimate", "NIS", "verdict"]
-    return Table.of(f"best of {len(rows)} rows", headings, cells, [*swept, "track", "verdict"])
+    values = _values(kept)
+    several = len({row["track"] for row in kept}) > 1
+    cells = [
+        [
+            str(row["combination"]),
+            *(str(row[key]) for key in swept),
+            *([row["track"]] if several else []),
+            *(_value(row, name, unit) for name, unit in values.items()),
+            verdict_word(row.get("verdict", "")),
+        ]
+        for row in kept
+    ]
+    names = [_short(key, swept) for key in swept]
+    heads = [f"{name}\n{display_unit(unit)[0]}" for name, unit in values.items()]
+    headings = ["", *names, *(["track"] if several else []), *heads, "verdict"]
+    title = f"best of {len(rows)} rows, by the uncertainty of {next(iter(values), 'nothing')}"
+    return Table.of(title, headings, cells, [*names, "track", "verdict"])
+
+
+def _values(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
+    """SI units of the values that are shown, by name: the first two parameters of the rows."""
+    keys = dict.fromkeys(key for row in rows for key in row if key.endswith("]") and not key.startswith("surface"))
+    return {name: unit for name, _, unit in (key.rstrip("]").partition(" [") for key in list(keys)[:_SHOWN])}
+
+
+def sweep_doubt_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """The worst doubts of all rows, by the numbers of their combinations."""
+    flags: dict[str, list[Flag]] = {}
+    for row in rows:
+        flags.setdefault(str(row["combination"]), []).extend(map(Flag.of_table, row.get("flags", ())))
+    return doubt_lines(flags)
+
+
+def _short(key: str, others: Sequence[str]) -> str:
+    """The last word of a setting, or all of it where another one ends alike."""
+    last = key.rpartition(".")[2]
+    return last if sum(other.rpartition(".")[2] == last for other in others) == 1 else key
 
 
 def _value_key(row: dict[str, Any]) -> str:
@@ -84,13 +120,12 @@ def _combined_key(row: dict[str, Any]) -> str:
     return f"{_value_key(row).partition(' [')[0]}_combined"
 
 
-def _numbers(row: dict[str, Any]) -> list[str]:
-    name, _, unit = _value_key(row).rstrip("]").partition(" [")
-    word, factor = display_unit(unit)
-    value, combined = row.get(_value_key(row)), row.get(_combined_key(row))
-    shown = value_with_uncertainty(value * factor, (combined or math.nan) * factor) if isinstance(value, float) else "-"
-    nis = row.get("nis")
-    return [f"{name} {shown} {word}", f"{nis:.2f}" if isinstance(nis, float) else "-", row.get("verdict", "")]
+def _value(row: dict[str, Any], name: str, unit: str) -> str:
+    factor = display_unit(unit)[1]
+    value, combined = row.get(f"{name} [{unit}]"), row.get(f"{name}_combined")
+    if not isinstance(value, float):
+        return "-"
+    return value_with_uncertainty(value * factor, (combined or math.nan) * factor)
 
 
 def write_rows(folder: Path, rows: Sequence[dict[str, Any]]) -> None:

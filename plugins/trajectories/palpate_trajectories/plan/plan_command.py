@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from palpate import ConfigurationError, Floats, Setpoint, Trajectory, contact_force, to_si
+from palpate import ConfigurationError, Floats, Setpoint, Trajectory, contact_force, duration_of, setpoints_at, to_si
 from palpate.host import Pipeline, ask_devices, check_motion, load_pipeline, truth_of
 from palpate_kit.figures import save_figure
 from palpate_kit.terminal.json_output import print_aside, print_json
@@ -44,9 +44,9 @@ def plan(
         raise ConfigurationError(f"{file}: has no [trajectory.*] table to plan")
     answer, problems = {}, list[str]()
     for name, trajectory in pipeline.trajectories.items():
-        end = trajectory.total_duration
+        end = duration_of(trajectory)
         time = np.arange(0.0, end + _STEP, max(_STEP, end / _MOST))
-        setpoint = trajectory.at(time)
+        setpoint = setpoints_at(trajectory, time)
         facts = answer[name] = _facts(pipeline, trajectory, time, setpoint, expect or [])
         ask_devices(pipeline.devices, setpoint)
         report = check_motion(trajectory, pipeline.safety) if pipeline.safety else None

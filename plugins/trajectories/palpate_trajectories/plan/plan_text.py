@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from palpate import Trajectory
+from palpate import Trajectory, setpoints_at
 from palpate.host import MotionReport, Pipeline, SafetySettings, check_own_motion, own_motions
 
 _WIDTH, _HEIGHT = 72, 14  # characters of the drawing
@@ -15,7 +15,7 @@ _WIDTH, _HEIGHT = 72, 14  # characters of the drawing
 def draw_height(trajectory: Trajectory) -> Iterator[str]:
     """Height over time, in characters; ``#`` where it is meant for estimation."""
     times = np.linspace(0.0, trajectory.total_duration, 8 * _WIDTH)
-    setpoint = trajectory.at(times)
+    setpoint = setpoints_at(trajectory, times)
     height = setpoint.position[:, 2]
     low, high = float(height.min()), float(height.max())
     rows = np.rint((high - height) / max(high - low, 1e-9) * (_HEIGHT - 1)).astype(int)

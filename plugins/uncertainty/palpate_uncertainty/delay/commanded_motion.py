@@ -27,17 +27,34 @@ def commanded_motion(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]
         if end is None or end.settings.position.uncertainty is not None or track.estimator.motion == "velocity":
             continue
         noise, way = position_noise(track)
-        if way < _FAR or not noise < min(_QUIET, _SHARE * way):
+        lag = _LAG * share_of_command(noise, way)
+        if not lag:
             continue
         course = along(track.model, end.tail, end.last, track.values)
-        shifts = np.abs(_LAG * delay_shifts(track.model, course, track.values))
+        shifts = np.abs(lag * delay_shifts(track.model, course, track.values))
         effects = {p.name: float(s) for p, s in zip(track.model.parameters, shifts, strict=True) if s}
+        millimetres = float(f"{1e3 * way:.2g}")
         text = (
-            f"the position has a noise of {1e6 * noise:.2g} um on a way of {1e3 * way:.2g} mm, less than any encoder: "
-            f"it may be the command, which an arm follows some {1e3 * _LAG:.0f} ms later"
+            f"the position has a noise of {1e6 * noise:.2g} um on a way of {millimetres:g} mm, less than any encoder: "
+            f"it may be the command, which an arm follows some {1e3 * _LAG:.0f} ms later ({1e3 * lag:.2g} ms count)"
         )
         found[track.name] = Diagnosed((Flag("commanded-motion", text, effects=effects),), effects)
     return found
+
+
+def share_of_command(noise: float, way: float) -> float:
+    """By how much a position with a noise [m] on a way [m] counts as the command, from 0 to 1.
+
+    It grows from none at the least noise of a measured one to all at half of that: records that differ in nothing but
+    their noise must not differ in their uncertainty by a factor.
+
+    >>> share_of_command(5e-8, 4e-3), share_of_command(2e-7, 4e-3)
+    (1.0, 0.0)
+    """
+    least = min(_QUIET, _SHARE * way)
+    if way < _FAR or not noise < least:
+        return 0.0
+    return min(float(np.log2(least / noise)), 1.0) if noise > 0.0 else 1.0
 
 
 def position_noise(track: TrackEvidence) -> tuple[float, float]:

@@ -11,8 +11,8 @@ from contextlib import ExitStack
 from itertools import islice
 from typing import Any
 
-from palpate_fits.curve_fits import CurveReader, Row, fit_curves
-from palpate_fits.curves import Curve
+from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves
 
 _TOGETHER = 16  # curves that a process is given at once
 _AHEAD = 2  # portions that wait for each process: what is held in memory does not grow with the number of curves
@@ -63,4 +63,6 @@ def _one_by_one(
                     left.popleft()
                     yield from found
             except BrokenProcessPool:
-                yield [{"curve": left.popleft().name, "error": "its process was killed: is the memory enough?"}]
+                curve = left.popleft()
+                why = "its process was killed: is the memory enough?"
+                yield [{"curve": curve.name, "settings": reader.key(curve.own), "error": why}]

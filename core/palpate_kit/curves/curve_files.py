@@ -18,6 +18,7 @@ class Curve:
     name: str
     file: str = ""
     batches: tuple[Batch, ...] = ()
+    own: tuple[str, ...] = ()  # settings of this curve alone, as of ``--set``
 
 
 def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve]:

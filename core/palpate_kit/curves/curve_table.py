@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,30 +11,27 @@ from typing import Any
 import numpy as np
 from palpate import Floats, OutputError
 from palpate.host import Pipeline, resolved_text, write_whole
+
+from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
 from palpate_kit.runs.pipeline_diff import differences
-from palpate_kit.terminal.progress import report_progress
 
-from palpate_fits.curve_fits import CurveReader, Row, value_units
-from palpate_fits.curve_pool import on_cores
-from palpate_fits.curves import Curve
-from palpate_fits.file_pipelines import SETTINGS
-
-TABLE = "fits.csv"
+TABLE, SETTINGS = "fits.csv", "pipeline.toml"
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
-_TAIL = ("rms", "samples", "x", "y", "verdict", "flags", "error")
+_TAIL = ("rms", "samples", "x", "y", "verdict", "flags", "settings", "error")
 
 
 class FitTable:
-    """``fits.csv``: written curve by curve, and gone on with where it ends."""
+    """``fits.csv``: written curve by curve, and gone on with where it ends; the latest rows of a curve count."""
 
     def __init__(self, folder: Path, pipeline: Pipeline, device: str, settings: str = SETTINGS) -> None:
-        names = [*dict.fromkeys(name for track in pipeline.tracks for name in value_units(track.model)), "surface"]
-        self.names = tuple(names)
-        self.columns = (*_HEAD, *(f"{name}{kind}" for name in names for kind in _KINDS), *_TAIL)
+        self.columns = columns_of_fits(pipeline)
+        self.names = tuple(name.removesuffix("_std") for name in self.columns if name.endswith("_std"))
         self._tracks = len(pipeline.tracks)
         self.path = folder / TABLE
         self._settle(folder, pipeline, device, folder / settings)
-        self.done = self._whole() if self.path.exists() else set[str]()
+        self.settings = (folder / settings).read_text(encoding="utf-8")
+        self.done = self._whole() if self.path.exists() else dict[str, str]()
         if not self.path.exists():
             write_whole(self.path, self._text([dict(zip(self.columns, self.columns, strict=True))]))
 
@@ -52,9 +48,9 @@ class FitTable:
         elif told := differences(text, settings.read_text(encoding="utf-8"), ignored):
             raise OutputError(f"{folder}: was begun with other settings: {told}; nothing is mixed: give --out another")
 
-    def _whole(self) -> set[str]:
-        """Names of the curves that have all their rows; what is behind the last of them, torn in writing, is cut."""
-        found: set[str] = set()
+    def _whole(self) -> dict[str, str]:
+        """The settings of each curve that has all its rows; what is behind the last of them, torn, is cut."""
+        found: dict[str, str] = {}
         name, count, end = "", 0, 0
         with self.path.open("r+b") as file:
             if file.readline().decode().strip().split(",") != list(self.columns):
@@ -66,13 +62,17 @@ class FitTable:
                 if not line.endswith(b"\n"):
                     break
                 cells = next(csv.reader([line.decode()]))
-                count = count + 1 if cells[0] == name else 1
+                count = count + 1 if cells[0] == name and count < self._tracks else 1
                 name = cells[0]
                 if count == self._tracks or (cells[-1] and not cells[1]):
-                    found.add(name)
+                    found[name] = cells[-2]
                     end = file.tell()
             file.truncate(end)
         return found
+
+    def left(self, curves: Iterable[Curve], reader: CurveReader) -> Iterable[Curve]:
+        """The curves that have no rows by their present settings."""
+        return (curve for curve in curves if self.done.get(curve.name) != reader.key(curve.own))
 
     def _text(self, rows: Iterable[Mapping[str, str]]) -> str:
         text = io.StringIO()
@@ -90,9 +90,18 @@ class FitTable:
 
     @property
     def rows(self) -> list[Row]:
-        """Every row by column, as text."""
-        with self.path.open(encoding="utf-8", newline="") as file:
-            return list(csv.DictReader(file))
+        """The latest rows of every curve by column, as text."""
+        return latest_rows(self.path)
+
+    def compact(self, names: Sequence[str] = ()) -> None:
+        """Write the table anew where it holds rows that later ones stand for, or not in the order of the names."""
+        known = self.rows
+        places = {name: place for place, name in enumerate(names)}
+        rows = sorted(known, key=lambda row: places.get(row["curve"], len(places)))
+        with self.path.open("rb") as file:
+            lines = sum(1 for _ in file) - 1
+        if lines > len(rows) or rows != known:
+            write_whole(self.path, self._text([dict(zip(self.columns, self.columns, strict=True)), *rows]))
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """By track: curves, those that failed or are flagged, and median and quartiles of each parameter."""
@@ -115,14 +124,31 @@ def _quartiles(values: Floats) -> list[float]:
     return [float(value) for value in np.quantile(values, [0.25, 0.5, 0.75])]
 
 
-def fit_each(
-    pipeline: Pipeline, reader: CurveReader, curves: Iterable[Curve], folder: Path, workers: int | None = None
-) -> FitTable:
-    """Fit every curve that has no row yet, and append its rows."""
-    table = FitTable(folder, pipeline, reader.device)
-    left = (curve for curve in curves if curve.name not in table.done)
-    found = len(table.done)
-    for count, rows in enumerate(on_cores(reader, left, workers or len(os.sched_getaffinity(0))), start=found + 1):
-        table.add(rows)
-        report_progress(count)
-    return table
+def replace_columns(path: Path, columns: Sequence[str]) -> None:
+    """Write a table of fits anew with other columns; a cell of one that is new is empty."""
+    rows = latest_rows(path)
+    text = io.StringIO()
+    table = csv.DictWriter(text, columns, lineterminator="\n", restval="", extrasaction="ignore")
+    table.writeheader()
+    table.writerows(rows)
+    write_whole(path, text.getvalue())
+
+
+def columns_of_fits(pipeline: Pipeline) -> tuple[str, ...]:
+    """The columns of a table of the fits of a pipeline."""
+    names = [*dict.fromkeys(name for track in pipeline.tracks for name in value_units(track.model)), "surface"]
+    return (*_HEAD, *(f"{name}{kind}" for name in names for kind in _KINDS), *_TAIL)
+
+
+def latest_rows(path: Path) -> list[Row]:
+    """The rows of a table of fits, of each curve those that were written last, in the order of the first."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows: dict[str, dict[str, Row]] = {}
+        for row in csv.DictReader(file):
+            if row.get("error") is not None:  # a line torn in writing has fewer cells
+                of_curve = rows.setdefault(row["curve"], {})
+                old = next(iter(of_curve.values()), row)
+                if not row["track"] or not old["track"] or old.get("settings") != row.get("settings"):
+                    of_curve.clear()
+                of_curve[row["track"]] = row
+    return [row for of_curve in rows.values() for row in of_curve.values()]

@@ -1,10 +1,12 @@
-"""Who gets in: the page is for a browser on this machine, or at the other end of a tunnel, that knows the token."""
+"""Who gets in: a page is for a browser on this machine, or at the other end of a tunnel, that knows the token."""
 
 from __future__ import annotations
 
 import hmac
 import re
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
@@ -12,25 +14,16 @@ from websockets.http11 import Request, Response
 # As a browser names this machine, whatever the port: `ssh -L 9000:127.0.0.1:8000` makes it another one.
 _HERE = re.compile(r"(?:localhost|127\.0\.0\.1)(?::\d{1,5})?")
 _TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
-_STATIC = files("palpate_live") / "static"
-_FILES = {
-    "": "index.html",
-    **{
-        name: name
-        for name in (
-            "page.css",
-            "main.js",
-            "record.js",
-            "charts.js",
-            "map.js",
-            "panels.js",
-            "icon.svg",
-            "uplot/uPlot.iife.min.js",
-            "uplot/uPlot.min.css",
-        )
-    },
-}
+_SHARED = ("page.css", "charts.js", "messages.js", "icon.svg", "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css")
 DATA = "data"
+Files = Mapping[str, Traversable]  # by their path below the token
+
+
+def page_files(package: str, names: Iterable[str]) -> Files:
+    """The files of a page: its own, in the folder `static` of a package, and those that all pages share."""
+    own, shared = files(package) / "static", files("palpate_kit.page") / "static"
+    found = {name: own / name for name in names} | {name: shared / name for name in _SHARED}
+    return {"": found.pop("index.html"), **found}
 
 
 def host_of(request: Request) -> str | None:
@@ -71,19 +64,18 @@ def refusal(request: Request, token: str) -> str | None:
     return None
 
 
-def answer(request: Request, token: str) -> Response | None:
-    """What a request gets; None for the page's own WebSocket, which is let in."""
+def answer_request(request: Request, token: str, known: Files) -> Response | None:
+    """What a request gets of the `known` files; None for the page's own WebSocket, which is let in."""
     why = refusal(request, token)
     if why is not None:
         return response(403, f"403: {why}\n".encode(), "text/plain")
     name = request.path.removeprefix("/").partition("/")[2]
     if name == DATA:
         return None
-    if name not in _FILES:
+    if name not in known:
         return response(404, b"404: there is no such thing here\n", "text/plain")
-    path = _FILES[name]
-    body = (_STATIC / path).read_bytes()
-    return response(200, body, _TYPES[path.rpartition(".")[2]], host_of(request) or "")
+    file = known[name]
+    return response(200, file.read_bytes(), _TYPES[file.name.rpartition(".")[2]], host_of(request) or "")
 
 
 def response(status: int, body: bytes, kind: str, host: str = "") -> Response:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
-from palpate import ContactModel, Device, Estimator, Flag, Floats, PalpateError
+from palpate import ConfigurationError, ContactModel, Device, Flag, Floats, PalpateError
 from palpate.host import (
+    Pipeline,
     RecordOutcome,
     RecordTracks,
     Source,
@@ -20,11 +22,12 @@ from palpate.host import (
     inherited_approval,
 )
 
-from palpate_fits.curves import Curve
-from palpate_fits.estimator import CasadiFit
-from palpate_fits.fit_sources import offline
+from palpate_kit.curves.curve_files import Curve
+from palpate_kit.runs.shared_tips import name_tips
 
 Row = dict[str, str]
+_KINDS = 16  # of settings of single curves whose tracks are kept in a process
+_AT_LENGTH = {"profile": False, "bootstrap": 0}  # what no column of the table shows and no flag is raised from
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,26 @@ class CurveReader:
     overrides: tuple[str, ...]
     device: str  # that has the file
     approved: frozenset[str] = frozenset()  # SHA-256 of the plugin files that any process may execute
+    settings: str = ""  # the text of the settings file in the folder of the table
+
+    def key(self, own: Sequence[str]) -> str:
+        """What a row's settings are called: those of the folder, and a curve's own."""
+        return settings_key(self.settings, own)
+
+
+def settings_key(settings: str, own: Sequence[str]) -> str:
+    """A short name for the text of a settings file with a curve's own settings on top."""
+    return sha256("\n".join([settings, *own]).encode()).hexdigest()[:12]
+
+
+def offline(pipeline: Pipeline) -> Pipeline:
+    """The pipeline with its offline tracks only."""
+    tracks = tuple(track for track in pipeline.tracks if not track.estimator.online)
+    if not tracks:
+        raise ConfigurationError(
+            f'{pipeline.path}: has no offline estimator; add for example [estimator.fit] type = "casadi-fit"'
+        )
+    return replace(pipeline, tracks=tracks)
 
 
 def value_units(model: ContactModel) -> dict[str, str]:
@@ -48,46 +71,59 @@ def value_units(model: ContactModel) -> dict[str, str]:
     return derived | units
 
 
-@cache
-def _tracks(reader: CurveReader) -> RecordTracks:
-    """The offline tracks in this process; what they have compiled is kept from curve to curve."""
+@lru_cache(_KINDS)
+def record_tracks(reader: CurveReader, own: tuple[str, ...] = (), at_length: bool = False) -> RecordTracks:
+    """The offline tracks in this process; what they have compiled is kept from curve to curve.
+
+    Unless `at_length`, without what no column of the table shows. Raises ConfigurationError.
+    """
     source = Source(reader.text, Path(reader.path))
-    for assignment in reader.overrides:
+    name_tips(source)
+    for assignment in (*reader.overrides, *own):
         source.override(assignment)
     with inherited_approval(reader.approved):
         pipeline = offline(build_pipeline(source))
-    return RecordTracks(replace(pipeline, tracks=tuple(map(_for_a_row, pipeline.tracks))))
+    return RecordTracks(pipeline if at_length else replace(pipeline, tracks=tuple(map(_for_a_row, pipeline.tracks))))
 
 
 def _for_a_row(track: Track) -> Track:
     """The track without what no column of the table shows and no flag is raised from."""
-    estimator: Estimator = track.estimator
-    if isinstance(estimator, CasadiFit):
-        return replace(track, estimator=estimator.model_copy(update={"profile": False, "bootstrap": 0}))
-    return track
+    brief = {key: value for key, value in _AT_LENGTH.items() if key in type(track.estimator).model_fields}
+    return replace(track, estimator=track.estimator.model_copy(update=brief)) if brief else track
 
 
 def fit_curves(reader: CurveReader, curves: Sequence[Curve]) -> list[list[Row]]:
     """The rows of each curve, one for each offline track."""
-    return [list(_rows(_tracks(reader), reader.device, curve)) for curve in curves]
+    return [[{**row, "settings": reader.key(curve.own)} for row in _rows(reader, curve)] for curve in curves]
 
 
-def _rows(tracks: RecordTracks, device: str, curve: Curve) -> Iterator[Row]:
-    names = [track.name for track in tracks.pipeline.tracks]
+def _rows(reader: CurveReader, curve: Curve) -> Iterator[Row]:
     try:
-        outcome = _outcome(tracks, device, curve)
-    except PalpateError as error:
-        yield from ({"curve": curve.name, "track": str(name), "error": str(error)} for name in names)
-        return
+        outcome = curve_outcome(record_tracks(reader, curve.own), reader.device, curve)
     except Exception as error:  # one curve that breaks a part does not keep the others from their fit
-        told = f"{type(error).__name__}: {error}"
-        yield from ({"curve": curve.name, "track": str(name), "error": told} for name in names)
+        yield from error_rows(reader, curve, error)
         return
-    for name in names:
-        yield {"curve": curve.name, "track": str(name)} | _numbers(outcome, name)
+    yield from outcome_rows(outcome, curve.name)
 
 
-def _outcome(tracks: RecordTracks, device: str, curve: Curve) -> RecordOutcome:
+def error_rows(reader: CurveReader, curve: Curve, error: Exception) -> Iterator[Row]:
+    """The rows of a curve that could not be fitted."""
+    told = str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
+    try:
+        tracks = record_tracks(reader).pipeline.tracks
+    except PalpateError:
+        tracks = ()
+    yield from ({"curve": curve.name, "track": name, "error": told} for name in [str(t.name) for t in tracks] or [""])
+
+
+def outcome_rows(outcome: RecordOutcome, curve: str) -> Iterator[Row]:
+    """The row of each track."""
+    for track in outcome.pipeline.tracks:
+        yield {"curve": curve, "track": str(track.name)} | _numbers(outcome, str(track.name))
+
+
+def curve_outcome(tracks: RecordTracks, device: str, curve: Curve) -> RecordOutcome:
+    """What is found of one curve; raises PalpateError."""
     devices: Mapping[str, Device] = tracks.pipeline.devices
     if curve.file:
         devices = {**devices, device: devices[device].model_copy(update={"file": Path(curve.file)})}

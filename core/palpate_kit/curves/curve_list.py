@@ -1,0 +1,93 @@
+"""``curves.csv``: the curves of a folder, their files, and whatever else is known of each: sample, site, day, ..."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+
+from palpate import LogError
+from palpate.host import suggest, write_whole
+
+from palpate_kit.curves.curve_files import Curve
+
+LIST = "curves.csv"
+CURVE, FILE, PIPELINE_FILE = "curve", "file", "pipeline"
+PLACES = ("x_m", "y_m")
+_OWN = (CURVE, FILE, PIPELINE_FILE)
+Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
+
+
+def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
+    """The cells of every curve by column; none where there is no file.
+
+    Raises LogError for a table without a column `curve`, a curve that is there twice, or one that is not among those
+    `known`.
+    """
+    if not path.is_file():
+        return {}
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise LogError(f"{path}: cannot be read: {error}") from error
+    head = [name.strip() for name in rows[0]] if rows else []
+    if CURVE not in head:
+        raise LogError(f"{path}: has no column {CURVE!r}{suggest(CURVE, head)}")
+    if twice := next((name for name in head if head.count(name) > 1), None):
+        raise LogError(f"{path}: has the column {twice!r} twice")
+    found: Entries = {}
+    for number, row in enumerate(rows[1:], start=2):
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) > len(head):
+            raise LogError(f"{path}:{number}: has {len(row)} cells for {len(head)} columns")
+        cells = dict(zip(head, (cell.strip() for cell in (*row, *[""] * (len(head) - len(row)))), strict=True))
+        name = cells.pop(CURVE)
+        if name in found:
+            raise LogError(f"{path}:{number}: the curve {name!r} is there twice")
+        if known is not None and name not in known and not cells.get(FILE):
+            raise LogError(f"{path}:{number}: there is no curve {name!r}{suggest(name, known)}")
+        found[name] = cells
+    return found
+
+
+def write_list(path: Path, entries: Mapping[str, Mapping[str, str]]) -> None:
+    """Write the cells of every curve; raises OutputError."""
+    columns = dict.fromkeys((*_OWN, *(column for cells in entries.values() for column in cells)))
+    text = io.StringIO()
+    table = csv.DictWriter(text, columns, lineterminator="\n", restval="")
+    table.writeheader()
+    table.writerows({CURVE: name, **cells} for name, cells in entries.items())
+    write_whole(path, text.getvalue())
+
+
+def add_curves(folder: Path, curves: Sequence[Curve], pipeline: str) -> None:
+    """List curves that are known by their files, what else is known of them kept; raises LogError, OutputError."""
+    entries = read_list(folder / LIST)
+    before = {name: dict(cells) for name, cells in entries.items()}
+    for curve in curves:
+        if curve.file:
+            cells = entries.setdefault(curve.name, {})
+            cells |= {FILE: curve.file, PIPELINE_FILE: pipeline}
+    if entries != before:
+        write_list(folder / LIST, entries)
+
+
+def add_groups(folder: Path, table: Path, known: Collection[str]) -> None:
+    """Take the columns of another table over for its curves; raises LogError where it has an unknown curve."""
+    if not table.is_file():
+        raise LogError(f"{table}: there is no such file")
+    entries, more = read_list(folder / LIST), read_list(table)
+    if unknown := next((name for name in more if name not in known), None):
+        raise LogError(f"{table}: there is no curve {unknown!r}{suggest(unknown, known)}")
+    for name, cells in more.items():
+        entries.setdefault(name, {}).update((key, cell) for key, cell in cells.items() if key not in _OWN)
+    write_list(folder / LIST, entries)
+
+
+def columns_of(entries: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """The columns by which curves can be grouped, in their order."""
+    names: Iterable[str] = (column for cells in entries.values() for column in cells)
+    return [name for name in dict.fromkeys(names) if name not in _OWN]

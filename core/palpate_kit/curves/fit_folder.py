@@ -1,0 +1,256 @@
+"""A folder of fits of many curves, read back: rows with their marks, groups and settings."""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from palpate import LogError, PalpateError
+from palpate.host import Pipeline, Source, approved_plugins, build_pipeline, inherited_approval
+
+from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve_fits import CurveReader, settings_key, value_units
+from palpate_kit.curves.curve_list import FILE, LIST, PIPELINE_FILE, PLACES, Entries, columns_of, read_list
+from palpate_kit.curves.curve_table import SETTINGS, TABLE, latest_rows
+from palpate_kit.curves.own_settings import Own, read_own
+from palpate_kit.runs.review_file import Marks, read_marks
+
+
+def is_fit_folder(path: Path) -> bool:
+    """Whether a folder holds fits of many curves."""
+    return (path / TABLE).is_file()
+
+
+@dataclass(frozen=True)
+class CurveRow:
+    """One track's fit of one curve, with what else is known of the curve."""
+
+    curve: str
+    track: str
+    cells: Mapping[str, str]  # of ``fits.csv``
+    groups: Mapping[str, str]  # of ``curves.csv``
+    rejected: str | None = None  # why; None where it was not
+    accepted: bool = False
+    current: bool = True  # made with the present settings
+
+    def number(self, name: str) -> float | None:
+        """A number of the row [SI]; None where there is none."""
+        try:
+            value = float(self.cells.get(name) or "nan")
+        except ValueError:
+            return None
+        return value if math.isfinite(value) else None
+
+    @property
+    def verdict(self) -> str:
+        """The verdict; invalid where it could not be fitted, "" where it is yet to be."""
+        return self.cells.get("verdict") or ("invalid" if self.error else "")
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Codes of its flags."""
+        return tuple((self.cells.get("flags") or "").split())
+
+    @property
+    def error(self) -> str:
+        """Why it could not be fitted."""
+        return self.cells.get("error") or ""
+
+    @property
+    def usable(self) -> bool:
+        """Whether its values may enter statistics."""
+        return self.rejected is None and self.verdict not in ("", "invalid")
+
+    @property
+    def mark(self) -> str:
+        """bad, good or none."""
+        return "bad" if self.rejected is not None else "good" if self.accepted else "none"
+
+    @property
+    def state(self) -> str:
+        """current, stale where the settings have changed since, or missing."""
+        return "missing" if not self.cells else "current" if self.current else "stale"
+
+    @property
+    def place(self) -> tuple[float, float] | None:
+        """x and y [m], as ``curves.csv`` states them, else as they were measured."""
+        stated = [self.groups.get(name, "") for name in PLACES]
+        try:
+            x, y = (float(text) for text in stated) if all(stated) else (self.number("x"), self.number("y"))
+        except ValueError:
+            return None
+        return None if x is None or y is None else (x, y)
+
+
+def stale_words(folder: FitFolder) -> str:
+    """A sentence on rows that were made with other settings; empty where there is none."""
+    rows = folder.rows
+    old = sum(row.state == "stale" for row in rows)
+    anew = f"palpate fit {folder.path} makes them anew"
+    return f"{old} of {len(rows)} rows were made with other settings: {anew}" if old else ""
+
+
+@dataclass(frozen=True)
+class FitFolder:
+    """A folder of fits of many curves."""
+
+    path: Path
+
+    @property
+    def settings_files(self) -> list[str]:
+        """Names of the pipelines by which its curves are read."""
+        others = sorted(path.name for path in self.path.glob("pipeline-*.toml"))
+        return [SETTINGS, *others]
+
+    def settings_text(self, name: str = SETTINGS) -> str:
+        """The text of a pipeline; raises LogError."""
+        try:
+            return (self.path / name).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise LogError(f"{self.path / name}: cannot be read: {error}") from error
+
+    @cached_property
+    def cells(self) -> list[dict[str, str]]:
+        """The latest rows of ``fits.csv``; raises LogError."""
+        path = self.path / TABLE
+        try:
+            rows = latest_rows(path) if path.is_file() else []
+        except (OSError, UnicodeDecodeError, KeyError) as error:
+            raise LogError(f"{path}: is no table of fits of palpate: {error}") from error
+        if rows and "settings" not in rows[0]:
+            raise LogError(f"{path}: was written by an older palpate: fit the curves again with another --out")
+        return rows
+
+    @cached_property
+    def entries(self) -> Entries:
+        """``curves.csv``; raises LogError where it names a curve that there is not."""
+        return read_list(self.path / LIST, {row["curve"] for row in self.cells})
+
+    @property
+    def columns(self) -> list[str]:
+        """Columns of ``curves.csv`` by which curves can be grouped."""
+        return columns_of(self.entries)
+
+    @cached_property
+    def names(self) -> list[str]:
+        """All curves, fitted or not, in their order."""
+        return list(dict.fromkeys((*self.entries, *(row["curve"] for row in self.cells))))
+
+    @cached_property
+    def own(self) -> Own:
+        """``own.toml``; raises LogError where it names a curve that there is not."""
+        return read_own(self.path, self.names)
+
+    @cached_property
+    def marks(self) -> Marks:
+        """``review.json``; raises LogError."""
+        return read_marks(self.path)
+
+    @cached_property
+    def by_curve(self) -> dict[str, list[dict[str, str]]]:
+        """The latest rows of ``fits.csv`` of each curve, none where it has none yet."""
+        found: dict[str, list[dict[str, str]]] = {name: [] for name in self.names}
+        for row in self.cells:
+            found[row["curve"]].append(row)
+        return found
+
+    @cached_property
+    def keys(self) -> dict[tuple[str, tuple[str, ...]], str]:
+        """The present names of settings, by pipeline and a curve's own; filled as they are asked for."""
+        return {}
+
+    def key(self, curve: str) -> str:
+        """What the present settings of a curve are called."""
+        kind = self.pipeline_of(curve), self.own.get(curve, ())
+        if kind not in self.keys:
+            self.keys[kind] = settings_key(self.settings_text(kind[0]), kind[1])
+        return self.keys[kind]
+
+    def rows_of(self, curve: str) -> list[CurveRow]:
+        """The rows of a curve, or one without cells."""
+        groups, key = self.entries.get(curve, {}), self.key(curve)
+        marked = (self.marks.rejected.get(curve), curve in self.marks.accepted)
+        rows = self.by_curve[curve] or [{}]
+        return [CurveRow(curve, row.get("track", ""), row, groups, *marked, row.get("settings") == key) for row in rows]
+
+    @property
+    def rows(self) -> list[CurveRow]:
+        """Every row, and one without cells for each curve that has none yet; raises LogError."""
+        return [row for name in self.names for row in self.rows_of(name)]
+
+    @property
+    def tracks(self) -> list[str]:
+        """Names of the tracks."""
+        return list(dict.fromkeys(row["track"] for row in self.cells if row["track"]))
+
+    @cached_property
+    def values(self) -> list[str]:
+        """Names of the values of a row, the surface last."""
+        path = self.path / TABLE
+        head = ""
+        if path.is_file():
+            with path.open(encoding="utf-8") as file:
+                head = file.readline().strip()
+        return [name.removesuffix("_combined") for name in head.split(",") if name.endswith("_combined")]
+
+    def curves(self) -> list[Curve]:
+        """The curves whose files are known, with their own settings."""
+        known = [(name, self.entries.get(name, {}).get(FILE, "")) for name in self.names]
+        return [Curve(name, file, own=self.own.get(name, ())) for name, file in known if file]
+
+    def reader(self, name: str = SETTINGS) -> CurveReader:
+        """How the curves of a pipeline are read and fitted; raises LogError where it has no device with a file."""
+        text = self.settings_text(name)
+        tables = self._tables(name).get("device", {})
+        devices = [key for key, table in tables.items() if "file" in table]
+        if len(devices) != 1:
+            raise LogError(f"{self.path / name}: has {len(devices)} devices with a file; one is needed")
+        (device,) = devices
+        overrides: tuple[str, ...] = ()
+        if not Path(tables[device]["file"]).is_file():  # of a curve that has gone since
+            files = [c.file for c in self.curves() if self.pipeline_of(c.name) == name and Path(c.file).is_file()]
+            overrides = tuple(f"device.{device}.file={json.dumps(file)}" for file in files[:1])
+        return CurveReader(text, str(self.path / name), overrides, device, approved_plugins(), text)
+
+    def _tables(self, name: str) -> dict[str, Any]:
+        try:
+            return tomllib.loads(self.settings_text(name))
+        except tomllib.TOMLDecodeError as error:
+            raise LogError(f"{self.path / name}: is a damaged pipeline: {error}") from error
+
+    def pipeline(self, name: str = SETTINGS) -> Pipeline:
+        """A pipeline with the file of a curve that is there; raises UserError."""
+        reader = self.reader(name)
+        source = Source(reader.text, self.path / name)
+        for assignment in reader.overrides:
+            source.override(assignment)
+        with inherited_approval(reader.approved):
+            return build_pipeline(source)
+
+    def pipeline_of(self, curve: str) -> str:
+        """The name of the pipeline by which a curve is read."""
+        return self.entries.get(curve, {}).get(PIPELINE_FILE) or SETTINGS
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """SI unit of each value; none where the pipeline cannot be built again."""
+        found = {"surface": "m"}
+        with suppress(PalpateError):
+            for track in self.pipeline().tracks:
+                found |= value_units(track.model)
+        return found
+
+    @cached_property
+    def symbols(self) -> dict[str, str]:
+        """Name of each value by its symbol."""
+        found = {"E": "elasticity", "eta": "viscosity"}
+        with suppress(PalpateError):
+            found |= {p.symbol: p.name for track in self.pipeline().tracks for p in track.model.parameters}
+        return {symbol: name for symbol, name in found.items() if name in self.values}

@@ -1,0 +1,62 @@
+"""``own.toml``: settings of single curves, on top of those of all."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import tomli_w
+from palpate import LogError
+from palpate.host import suggest, write_whole
+
+OWN = "own.toml"
+_KEY = "set"
+Own = dict[str, tuple[str, ...]]  # ``table.key=value`` by the name of the curve
+
+
+def read_own(folder: Path, known: Collection[str] | None = None) -> Own:
+    """The settings of single curves; none where there is no file.
+
+    Raises LogError for a file that is none, and for a curve that is not among those `known`.
+    """
+    path = folder / OWN
+    if not path.is_file():
+        return {}
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise LogError(f"{path}: cannot be read: {error}") from error
+    return {name: _assignments(path, name, table, known) for name, table in tables.items()}
+
+
+def _assignments(path: Path, name: str, table: object, known: Collection[str] | None) -> tuple[str, ...]:
+    if known is not None and name not in known:
+        raise LogError(f"{path}: there is no curve {name!r}{suggest(name, known)}")
+    if not isinstance(table, Mapping):
+        raise LogError(f'{path}: {name}: must be a table, as in ["{name}"] with set = ["estimator.fit.segment=load"]')
+    if unknown := next((key for key in table if key != _KEY), None):
+        raise LogError(f"{path}: [{name}] {unknown}: there is no such key{suggest(unknown, [_KEY])}")
+    values = table.get(_KEY, [])
+    if not isinstance(values, list) or not all(isinstance(text, str) and "=" in text for text in values):
+        raise LogError(f'{path}: [{name}] set: must be a list of texts such as "estimator.fit.segment=load"')
+    return tuple(values)
+
+
+def write_own(folder: Path, own: Mapping[str, Collection[str]]) -> None:
+    """Write the settings of single curves, those without any left out; raises OutputError."""
+    tables = {name: {_KEY: list(own[name])} for name in sorted(own) if own[name]}
+    if tables or (folder / OWN).exists():
+        write_whole(folder / OWN, tomli_w.dumps(tables))
+
+
+def change_assignments(
+    assignments: Collection[str], new: Collection[str], unset: Collection[str] = ()
+) -> tuple[str, ...]:
+    """Assignments with new ones in place of those of the same key, and without some keys."""
+    left = {text.partition("=")[0].strip(): text for text in assignments}
+    for key in unset:
+        left.pop(key.strip(), None)
+    for text in new:
+        left[text.partition("=")[0].strip()] = text
+    return tuple(left.values())

@@ -1,0 +1,142 @@
+"""``palpate acceptance``: measure how this rig stops, step by step, and write a page to sign."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import ConfigurationError, DeviceError, Force, clock
+from palpate.host import load_pipeline, make_folder, suggest, withdraw_folder, write_new
+from palpate_kit.terminal.json_output import print_json
+from palpate_kit.terminal.options import FolderOption, JsonOption, Overrides
+from palpate_kit.terminal.table import Table, console
+from pydantic import TypeAdapter, ValidationError
+
+from palpate_commands.acceptance.job import ProcessJob
+from palpate_commands.acceptance.page import Acceptance, row_of
+from palpate_commands.acceptance.protocol import AcceptanceGuide, AcceptanceProtocol
+from palpate_commands.acceptance.steps import STEPS, Visit, all_visits
+from palpate_commands.acceptance.strokes import demand_limits
+
+_FORCE = TypeAdapter(Force)
+
+
+def acceptance(
+    file: Annotated[Path, typer.Argument(help="The pipeline file of the rig.")],
+    out: FolderOption = None,
+    overrides: Overrides = None,
+    step: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Only this step, such as estop or foam/force; can be repeated."),
+    ] = None,
+    stop_force: Annotated[
+        str | None,
+        typer.Option(metavar="FORCE", help="Force that stops the step `force`. [default: a quarter of stop_force]"),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Stop this very rig in every way, in free air, then on foam; compare it with [safety]; write a page to sign.
+
+    The arm makes strokes within the limits of [safety], watched by a second connection. Emergency stop, safeguard and
+    the sensor's cable are a person's; Ctrl-C, kill, SIGSTOP and the force are not. Exit code 1 where a stop is later,
+    softer or longer than declared.
+    """
+    pipeline = load_pipeline(file, overrides or [])
+    limits, visits = demand_limits(pipeline), _visits(step or [])
+    force = _stop_force(stop_force, limits.stop_force)
+    guide, began = _guide(), datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
+    folder = make_folder("acceptance", out, began)
+    start = partial(ProcessJob, file, overrides or [])
+    protocol = AcceptanceProtocol(pipeline, folder, guide, start, force)
+    outcomes = []
+    try:
+        protocol.refuse(visits)
+        for outcome in protocol.outcomes(visits):
+            outcomes.append(outcome)
+            guide.say(f"  {', '.join(row_of(outcome)[2:])}")
+    except ConfigurationError:
+        if not any(folder.iterdir()):
+            withdraw_folder(folder)
+        raise
+    found = Acceptance(
+        pipeline.run.name,
+        str(file),
+        began,
+        importlib.metadata.version("palpate"),
+        protocol.identity,
+        limits,
+        tuple(outcomes),
+    )
+    _tell(found, folder, as_json)
+
+
+def _tell(found: Acceptance, folder: Path, as_json: bool) -> None:
+    """Write and show it; raises DeviceError where the rig failed."""
+    import json
+
+    page = folder / "acceptance.md"
+    write_new(page, found.text())
+    write_new(folder / "acceptance.json", json.dumps(found.table(), indent=2, allow_nan=False) + "\n")
+    if as_json:
+        print_json(found.table())
+    else:
+        headings = ("step", "speed mm/s", "reaction ms", "deceleration m/s^2", "way mm", "verdict")
+        rows = [(row[0], *row[2:]) for row in map(row_of, found.outcomes)]
+        console().print(
+            Table.of(f"{found.name}: {found.verdict} (declared)", headings, rows, ("step", "verdict")).view()
+        )
+    typer.echo(f"to sign: {page}", err=as_json)
+    if found.failed:
+        names = ", ".join(outcome.visit.name for outcome in found.failed)
+        raise DeviceError(f"the rig stops worse than [safety] declares, or was not measured: {names}; see {page}")
+
+
+def _visits(names: Sequence[str]) -> tuple[Visit, ...]:
+    """The steps by name, in the protocol's order; raises ConfigurationError."""
+    every = all_visits()
+    known = {*STEPS, *(visit.name for visit in every), *(visit.site for visit in every)}
+    for name in names:
+        if name not in known:
+            raise ConfigurationError(f"--step {name}: there is no such step{suggest(name, STEPS)}")
+    chosen = tuple(visit for visit in every if {visit.name, visit.step.name, visit.site} & set(names))
+    return chosen if names else every
+
+
+def _stop_force(text: str | None, most: float) -> float | None:
+    if text is None:
+        return None
+    try:
+        force = float(_FORCE.validate_python(text.strip()))
+    except (ValidationError, ConfigurationError) as error:
+        raise ConfigurationError(f"--stop-force {text!r}: is not a force, such as 3 N") from error
+    if not 0.0 < force <= most:
+        raise ConfigurationError(
+            f"--stop-force {text!r}: from above 0 up to [safety] stop_force = {most:g} N is allowed"
+        )
+    return force
+
+
+def _guide() -> AcceptanceGuide:
+    from rich.console import Console
+
+    errors = Console(stderr=True, markup=False, emoji=False)
+
+    def say(text: str) -> None:
+        errors.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    return AcceptanceGuide(say, _asks())
+
+
+def _asks() -> Callable[[str], None]:
+    def ask(text: str) -> None:
+        try:
+            typer.prompt(f"{text}; then press Enter", default="", show_default=False, prompt_suffix=" ", err=True)
+        except (EOFError, typer.Abort) as error:
+            raise ConfigurationError("no answer: the acceptance needs a person at the rig") from error
+
+    return ask

@@ -1,0 +1,168 @@
+"""What an acceptance found: a page to sign, and the same for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from typing import Any
+
+from palpate.host import SafetySettings
+
+from palpate_commands.acceptance.protocol import Outcome
+from palpate_commands.acceptance.steps import all_visits
+
+SCHEMA = 1
+_IDENTITY = ("robot", "serial", "software", "model", "safety_checksum", "payload", "tcp", "powered_since")
+_HEADINGS = ("step", "what happened", "speed mm/s", "reaction ms", "deceleration m/s^2", "way mm", "verdict")
+_LIMITS = (
+    "`[safety]` and all that palpate does are limits of a program. They are no safety function and have no performance "
+    "level: what protects people is the robot's own safety system, its emergency stop and the safeguard. This page "
+    "says what was measured once, at these speeds and in this posture; it is no declaration of conformity."
+)
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """A protocol that has been gone through, or part of one."""
+
+    name: str
+    file: str
+    began: datetime
+    version: str
+    identity: Mapping[str, object]
+    limits: SafetySettings
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every step was done."""
+        return {outcome.visit.name for outcome in self.outcomes} == {visit.name for visit in all_visits()}
+
+    @property
+    def failed(self) -> tuple[Outcome, ...]:
+        """Those that were worse than declared, or not measured."""
+        return tuple(outcome for outcome in self.outcomes if outcome.problems)
+
+    @property
+    def verdict(self) -> str:
+        """In a word."""
+        return "failed" if self.failed else "passed" if self.is_whole else "passed in part"
+
+    def worst(self) -> Iterator[str]:
+        """Latency and deceleration as measured, beside those declared."""
+        found = [outcome for outcome in self.outcomes if outcome.braking is not None]
+        of_latency = [o.braking.reaction for o in found if o.braking and o.visit.step.bound in ("latency", "reaction")]
+        softest = [o.braking.deceleration for o in found if o.braking]
+        if of_latency:
+            yield (
+                f"longest reaction where `latency` counts: {1e3 * max(of_latency):.0f} ms; `latency` = "
+                f"{1e3 * self.limits.latency:g} ms is declared, {1e3 * self.limits.reaction:.1f} ms with the delay of "
+                "the sensor's filter"
+            )
+        if softest:
+            declared = f"`deceleration` = {self.limits.deceleration:g} m/s^2 is declared"
+            yield f"softest braking: {min(softest):.2f} m/s^2; {declared}"
+
+    def table(self) -> dict[str, Any]:
+        """For programs, in SI."""
+        declared = ("latency", "deceleration", "sensor_timeout", "speed", "acceleration", "force", "stop_force")
+        return {
+            "schema": SCHEMA,
+            "palpate": self.version,
+            "name": self.name,
+            "file": self.file,
+            "began": self.began.isoformat(timespec="seconds"),
+            "verdict": self.verdict,
+            "whole": self.is_whole,
+            "robot": {key: value for key, value in self.identity.items() if key in _IDENTITY},
+            "declared": {key: getattr(self.limits, key) for key in declared} | {"reaction": self.limits.reaction},
+            "steps": [_step(outcome) for outcome in self.outcomes],
+        }
+
+    def text(self) -> str:
+        """The page, in Markdown."""
+        return "\n".join([*self._head(), *self._rows(), "", *self._notes(), *_signatures()]) + "\n"
+
+    def _head(self) -> Iterator[str]:
+        yield f"# Acceptance of {self.name}: {self.verdict}"
+        yield ""
+        yield f"{self.began:%Y-%m-%d %H:%M %Z}, palpate {self.version}, `{self.file}`"
+        yield ""
+        for key in _IDENTITY:
+            if key in self.identity:
+                yield f"- {key.replace('_', ' ')}: {self.identity[key]}"
+        if "safety_checksum" not in self.identity:
+            yield "- safety checksum on the pendant: ______________ (`safety_checksum` of the device is not stated)"
+        yield ""
+        yield from (f"- {line}" for line in self.worst())
+        if not self.is_whole:
+            missing = [v.name for v in all_visits() if v.name not in {o.visit.name for o in self.outcomes}]
+            yield f"- not done: {', '.join(missing)}"
+        yield ""
+
+    def _rows(self) -> Iterator[str]:
+        yield "| " + " | ".join(_HEADINGS) + " |"
+        yield "|" + "---|" * len(_HEADINGS)
+        for outcome in self.outcomes:
+            yield "| " + " | ".join(row_of(outcome)) + " |"
+
+    def _notes(self) -> Iterator[str]:
+        yield (
+            "Each number is followed by what is declared. Reaction: from the event to the beginning of braking. The "
+            "event is the robot's own report of the stop, the signal, the sensor's last reading before its cable was "
+            "pulled, or the reading that passed the limit. Way: from the event until the tip stands or turns back; "
+            "v tau + v^2/2a is allowed. Times are known to the spacing of the robot's states."
+        )
+        yield ""
+        yield "What the run told:"
+        yield ""
+        yield from (f"- {outcome.visit.name}: {outcome.told or 'nothing: it was killed'}" for outcome in self.outcomes)
+        yield ""
+        yield _LIMITS
+        yield ""
+
+
+def row_of(outcome: Outcome) -> tuple[str, ...]:
+    """A step as texts, each number with what is declared."""
+    visit, found, allowed = outcome.visit, outcome.braking, outcome.allowed
+    verdict = "; ".join(outcome.problems) or "passed"
+    if found is None:
+        return (
+            visit.name,
+            visit.step.what,
+            "",
+            f"({1e3 * allowed.reaction:.0f})",
+            f"({allowed.deceleration:g})",
+            "",
+            verdict,
+        )
+    at_least = "" if found.deceleration_most < 1.5 * found.deceleration else "> "
+    return (
+        visit.name,
+        visit.step.what,
+        f"{1e3 * found.speed:.1f}",
+        f"{1e3 * found.reaction:.0f} ({1e3 * allowed.reaction:.0f})",
+        f"{at_least}{found.deceleration:.2f} ({allowed.deceleration:g})",
+        f"{1e3 * found.way:.2f} ({1e3 * allowed.way(found.speed):.2f})",
+        verdict,
+    )
+
+
+def _step(outcome: Outcome) -> dict[str, Any]:
+    found = outcome.braking
+    declared = asdict(outcome.allowed) | ({} if found is None else {"way": outcome.allowed.way(found.speed)})
+    return {
+        "name": outcome.visit.name,
+        "what": outcome.visit.step.what,
+        "measured": None if found is None else asdict(found),
+        "declared": declared,
+        "problems": list(outcome.problems),
+        "told": outcome.told,
+    }
+
+
+def _signatures() -> Iterator[str]:
+    for line in ("place, date", "name", "signature"):
+        yield f"{line}: ______________________________"
+        yield ""

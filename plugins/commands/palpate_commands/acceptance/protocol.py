@@ -1,0 +1,267 @@
+"""An acceptance protocol at work: one stop after the other, each watched from outside the run that is stopped."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from palpate import ConfigurationError, DeviceError, clock
+from palpate.host import Pipeline, SafetySettings, check_own_motion, own_motions
+
+from palpate_commands.acceptance.job import StrokesJob
+from palpate_commands.acceptance.measurement import Braking, MissedError, first_beyond, measure_braking
+from palpate_commands.acceptance.observer import Observer, WatchedArm, observed
+from palpate_commands.acceptance.steps import AcceptanceStep, Visit
+from palpate_commands.acceptance.strokes import Strokes, demand_limits, plan_strokes, strokes_pipeline
+from palpate_commands.acceptance.strokes_run import StrokesRun
+
+_LOOK = 0.004  # [s]
+_ATTEMPTS = 4
+_START = 60.0  # [s] until a run moves
+_REST = 0.5  # [s] without motion after which the arm stands
+_LONGEST = 10.0  # [s] for an arm to come to rest
+_MARGIN = 0.25  # [s] of straight way beyond the time that is allowed, where there is so much
+_STILL = 1e-4  # [m]
+_LATE = 0.2  # [s] of states, with which no stroke can be hit
+_STEADY = 0.75  # of the speed of the strokes: on a busy computer they are slower
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """What `[safety]` and the devices declare for a step."""
+
+    reaction: float  # [s]
+    deceleration: float  # [m/s^2]
+
+    def way(self, speed: float) -> float:
+        """From the event to the end of braking [m]: v tau + v^2/2a."""
+        return speed * self.reaction + speed**2 / (2 * self.deceleration)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a step showed."""
+
+    visit: Visit
+    allowed: Allowed
+    braking: Braking | None  # None where nothing could be measured
+    told: str  # what the run gave as its reason, or why nothing was measured
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What of it is worse than declared; the spacing of the states is left out of account."""
+        found, allowed = self.braking, self.allowed
+        if found is None:
+            return ("not measured",)
+        verdicts = (
+            (found.reaction > allowed.reaction + found.resolution, "braking begins too late"),
+            (found.deceleration_most < allowed.deceleration, "it brakes too softly"),
+            (found.way > allowed.way(found.speed) + found.speed * found.resolution, "it goes too far"),
+        )
+        return tuple(text for wrong, text in verdicts if wrong)
+
+
+@dataclass(frozen=True)
+class AcceptanceGuide:
+    """Who leads a person through the protocol."""
+
+    say: Callable[[str], None]
+    ask: Callable[[str], None]  # returns when it is done
+
+
+class AcceptanceProtocol:
+    """The steps on one rig."""
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        folder: Path,
+        guide: AcceptanceGuide,
+        start: Callable[[StrokesRun], StrokesJob],
+        stop_force: float | None = None,
+    ) -> None:
+        self._pipeline, self._folder, self._guide, self._start = pipeline, folder, guide, start
+        self._limits = demand_limits(pipeline)
+        self._arm = WatchedArm.of(pipeline)
+        self._stop_force = self._limits.stop_force / 4 if stop_force is None else stop_force
+        self._runs = 0
+        self.identity: dict[str, object] = {}
+
+    def refuse(self, visits: Sequence[Visit]) -> None:
+        """Raise ConfigurationError where a motion of a step breaks a limit; nothing moves for it."""
+        for name, own in own_motions(self._pipeline.devices).items():
+            if problems := check_own_motion(own, self._limits):
+                raise ConfigurationError(f"{self._pipeline.path}: [device.{name}]: {'; '.join(problems)}")
+        for visit in visits:
+            strokes_pipeline(self._pipeline, self._strokes(visit), self._force_of(visit))
+
+    def outcomes(self, visits: Sequence[Visit]) -> Iterator[Outcome]:
+        """One step after the other."""
+        site = ""
+        for number, visit in enumerate(visits, 1):
+            if visit.site != site:
+                site = visit.site
+                self._guide.ask(self._preparation(visit))
+            self._guide.say(f"step {number} of {len(visits)}, {visit.name}: {visit.step.what}")
+            yield self._outcome(visit)
+
+    def _preparation(self, visit: Visit) -> str:
+        begin = "take everything from under the tip" if visit.site == "free-air" else "lay foam under the tip"
+        strokes = self._strokes(visit)
+        return (
+            f"{begin}; bring the tip, in free air, near the middle of the box; the arm will move between heights of "
+            f"{1e3 * strokes.bottom:.1f} and {1e3 * strokes.top:.1f} mm; keep clear, a hand at the emergency stop"
+        )
+
+    def _strokes(self, visit: Visit) -> Strokes:
+        return plan_strokes(self._pipeline, visit, self._allowed(visit.step).reaction)
+
+    def _force_of(self, visit: Visit) -> float | None:
+        return self._stop_force if visit.step.name == "force" else None
+
+    def _allowed(self, step: AcceptanceStep) -> Allowed:
+        limits: SafetySettings = self._limits
+        blind = own_motions(self._pipeline.devices)[self._arm.name].blind
+        of = {
+            "latency": limits.latency,
+            "reaction": limits.reaction,
+            "sensor_timeout": limits.sensor_timeout,
+            "blind": max(blind, limits.latency),
+        }
+        return Allowed(of[step.bound], limits.deceleration)
+
+    def _outcome(self, visit: Visit) -> Outcome:
+        step, allowed, why = visit.step, self._allowed(visit.step), ""
+        for _ in range(_ATTEMPTS):
+            if why:
+                self._guide.say(f"  once more: {why}")
+            try:
+                braking, told = self._attempt(visit)
+            except MissedError as error:
+                why = str(error)
+                self._recover(visit)
+                continue
+            except DeviceError as error:
+                why = str(error)
+                self._guide.ask(f"  nothing moved: {why}; see to that")
+                continue
+            self._recover(visit)
+            return Outcome(visit, allowed, braking, told)
+        return Outcome(visit, allowed, None, f"{step.name} in {_ATTEMPTS} attempts: {why}")
+
+    def _recover(self, visit: Visit) -> None:
+        lift = "lift the tip out of the foam" if visit.site == "foam" and not visit.step.leaves else ""
+        if what := "; ".join(text for text in (visit.step.then, lift) if text):
+            self._guide.ask(f"  {what}")
+
+    def _attempt(self, visit: Visit) -> tuple[Braking, str]:
+        self._runs += 1
+        folder = self._folder / f"{self._runs:02d}-{visit.name.replace('/', '-')}"
+        strokes, origin = self._strokes(visit), clock().epoch_ns()
+        with (
+            observed(self._arm, self._pipeline.run.seed) as observer,
+            self._start(StrokesRun(folder, strokes, self._force_of(visit))) as job,
+        ):
+            self.identity = self.identity or observer.health
+            event = self._stopped(visit, observer, job, strokes, origin)
+            trace = observer.trace(origin)
+            event = self._event_of(visit, observer, job, origin) if event is None else event
+            return measure_braking(trace, event, strokes.speed, visit.step.leaves), self._told(job)
+
+    def _told(self, job: StrokesJob) -> str:
+        stop = job.run.live_facts.get("stop") or {}
+        return str(stop.get("reason", "")) or job.run.message.partition("\n")[0]
+
+    def _stopped(
+        self, visit: Visit, observer: Observer, job: StrokesJob, strokes: Strokes, origin: int
+    ) -> float | None:
+        """Wait until the arm has been stopped and stands; when [s] this program did it, None where it did not."""
+        step, event = visit.step, None
+        if step.number is not None:
+            self._wait_for_the_way_down(visit, observer, job, strokes)
+            event = (clock().epoch_ns() - origin) / 1e9
+            job.send(step.number, step.group)
+        elif step.by_hand:
+            self._wait_for_a_hand(visit, observer, job, strokes)
+        else:
+            self._wait(lambda: not job.is_running, _START + strokes.duration)
+        self._wait_for_rest(observer)
+        if step.number == signal.SIGSTOP:
+            job.send(signal.SIGCONT)
+        self._wait(lambda: not job.is_running, _LONGEST)
+        return event
+
+    def _wait_for_the_way_down(self, visit: Visit, observer: Observer, job: StrokesJob, strokes: Strokes) -> None:
+        """Until the tip goes down at full speed with room for what is allowed; on foam as deep as leaves that."""
+        high, low = strokes.straight
+        last = low + strokes.speed * self._allowed(visit.step).reaction
+        first = min(last + strokes.speed * _MARGIN, high) if visit.site == "foam" else high
+
+        latest = 0.0  # [s] that states were late
+
+        def there() -> bool:
+            nonlocal latest
+            latest = max(latest, observer.lag)
+            return observer.velocity < -_STEADY * strokes.speed and last < observer.height_now <= first
+
+        self._wait(lambda: there() or not job.is_running, _START + strokes.duration, observer)
+        if not job.is_running and latest > _LATE:
+            raise MissedError(f"this computer is too busy to watch the arm: its states came {latest:.1f} s late")
+        if not job.is_running:
+            raise self._refusal(job)
+
+    def _wait_for_a_hand(self, visit: Visit, observer: Observer, job: StrokesJob, strokes: Strokes) -> None:
+        """Until the run has ended, with a word at each beginning of a way down."""
+        on_the_way_down, (high, _) = visit.step.leaves, strokes.straight
+        when = "as soon as this says NOW, for the tip goes down then" if on_the_way_down else "while the tip moves"
+        self._guide.say(f"  {visit.step.ask}, {when}")
+        was_down, deadline = False, clock().now() + _START + strokes.duration
+        while job.is_running and clock().now() < deadline:
+            down = observer.velocity < -_STEADY * strokes.speed and observer.height > 0.5 * (high + strokes.bottom)
+            if down and not was_down and on_the_way_down:
+                self._guide.say("  NOW")
+            was_down = down
+            clock().sleep(_LOOK)
+        if np.isnan(observer.height) or not job.run.live_facts.get("stop"):
+            raise self._refusal(job)
+
+    def _refusal(self, job: StrokesJob) -> Exception:
+        """Why a run ended before it was stopped: nothing to wait for where it never moved."""
+        if job.run.live_facts.get("stop") is None and job.run.message:
+            return DeviceError(f"the run of the strokes did not begin: {job.run.message} ({job.run.folder})")
+        return MissedError(job.run.message or "the strokes came to their end, and nothing had stopped them")
+
+    def _event_of(self, visit: Visit, observer: Observer, job: StrokesJob, origin: int) -> float:
+        """When [s] it happened, by what the robot or the sensor said."""
+        if visit.step.modes:
+            return observer.mode_change(origin, visit.step.modes)
+        time, force = job.run.readings(origin)
+        if not len(time):
+            raise MissedError("the sensor sent no readings")
+        if visit.step.name != "force":
+            return float(time[-1])
+        standstill = job.run.live_facts.get("standstill")
+        if standstill is None:
+            raise self._refusal(job)
+        return first_beyond(time, force - standstill["force"], self._stop_force)
+
+    def _wait_for_rest(self, observer: Observer) -> None:
+        """Until the arm has stood for a while, or for as long as patience lasts."""
+        height, since, deadline = observer.height, clock().now(), clock().now() + _LONGEST
+        while clock().now() - since < _REST and clock().now() < deadline:
+            if abs(observer.height - height) > _STILL:
+                height, since = observer.height, clock().now()
+            clock().sleep(_LOOK)
+
+    @staticmethod
+    def _wait(condition: Callable[[], bool], patience: float, observer: Observer | None = None) -> None:
+        deadline = clock().now() + patience
+        while not condition():
+            if observer is not None and observer.failure is not None:
+                raise DeviceError(observer.failure)
+            if clock().now() > deadline:
+                raise MissedError(f"nothing happened within {patience:.0f} s")
+            clock().sleep(_LOOK)

@@ -1,0 +1,95 @@
+"""The steps of an acceptance protocol: what happens to a motion, who does it, and how soon it has to stop."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Site = Literal["free-air", "foam"]
+_EMERGENCY, _SAFEGUARD = (6, 7, 8), (5,)  # safety modes of a controller; a system's stop counts as the robot's own
+
+
+@dataclass(frozen=True)
+class AcceptanceStep:
+    """One way to stop a motion."""
+
+    name: str
+    what: str  # what happens
+    bound: Literal["latency", "reaction", "sensor_timeout", "blind"]  # what declares how soon braking has to begin
+    ask: str = ""  # of a person, while the arm moves; empty: this program does it
+    then: str = ""  # of a person, afterwards
+    modes: tuple[int, ...] = ()  # safety modes by which the controller tells of it
+    number: signal.Signals | None = None  # that is sent to the run
+    group: bool = False  # to all of its processes
+    sites: tuple[Site, ...] = ("free-air", "foam")
+    leaves: bool = True  # whether the arm leaves the material by itself
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether a person does it while the arm moves."""
+        return bool(self.ask)
+
+
+STEPS: Mapping[str, AcceptanceStep] = {
+    step.name: step
+    for step in (
+        AcceptanceStep(
+            "estop",
+            "the emergency stop is pressed",
+            "latency",
+            "press the emergency stop",
+            "release the button, power the arm on and release its brakes on the pendant",
+            _EMERGENCY,
+            leaves=False,
+        ),
+        AcceptanceStep(
+            "safeguard",
+            "the safeguard is opened",
+            "latency",
+            "open the safeguard",
+            "close the safeguard and reset it",
+            _SAFEGUARD,
+            leaves=False,
+        ),
+        AcceptanceStep(
+            "cable",
+            "the cable of the force sensor is pulled",
+            "sensor_timeout",
+            "pull the cable of the force sensor",
+            "put the cable back",
+        ),
+        AcceptanceStep("ctrl-c", "Ctrl-C at the run", "latency", number=signal.SIGINT),
+        AcceptanceStep("kill", "the run's main process is killed", "latency", number=signal.SIGKILL, leaves=False),
+        AcceptanceStep(
+            "kill-all",
+            "all processes of the run are killed",
+            "blind",
+            number=signal.SIGKILL,
+            group=True,
+            leaves=False,
+        ),
+        AcceptanceStep("stall", "the run's main process stands still (SIGSTOP)", "blind", number=signal.SIGSTOP),
+        AcceptanceStep("force", "the force passes its limit", "reaction", sites=("foam",)),
+    )
+}
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A step at a site."""
+
+    site: Site
+    step: AcceptanceStep
+
+    @property
+    def name(self) -> str:
+        """As on the page."""
+        return f"{self.site}/{self.step.name}"
+
+
+def all_visits() -> tuple[Visit, ...]:
+    """The whole protocol, in its order: first in free air, then on foam."""
+    sites: tuple[Site, ...] = ("free-air", "foam")
+    return tuple(Visit(site, step) for site in sites for step in STEPS.values() if site in step.sites)

@@ -1,0 +1,143 @@
+"""``palpate desk``: a folder of curves in the browser."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import multiprocessing
+import os
+import shlex
+import signal
+import socket
+import webbrowser
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import ConfigurationError, OutputError
+from palpate.host import analysis, make_folder
+from palpate_kit.curves.fit_folder import is_fit_folder
+from palpate_kit.terminal.json_output import print_aside
+from palpate_kit.terminal.options import Overrides
+
+from palpate_desk.history_file import Action, ActionHistory
+
+
+def desk(
+    source: Annotated[Path, typer.Argument(metavar="FOLDER", help="A folder of fits, or of curves to fit.")],
+    tip: Annotated[str | None, typer.Option(help='Of curves: their tip, such as "sphere 3 mm" (its radius).')] = None,
+    model: Annotated[str | None, typer.Option(help="With --tip: the contact model. [default: dr]")] = None,
+    pipeline: Annotated[Path | None, typer.Option(help="Of curves: how to read and fit them.")] = None,
+    overrides: Overrides = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Of curves: the folder of their fits. [default: runs/...]")
+    ] = None,
+    groups: Annotated[Path | None, typer.Option(help="A CSV with a column `curve`, and columns to group by.")] = None,
+    port: Annotated[int, typer.Option(help="Port of 127.0.0.1; 0: any free one.", min=0, max=65535)] = 0,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address only.")] = False,
+    read_only: Annotated[bool, typer.Option("--read-only", help="Look only: nothing is written.")] = False,
+    workers: Annotated[int | None, typer.Option(help="Processes that fit all. [default: all cores]", min=1)] = None,
+    history: Annotated[
+        bool, typer.Option("--history", help="Print what was done on the page as a shell script, and end.")
+    ] = False,
+) -> None:
+    """Open a folder of curves as a page: look at each, mark, change settings, refit, compare groups, export.
+
+    What is done there is kept in text files of the folder, and printed as the command that does the same. Ctrl-C ends
+    it; nothing is lost.
+    """
+    if history:
+        typer.echo(ActionHistory(_demand_fits(source)).script, nl=False)
+        return
+    folder = source
+    if not is_fit_folder(source):
+        folder = _begin(source, tip, model, pipeline, overrides, out, read_only)
+    elif tip or model or pipeline or overrides or out:
+        raise ConfigurationError(f"{source}: is a folder of fits, which has its settings: change them on the page")
+    if groups is not None:
+        if read_only:
+            raise ConfigurationError("--groups: writes curves.csv, which --read-only does not")
+        with print_aside(True):
+            analysis("fit")([folder], groups=groups, no_refit=True)
+    _open(folder, port, no_browser, read_only, workers)
+
+
+def _demand_fits(source: Path) -> Path:
+    if not is_fit_folder(source):
+        raise ConfigurationError(f"{source}: is no folder of fits: it has no fits.csv")
+    return source
+
+
+def _begin(
+    source: Path,
+    tip: str | None,
+    model: str | None,
+    pipeline: Path | None,
+    overrides: list[str] | None,
+    out: Path | None,
+    read_only: bool,
+) -> Path:
+    """A folder of fits of curves, none fitted yet; raises UserError."""
+    if not source.exists():
+        raise ConfigurationError(f"{source}: there is no such file or folder")
+    if read_only:
+        raise ConfigurationError(f"{source}: has no fits yet, and --read-only makes none")
+    if tip is None and pipeline is None:
+        raise ConfigurationError(
+            f'{source}: is no folder of fits; say the tip of its curves, as in --tip "sphere 3 mm", or --pipeline FILE'
+        )
+    folder = out or make_folder("fit", None, datetime.now(UTC).astimezone())
+    options = [("--tip", tip), ("--model", model), ("--pipeline", str(pipeline) if pipeline else None)]
+    told = [(option, text) for option, text in options if text is not None]
+    told += [("--set", text) for text in overrides or ()]
+    each = () if tip else (("--each", ""),)
+    with print_aside(True):
+        analysis("fit")(
+            [source], pipeline=pipeline, tip=tip, model=model, overrides=overrides, out=folder, each=tip is None,
+            no_refit=True,
+        )  # fmt: skip
+    if not ActionHistory(folder).entries:
+        action = Action("fit", (*each, *told, ("--no-refit", ""), ("--out", "$out")), (str(source),))
+        ActionHistory(folder).append(action)
+    return folder
+
+
+def _open(folder: Path, port: int, no_browser: bool, read_only: bool, workers: int | None) -> None:
+    from palpate_desk.desk import Desk, writing
+    from palpate_desk.desk_server import DeskServer
+
+    with contextlib.nullcontext() if read_only else writing(folder), _listening(port) as listener:
+        server = DeskServer(Desk(folder), read_only, workers)
+        address = f"http://127.0.0.1:{listener.getsockname()[1]}/{server.token}/"
+        typer.echo(
+            f"palpate desk {shlex.quote(str(folder))}: {address}\nCtrl-C ends it; everything is kept in the folder"
+        )
+        if not no_browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            webbrowser.open(address)
+        try:
+            asyncio.run(_served(server, listener))
+        finally:
+            for child in multiprocessing.active_children():  # what is under way is of no use any more
+                child.terminate()
+
+
+async def _served(server: object, listener: socket.socket) -> None:
+    """Serve until Ctrl-C or SIGTERM."""
+    task = asyncio.ensure_future(server.run(listener))  # type: ignore[attr-defined]
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        asyncio.get_running_loop().add_signal_handler(number, task.cancel)
+    with contextlib.suppress(asyncio.CancelledError):
+        await task
+
+
+def _listening(port: int) -> socket.socket:
+    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        found.bind(("127.0.0.1", port))
+        found.listen(16)
+    except OSError as error:
+        found.close()
+        raise OutputError(f"--port {port}: cannot be used: {error.strerror}; 0 takes a free one") from error
+    return found

@@ -1,0 +1,258 @@
+"""The server of the page: browsers in, answers out; the folder is the only truth, and every page gets each change."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import secrets
+import socket
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any
+
+from palpate import ConfigurationError, OutputError, PalpateError, UserError
+from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve_fits import CurveReader, Row
+from palpate_kit.page.datagrams import pack, pack_rows
+from palpate_kit.page.gate import answer_request, page_files
+from websockets.asyncio.server import ServerConnection, broadcast, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from palpate_desk import page_messages as asked
+from palpate_desk.curve_answers import CurveAnswer, curve_answer
+from palpate_desk.desk import Desk, one_curve
+from palpate_desk.folder_view import exported, folder_message, row_messages
+from palpate_desk.history_file import Action
+from palpate_desk.refits import Refits, Worker
+
+_PAGES = 16
+_KEPT = 64  # curves whose samples are kept
+_LOOK = 1.0  # [s] between two looks at the files
+_DRAIN = 1.0  # [s] for browsers to take what is left
+_FILES = page_files(
+    "palpate_desk",
+    ("index.html", "desk.css", "main.js", "table.js", "curve.js", "points.js", "keys.js"),
+)
+
+
+class DeskServer:
+    """Pages of one desk."""
+
+    def __init__(self, desk: Desk, read_only: bool, workers: int | None) -> None:
+        self.desk, self.read_only = desk, read_only
+        self.token = secrets.token_urlsafe(16)
+        self._pages: dict[ServerConnection, asked.CurveQuestion | None] = {}
+        self._kept: OrderedDict[tuple[str, str], CurveAnswer] = OrderedDict()
+        self._worker = Worker()
+        self._refits = Refits(self._worker, self._take, workers)
+        self._tasks = set[asyncio.Task[None]]()
+        self._noted: list[str] = []  # curves of a refit of all
+        self._orders: dict[type, Callable[[Any], None]] = {
+            asked.MarkOrder: lambda m: self._changed(desk.mark(m.curve, m.mark, m.reason), [m.curve]),
+            asked.SetOrder: lambda m: self._changed(desk.set(m.assignment, m.where)),
+            asked.TipOrder: lambda m: self._changed(desk.set_part(m.do, m.value)),
+        }
+
+    async def run(self, listener: socket.socket) -> None:
+        """Serve until cancelled."""
+        silent = logging.getLogger("palpate_desk")
+        silent.disabled = True
+        async with serve(
+            self._serve, sock=listener, process_request=self._admit, compression=None, logger=silent,
+            max_size=asked.LARGEST, server_header=None, close_timeout=_DRAIN,
+        ):  # fmt: skip
+            try:
+                await self._watch()
+            finally:
+                self._refits.cancel()
+                self._tell({"kind": "over"})
+                self._worker.close()
+                if not self.read_only:
+                    self.desk.compact()
+
+    async def _watch(self) -> None:
+        """Look at the files from time to time: another program may change them."""
+        while True:
+            await asyncio.sleep(_LOOK)
+            if self.desk.changed_outside and not self._refits.running:
+                try:
+                    self.desk.reload()
+                    self._tell(self._folder())
+                    self._tell({"kind": "note", "text": "another program has changed files of the folder"})
+                except UserError as error:
+                    self._tell({"kind": "error", "text": str(error)})
+
+    def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
+        return answer_request(request, self.token, _FILES)
+
+    async def _serve(self, page: ServerConnection) -> None:
+        if len(self._pages) >= _PAGES:
+            await page.close(1013, "too many pages are open")
+            return
+        self._pages[page] = None
+        self._send(page, self._folder())
+        looking = asyncio.create_task(self._look(page, wake := asyncio.Event()))
+        with contextlib.suppress(ConnectionClosed):
+            async for text in page:
+                await self._answer(page, text, wake)
+        looking.cancel()
+        self._pages.pop(page, None)
+
+    async def _answer(self, page: ServerConnection, text: str | bytes, wake: asyncio.Event) -> None:
+        try:
+            message = asked.read_message(text)
+            if self.read_only and not isinstance(message, asked.READING):
+                raise ConfigurationError("the page was opened with --read-only")
+            if isinstance(message, asked.CurveQuestion):
+                self._pages[page] = message  # the latest one wins
+                wake.set()
+            elif isinstance(message, asked.FilterQuestion):
+                names = self.desk.chosen(message.words)
+                self._send(page, {"kind": "filter", "words": message.words, "names": names})
+            elif isinstance(message, asked.RefitOrder):
+                await self._refit(page, message)
+            elif isinstance(message, asked.GroupsQuestion | asked.CompareQuestion | asked.ExportOrder):
+                self._send(page, await exported(self.desk, message))
+                if isinstance(message, asked.ExportOrder):
+                    self._tell(self._state())
+            else:
+                self._orders[type(message)](message)
+        except PalpateError as error:
+            self._send(page, {"kind": "error", "text": str(error)})
+
+    async def _refit(self, page: ServerConnection, message: asked.RefitOrder) -> None:
+        if message.do == "undo":
+            self._changed(self.desk.undo())
+        elif message.do == "cancel":
+            self._refits.cancel()
+        elif message.do == "refit":
+            answer = await self._fitted(message.curve)
+            self.desk.note(one_curve(message.curve))
+            self._took(answer.rows)
+            self._draw(page, answer, 0)
+        else:
+            self._refit_all()
+
+    def _refit_all(self) -> None:
+        if self._refits.running:
+            raise ConfigurationError("curves are being fitted; cancel that first")
+        curves = [self.desk.curve(name) for name in self.desk.left()]
+        if not curves:
+            raise ConfigurationError("every curve is fitted with the present settings")
+        self._noted = []
+        task = asyncio.create_task(self._refit_many([(self.desk.reader(curve.name), curve) for curve in curves]))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _look(self, page: ServerConnection, wake: asyncio.Event) -> None:
+        """Answer a page's latest question; what is overtaken before it begins is not computed."""
+        while True:
+            await wake.wait()
+            wake.clear()
+            question = self._pages[page]
+            if question is None:
+                continue
+            try:
+                answer = await self._curve(question.curve)
+                if not answer.settings and not self._is_left(question.curve):
+                    answer = await self._curve(question.curve)  # it was fitted meanwhile
+            except Exception as error:  # one curve that breaks a part does not keep the others from the page
+                told = str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
+                self._send(page, {"kind": "error", "text": told})
+                continue
+            if self._pages.get(page) is question:  # a late answer is dropped
+                self._draw(page, answer, question.number)
+
+    async def _curve(self, name: str) -> CurveAnswer:
+        """A curve as its row has it: modelled where the row is current, else as it was read."""
+        key = self.desk.folder.key(self.desk.curve(name).name)
+        current = not self._is_left(name)
+        if (known := self._kept.get((name, key if current else ""))) is not None:
+            self._kept.move_to_end((name, known.settings))
+            return known
+        return await self._fitted(name) if current else await self._computed(name, False)
+
+    def _is_left(self, name: str) -> bool:
+        """Whether a curve has no row by its present settings."""
+        return any(row.state != "current" for row in self.desk.folder.rows_of(name))
+
+    async def _fitted(self, name: str) -> CurveAnswer:
+        return await self._computed(name, True)
+
+    async def _computed(self, name: str, fitting: bool) -> CurveAnswer:
+        curve, reader = self.desk.curve(name), self.desk.reader(name)
+        try:
+            answer = await self._worker.call(curve_answer, reader, curve, fitting)
+        except BrokenProcessPool as error:
+            raise OutputError(f"{name}: the process that fitted it was killed: is the memory enough?") from error
+        self._kept[name, answer.settings] = answer
+        while len(self._kept) > _KEPT:
+            self._kept.popitem(last=False)
+        return answer
+
+    def _draw(self, page: ServerConnection, answer: CurveAnswer, number: int) -> None:
+        header = {
+            "kind": "curve", "curve": answer.curve, "number": number, "error": answer.error, **answer.facts,
+            "columns": ["height", "force", "model"],
+        }  # fmt: skip
+        self._send(page, pack_rows(header, answer.time, answer.columns))
+
+    def _take(self, rows: list[Row]) -> None:
+        """Rows of a refit of all."""
+        self._noted.append(rows[0]["curve"])
+        self._took(rows)
+
+    def _took(self, rows: list[Row]) -> None:
+        name = rows[0]["curve"]
+        if rows[0]["settings"] != self.desk.folder.key(name):
+            return  # its settings have changed since it began
+        try:
+            found = self.desk.take_rows(rows)
+        except UserError as error:  # the disk is full
+            self._refits.cancel()
+            self._tell({"kind": "error", "text": str(error)})
+            return
+        self._tell({"kind": "rows", "rows": row_messages(self.desk.folder, found), **self._state()["state"]})
+
+    async def _refit_many(self, curves: list[tuple[CurveReader, Curve]]) -> None:
+        """Fit curves, and write into the history what was done."""
+        fitting = asyncio.ensure_future(self._refits.fit(curves))
+        await asyncio.sleep(0)
+        self._tell(self._state())
+        try:
+            await fitting
+            if self._refits.cancelled or self.desk.left():
+                for name in self._noted:
+                    self.desk.note(one_curve(name))
+            else:
+                self.desk.note(Action("fit"))
+            self.desk.compact()
+        except UserError as error:
+            self._tell({"kind": "error", "text": str(error)})
+        self._tell(self._state())
+
+    def _changed(self, action: Action, curves: list[str] | None = None) -> None:
+        """Tell every page what is new after an action."""
+        if curves is None:
+            self._tell(self._folder())
+        else:
+            rows = [row for name in curves for row in self.desk.folder.rows_of(name)]
+            self._tell({"kind": "rows", "rows": row_messages(self.desk.folder, rows), **self._state()["state"]})
+        self._tell({"kind": "done", "command": action.text.replace('"$out"', str(self.desk.path))})
+
+    def _folder(self) -> Mapping[str, Any]:
+        return {**folder_message(self.desk), "read_only": self.read_only, "state": self._state()["state"]}
+
+    def _state(self) -> dict[str, Any]:
+        state = {"running": self._refits.running, "done": self._refits.done, "count": self._refits.count}
+        latest = self.desk.history.latest
+        return {"kind": "state", "state": {**state, "undo": latest.command if latest else ""}}
+
+    def _tell(self, message: Mapping[str, Any]) -> None:
+        broadcast(self._pages, pack(message).decode())
+
+    def _send(self, page: ServerConnection, message: Mapping[str, Any] | bytes) -> None:
+        broadcast([page], message if isinstance(message, bytes) else pack(message).decode())

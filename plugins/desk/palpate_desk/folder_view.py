@@ -1,0 +1,133 @@
+"""What the page is told of a folder: rows in display units, groups, settings, and what was exported."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+import tomllib
+from collections.abc import Iterable
+from typing import Any
+
+from palpate import ConfigurationError
+from palpate.host import display_unit, registry, write_whole
+from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.terminal.quantities import value_with_uncertainty
+
+from palpate_desk import page_messages as asked
+from palpate_desk.desk import Desk
+from palpate_desk.history_file import OUT, Action, where_curve
+
+_WORDS = 2  # of the longest answer of a command that is shown
+
+
+def row_messages(folder: FitFolder, rows: Iterable[CurveRow]) -> list[dict[str, Any]]:
+    """Rows for the page: values as numbers and as text in display units."""
+    units = {name: display_unit(folder.units.get(name, ""))[1] for name in _shown(folder)}
+    return [_row(row, units) for row in rows]
+
+
+def _shown(folder: FitFolder) -> list[str]:
+    return [name for name in folder.values if name != "surface"]
+
+
+def _row(row: CurveRow, units: dict[str, float]) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for name, factor in units.items():
+        value, combined = row.number(name), row.number(f"{name}_combined")
+        if value is not None:
+            text = (
+                value_with_uncertainty(value * factor, combined * factor) if combined else f"{value * factor:.4g} ± ?"
+            )
+            values[name] = [value * factor, None if combined is None else combined * factor, text]
+    return {
+        "curve": row.curve, "track": row.track, "values": values, "rms": row.number("rms"), "verdict": row.verdict,
+        "flags": list(row.flags), "error": row.error, "mark": row.mark, "reason": row.rejected or "",
+        "state": row.state, "groups": dict(row.groups), "place": row.place,
+    }  # fmt: skip
+
+
+def folder_message(desk: Desk) -> dict[str, Any]:
+    """All that the page shows of a folder."""
+    folder, known = desk.folder, registry.load()
+    tables = tomllib.loads(folder.settings_text())
+    meanings = {
+        code: {"severity": meaning.severity, "meaning": meaning.meaning, "remedy": meaning.remedy}
+        for code, meaning in known.meanings.items()
+    }  # fmt: skip
+    units = {name: display_unit(folder.units.get(name, ""))[0] for name in _shown(folder)}
+    estimators = tables.get("estimator", {})
+    fit = next((name for name, table in estimators.items() if table.get("type") == "casadi-fit"), "")
+    return {
+        "kind": "folder", "name": str(folder.path), "units": units, "columns": folder.columns, "meanings": meanings,
+        "rows": row_messages(folder, folder.rows), "tip": _tip(tables),
+        "model": next(iter(tables.get("model", {})), ""),
+        "models": sorted(known.parts["model"]), "fit": fit, "segment": estimators.get(fit, {}).get("segment", ""),
+        "own": {name: list(texts) for name, texts in folder.own.items()},
+    }  # fmt: skip
+
+
+def _tip(tables: dict[str, Any]) -> str:
+    """The tip as ``--tip`` takes it."""
+    tip: dict[str, Any] = next(iter(tables.get("indenter", {}).values()), {})
+    texts = [f"{key} {1e3 * value:.6g} mm" if key in ("radius", "tip_radius") else f"{key} {value}"
+             for key, value in tip.items() if key != "type"]  # fmt: skip
+    return " ".join([str(tip.get("type", "")), *texts])
+
+
+async def exported(desk: Desk, message: asked.Question) -> dict[str, Any]:
+    """The answer of a command: statistics of groups, models weighed, or what was written into the folder."""
+    path = str(desk.path)
+    if isinstance(message, asked.GroupsQuestion):
+        action = Action("repeat", (("--by", message.by), ("--parameter", message.parameter), ("--json", "")))
+        found = json.loads(await _output(action, path))
+        factor = display_unit(found["unit"])[1]
+        return {"kind": "groups", "found": found, "factor": factor, "command": _told(action, path)}
+    if isinstance(message, asked.CompareQuestion):
+        own = tomllib.loads(desk.folder.settings_text()).get("model", {})
+        models = ",".join(dict.fromkeys((next(iter(own)), message.model)))
+        chosen = ("--where", where_curve(desk.curve(message.curve).name))
+        action = Action("fit choose", (("--models", models), chosen, ("--json", "")))
+        return {"kind": "compare", "found": json.loads(await _output(action, path)), "command": _told(action, path)}
+    assert isinstance(message, asked.ExportOrder)
+    if message.what == "history":
+        write_whole(desk.path / "history.sh", desk.history.script)
+        return {"kind": "export", "text": f"{desk.path / 'history.sh'}", "command": f"palpate desk {path} --history"}
+    action = _export(desk, message)
+    text = await _output(action, path)
+    return {"kind": "export", "text": " ".join(text.split("\n")[-_WORDS - 1 :]).strip(), "command": _told(action, path)}
+
+
+def _export(desk: Desk, message: asked.ExportOrder) -> Action:
+    by = (("--by", message.by),) if message.by else ()
+    parameter = (("--parameter", message.parameter),) if message.parameter else ()
+    if message.what == "report":
+        return Action("report", by)
+    if message.what == "map":
+        return Action("map", parameter)
+    if message.what == "groups":
+        return Action("repeat", (*by, *parameter, ("--picture", f"{desk.path / 'groups.svg'}")))
+    curve = desk.curve(message.curve)
+    folder = desk.path / "figures" / curve.name.replace("/", "_").rpartition(".")[0]
+    options = [("--pipeline", str(desk.path / desk.folder.pipeline_of(curve.name))), ("--out", str(folder))]
+    return Action("fit", (*options, *(("--set", text) for text in curve.own)), (curve.file,))
+
+
+def _told(action: Action, path: str) -> str:
+    return action.text.replace(f'"{OUT}"', path)
+
+
+async def _output(action: Action, path: str) -> str:
+    """What a command prints, in a process of its own; raises ConfigurationError with what it says where it fails."""
+    words = [path if word == OUT else word for word in (*action.command.split(), *action.sources)]
+    words += [word for option, value in action.options for word in (option, value) if word]
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-c", "from palpate.cli import main; main()", *words,
+        stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
+    )  # fmt: skip
+    out, errors = await process.communicate()
+    if process.returncode == 2 or not out.strip():
+        raise ConfigurationError(
+            errors.decode(errors="replace").strip().removeprefix("palpate: ") or "the command failed"
+        )
+    return out.decode(errors="replace")

@@ -1,0 +1,89 @@
+// One curve: force over depth and over time, residual; a range by dragging over time.
+import { COLOURS } from "./charts.js";
+
+const SMALL = 230, LOW = 130;
+const dark = matchMedia("(prefers-color-scheme: dark)");
+
+function axes(x, y) {
+  const ink = dark.matches ? "#aab4bd" : "#5b6570", grid = { stroke: dark.matches ? "#2c343b" : "#e6e9ec", width: 1 };
+  const axis = { stroke: ink, grid, ticks: grid, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif", labelSize: 16 };
+  return [{ ...axis, label: x, size: 34 }, { ...axis, label: y, size: 56 }];
+}
+
+export class CurveView {
+  constructor(places, ranged) {
+    Object.assign(this, { places, ranged, plots: [], drawn: 0, answer: null, points: 0 });
+    new ResizeObserver(() => { for (const plot of this.plots) plot.setSize({ width: this.width(plot.box), height: plot.height }); }).observe(places.depth);
+    dark.addEventListener("change", () => this.answer && this.show(this.answer));
+  }
+
+  width(box) { return Math.max(box.clientWidth, 220); }
+
+  show(answer) {
+    this.answer = answer;
+    for (const plot of this.plots) plot.destroy();
+    const { header, time, columns } = answer, [height, force, model] = columns.map((column) => Array.from(column, (v) => (v === v ? v : null)));
+    const surface = header.raw ? null : header.surface, depth = height.map((z) => (z === null ? null : 1e3 * (surface === null ? z : surface - z)));
+    const seconds = Array.from(time), left = force.map((f, i) => (f === null || model[i] === null ? null : f - model[i]));
+    this.points = seconds.length;
+    const over = surface === null ? "height as read [mm]" : "depth [mm]";
+    this.plots = [
+      this.plot(this.places.depth, SMALL, over, "force [N]", [depth, force, model], false),
+      this.plot(this.places.time, SMALL, "time [s]", "force [N]", [seconds, force, model], true),
+      this.plot(this.places.residual, LOW, "time [s]", "N", [seconds, left], false),
+    ];
+    for (const box of Object.values(this.places)) box.classList.remove("pale");
+    this.drawn += 1;
+  }
+
+  plot(box, height, x, y, data, ranged) {
+    const path = x.startsWith("depth") || x.startsWith("height") ? { paths: line, points: { show: false } } : { points: { show: false } };
+    const series = [{}, { stroke: dark.matches ? "#9fb3c4" : "#5b6570", width: 1.5, ...path }, { stroke: COLOURS[1], width: 2, ...path }].slice(0, data.length);
+    const options = {
+      width: this.width(box), height, series, axes: axes(x, y), legend: { show: false },
+      scales: { x: { time: false, range: (u, low, high) => (low < high ? [low, high] : [low - 1, high + 1]) } },
+      cursor: { y: false, drag: { x: ranged, y: false, setScale: false } },
+      hooks: ranged ? { setSelect: [(u) => this.select(u)] } : {},
+    };
+    // Over depth the points come in the order of time, and x is not sorted: the plot is told the range of x itself.
+    if (path.paths) {
+      const known = data[0].filter((v) => v !== null), low = Math.min(...known), high = Math.max(...known);
+      options.scales.x.range = () => (low < high ? [low, high] : [low - 1, low + 1]);
+      options.cursor = { show: false };
+      options.scales.y = { range: () => span(data.slice(1)) };
+      options.scales.x.distr = 1;
+      options.series[0] = { sorted: 0 };
+      const plot = new uPlot(options, data, box);
+      return Object.assign(plot, { box, height });
+    }
+    return Object.assign(new uPlot(options, data, box), { box, height });
+  }
+
+  select(u) {
+    if (u.select.width < 3) return;
+    const from = u.posToVal(u.select.left, "x"), to = u.posToVal(u.select.left + u.select.width, "x");
+    this.ranged(`${+from.toFixed(4)} s..${+to.toFixed(4)} s`);
+  }
+
+  fade() { for (const box of Object.values(this.places)) box.classList.add("pale"); }
+}
+
+function span(columns) {
+  let low = Infinity, high = -Infinity;
+  for (const column of columns) for (const v of column) if (v !== null) { if (v < low) low = v; if (v > high) high = v; }
+  const pad = 0.05 * (high - low) || 1;
+  return low <= high ? [low - pad, high + pad] : [0, 1];
+}
+
+// A line through points whose x goes back and forth.
+function line(u, at) {
+  const path = new Path2D(), [xs, ys] = [u.data[0], u.data[at]];
+  let pen = false;
+  for (let i = 0; i < xs.length; i++) {
+    if (xs[i] === null || ys[i] === null) { pen = false; continue; }
+    const x = u.valToPos(xs[i], "x", true), y = u.valToPos(ys[i], "y", true);
+    if (pen) path.lineTo(x, y); else path.moveTo(x, y);
+    pen = true;
+  }
+  return { stroke: path, fill: null, clip: null, band: null, gaps: null, flags: 0 };
+}

@@ -1,0 +1,86 @@
+// Values by group and by place: a point for each curve, rejected ones hollow. A click on a point shows its curve.
+import { COLOURS } from "./charts.js";
+
+const WIDE = 640, HIGH = 300, LEFT = 60, FOOT = 40, MAP_WIDE = 560, MAP_HIGH = 420;
+
+function node(name, attributes, text) {
+  const found = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) found.setAttribute(key, value);
+  if (text !== undefined) found.textContent = text;
+  return found;
+}
+
+const quantile = (sorted, share) => {
+  const at = share * (sorted.length - 1), low = Math.floor(at);
+  return sorted[low] + (at - low) * ((sorted[low + 1] ?? sorted[low]) - sorted[low]);
+};
+
+function ticks(low, high, count = 5) {
+  const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough)), step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= rough);
+  const found = [];
+  for (let v = Math.ceil(low / step) * step; v <= high + 1e-9 * step; v += step) found.push(+v.toPrecision(12));
+  return found;
+}
+
+export function drawGroups(box, rows, by, name, unit, show) {
+  const groups = new Map();
+  for (const row of rows) {
+    const value = row.values[name]?.[0];
+    if (value === undefined || row.verdict === "invalid") continue;
+    const group = by ? row.groups[by] || "none" : "curves";
+    groups.set(group, [...(groups.get(group) ?? []), { row, value }]);
+  }
+  const all = [...groups.values()].flat().map((one) => one.value);
+  box.replaceChildren();
+  if (!all.length) return 0;
+  const low = Math.min(...all), high = Math.max(...all), pad = 0.08 * (high - low) || Math.abs(high) || 1;
+  const y = (v) => HIGH - FOOT - ((v - low + pad) / (high - low + 2 * pad)) * (HIGH - FOOT - 10);
+  const svg = node("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, class: "points", role: "img", "aria-label": `${name} by ${by || "curve"}` });
+  for (const v of ticks(low - pad, high + pad)) svg.append(node("line", { x1: LEFT, x2: WIDE, y1: y(v), y2: y(v), opacity: 0.3 }), node("text", { x: LEFT - 6, y: y(v) + 4, "text-anchor": "end" }, v));
+  svg.append(node("text", { x: 4, y: 12 }, `${name} [${unit}]`));
+  const names = [...groups.keys()].sort((a, b) => a.localeCompare(b, undefined, { numeric: true })), step = (WIDE - LEFT) / names.length;
+  names.forEach((group, i) => {
+    const points = groups.get(group), centre = LEFT + (i + 0.5) * step, colour = COLOURS[i % COLOURS.length];
+    const used = points.filter((p) => p.row.mark !== "bad").map((p) => p.value).sort((a, b) => a - b);
+    if (used.length > 1) {
+      const [a, b, c] = [0.25, 0.5, 0.75].map((share) => y(quantile(used, share))), half = Math.min(step / 4, 40);
+      svg.append(node("rect", { x: centre - half, y: c, width: 2 * half, height: Math.max(a - c, 1), fill: "none", stroke: colour }), node("line", { x1: centre - half, x2: centre + half, y1: b, y2: b, "stroke-width": 2 }));
+    }
+    points.forEach((p, k) => {
+      const x = centre + ((((k * 37) % 21) - 10) / 21) * Math.min(step / 2, 80), bad = p.row.mark === "bad";
+      const dot = node("circle", { cx: x, cy: y(p.value), r: 4, fill: bad ? "none" : colour, stroke: colour, "data-curve": p.row.curve });
+      dot.append(node("title", {}, `${p.row.curve}: ${p.row.values[name][2]} ${unit}${bad ? `, rejected: ${p.row.reason}` : ""}`));
+      dot.addEventListener("click", () => show(p.row.curve));
+      svg.append(dot);
+    });
+    svg.append(node("text", { x: centre, y: HIGH - FOOT + 18, "text-anchor": "middle" }, `${group} (${used.length})`));
+  });
+  box.append(svg);
+  return all.length;
+}
+
+// The places of the curves, shaded by a value.
+export function drawSites(box, rows, name, unit, show) {
+  const placed = rows.filter((row) => row.place && row.values[name] && row.verdict !== "invalid");
+  box.replaceChildren();
+  if (!placed.length) return 0;
+  const xs = placed.map((row) => 1e3 * row.place[0]), ys = placed.map((row) => 1e3 * row.place[1]), vs = placed.map((row) => row.values[name][0]);
+  const ends = (values) => { const low = Math.min(...values), high = Math.max(...values), pad = 0.08 * (high - low) || 1; return [low - pad, high + pad]; };
+  const [x0, x1] = ends(xs), [y0, y1] = ends(ys), good = placed.filter((row) => row.mark !== "bad").map((row) => row.values[name][0]);
+  const [low, high] = good.length ? [Math.min(...good), Math.max(...good)] : [Math.min(...vs), Math.max(...vs)];
+  const scale = Math.min((MAP_WIDE - LEFT - 10) / (x1 - x0), (MAP_HIGH - FOOT - 10) / (y1 - y0));
+  const x = (v) => LEFT + (v - x0) * scale, y = (v) => MAP_HIGH - FOOT - (v - y0) * scale;
+  const svg = node("svg", { viewBox: `0 0 ${MAP_WIDE} ${MAP_HIGH}`, class: "points", role: "img", "aria-label": `${name} at the places of the curves` });
+  for (const v of ticks(x0, x1)) svg.append(node("text", { x: x(v), y: MAP_HIGH - FOOT + 16, "text-anchor": "middle" }, v));
+  for (const v of ticks(y0, y1)) svg.append(node("text", { x: LEFT - 8, y: y(v) + 4, "text-anchor": "end" }, v));
+  svg.append(node("text", { x: LEFT, y: MAP_HIGH - 8 }, `x and y [mm]; ${name} from ${low.toPrecision(4)} (pale) to ${high.toPrecision(4)} ${unit}`));
+  placed.forEach((row, i) => {
+    const share = high > low ? Math.min(Math.max((vs[i] - low) / (high - low), 0), 1) : 1, bad = row.mark === "bad";
+    const dot = node("circle", { cx: x(xs[i]), cy: y(ys[i]), r: 9, fill: bad ? "none" : "#0072b2", "fill-opacity": 0.15 + 0.85 * share, stroke: bad ? "#d55e00" : "#0072b2", "data-curve": row.curve });
+    dot.append(node("title", {}, `${row.curve}: ${row.values[name][2]} ${unit}${bad ? `, rejected: ${row.reason}` : ""}`));
+    dot.addEventListener("click", () => show(row.curve));
+    svg.append(dot);
+  });
+  box.append(svg);
+  return placed.length;
+}

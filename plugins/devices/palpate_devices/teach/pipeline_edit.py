@@ -1,0 +1,48 @@
+"""Settings written into a pipeline file, whose comments and order stay."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from palpate import ConfigurationError, OutputError
+from palpate.host import write_new, write_whole
+from tomlkit.exceptions import TOMLKitError
+
+Edit = Mapping[str, Any]  # keys of a device's table, tables among them
+
+
+def edited_text(text: str, device: str, changes: Edit) -> str:
+    """The text of a pipeline with other settings of a device; raises ConfigurationError."""
+    try:
+        document = tomlkit.parse(text)
+        tables: Any = document
+        table: Any = tables["device"][device]
+    except (TOMLKitError, KeyError) as error:
+        raise ConfigurationError(f"[device.{device}] cannot be written into the pipeline: {error}") from error
+    for key, value in changes.items():
+        if not isinstance(value, Mapping):
+            table[key] = value
+            continue
+        if key not in table:
+            table[key] = tomlkit.table()
+        for name, entry in value.items():
+            table[key][name] = entry
+    return tomlkit.dumps(document)
+
+
+def write_pipeline(file: Path, text: str, out: Path | None) -> Path | None:
+    """Write a text to a new file, or over the pipeline: where the former one is kept then. Raises OutputError."""
+    if out is not None:
+        write_new(out, text)
+        return None
+    kept = next(path for n in range(1000) if not (path := file.with_name(f"{file.name}.{n or 'before'}")).exists())
+    try:
+        former = file.read_bytes()
+    except OSError as error:
+        raise OutputError(f"{file}: cannot read: {error.strerror}") from error
+    write_whole(kept, former)
+    write_whole(file, text)
+    return kept

@@ -1,0 +1,195 @@
+"""``palpate teach``: a person leads the arm, this program finds where the specimen and the tip are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from palpate import ConfigurationError, Length
+from palpate.host import Pipeline, load_pipeline, suggest
+from palpate_kit.terminal.json_output import print_aside, print_json
+from palpate_kit.terminal.options import JsonOption, Overrides
+from pydantic import TypeAdapter, ValidationError
+
+from palpate_devices.teach.arm_by_hand import ArmByHand, Posture, UnsteadyError
+from palpate_devices.teach.flange_load import weigh_flange
+from palpate_devices.teach.pipeline_edit import edited_text, write_pipeline
+from palpate_devices.teach.surface_plane import SurfacePlane, check_fourth, work_frame
+from palpate_devices.teach.tip_pivot import check_tip, pivot_of
+from palpate_devices.ur.device import UR
+
+_LENGTH = TypeAdapter(Length)
+_LOAD = ("tool down", "tool level", "tool level, turned about its own axis by 90 deg", "tool half way down")
+_TURNS = ("straight", "10 deg forwards", "10 deg backwards", "10 deg to the left", "10 deg to the right")
+_POINTS = (
+    "the first point of the surface",
+    "a second one, some centimetres away",
+    "a third one, to the side of both",
+    "the fourth, where the specimen is palpated: it becomes the origin",
+)
+_STEPS = {
+    "payload": "what hangs at the flange is weighed",
+    "tip": "the tip is checked by turning the tool about it",
+    "surface": "the surface is touched",
+}
+_OFF = math.radians(5.0)  # of the tool from the normal, over which a run refuses to begin by default
+
+
+def teach(
+    file: Annotated[Path, typer.Argument(help="The pipeline file of the rig.")],
+    overrides: Overrides = None,
+    step: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only payload, tip or surface; can be repeated.")
+    ] = None,
+    tolerance: Annotated[
+        str, typer.Option(metavar="LENGTH", help="How far the fourth point may be from the plane of the others.")
+    ] = "0.5 mm",
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Write a new pipeline file. [default: FILE; the former is kept]")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Find payload, tip and surface by leading the arm in freedrive; write them into the pipeline. Nothing is moved.
+
+    The payload is weighed in four orientations; the tool is turned by 10 deg about its tip, which stands in a small
+    hole; the tip touches three points of the surface, and a fourth that has to lie on their plane. Exit code 2, and
+    nothing written, where something contradicts.
+    """
+    pipeline = load_pipeline(file, overrides or [])
+    name, arm = _robot(pipeline)
+    steps, allowed = _steps(step or []), _length(tolerance)
+    if out is not None and out.exists():
+        raise ConfigurationError(f"{out}: exists already; nothing is ever overwritten")
+    reader = ArmByHand(arm, "payload" in steps)
+    found: dict[str, Any] = {}
+    if "payload" in steps:
+        found |= _payload(_read(reader, "payload", _LOAD))
+    if "tip" in steps:
+        found |= _tip(_read(reader, "tip", _TURNS), reader, _ball(pipeline))
+    changes = {key: value for key, value in found.items() if key.startswith("payload")}
+    if "surface" in steps:
+        surface, work = _surface(_read(reader, "surface", _POINTS), allowed)
+        found, changes = found | surface | {"work": work}, changes | {"work": work}
+    with print_aside(as_json):
+        if changes:
+            kept = write_pipeline(file, edited_text(pipeline.text, name, changes), out)
+            _tell(f"written to {out or file}" + (f"; the former one is {kept}" if kept else ""))
+            load_pipeline(out or file, overrides or [])
+    if as_json:
+        print_json({"file": str(out or file), "device": name, **found})
+
+
+def _payload(postures: Sequence[Posture]) -> dict[str, Any]:
+    load = weigh_flange(postures)
+    centre = ", ".join(f"{1e3 * x + 0.0:.0f}" for x in load.centre)
+    _tell(
+        f"payload: {1e3 * load.mass:.0f} g +- {1e3 * load.mass_std:.0f} g, its centre at ({centre}) mm +- "
+        f"{1e3 * load.centre_std:.0f} mm on the flange; set the pendant's to that as well: freedrive depends on it"
+    )
+    return {
+        "payload": f"{1e3 * load.mass:.0f} g",
+        "payload_centre": [f"{1e3 * x + 0.0:.0f} mm" for x in load.centre.tolist()],
+    }
+
+
+def _tip(postures: Sequence[Posture], reader: ArmByHand, radius: float) -> dict[str, Any]:
+    pivot = pivot_of([posture.flange for posture in postures])
+    apart = check_tip(pivot, reader.tool, radius)
+    _tell(
+        f"tip: {1e3 * apart:.2f} mm from where tcp has it, known to {1e3 * pivot.std:.2f} mm; it slid by "
+        f"{1e3 * pivot.residual:.2f} mm"
+    )
+    return {"tip_off": apart, "tip_std": pivot.std}
+
+
+def _surface(postures: Sequence[Posture], tolerance: float) -> tuple[dict[str, Any], dict[str, Any]]:
+    import numpy as np
+
+    points = np.array([posture.tip[:3, 3] for posture in postures])
+    tool = postures[-1].tip[:3, :3]
+    plane = SurfacePlane.through(points[:3], -tool[:, 2])
+    height = check_fourth(plane, points[:3], points[3], tolerance)
+    frame, askew = work_frame(plane, points[3], tool)
+    _tell(
+        f"surface: the fourth point is {1e3 * height:+.2f} mm off the plane; the tool {math.degrees(askew):.1f} deg "
+        "off its normal"
+    )
+    if askew > _OFF:
+        _tell("  turn the tool nearer to the normal before a run: [safety] orientation is 5 deg unless it is stated")
+    work = {
+        "origin": [f"{1e3 * x + 0.0:.2f} mm" for x in frame.origin],
+        "rotation": [f"{math.degrees(x) + 0.0:.3f} deg" for x in frame.rotation],
+        "turn": f"{math.degrees(frame.turn) + 0.0:.2f} deg",
+    }
+    return {"fourth_point": height, "tool_off": askew}, work
+
+
+def _read(reader: ArmByHand, step: str, places: Sequence[str]) -> list[Posture]:
+    """One posture after the other, each once a person says that it is there."""
+    _tell(f"{step}: {_STEPS[step]}")
+    ask, found = _asker(), []
+    for number, place in enumerate(places, 1):
+        text = f"  {number} of {len(places)}: {place}; let go of freedrive, then press Enter"
+        while True:
+            ask(text)
+            try:
+                found.append(reader.read())
+            except UnsteadyError as error:
+                text = f"  once more, {error}; then press Enter"
+            else:
+                break
+    return found
+
+
+def _asker() -> Callable[[str], None]:
+    def ask(text: str) -> None:
+        try:
+            typer.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True)
+        except (EOFError, typer.Abort) as error:
+            raise ConfigurationError("no answer: a person has to lead the arm; nothing was written") from error
+
+    return ask
+
+
+def _tell(text: str) -> None:
+    typer.echo(text, err=True)
+
+
+def _robot(pipeline: Pipeline) -> tuple[str, UR]:
+    """The one robot of a pipeline; raises ConfigurationError."""
+    robots = {name: device for name, device in pipeline.devices.items() if isinstance(device, UR)}
+    if len(robots) != 1:
+        names = ", ".join(robots) or "none"
+        raise ConfigurationError(f"{pipeline.path}: one device of type ur is wanted, there are {len(robots)} ({names})")
+    return next(iter(robots.items()))
+
+
+def _ball(pipeline: Pipeline) -> float:
+    """Radius [m] of the tip where it is a ball, about whose centre it turns in a hole; 0 of any other."""
+    tips = list(pipeline.indenters.values())
+    radius = getattr(tips[0], "radius", 0.0) if len(tips) == 1 and _is_ball(pipeline) else 0.0
+    return float(radius)
+
+
+def _is_ball(pipeline: Pipeline) -> bool:
+    return pipeline.registry.name_of(type(next(iter(pipeline.indenters.values())))) == "sphere"
+
+
+def _steps(names: Sequence[str]) -> tuple[str, ...]:
+    for name in names:
+        if name not in _STEPS:
+            raise ConfigurationError(f"--step {name}: there is no such step{suggest(name, _STEPS)}")
+    return tuple(name for name in _STEPS if not names or name in names)
+
+
+def _length(text: str) -> float:
+    try:
+        length = float(_LENGTH.validate_python(text.strip()))
+    except (ValidationError, ConfigurationError) as error:
+        raise ConfigurationError(f"--tolerance {text!r}: is not a length, such as 0.5 mm") from error
+    if not 0.0 < length <= 0.01:
+        raise ConfigurationError(f"--tolerance {text!r}: from above 0 up to 10 mm is allowed")
+    return length

@@ -1,0 +1,168 @@
+"""``palpate fit FOLDER``: settings of a folder of fits changed, and what they concern fitted anew."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import typer
+from palpate import ConfigurationError
+from palpate.host import Pipeline, Source, build_pipeline, registry, resolved_text, start_tracks, write_whole
+from palpate_kit.curves.curve_filter import curve_filter
+from palpate_kit.curves.curve_fits import offline
+from palpate_kit.curves.curve_list import FILE, LIST, add_groups
+from palpate_kit.curves.curve_table import TABLE, FitTable, columns_of_fits, replace_columns
+from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.folder_fits import refit
+from palpate_kit.curves.own_settings import change_assignments, write_own
+from palpate_kit.runs.replay_source import added_table
+from palpate_kit.runs.shared_tips import name_tips
+from palpate_kit.terminal.json_output import print_json
+from palpate_kit.terminal.progress import progress, report_progress
+from palpate_kit.terminal.table import console
+
+from palpate_fits.file_pipelines import tip_table
+from palpate_fits.fit_tables import each_table
+
+
+@dataclass(frozen=True)
+class FolderChange:
+    """What is asked of a folder of fits."""
+
+    where: str | None = None
+    overrides: tuple[str, ...] = ()
+    unset: tuple[str, ...] = ()
+    tip: str | None = None
+    model: str | None = None
+    groups: Path | None = None
+    fitting: bool = True
+    jobs: int | None = None
+    as_json: bool = False
+
+
+def fit_folder(path: Path, change: FolderChange) -> None:
+    """Change settings of a folder of fits, and fit the curves that they concern; exit 1 where one was not usable."""
+    change_folder(path, change)
+    folder = FitFolder(path)
+    names = chosen_curves(folder, change.where)
+    if not change.fitting:
+        typer.echo(f"{stale_count(folder)} of {len(folder.names)} curves are to be fitted: palpate fit {path}")
+        return
+    if not folder.curves():
+        raise ConfigurationError(f"{path / LIST}: has no column {FILE!r}: the files of the curves are not known")
+    with progress("fit", "curves", len(names)):
+        seen: list[str] = []
+
+        def done(name: str) -> None:
+            seen.append(name)
+            report_progress(len(seen))
+
+        count = refit(folder, names, change.jobs, done)
+    _show(path, count, change.as_json)
+
+
+def _show(path: Path, count: int, as_json: bool) -> None:
+    folder = FitFolder(path)
+    pipeline = folder.pipeline()
+    found = FitTable(path, pipeline, folder.reader().device).summary()
+    if as_json:
+        print_json({"table": str(path / TABLE), "fitted": count, "tracks": found})
+    else:
+        console(160).print(each_table(found).view())
+        typer.echo(f"{count} curves fitted anew; written to {path / TABLE}")
+    if failed := sum(track["failed"] for track in found.values()):
+        typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)
+        raise typer.Exit(1)
+
+
+def chosen_curves(folder: FitFolder, where: str | None) -> list[str]:
+    """Names of the curves that filter words hold; raises ConfigurationError where there is none."""
+    rows = curve_filter(where, folder, registry.load().meanings).choose(folder.rows)
+    if not rows:
+        raise ConfigurationError(f"--where {where!r}: holds of no curve" if where else f"{folder.path}: has no curves")
+    return list(dict.fromkeys(row.curve for row in rows))
+
+
+def stale_count(folder: FitFolder) -> int:
+    """How many curves have no row by the present settings."""
+    return len({row.curve for row in folder.rows if row.state != "current"})
+
+
+def change_folder(path: Path, change: FolderChange) -> None:
+    """Write the settings that are asked for: of some curves into own.toml, of all into every pipeline.
+
+    Whatever is no setting is refused before anything is written. Raises ConfigurationError, LogError, OutputError.
+    """
+    folder = FitFolder(path)
+    names = chosen_curves(folder, change.where)
+    if change.groups is not None:
+        add_groups(path, change.groups, folder.names)
+    if change.where is None:
+        if change.unset:
+            raise ConfigurationError("--unset: is for settings of single curves, that --where chooses")
+        _change_all(folder, change)
+        return
+    if change.tip is not None or change.model is not None:
+        option = "--tip" if change.tip is not None else "--model"
+        raise ConfigurationError(f"{option}: is one for all curves of a folder; leave --where out, or use --set")
+    if change.overrides or change.unset:
+        own = dict(folder.own)
+        own |= {name: change_assignments(own.get(name, ()), change.overrides, change.unset) for name in names}
+        for kind in {(folder.pipeline_of(name), own[name]) for name in names}:
+            source = _source(folder, kind[0])
+            for assignment in kind[1]:
+                source.override(assignment)
+            _demand_fits(source)
+        write_own(path, own)
+
+
+def _change_all(folder: FitFolder, change: FolderChange) -> None:
+    if not (change.overrides or change.tip or change.model):
+        return
+    texts: dict[str, str] = {}
+    columns: tuple[str, ...] = ()
+    for name in folder.settings_files:
+        source = _source(folder, name)
+        if change.tip is not None:
+            tip = tip_table(change.tip, registry.load())
+            source.tables["indenter"] = dict.fromkeys(source.tables.get("indenter") or ["tip"], tip)
+        if change.model is not None:
+            _replace_model(source, change.model)
+        for assignment in change.overrides:
+            source.override(assignment)
+        pipeline = _demand_fits(source)
+        texts[name], columns = resolved_text(pipeline), columns_of_fits(offline(pipeline))
+    for name, text in texts.items():
+        write_whole(folder.path / name, text)
+    if folder.cells and tuple(folder.cells[0]) != columns:
+        replace_columns(folder.path / TABLE, columns)
+
+
+def _source(folder: FitFolder, name: str) -> Source:
+    """A pipeline of the folder, to change."""
+    source = Source(folder.settings_text(name), folder.path / name)
+    name_tips(source)
+    return source
+
+
+def _replace_model(source: Source, wanted: str) -> None:
+    """Put another model on the tip of the first in place of all."""
+    known = registry.load()
+    name = known.named("model", wanted)
+    tables: dict[str, Any] = source.tables
+    table = added_table("model", name, tables)
+    tables["model"] = {name: table}
+    run = tables.setdefault("run", {})
+    run.pop("tracks", None)
+    run["assumed"] = [
+        key for key in run.get("assumed", ()) if not key.startswith("model.") or key.split(".")[1] == name
+    ]
+
+
+def _demand_fits(source: Source) -> Pipeline:
+    """The pipeline whose fits can begin; raises ConfigurationError where they cannot."""
+    pipeline = build_pipeline(source)
+    for _ in start_tracks(offline(pipeline)):
+        pass
+    return pipeline

@@ -1,0 +1,248 @@
+"""A table of numbers as it is read: at once where lines hold nothing but numbers, else line by line."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import chain, islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+from palpate import Batch, Floats, LogError, to_si
+from palpate_kit.logs.readings import LATEST, nanoseconds, sensible, si_unit
+from pydantic_core import from_json
+
+from palpate_logs.csv_cells import POINTS, has_decimal_comma, is_cut_at_commas, number
+from palpate_logs.csv_clock_times import CLOCK, Days, seconds_of_day
+from palpate_logs.csv_dialect import MARKS
+from palpate_logs.csv_layout import TableLayout, first_lines, layout_of
+from palpate_logs.csv_names import weight_of
+from palpate_logs.csv_text import bounded_lines, open_text
+from palpate_logs.csv_truncation import cut_number
+
+if TYPE_CHECKING:
+    from palpate_logs.csv_replay import CsvReplay
+
+_SECOND = 1_000_000_000  # [ns]
+_BLOCK = 4096  # rows in one batch
+_CHARACTERS, _LONGEST = 1 << 17, 100_000  # read at once; and to the end of the last line
+_OF_NUMBERS = str.maketrans("", "", "0123456789+-.eE")  # takes away what a number is made of
+
+
+class CsvLink:
+    """A table that is read."""
+
+    def __init__(self, log: CsvReplay) -> None:
+        self._log, self._dialect = log, log.dialect
+        wanted = [(column.column, si_unit(column.unit)[1] * column.scale) for column in log.columns.values()]
+        self._clock = log.time is not None and log.time.unit == CLOCK  # in the last of the wanted columns
+        if log.time is not None:
+            second = 1.0 if self._clock else to_si(f"1 {log.time.unit}", "s")
+            wanted.append((log.time.column, second * log.time.scale))
+        self._wanted = [column for column, _ in wanted]
+        self._scales = np.array([scale for _, scale in wanted])
+        self._layout = TableLayout(0, 0)
+        self._at: list[int] = []  # places of the wanted columns
+        self._widths = 0, 0, 0  # cells of the longest line, of the latest one, and its number
+
+    def batches(self) -> Iterator[Batch]:
+        """The rows of the file in order, some thousand at a time."""
+        row, day = 0, Days()
+        self._log.tally.timeless, self._log.tally.cut = 0, None
+        for numbers in self._whole():
+            with np.errstate(over="ignore"):  # what is not finite counts as invalid
+                values = numbers * self._scales
+            if self._log.time is None:
+                assert self._log.rate is not None
+                stamps = np.rint((row + np.arange(len(values))) * (_SECOND / self._log.rate)).astype(np.int64)
+            else:
+                seconds, values = values[:, -1], values[:, :-1]
+                seconds = day.unwrapped(seconds) if self._clock else seconds
+                known = np.isfinite(seconds) & (np.abs(seconds) < LATEST)
+                self._log.tally.timeless += int(np.count_nonzero(~known))
+                values, stamps = values[known], nanoseconds(seconds[known])
+            row += len(numbers)
+            yield Batch("", stamps, stamps, sensible(values))
+        if row == 0:
+            raise LogError(f"{self._log.file}: the file contains no rows of numbers")
+
+    def _whole(self) -> Iterator[Floats]:
+        """The numbers (n, places) of all rows but one that was cut."""
+        latest = None
+        for numbers in self._blocks():
+            if latest is not None:
+                yield latest
+            latest = numbers
+        if latest is None:
+            return
+        last = self._layout.width - 1 in self._at and not self._clock
+        cut = cut_number(self._log.file, self._dialect.delimiter, self._dialect.decimal) if last else None
+        self._log.tally.cut = cut
+        yield latest if cut is None else latest[:-1]
+
+    def _blocks(self) -> Iterator[Floats]:
+        log, path = self._log, self._log.file
+        with open_text(path, log.encoding, log.sheet) as file:
+            self._layout = layout_of(
+                path, first_lines(file, path, log.header or 0), self._dialect, log.header, log.units
+            )
+        self._at = self._places()
+        self._check_units()
+        with open_text(path, log.encoding, log.sheet) as file:
+            line = sum(1 for _ in islice(bounded_lines(file, path), self._layout.begin))  # the last that was read
+            while text := file.read(_CHARACTERS) + file.readline(_LONGEST):
+                numbers = self._plain(text)
+                if numbers is None:  # anything else than plain numbers is read line by line from there on
+                    lines = chain(bounded_lines(io.StringIO(text, newline=""), path), bounded_lines(file, path))
+                    mark = self._dialect.comment
+                    said = ("\n" if mark in one and self._dialect.is_comment(one) else one for one in lines)
+                    yield from self._by_line(enumerate(self._dialect.rows(said), line + 1))
+                    break
+                line += len(numbers)
+                self._widths = self._layout.width, self._layout.width, line
+                yield numbers
+            self._refuse_cut()
+
+    def _plain(self, text: str) -> Floats | None:
+        """The numbers (n, places) of whole lines of nothing but numbers; None for other lines.
+
+        What is left without the characters of numbers must be the same separators in every line.
+        """
+        comma, width = self._dialect.delimiter, self._layout.width
+        if '"' in text or self._clock or self._dialect.thousands or (self._dialect.decimal == "," and "." in text):
+            return None
+        text = text.replace("\r\n", "\n") if "\r" in text else text
+        text = text.replace(",", ".") if self._dialect.decimal == "," else text
+        text = text.removesuffix("\n")
+        count = text.count("\n") + 1
+        separators = ("\n" + comma * (width - 1)) * count
+        if not text or text.translate(_OF_NUMBERS) != separators[1:]:
+            return None
+        found = _parsed((text if comma == "," else text.replace(comma, ",")).replace("\n", ","))
+        if found is None:
+            return None
+        whole = found.size == count * width and max(self._at, default=0) < width
+        return found.reshape(count, width)[:, self._at] if whole else None
+
+    def _by_line(self, rows: Iterator[tuple[int, list[str]]]) -> Iterator[Floats]:
+        """The numbers (n, places) of lines that may hold anything."""
+        while lines := list(islice(rows, _BLOCK)):
+            complete: list[tuple[int, list[str]]] = []
+            for line, cells in lines:
+                if cells:
+                    self._check_width(cells, line)
+                    complete.append((line, cells))
+            if complete:
+                yield self._numbers(complete)
+
+    def _check_width(self, cells: list[str], line: int) -> None:
+        """Refuse a line with more cells than the first: what is behind the one too many is in the wrong column."""
+        count, width = len(cells), self._layout.width
+        self._widths = max(self._widths[0], count), count, line
+        if count > width and any(cell.strip() for cell in cells[width:]):
+            self._refuse_commas(cells, line)
+            raise LogError(
+                f"{self._log.file}:{line}: the line has {count} cells, the first one {width}: its "
+                "numbers would be in the wrong columns"
+            )
+
+    def _refuse_cut(self) -> None:
+        """A last line with fewer cells than the others was not written to its end, nor was its last number."""
+        whole, last, line = self._widths
+        if last < whole:
+            raise LogError(
+                f"{self._log.file}:{line}: the last line has {last} of {whole} cells, so the file was cut there; "
+                "remove that line to read the others"
+            )
+
+    def _places(self) -> list[int]:
+        """Where the wanted columns are, by their numbers or by their names in the header."""
+        names = [*(self._layout.names or ())]
+        places = []
+        for column in self._wanted:
+            if isinstance(column, int):
+                places.append(column)
+                continue
+            if column not in names:
+                column = column.lstrip("".join(MARKS)).strip()
+            if names.count(column) != 1:
+                known = ", ".join(names) if names else "its first line contains numbers"
+                many = "two columns" if column in names else "no column"
+                raise LogError(f"{self._log.file}: {many} of the name {column!r} ({known})")
+            places.append(names.index(column))
+        return places
+
+    def _check_units(self) -> None:
+        """Refuse units that are not those of the file's own row of units."""
+        given = [*self._log.columns.values(), *([self._log.time] if self._log.time else [])]
+        for column, place in zip(given, self._at, strict=True):
+            written = self._layout.units[place] if place < len(self._layout.units) else ""
+            if self._log.units == 0 or column.scale != 1.0 or column.unit == CLOCK:
+                continue
+            try:
+                theirs = si_unit(weight_of(written) or written)
+            except ValueError:
+                continue
+            if theirs != si_unit(column.unit):
+                raise LogError(
+                    f"{self._log.file}:{self._layout.units_line}: the row of units says {written!r} for column "
+                    f"{column.column!r}, and not {column.unit!r}; units = 0 lets this be"
+                )
+
+    def _refuse_commas(self, cells: list[str], line: int) -> None:
+        if is_cut_at_commas(cells, self._layout.names, self._dialect.delimiter):
+            few = len(self._layout.names or ())
+            advice = "write the numbers with points, or another separator"
+            problem = f"{len(cells)} cells under a header of {few}: these look like decimal commas; {advice}"
+            raise LogError(f"{self._log.file}:{line}: {problem}")
+
+    def _numbers(self, complete: list[tuple[int, list[str]]]) -> Floats:
+        """The numbers (n, places) of lines: at once where all cells look like numbers, else one by one."""
+        with suppress(ValueError, IndexError):
+            texts = [cells[place] for _, cells in complete for place in self._at]
+            if self._dialect == type(self._dialect)(self._dialect.delimiter, comment=self._dialect.comment) and (
+                not "".join(texts).translate(_OF_NUMBERS).strip(" ")
+            ):
+                return np.array([float(text) for text in texts]).reshape(len(complete), len(self._at))
+        last = len(self._at) - 1
+        return np.array(
+            [
+                [self._number(cells, place, line, self._clock and k == last) for k, place in enumerate(self._at)]
+                for line, cells in complete
+            ]
+        )
+
+    def _number(self, cells: list[str], place: int, line: int, clock: bool) -> float:
+        if place >= len(cells):
+            if len(cells) == 1 and not self._dialect.is_value(cells[0]):
+                raise LogError(f"{self._log.file}:{line}: {cells[0].strip()[:40]!r} is no row of numbers")
+            there = f"the line has {len(cells)}, 0 to {len(cells) - 1}"
+            raise LogError(f"{self._log.file}:{line}: there is no column {place}; {there}")
+        text = cells[place].strip()
+        try:
+            if clock:
+                return seconds_of_day(text) if text else np.nan
+            return number(text, self._dialect.decimal, self._dialect.thousands) if text else np.nan
+        except ValueError as error:
+            comma = not clock and self._dialect.decimal == "." and has_decimal_comma(text)
+            advice = f"; a decimal comma? {POINTS}" if comma else ""
+            kind = "time of day" if clock else "number"
+            problem = f"column {place} holds {text!r}, which is no {kind}{advice}"
+            raise LogError(f"{self._log.file}:{line}: {problem}") from error
+
+
+def _parsed(numbers: str) -> Floats | None:
+    """The numbers (n,) between commas; None where they are none."""
+    try:  # a reader of JSON, which has the same numbers but for +1, .5 and 1., takes a third of the time
+        found = from_json(f"[{numbers}]")
+        return np.fromiter(found, np.float64, len(found))
+    except (ValueError, OverflowError):
+        pass
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # text that does not end as a number
+        try:
+            return np.fromstring(numbers, sep=",")
+        except (DeprecationWarning, ValueError):
+            return None

@@ -1,0 +1,54 @@
+"""Sites of a folder of fits: each curve is one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import typer
+from palpate import LogError
+from palpate.host import suggest
+from palpate_kit.curves.curve_filter import curve_filter
+from palpate_kit.curves.fit_folder import CurveRow, FitFolder, stale_words
+
+from palpate_maps.path_reader import Path2D
+from palpate_maps.sites import Sites
+
+
+def read_curve_sites(
+    path: Path, track: str | None = None, parameter: str | None = None, where: str | None = None
+) -> tuple[Path2D, Sites]:
+    """The values of the curves of a folder at their places, rejected and unusable ones apart, and the same as sites.
+
+    A place is `x_m` and `y_m` of ``curves.csv``, else what the curve measured. Raises LogError for what is missing,
+    ConfigurationError for filter words that do not parse.
+    """
+    folder = FitFolder(path)
+    if not folder.tracks:
+        raise LogError(f"{path}: no curve of it was fitted")
+    track, parameter = track or folder.tracks[0], parameter or folder.values[0]
+    for name, known in ((track, folder.tracks), (parameter, folder.values)):
+        if name not in known:
+            raise LogError(f"{path}: there is no {name!r}{suggest(name, known)}")
+    if old := stale_words(folder):
+        typer.echo(old, err=True)
+    rows = [row for row in curve_filter(where, folder).choose(folder.rows) if row.track == track and row.usable]
+    numbers = [found for row in rows if (found := _numbers(row, parameter)) is not None]
+    if not numbers:
+        asked = f" and {where!r}" if where else ""
+        raise LogError(
+            f"{path}: has no usable curve with a place{asked}: give x_m and y_m in curves.csv, or lateral_x and "
+            "lateral_y in [alignment]"
+        )
+    x, y, value, std = np.array(numbers).T
+    place, time = np.column_stack([x, y]), np.arange(len(x), dtype=float)
+    sites = Sites(place, np.log(value), std / value, time, np.ones(len(x), bool), kept=1.0)
+    return Path2D(track, parameter, time, place, value, std, 1.0), sites
+
+
+def _numbers(row: CurveRow, parameter: str) -> tuple[float, float, float, float] | None:
+    """Place [m], value and standard deviation [SI] of a row; None where one is missing."""
+    value, std, place = row.number(parameter), row.number(f"{parameter}_std"), row.place
+    if value is None or std is None or place is None or value <= 0:
+        return None
+    return (*place, value, std)

@@ -1,0 +1,88 @@
+"""The report of a folder of fits: its curves together, group by group."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from palpate import ADVICE, ConfigurationError
+from palpate.host import registry, suggest
+from palpate_kit.curves.curve_filter import curve_filter
+from palpate_kit.curves.curve_table import SETTINGS
+from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+
+from palpate_report.comparison_report import page_of_runs
+from palpate_report.group_numbers import GroupRun
+from palpate_report.run_verdict import LEVELS, Level, RunVerdict, TrackVerdict
+
+
+@dataclass(frozen=True)
+class CurveContents:
+    """What a comparison reads of one curve."""
+
+    path: Path
+    document: Mapping[str, Any]
+    resolved_text: str | None = None
+    resolved: Mapping[str, Any] = field(default_factory=dict)
+
+
+def curves_page(path: Path, track: str | None, anonymous: bool, by: str | None, where: str | None) -> str:
+    """The whole page of a folder of fits, its curves in groups by a column of ``curves.csv``.
+
+    Raises LogError, and ConfigurationError for a track, a column or filter words that are none.
+    """
+    folder = FitFolder(path)
+    for option, name, known in (("--track", track, folder.tracks), ("--by", by, folder.columns)):
+        if name is not None and name not in known:
+            raise ConfigurationError(f"{option} {name}: {path} has no such{suggest(name, known)}")
+    chosen = track or next(iter(folder.tracks), "")
+    rows = curve_filter(where, folder, registry.load().meanings).choose(folder.rows)
+    rows = [row for row in rows if row.track in (chosen, "")]
+    if not rows:
+        raise ConfigurationError(f"--where {where!r}: holds of no curve" if where else f"{path}: has no curves")
+    text = folder.settings_text()
+    runs = [_run(folder, row, by, text if number == 0 else None) for number, row in enumerate(rows)]
+    groups = list(dict.fromkeys(run.group for run in runs))
+    return page_of_runs(runs, groups, chosen, anonymous, "curve", _notes(rows, where, path))
+
+
+def _run(folder: FitFolder, row: CurveRow, by: str | None, text: str | None) -> GroupRun:
+    parameters = {
+        name: {
+            "value": row.number(name),
+            "combined": row.number(f"{name}_combined"),
+            "unit": folder.units.get(name, ""),
+        }
+        for name in folder.values
+        if name != "surface"
+    }
+    verdict = row.verdict if row.usable else "invalid"
+    table: dict[str, Any] = {"parameters": parameters, "verdict": verdict, "flags": [], "force_rms": row.number("rms")}
+    level: Level = ADVICE[verdict]  # type: ignore[assignment, index]
+    judged = RunVerdict(level, (TrackVerdict(row.track, level, _reasons(row, level)),), _reasons(row, level), row.track)
+    group = (row.groups.get(by) or "none") if by else "curves"
+    contents = CurveContents(folder.path / SETTINGS, {"tracks": {row.track: table} if row.track else {}}, text)
+    return GroupRun(row.curve, group, contents, judged, row.place)
+
+
+def _reasons(row: CurveRow, level: Level) -> tuple[str, ...]:
+    if row.rejected is not None:
+        return (f"rejected: {row.rejected}",)
+    if row.error or not row.cells:
+        return (row.error or "not fitted yet",)
+    return row.flags if level != LEVELS[0] else ()
+
+
+def _notes(rows: list[CurveRow], where: str | None, path: Path) -> list[str]:
+    """What must be known of the rows that are shown."""
+    rejected = sum(row.rejected is not None for row in rows)
+    found = [f"Only curves of {where}."] if where else []
+    if rejected:
+        found.append(f"{rejected} of {len(rows)} curves were rejected and are in no number.")
+    if old := sum(row.state == "stale" for row in rows):
+        found.append(
+            f"{old} of {len(rows)} rows were made with other settings: palpate fit {path.name} makes them anew."
+        )
+    return found

@@ -1,0 +1,176 @@
+"""The page in a real Chromium: 30 curves opened, three rejected, refitted with another tip, compared, exported.
+
+With the variable PICTURES the walk writes the pictures of the tutorial into that folder.
+"""
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from palpate_kit.curves.fit_folder import FitFolder
+
+from tests.curves.conftest import press
+from tests.desk.conftest import served
+from tests.live_page.browser import CHROMIUM, browser
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here: apt-get install chromium"),
+]
+_PATIENCE = 120.0  # [s] on a busy machine
+_TIP = ["--tip", "sphere 3 mm", "--set", "alignment.force.uncertainty=1 ms"]
+_NAMELESS = """Array.from(document.querySelectorAll('button, input, select, [role=grid]')).filter((e) =>
+  !(e.innerText?.trim() || e.getAttribute('aria-label') || e.labels?.length)).map((e) => e.id || e.outerHTML)"""
+
+
+class Walk:
+    """A tab in which one waits for what is shown."""
+
+    def __init__(self, tab):
+        self.tab = tab
+
+    def key(self, name):
+        text = {"text": name} if len(name) == 1 else {}
+        self.tab.call("Input.dispatchKeyEvent", type="keyDown", key=name, code=name, **text)
+        self.tab.call("Input.dispatchKeyEvent", type="keyUp", key=name, code=name)
+
+    def text(self, name):
+        return self.tab.ask(f"document.getElementById('{name}').innerText")
+
+    def shows(self, name, words):
+        self.tab.until(f"document.getElementById('{name}')?.innerText.includes({words!r})", _PATIENCE)
+
+    def type(self, name, text):
+        self.tab.ask(f"document.getElementById('{name}').select()")
+        self.tab.click(name)
+        self.tab.ask(f"document.getElementById('{name}').select()")
+        self.tab.call("Input.insertText", text=text)
+
+    def picture(self, name):
+        if folder := os.environ.get("PICTURES"):
+            time.sleep(0.5)
+            self.tab.picture(Path(folder) / f"desk-{name}.png", whole=False)
+
+
+@pytest.fixture
+def curves(tmp_path, monkeypatch):
+    """Thirty curves of two samples, three of them of another material, and where each was measured."""
+    monkeypatch.chdir(tmp_path)
+    Path("curves").mkdir()
+    rows = ["curve,sample,x_m,y_m"]
+    for i in range(30):
+        name = f"curves/S{1 + i % 2}_{i:02d}.csv"
+        odd = 2.5 if i in (4, 11, 20) else 1.0
+        random = np.random.default_rng(1000 + i)
+        table = press(i, odd * (1e5 if i % 2 else 1.3e5) * (1 + 0.03 * random.standard_normal()))
+        np.savetxt(name, table, delimiter=",", header="time_s,force_N,height_mm", comments="", fmt="%.9g")
+        rows.append(f"{name},S{1 + i % 2},{0.002 * (i % 6)},{0.002 * (i // 6)}")
+    Path("samples.csv").write_text("\n".join(rows) + "\n")
+
+
+def test_a_laboratory_walks_through(curves):
+    fits = Path("fits")
+    with served("curves", *_TIP, "--out", fits, "--groups", "samples.csv") as process, browser(1280, 800) as chromium:
+        tab = chromium.open(process.address)
+        walk = Walk(tab)
+        walk.shows("counts", "30 of 30 curves · 30 to fit")
+        walk.key("R")
+        walk.shows("counts", " 0 to fit")
+        tab.until("window.palpate.drawn > 0", _PATIENCE)
+        walk.picture("curve")
+        assert "± " in walk.text("curve-values")
+        assert tab.ask(_NAMELESS) == []
+        assert tab.ask("document.querySelectorAll('.row').length") < 200
+        hosts = tab.ask("performance.getEntriesByType('resource').map((e) => new URL(e.name).host)")
+        assert set(hosts) == {process.address.split("/")[2]}
+        assert len(hosts) <= 12
+        _reject_three(walk)
+        _refit_with_another_tip(walk, fits)
+        _compare_groups(walk)
+        _export(walk, fits)
+        _undo_and_range(walk, fits)
+        assert tab.ask("window.palpate.errors") == []
+        tab.call("Page.reload")
+        tab.until("window.palpate?.drawn > 0", _PATIENCE)
+        assert "3 rejected" in walk.text("counts")
+
+
+def _reject_three(walk):
+    walk.type("filter", "E>200")
+    walk.shows("counts", "3 of 30")
+    walk.tab.ask("document.getElementById('filter').blur()")
+    for number in range(3):
+        walk.key("Home")
+        for _ in range(number):
+            walk.key("ArrowDown")
+        walk.key("x")
+        walk.tab.until("document.getElementById('reject').open", _PATIENCE)
+        if not number:
+            walk.tab.call("Input.insertText", text="a clamp was palpated")
+            walk.picture("reject")
+        assert walk.tab.ask("document.getElementById('reason').value") == "a clamp was palpated"
+        walk.tab.click("reject-yes")
+        walk.shows("counts", f"{number + 1} rejected")
+    walk.type("filter", "")
+    walk.tab.ask("document.getElementById('filter').dispatchEvent(new Event('input'))")
+    walk.shows("counts", "30 of 30")
+    walk.tab.ask("document.getElementById('filter').blur()")
+
+
+def _refit_with_another_tip(walk, fits):
+    before = {row.curve: row.number("elasticity") for row in FitFolder(fits).rows}
+    walk.type("tip", "sphere 12 mm")
+    walk.tab.click("apply-all")
+    walk.shows("counts", "30 to fit")
+    walk.shows("command", "palpate fit")
+    assert "--tip 'sphere 12 mm'" in walk.text("command")
+    walk.picture("stale")
+    walk.key("r")
+    walk.shows("counts", "29 to fit")
+    walk.key("R")
+    walk.shows("counts", " 0 to fit")
+    for row in FitFolder(fits).rows:
+        assert row.number("elasticity") == pytest.approx(before[row.curve] / 2, rel=2e-3)
+
+
+def _compare_groups(walk):
+    walk.key("2")
+    walk.tab.until("document.querySelectorAll('#groups-plot circle').length === 30", _PATIENCE)
+    walk.tab.click("test")
+    walk.shows("groups-table", "Welch's t-test, S2 - S1")
+    assert [line.split()[:2] for line in walk.text("groups-table").splitlines()[1:3]] == [["S1", "13"], ["S2", "14"]]
+    walk.picture("groups")
+    walk.key("3")
+    walk.tab.until("document.querySelectorAll('#sites circle').length === 30", _PATIENCE)
+    walk.picture("map")
+
+
+def _export(walk, fits):
+    walk.key("4")
+    for what, file in (("report", "report.html"), ("groups", "groups.svg"), ("history", "history.sh")):
+        walk.tab.click(f"export-{what}")
+        walk.tab.until("!document.getElementById('export-note').innerText.includes('is made ...')", _PATIENCE)
+        assert (fits / file).stat().st_size > 100
+    walk.picture("export")
+    assert "rejected: a clamp was palpated" in (fits / "report.html").read_text()
+    assert (fits / "fits.csv").read_text().count("\n") >= 31
+
+
+def _undo_and_range(walk, fits):
+    walk.key("1")
+    walk.key("End")
+    walk.tab.until("window.palpate.latest?.endsWith('S2_29.csv')", _PATIENCE)
+    x, y = walk.tab.place("plot-time")
+    walk.tab.call("Input.dispatchMouseEvent", type="mousePressed", x=x - 60, y=y, button="left", clickCount=1)
+    walk.tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 60, y=y, button="left", buttons=1)
+    walk.tab.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 60, y=y, button="left", clickCount=1)
+    walk.tab.until("!document.getElementById('range').hidden", _PATIENCE)
+    walk.picture("range")
+    walk.tab.click("range-this")
+    walk.shows("counts", "1 to fit")
+    assert FitFolder(fits).own
+    walk.key("u")
+    walk.shows("counts", " 0 to fit")
+    assert not FitFolder(fits).own

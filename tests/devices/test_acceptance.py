@@ -1,0 +1,123 @@
+"""``palpate acceptance``: what a rig does when it is stopped, against what [safety] declares."""
+
+import numpy as np
+import pytest
+from palpate import ConfigurationError
+from palpate.cli import call
+from palpate_commands.acceptance.measurement import BrakingTrace, MissedError, first_beyond, measure_braking
+
+from tests.devices.simulated_bench import SHORT
+from tests.devices.simulated_job import go_through
+
+STEP = 0.002  # [s] between the states of a robot
+
+
+def stop(event, reaction, deceleration, *, speed=0.02, noise=0.0, seed=0):
+    """A trace on the way in that is told to stop at an event [s], brakes after a reaction [s], and stands."""
+    time = np.arange(0.0, 1.5, STEP)
+    braking = np.clip(time - event - reaction, 0.0, speed / deceleration)
+    way = speed * np.minimum(time, event + reaction) + speed * braking - 0.5 * deceleration * braking**2
+    random = np.random.default_rng(seed).standard_normal(len(time))
+    return BrakingTrace(time, 0.01 - way, -np.gradient(way, time) + noise * random)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.67e-3])
+@pytest.mark.parametrize(("reaction", "deceleration"), [(0.0, 1.0), (0.06, 1.0), (0.25, 0.3), (0.03, 4.0)])
+def test_reaction_and_braking_are_measured(reaction, deceleration, noise):
+    found = measure_braking(stop(0.5, reaction, deceleration, noise=noise), 0.5, 0.02, inwards=True)
+    assert found.reaction == pytest.approx(reaction, abs=2.5 * STEP + 2 * noise / deceleration)
+    assert found.way == pytest.approx(0.02 * reaction + 0.02**2 / (2 * deceleration), abs=2e-5)
+    assert found.deceleration <= found.deceleration_most
+    if deceleration <= 1.0:  # what takes some states
+        assert found.deceleration == pytest.approx(deceleration, rel=0.25)
+    assert found.deceleration_most > 0.95 * deceleration
+
+
+@pytest.mark.parametrize(
+    ("trace", "event", "planned", "words"),
+    [
+        (stop(0.5, 0.0, 1.0), 0.5, 0.04, "the arm turned just then, at 20.0 of 40.0 mm/s"),
+        (stop(9.0, 0.0, 1.0), 0.5, 0.02, "did not stop"),
+        (stop(0.5, 0.0, 1.0), 1.49, 0.02, "are missing"),
+        (
+            BrakingTrace(np.arange(0, 1, STEP), np.arange(0, 1, STEP) * 0.02, np.full(500, 0.02)),
+            0.5,
+            0.02,
+            "on its way up",
+        ),
+    ],
+)
+def test_a_stop_that_shows_nothing_is_missed(trace, event, planned, words):
+    with pytest.raises(MissedError, match=words):
+        measure_braking(trace, event, planned, inwards=True)
+
+
+def test_a_force_that_is_never_reached_is_missed():
+    assert first_beyond(np.arange(3.0), np.array([0.1, -4.0, 5.0]), 3.0) == 1.0
+    with pytest.raises(MissedError, match=r"the force reached 0.20 N of 3.00 N"):
+        first_beyond(np.arange(2.0), np.array([0.1, -0.2]), 3.0)
+
+
+@pytest.mark.slow
+def test_a_sound_rig_passes(simulated, tmp_path):
+    names = ["free-air/estop", "free-air/safeguard", "free-air/cable", "foam/force"]
+    found, said = go_through(simulated(*SHORT, "twin.bench.height=10 mm"), tmp_path / "a", names)
+    assert {name: outcome.problems for name, outcome in found.items()} == dict.fromkeys(names, ())
+    assert "safeguard stop" in found["free-air/safeguard"].told
+    assert "over the limit of 3 N" in found["foam/force"].told
+    assert found["free-air/estop"].braking.way < 0.2e-3
+    assert 0.0 < found["foam/force"].braking.reaction < 0.03
+    assert any("lay foam" in text for text in said)
+
+
+@pytest.mark.slow
+def test_a_rig_whose_stops_are_slow_fails(simulated, tmp_path):
+    """0.05 rad/s^2 at a joint: the arm coasts for tenths of a second after the red button."""
+    twin = simulated(*SHORT, "twin.bench.height=10 mm")
+    found, _ = go_through(twin, tmp_path / "a", ["free-air/estop"], ("slow-stop 0.05",))
+    outcome = found["free-air/estop"]
+    assert {"it brakes too softly", "it goes too far"} <= set(outcome.problems)
+    assert outcome.braking.deceleration < 0.1
+    assert outcome.braking.way > 1e-3
+
+
+@pytest.mark.slow
+def test_a_rig_that_reacts_later_than_declared_fails(simulated, tmp_path):
+    """Some milliseconds, of which 0.1 ms and the sensor's filter are declared."""
+    twin = simulated(*SHORT, "twin.bench.height=10 mm")
+    found, _ = go_through(twin, tmp_path / "a", ["foam/force"], (), ("safety.latency=0.1 ms",))
+    assert "braking begins too late" in found["foam/force"].problems
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("--step", "estp"), "did you mean 'estop'"),
+        (("--stop-force", "30 N"), "up to \\[safety\\] stop_force = 12 N"),
+        (("--stop-force", "3 mm"), "is not a force, such as 3 N"),
+        (("--set", 'safety.high=["5 mm", "5 mm", "9 mm"]'), "need 6 mm over the skin"),
+        (("--set", "safety.latency=0.3 s"), r"\[device.arm\]: the way to the start: .* could reach"),
+        (("--set", "device.arm.type=sim"), "device.arm"),
+    ],
+)
+def test_a_protocol_that_cannot_be_is_refused(root, tmp_path, monkeypatch, words, complaint):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigurationError, match=complaint):
+        call(["acceptance", str(root / "pipelines" / "point_ur3e.toml"), *words])
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_moves_without_limits(root):
+    with pytest.raises(ConfigurationError, match=r"nothing moves without limits: a \[safety\] table is missing"):
+        call(["acceptance", str(root / "pipelines" / "point.toml")])
+
+
+@pytest.mark.slow
+def test_the_checksum_of_the_safety_configuration_is_in_the_result(rig):
+    live = rig.run("device.arm.safety_checksum=C0DE").run["live"]
+    assert live["devices"]["arm"]["safety_checksum"] == "C0DE"
+
+
+def test_a_checksum_that_no_pendant_shows_is_refused(root):
+    with pytest.raises(ConfigurationError, match="safety_checksum"):
+        call(["check", str(root / "pipelines" / "point_ur3e.toml"), "--set", "device.arm.safety_checksum=C0-DE"])

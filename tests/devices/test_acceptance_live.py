@@ -1,0 +1,45 @@
+"""``palpate acceptance`` on a twin by the real clients: what takes a process of its own, such as signals and kills."""
+
+import json
+
+import pytest
+
+from tests.devices.acceptance_hand import Person
+from tests.devices.conftest import ALERT
+from tests.devices.simulated_bench import PIPELINE
+
+pytestmark = [pytest.mark.slow, pytest.mark.live]
+
+# A computer with other work: what a run notices by itself it notices later.
+BUSY = ("safety.latency=0.3 s", "safety.stop_force=8 N", "device.arm.approach_speed=10 mm/s")
+
+
+def gone_through(bench, tmp_path, steps, before=()):
+    """Exit code, errors and acceptance.json of some steps."""
+    twin = bench(*ALERT, *BUSY)
+    words = [word for step in steps for word in ("--step", step)]
+    person = Person(twin, tmp_path / "a", str(PIPELINE), *words, before=before)
+    code, out = person.go_through()
+    table = json.loads((tmp_path / "a" / "acceptance.json").read_text())
+    assert "to sign" in out
+    return code, person.said, {step["name"]: step for step in table["steps"]}, table
+
+
+def test_a_sound_rig_passes_whatever_stops_it(bench, tmp_path):
+    names = [f"free-air/{step}" for step in ("ctrl-c", "kill-all", "stall")]
+    code, said, steps, table = gone_through(bench, tmp_path, names)
+    assert {name: step["problems"] for name, step in steps.items()} == {name: [] for name in names}, said
+    assert code == 0
+    assert table["verdict"] == "passed in part"
+    assert steps["free-air/kill-all"]["told"] == ""
+    assert steps["free-air/stall"]["measured"]["reaction"] > 0.5  # it goes on for as long as it may
+    assert "no sign of life" in steps["free-air/stall"]["told"]
+    assert "signature: ___" in (tmp_path / "a" / "acceptance.md").read_text()
+
+
+def test_a_rig_whose_stops_are_slow_fails(bench, tmp_path):
+    code, said, steps, table = gone_through(bench, tmp_path, ["free-air/estop"], ("slow-stop 0.02",))
+    assert code == 1
+    assert "stops worse than [safety] declares" in said
+    assert table["verdict"] == "failed"
+    assert "it brakes too softly" in steps["free-air/estop"]["problems"]

@@ -1,0 +1,54 @@
+"""Scores: whatever a directed test finds after its refit shows in the slopes of the force before it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from palpate_fits import CasadiFit
+from palpate_uncertainty.channel_noise import WHITE
+from palpate_uncertainty.directed_scores import suspected
+from palpate_uncertainty.directed_tests import directed_tests
+from palpate_uncertainty.lack_of_fit import LEVEL
+from palpate_uncertainty.model_alternatives import alternatives, refit
+from palpate_uncertainty.refit import make_course
+
+STRENGTHS = (0.0, 3.0, 10.0, 30.0, 100.0, 1e3)  # of the effects below
+
+
+def patterns(course, theta, surface):
+    """Forces [N] of what is not in the model."""
+    depth = np.maximum(course.depth(surface), 0.0) / 1e-3
+    return {
+        "timing": 3e-5 * course.change(theta, surface),
+        "drift": 3e-3 * (course.time - course.begin) / course.span,
+        "mass": 1e-3 * course.acceleration,
+        "depth": 1e-3 * depth**2.5,
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reason", ["timing", "drift", "mass", "depth"])
+def test_a_score_misses_nothing_that_a_directed_test_finds(evidence, reason):
+    track = evidence("clean", CasadiFit(), seed=5)
+    course = make_course(track, track.kept.used)
+    significant = 0
+    for strength in STRENGTHS:
+        pattern = strength * patterns(course, track.values, track.surface)[reason]
+        changed = replace(course, force=course.force + pattern)
+        base = refit(changed, track.values, track.surface)
+        tests = directed_tests(base, alternatives(changed, base), changed.runs[changed.used], WHITE)
+        if min(len(tests) * test.p for test in tests.values()) < LEVEL:
+            significant += 1
+            assert suspected(changed, base, WHITE, None)
+    assert significant
+
+
+def test_a_clean_record_is_not_suspected(evidence):
+    """One of seven scores is below its level by chance in 1 record of 15."""
+    found = []
+    for seed in range(3):
+        track = evidence("clean", CasadiFit(), seed=seed)
+        course = make_course(track, track.kept.used)
+        base = refit(course, track.values, track.surface)
+        found.append(suspected(course, base, WHITE, None))
+    assert not all(found)
