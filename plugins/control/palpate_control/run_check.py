@@ -96,10 +96,12 @@ def _pipeline(folder: RunFolder) -> dict[str, Any]:
 
 
 def _tip(pipeline: Mapping[str, Any], model: str) -> dict[str, Any]:
-    """The tip of a model; the only one of the pipeline where the model names none."""
-    named = pipeline.get("model", {}).get(model, {}).get("indenter")
-    tips = list(pipeline.get("indenter", {}).values())
-    return dict(named or (tips[0] if len(tips) == 1 else {}))
+    """The tip of a model, named or written out; the only one of the pipeline where the model states none."""
+    stated = pipeline.get("model", {}).get(model, {}).get("indenter")
+    tips = pipeline.get("indenter", {})
+    if isinstance(stated, str):
+        return dict(tips[stated])
+    return dict(stated or (next(iter(tips.values())) if len(tips) == 1 else {}))
 
 
 def _device(pipeline: Mapping[str, Any], run: Mapping[str, Any], role: str) -> dict[str, str]:
