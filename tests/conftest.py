@@ -22,7 +22,8 @@ _LONG = (
 
 
 def pytest_configure(config):
-    """What a test approves is approved for tests."""
+    """What a test approves is approved for tests; linear algebra has one thread, as on the command line."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="palpate-state-")
     config.add_cleanup(partial(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True))
 

@@ -25,6 +25,10 @@ from palpate.printable_text import printable
 from palpate.terminal_escape import harmless_output
 from palpate.trust import SWITCH, at_the_command_line
 
+# One thread of linear algebra, set before numpy is imported: on small matrices more threads only wait for one another,
+# work is spread over processes, and sums have the same bits on any number of cores.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The ``palpate`` command.

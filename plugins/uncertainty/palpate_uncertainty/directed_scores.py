@@ -89,8 +89,9 @@ def _slopes_of(made: ModelAlternative, course: Course, base: Refit) -> Floats:
 def _directions(columns: Floats) -> Floats:
     """Orthonormal directions (n, r) that columns (n, m) of any size span."""
     sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    left, strengths, _ = np.linalg.svd(columns / sizes, full_matrices=False)
-    return np.asarray(left[:, strengths > 1e-8 * strengths[0]]) if len(strengths) else left
+    frame, triangle = np.linalg.qr(columns / sizes)
+    left, strengths, _ = np.linalg.svd(triangle)
+    return np.asarray(frame @ left[:, strengths > 1e-8 * strengths[:1]])
 
 
 def _without_outliers(white: Floats) -> Floats:
