@@ -141,15 +141,21 @@ class Registry:
         """The full name of a part, from it or from its initials ("dr"); raises ConfigurationError."""
         if full := self._full_name(kind, name):
             return full
-        raise ConfigurationError(f"there is no {kind} {name!r}{suggest(name, self.parts[kind])}")
+        raise ConfigurationError(
+            f"there is no {kind} {name!r}{suggest(name, [*self.parts[kind], *self._initials(kind)])}"
+        )
 
     def _full_name(self, kind: str, name: str) -> str:
         """The full name of a part, from it or from initials that only one has; empty where there is none."""
-        names = self.parts[kind]
-        if name in names:
-            return name
-        meant = [full for full in names if "-" in full and "".join(word[:1] for word in full.split("-")) == name]
-        return meant[0] if len(meant) == 1 else ""
+        return name if name in self.parts[kind] else self._initials(kind).get(name, "")
+
+    def _initials(self, kind: str) -> dict[str, str]:
+        """Full names by initials that only one has, such as "dr"."""
+        found: dict[str, list[str]] = {}
+        for full in self.parts[kind]:
+            if "-" in full:
+                found.setdefault("".join(word[:1] for word in full.split("-")), []).append(full)
+        return {short: names[0] for short, names in found.items() if len(names) == 1}
 
     def command(self, name: str) -> Command:
         """A command by its whole name; raises PluginError with what there is, and what may have been meant."""
