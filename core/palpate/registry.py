@@ -30,7 +30,7 @@ from palpate.offers import (
     import_target,
 )
 from palpate.table_migration import Migration
-from palpate.trust import PluginFile
+from palpate.trust import PluginFile, plugin_files_at_hand
 
 if TYPE_CHECKING:
     from palpate.parts import Part, Settings
@@ -141,15 +141,21 @@ class Registry:
         """The full name of a part, from it or from its initials ("dr"); raises ConfigurationError."""
         if full := self._full_name(kind, name):
             return full
-        raise ConfigurationError(f"there is no {kind} {name!r}{suggest(name, self.parts[kind])}")
+        raise ConfigurationError(
+            f"there is no {kind} {name!r}{suggest(name, [*self.parts[kind], *self._initials(kind)])}{self._lost}"
+        )
 
     def _full_name(self, kind: str, name: str) -> str:
         """The full name of a part, from it or from initials that only one has; empty where there is none."""
-        names = self.parts[kind]
-        if name in names:
-            return name
-        meant = [full for full in names if "-" in full and "".join(word[:1] for word in full.split("-")) == name]
-        return meant[0] if len(meant) == 1 else ""
+        return name if name in self.parts[kind] else self._initials(kind).get(name, "")
+
+    def _initials(self, kind: str) -> dict[str, str]:
+        """Full names by initials that only one has, such as "dr"."""
+        found: dict[str, list[str]] = {}
+        for full in self.parts[kind]:
+            if "-" in full:
+                found.setdefault("".join(word[:1] for word in full.split("-")), []).append(full)
+        return {short: names[0] for short, names in found.items() if len(names) == 1}
 
     def command(self, name: str) -> Command:
         """A command by its whole name; raises PluginError with what there is, and what may have been meant."""
@@ -181,13 +187,13 @@ class Registry:
 
 
 def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
-    """Load every installed plugin and the given files, which are executed.
+    """Load every installed plugin, those of ``palpate --plugin FILE``, and the given files, which are executed.
 
     A distribution whose plugin fails to import, or has a hook that raises or offers something else than its kind, is
     noted in `failures` and does not stop the others. Raises PluginError where two plugins claim one name, or where a
     file fails in such a manner.
     """
-    found = discover(files)
+    found = discover(_with_those_at_hand(files))
     parts = {
         kind: {name: Entry(name, part, plugin, root) for name, (part, plugin) in found.named(kind, hook, root).items()}
         for kind, (hook, root) in hooks.KINDS.items()
@@ -203,9 +209,18 @@ def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
     return Registry(parts, plugins, found.failures, found.oddities, migrations=found.migrations, **offered)
 
 
-def load_commands(files: Iterable[Path] = ()) -> Registry:
-    """Only the commands of every installed plugin and of the given files; raises like `load`."""
-    found = discover(files)
+def _with_those_at_hand(files: Iterable[Path | PluginFile]) -> list[Path | PluginFile]:
+    at_hand = plugin_files_at_hand()
+    known = {file.path.resolve() for file in at_hand}
+    return [
+        *at_hand,
+        *(one for one in files if (one.path if isinstance(one, PluginFile) else one).resolve() not in known),
+    ]
+
+
+def load_commands() -> Registry:
+    """Only the commands of every installed plugin and of ``palpate --plugin FILE``; raises like `load`."""
+    found = discover(plugin_files_at_hand())
     offered = found.named("command", "palpate_commands", Command)
     commands = {name: command for name, (command, _) in offered.items()}
     return Registry({}, tuple(found.plugins.values()), found.failures, found.oddities, commands=commands)
@@ -213,7 +228,7 @@ def load_commands(files: Iterable[Path] = ()) -> Registry:
 
 def offers(hook: str, root: type) -> dict[str, Any]:
     """What all that is installed offers by one hook, each of a class `root`, by name; parts are not imported."""
-    return {name: offer for name, (offer, _) in discover().named("name", hook, root).items()}
+    return {name: offer for name, (offer, _) in discover(plugin_files_at_hand()).named("name", hook, root).items()}
 
 
 def analysis(name: str) -> Callable[..., Any]:

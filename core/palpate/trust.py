@@ -18,6 +18,7 @@ from palpate.errors import ConsentError, OutputError, PluginError
 from palpate.printable_text import printable
 
 SWITCH = "PALPATE_PLUGINS"  # environment variable: "off" refuses every plugin file of a pipeline
+NAMED = "PALPATE_NAMED_PLUGINS"  # environment variable: the files of `palpate --plugin FILE`, for its own processes
 
 _LINE = re.compile(r"([0-9a-f]{64})(?:  (.*))?")  # of the record: as `sha256sum` writes it; older ones have no path
 
@@ -78,6 +79,50 @@ def inherited_approval(digests: Iterable[str]) -> Iterator[None]:
 
 
 @contextmanager
+def with_plugin_files(paths: Iterable[Path]) -> Iterator[None]:
+    """Within the context, and in processes that are started in it, these plugin files are as if they were installed.
+
+    Whoever names them has approved of them. Raises PluginError for what is no Python file.
+    """
+    before = os.environ.get(NAMED)
+    files = [PluginFile.read(path) for path in dict.fromkeys(path.absolute() for path in paths)]
+    for file in files:
+        _consent.get().approved.add(file.digest)
+        if file.digest not in trusted_plugins():
+            with suppress(OutputError):
+                _record(file)
+    if files:
+        os.environ[NAMED] = os.pathsep.join([*filter(None, [before]), *(str(file.path) for file in files)])
+    try:
+        yield
+    finally:
+        os.environ.pop(NAMED, None)
+        os.environ.update({NAMED: before} if before is not None else {})
+
+
+def plugin_files_at_hand() -> tuple[PluginFile, ...]:
+    """The plugin files of `with_plugin_files`; raises ConsentError where a worker finds one with other content."""
+    files = tuple(PluginFile.read(path) for path in _paths_at_hand())
+    consent = _consent.get()
+    for file in files:
+        if consent.inherited and file.digest not in consent.approved:
+            raise _changed(file)
+        consent.approved.add(file.digest)
+    return files
+
+
+def _paths_at_hand() -> list[Path]:
+    return [Path(text) for text in os.environ.get(NAMED, "").split(os.pathsep) if text]
+
+
+def _changed(file: PluginFile) -> ConsentError:
+    return ConsentError(
+        f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) is not executed: its content is not what the command "
+        "that started this process has approved; do not change it while the command is at work"
+    )
+
+
+@contextmanager
 def _deciding(consent: _Consent) -> Iterator[None]:
     token = _consent.set(consent)
     try:
@@ -109,16 +154,13 @@ def approved_files(files: Iterable[Path], place: Path, named: bool) -> tuple[Plu
 
 
 def _approved(path: Path, place: Path, named: bool) -> PluginFile:
-    if os.environ.get(SWITCH, "").lower() == "off":
+    if os.environ.get(SWITCH, "").lower() == "off" and path.absolute() not in _paths_at_hand():
         raise ConsentError(f"plugin file {path} is not executed: --no-plugins or {SWITCH}=off forbids it")
     file, consent = PluginFile.read(path), _consent.get()
     if file.digest in consent.approved:
         return file
     if consent.inherited:
-        raise ConsentError(
-            f"plugin file {path} (SHA-256 {file.digest[:12]}...) is not executed: its content is not what the command "
-            "that started this process has approved; do not change it while the command is at work"
-        )
+        raise _changed(file)
     if file.digest not in trusted_plugins():
         _demand_consent(file, place, named, consent)
         with suppress(OutputError):  # then it is asked about again

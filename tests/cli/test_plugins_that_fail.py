@@ -190,3 +190,82 @@ def test_a_first_guess_is_for_the_models_that_have_the_parameter(palpate, with_p
     assert done.returncode == 2
     assert "first guess of viscosityy" in done.stderr
     assert "the model has elasticity, viscosity; own has elasticity" in done.stderr
+
+
+DEVICE = """
+from contextlib import contextmanager
+
+import numpy as np
+from palpate import Batch, Channel, Device, Stream, plugin
+
+
+class Own(Device):
+    '''A spring of 300 N/m.'''
+
+    @property
+    def streams(self):
+        '''Height and force.'''
+        return (Stream("swing", (Channel("z", "m"), Channel("f", "N")), 500.0),)
+
+    @contextmanager
+    def connect(self, seed):
+        '''The link.'''
+        yield Link()
+
+
+class Link:
+    '''Goes wrong after a second.'''
+
+    def batches(self):
+        '''One for each tenth of a second.'''
+        for start in range(0, 1000, 50):
+            time = np.arange(start, start + 50) / 500
+            depth = 0.002 - 0.003 * np.cos(2 * np.pi * time)
+            stamps, name = np.rint(1e9 * time).astype(np.int64), "swing"
+            values = np.column_stack([-depth, 300.0 * np.maximum(depth, 0.0)])
+            if start == 500:
+                {body}
+            yield Batch(name, stamps, stamps, values)
+
+
+@plugin
+def palpate_devices():
+    return {{"own": Own}}
+"""
+OF_DEVICE = """
+[run]
+plugins = ["own.py"]
+
+[device.spring]
+type = "own"
+
+[alignment]
+tare = "none"
+force = {channel = "spring.swing.f", uncertainty = "0.1 ms"}
+position = "spring.swing.z"
+
+[model.dr]
+type = "dr"
+indenter = {type = "sphere", radius = "5 mm"}
+
+[estimator.kinematic]
+type = "kinematic-ekf"
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("raise KeyError('lost')", "device spring failed: KeyError: 'lost' (own.py, line 35, in batches)"),
+        ("name = 'swung'", "device spring sends a stream 'swung'; did you mean 'swing'?"),
+        ("values = values[:, :1]", "sends values of shape (50, 1) in place of (50, 2) in the stream 'swing'"),
+    ],
+)
+def test_a_device_that_goes_wrong_half_way_leaves_what_was_until_then(palpate, tmp_path, body, words):
+    (tmp_path / "own.py").write_text(DEVICE.format(body=body))
+    (tmp_path / "own.toml").write_text(OF_DEVICE)
+    done = palpate("run", tmp_path / "own.toml", "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["interrupted"]

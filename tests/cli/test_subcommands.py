@@ -7,6 +7,7 @@ from palpate import PluginError
 from palpate.cli.commands import command_offers, help_text
 from palpate.host import analysis
 from palpate.offers import PANELS
+from palpate.trust import with_plugin_files
 
 COMMANDS = command_offers().commands
 FORMER = {command.former: name for name, command in COMMANDS.items() if command.former}
@@ -123,10 +124,70 @@ def test_the_help_is_by_task_and_loses_no_command_of_a_stranger(tmp_path):
     text = f"from palpate import Command, plugin\n\n\n@plugin\ndef palpate_commands():\n    return {offer}\n"
     (tmp_path / "odd.py").write_text(text)
     assert {command.panel for command in COMMANDS.values()} <= set(PANELS)
-    shown = help_text([tmp_path / "odd.py"])
+    with with_plugin_files([tmp_path / "odd.py"]):
+        shown = help_text()
     titles = [line.removesuffix(":") for line in shown.splitlines() if line.endswith(":") and line[0] != " "]
     assert titles == list(PANELS.values())
     assert "  odd         Odd." in shown.partition("Look deeper:")[2].partition("\n\n")[0]
+
+
+OWN = """
+from palpate import Command, Indenter, Length, plugin
+from pydantic import Field
+
+
+class Ball(Indenter):
+    '''A ball.'''
+
+    radius: Length = Field(description="its radius")
+
+    def contact_radius(self, depth):
+        '''The root of a^2 / R = d.'''
+        return (self.radius * depth) ** 0.5
+
+
+def greet():
+    '''Greet.'''
+    print("good day")
+
+
+@plugin
+def palpate_indenters():
+    return {"ball": Ball}
+
+
+@plugin
+def palpate_commands():
+    return {"greet": Command(f"{__name__}:greet", "Greet.")}
+"""
+
+
+@pytest.mark.parametrize("behind", [False, True])
+def test_a_plugin_file_is_as_if_installed_wherever_it_is_named(palpate, point_pipeline, tmp_path, behind):
+    (tmp_path / "own.py").write_text(OWN)
+    point_pipeline.write_text(point_pipeline.read_text().replace('type = "sphere"', 'type = "ball"'))
+    for words, shown in (
+        (("greet",), "good day"),
+        (("describe", "ball"), "A ball."),
+        (("list",), "A ball."),
+        (("check", point_pipeline), "in order"),
+    ):
+        named = ("--plugin", tmp_path / "own.py")
+        done = palpate(*words, *named) if behind else palpate(*named, *words)
+        assert done.returncode == 0, done.stderr
+        assert shown in done.stdout
+    assert palpate("check", point_pipeline).returncode == 2
+
+
+@pytest.mark.slow
+def test_a_run_names_the_plugin_file_of_its_command(palpate, point_pipeline, tmp_path):
+    (tmp_path / "own.py").write_text(OWN)
+    text = point_pipeline.read_text().replace('type = "sphere"', 'type = "ball"')
+    point_pipeline.write_text(text.replace('duration = "10 s"', 'duration = "2 s"'))
+    run = palpate("run", point_pipeline, "--plugin", tmp_path / "own.py", "--out", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    again = palpate("replay", tmp_path / "run", "--out", tmp_path / "again")
+    assert again.returncode == 0, again.stderr
 
 
 def test_a_misspelt_hook_is_named_where_its_command_is_missed(palpate, tmp_path):
@@ -135,6 +196,8 @@ def test_a_misspelt_hook_is_named_where_its_command_is_missed(palpate, tmp_path)
     done = palpate("--plugin", tmp_path / "own.py", "odd")
     assert done.returncode == 2
     assert "palpate_comands is no hook; did you mean 'palpate_commands'?" in done.stderr
+    done = palpate("describe", "odd", "--plugin", tmp_path / "own.py")
+    assert "palpate_comands is no hook" in done.stderr
 
 
 def test_initials_name_a_part_in_a_pipeline_and_its_description(palpate, root, tmp_path):

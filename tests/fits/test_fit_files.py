@@ -5,7 +5,6 @@ import csv
 import numpy as np
 import palpate as python
 import pytest
-from palpate_models import Sphere
 
 from tests.logs import table_kinds as kinds
 
@@ -57,8 +56,7 @@ def test_a_folder_in_two_dialects_is_one_table_and_what_was_done_stands_beside_i
 
 def test_python_says_the_same_in_three_lines(files, palpate):
     palpate("fit", "curves/0.csv", *TIP, "--out", "out")
-    fitter = python.prepare(tip=Sphere(radius="3 mm"), model="dr")
-    found = fitter.fit(python.read("curves/0.csv"))
+    found = python.fit(python.read("curves/0.csv"), tip="sphere 3 mm", model="dr")
     with (files / "out" / "fits.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
     assert row["elasticity"] == repr(found.elasticity.value)
@@ -71,6 +69,11 @@ def test_python_says_the_same_in_three_lines(files, palpate):
     [
         (["--tip", "spher 3 mm"], "did you mean 'sphere'"),
         (["--tip", "sphere"], "needs its radius"),
+        (["--tip", "sphere 3"], "--tip 'sphere 3': Sphere: radius: '3' has no unit"),
+        (["--tip", "3 mm"], 'write it as in "sphere 3 mm"'),
+        ([*TIP, "--cross"], "--cross: wants a pipeline"),
+        ([*TIP, "--model", "drr"], "did you mean 'dr'"),
+        ([], "say its tip, as in --tip 'sphere 3 mm'"),
         (["--tip", "sphere diam 3 mm"], "did you mean 'diameter'"),
         (["--tip", "sphere diameter 3 V"], "not a length"),
         ([*TIP, "--model", "hrtz"], "there is no model 'hrtz'"),
@@ -81,6 +84,26 @@ def test_a_mistake_is_named(files, palpate, options, words):
     refused = palpate("fit", "curves/0.csv", *options)
     assert refused.returncode == 2
     assert words in refused.stderr
+
+
+def test_a_folder_that_is_fitted_again_shows_its_files_and_what_ails_many_is_told_once(files, palpate):
+    for number in range(3):
+        np.savetxt(
+            f"curves/n{number}.csv", np.column_stack(press(0)[1:]), delimiter=",", header="z [mm],F [N]", comments=""
+        )
+    first = palpate("fit", "curves", *TIP, "--out", "out", "--details")
+    assert "curves/n0.csv and 2 more: rate: " in first.stderr
+    assert "RMS" in first.stdout
+    again = palpate("fit", "out", "--set", "alignment.tare=free-air")
+    assert again.returncode == 0, again.stderr
+    assert [line.split()[1] for line in again.stdout.splitlines() if ".csv │" in line] == [
+        "curves/0.csv", "curves/1.csv", "curves/2.csv",
+    ]  # fmt: skip
+    assert "3 curves fitted anew" in again.stdout
+
+
+def test_a_folder_without_a_tip_says_what_to_type(files, palpate):
+    assert "palpate fit curves --tip 'sphere 3 mm'" in palpate("fit", "curves").stderr
 
 
 @pytest.mark.parametrize(("name", "words"), [("none.csv", "no such file"), ("curves/bad.csv", "no two columns")])

@@ -480,13 +480,28 @@ def test_times_that_are_none(arrays):
     )
 
 
+def test_what_is_no_record_is_told(tmp_path):
+    with pytest.raises(ConfigurationError, match=r"a str is no record: palpate\.read\(path\) makes one"):
+        palpate.fit("a.csv", tip="sphere 5 mm")
+    with pytest.raises(LogError, match=r"is a folder, and no log; read its files one by one"):
+        palpate.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"), [("E", "elasticity"), ("eta", "viscosity"), ("elastcity", "elasticity"), ("fram", "frame")]
+)
+def test_what_a_fit_is_asked_for_in_other_words(fitted, name, meant):
+    with pytest.raises(AttributeError, match=f"did you mean '{meant}'"):
+        getattr(fitted, name)
+
+
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [
         ({"model": "dr"}, "needs a tip"),
         ({"model": "doctor", "tip": Sphere(radius="5 mm")}, "there is no model 'doctor'"),
         ({"model": 3, "tip": Sphere(radius="5 mm")}, "3 is no model"),
-        ({"tip": "sphere"}, "'sphere' is no indenter"),
+        ({"tip": "sphere"}, "sphere needs its radius"),
         ({"tip": Sphere(radius=5)}, 'did you mean "5 mm"'),
         ({"tip": Sphere(radius="5 mm"), "uncertainties": {"radios": "1 um"}}, "radios"),
     ],

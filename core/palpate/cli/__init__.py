@@ -23,7 +23,7 @@ from palpate.errors import PalpateError
 from palpate.offers import function_of
 from palpate.printable_text import printable
 from palpate.terminal_escape import harmless_output
-from palpate.trust import SWITCH, at_the_command_line
+from palpate.trust import SWITCH, at_the_command_line, with_plugin_files
 
 # One thread of linear algebra, set before numpy is imported: on small matrices more threads only wait for one another,
 # work is spread over processes, and sums have the same bits on any number of cores.
@@ -78,7 +78,7 @@ def call(arguments: Sequence[str], ends: bool = False) -> None:
     Raises PalpateError, and without `ends` also what the reader of the command's own arguments raises.
     """
     invocation = parse_arguments(arguments)
-    with _forbidding(invocation.forbids):
+    with _forbidding(invocation.forbids), with_plugin_files(invocation.files):
         _do(invocation, ends)
 
 
@@ -102,7 +102,7 @@ def _do(invocation: Invocation, ends: bool) -> None:
     elif invocation.wants == "start":
         print(start_text())
     elif invocation.wants == "help":
-        print(help_text(invocation.files))
+        print(help_text())
     else:
         _call(call_of(invocation), ends)
 

@@ -24,7 +24,7 @@ _FIRST = (  # what somebody has, and the first command for it
     ("Nothing yet:", "palpate init point, then palpate run point.toml: a simulated rig"),
     ("Arrays in Python:", "import palpate, then palpate.record(...) and palpate.fit(...)"),
 )
-_USAGE = "usage: palpate [--plugin FILE]... [--no-plugins] COMMAND [ARGUMENT]..."
+_USAGE = "usage: palpate [--plugin FILE.py]... [--no-plugins] COMMAND [ARGUMENT]..."
 _OTHER = "analyse"  # the task of a plugin's command that names none of ours
 _HELP = ("-h", "--help")
 
@@ -54,7 +54,7 @@ def parse_arguments(arguments: Sequence[str]) -> Invocation:
     """What the arguments ask for; raises ConfigurationError for an option that is none."""
     if not arguments:
         return Invocation("start")
-    rest, files, forbids = list(arguments), list[Path](), False
+    rest, files, forbids = *_without_plugin_files(arguments), False
     while rest and rest[0].startswith("-"):
         word = rest.pop(0)
         if word in _HELP:
@@ -64,17 +64,34 @@ def parse_arguments(arguments: Sequence[str]) -> Invocation:
         if word == "--no-plugins":
             forbids = True
             continue
-        if word != "--plugin" or not rest:
-            raise ConfigurationError(f"{word}: is no option before a command; {_USAGE}")
-        files.append(Path(rest.pop(0)))
+        raise ConfigurationError(f"{word}: is no option before a command; {_USAGE}")
     if not rest:
         return Invocation("help", files=tuple(files))
     return Invocation("command", tuple(rest), tuple(files), forbids)
 
 
+def _without_plugin_files(arguments: Sequence[str]) -> tuple[list[str], list[Path]]:
+    """The arguments without ``--plugin FILE``, which may stand anywhere, and the files.
+
+    The file's name must end in .py behind a command, where ``palpate init --plugin tip`` means something else.
+    """
+    rest, files = list[str](), list[Path]()
+    words = list(arguments)
+    while words:
+        word, _, value = words.pop(0).partition("=")
+        follows = word == "--plugin" and not value and bool(words)
+        text = words[0] if follows else value
+        if word == "--plugin" and (text.endswith(".py") or (text and not rest)):
+            files.append(Path(text))
+            del words[:follows]
+        else:
+            rest.append(f"{word}={value}" if _ else word)
+    return rest, files
+
+
 def call_of(invocation: Invocation) -> CommandCall:
     """The command that is meant, a subcommand before a command; raises PluginError where no plugin has it."""
-    registry = command_offers(invocation.files)
+    registry = command_offers()
     first, *rest = invocation.words
     below = registry.subcommands(first)
     if rest and rest[0] in below:
@@ -95,11 +112,11 @@ def _demand_no_slip(first: str, word: str, below: Mapping[str, Command], alone: 
         raise PluginError(f"there is no command '{first} {word}'{suggest(word, below)}")
 
 
-def command_offers(files: Sequence[Path] = ()) -> Registry:
+def command_offers() -> Registry:
     """The commands of all plugins; raises PluginError where two claim one name."""
     from palpate.registry import load_commands
 
-    return load_commands(files)
+    return load_commands()
 
 
 def version_text() -> str:
@@ -118,9 +135,9 @@ def start_text() -> str:
     return "\n".join([_PURPOSE, "", *lines, "", last])
 
 
-def help_text(files: Sequence[Path] = ()) -> str:
+def help_text() -> str:
     """Usage, and every command with its line, by task; of subcommands the words."""
-    registry = command_offers(files)
+    registry = command_offers()
     lines = [
         _USAGE,
         "",
@@ -137,6 +154,7 @@ def help_text(files: Sequence[Path] = ()) -> str:
     lines += [
         "",
         "palpate alone says what to type first; palpate COMMAND --help says more, and shows subcommands.",
+        "--plugin FILE.py, anywhere on the line, adds what a file of yours offers: commands, parts, flags.",
     ]
     lines += registry.notices
     return "\n".join(lines)

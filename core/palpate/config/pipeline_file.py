@@ -30,7 +30,7 @@ from palpate.key_mistakes import Mistake
 from palpate.registry import Registry
 from palpate.safety import SafetySettings
 from palpate.track_name import TrackName
-from palpate.trust import PluginFile, announce, approved_files
+from palpate.trust import PluginFile, announce, approved_files, plugin_files_at_hand
 
 
 def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = True, named: bool = True) -> Pipeline:
@@ -103,6 +103,7 @@ def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple
     """A source in the names of today, with the plugins that it asks for; its builder, and what was renamed."""
     tables = source.tables
     renamed = migrate(source, MIGRATIONS)
+    _add_plugins_at_hand(source)
     first = Builder(source, Registry({}))
     run = first.settings(RunSettings, ("run",))
     registry = _registry(source) if run else registries.load()
@@ -110,6 +111,17 @@ def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple
     builder = Builder(source, registry)
     builder.mistakes += first.mistakes + unknown_tables(tables, registry)
     return builder, registry, run, renamed
+
+
+def _add_plugins_at_hand(source: Source) -> None:
+    """Name the files of ``palpate --plugin FILE`` in [run], so that what the pipeline resolves to names them, too."""
+    run = source.tables.get("run", {})
+    named = run.get("plugins", []) if isinstance(run, dict) else None
+    if isinstance(named, list) and all(isinstance(text, str) for text in named):
+        known = {(source.path.parent / text).resolve() for text in named}
+        more = [str(file.path) for file in plugin_files_at_hand() if file.path.resolve() not in known]
+        if more:
+            source.tables["run"] = {**run, "plugins": [*named, *more]}
 
 
 def plugin_files(source: Source) -> tuple[PluginFile, ...]:

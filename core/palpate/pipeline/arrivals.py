@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from palpate.device import Batch, Link
+import numpy as np
+
+from palpate.device import Batch, Device, Link, Stream
+from palpate.errors import DeviceError, PalpateError, suggest
 
 Arrivals = Sequence[tuple[str, Batch]]  # batches that arrived together, each with its device
 
@@ -31,9 +36,34 @@ def each(take: Callable[[str, Batch], None]) -> Take:
     return taken
 
 
-def merge_batches(links: Mapping[str, Link]) -> Iterator[tuple[str, Batch]]:
-    """Batches of all links, always from the one that is furthest behind in time."""
-    streams = {name: link.batches() for name, link in links.items()}
+def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterator[Batch]:
+    """The batches of a device; raises DeviceError, with the place, for what it has not declared or itself raises."""
+    widths = {stream.name: len(stream.channels) for stream in streams}
+    batches = iter(link.batches())
+    while True:
+        try:
+            batch = next(batches, None)
+        except PalpateError:
+            raise
+        except Exception as error:  # whatever a stranger's device raises
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            what = " ".join(f"{type(error).__name__}: {error}".split())
+            place = f"{Path(frame.filename).name}, line {frame.lineno}, in {frame.name}"
+            raise DeviceError(f"device {name} failed: {what} ({place})") from error
+        if batch is None:
+            return
+        if batch.stream not in widths:
+            raise DeviceError(f"device {name} sends a stream {batch.stream!r}{suggest(batch.stream, widths)}")
+        wanted = (len(batch.time), widths[batch.stream])
+        if np.shape(batch.values) != wanted:
+            sent = f"values of shape {np.shape(batch.values)} in place of {wanted}"
+            raise DeviceError(f"device {name} sends {sent} in the stream {batch.stream!r}")
+        yield batch
+
+
+def merge_batches(links: Mapping[str, Link], devices: Mapping[str, Device]) -> Iterator[tuple[str, Batch]]:
+    """Batches of all links, always from the one that is furthest behind in time; raises like `declared_batches`."""
+    streams = {name: declared_batches(name, link, devices[name].streams) for name, link in links.items()}
     heads: dict[str, Batch] = {}
     while True:
         for name in [name for name in streams if name not in heads]:

@@ -56,7 +56,7 @@ class Flow:
             else:
                 durations = [d.duration for d in rig.devices.values() if d.duration is not None]
                 self.total = max(durations, default=None)
-            for arrival in merge_batches(links):
+            for arrival in merge_batches(links, rig.devices):
                 self._take([arrival])
                 if self._interrupt.reason is not None:
                     return

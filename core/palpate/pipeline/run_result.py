@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
-from palpate.config import Pipeline, values_on_trust
+from palpate.config import Pipeline, resolved_text, values_on_trust
 from palpate.device import truth_of
 from palpate.errors import StoppedError
 from palpate.flags import Flag
@@ -143,8 +144,16 @@ def _assumed(pipeline: Pipeline, model: str | None = None) -> Iterator[Flag]:
     """The values of a model, or (None) of what all models share, that the run assumed although they were not stated."""
     known = values_on_trust(pipeline)
     concerned = [key for key in pipeline.run.assumed if _model_of(key, pipeline) == model]
-    if assumed := [f"{key} = {known.get(key, '? (there is no such setting)')}" for key in concerned]:
+    if assumed := [f"{key} = {known.get(key) or _setting(pipeline, key)}" for key in concerned]:
         yield Flag("assumed", f"not stated, but assumed: {', '.join(assumed)}")
+
+
+def _setting(pipeline: Pipeline, key: str) -> str:
+    """The value of any other key, as it would be written in a pipeline file."""
+    value: Any = tomllib.loads(resolved_text(pipeline))
+    for word in key.split("."):
+        value = value.get(word) if isinstance(value, dict) else None
+    return "? (there is no such setting)" if value is None else str(value)
 
 
 def _model_of(key: str, pipeline: Pipeline) -> str | None:

@@ -25,6 +25,9 @@ def recording_of(log: Path, registry: Registry | None = None) -> type[Recording]
     for part in readers.values():
         if part.recognises(log):
             return part
+    if log.is_dir():
+        asked = f"read its files one by one, or all of them: palpate fit {log} --tip 'sphere 3 mm'"
+        raise LogError(f"{log}: is a folder, and no log; {asked}")
     raise LogError(f"{log}: no device reads such a log (those that read logs: {', '.join(sorted(readers))})")
 
 

@@ -12,9 +12,6 @@ from palpate_kit.terminal.layout import Layout, choose
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
 ]
-PluginFiles = Annotated[
-    list[Path] | None, typer.Option("--plugin", metavar="FILE", help="A Python file with parts of your own.")
-]
 Points = Annotated[
     Path | None,
     typer.Option(

@@ -26,7 +26,7 @@ from palpate.host import (
     suggest,
 )
 from palpate_kit.terminal.json_output import print_json
-from palpate_kit.terminal.options import JsonOption, PluginFiles
+from palpate_kit.terminal.options import JsonOption
 
 _TABLES: dict[str, type[Settings]] = {"run": RunSettings, "alignment": AlignmentSettings}
 
@@ -35,11 +35,10 @@ def describe(
     part: Annotated[
         str, typer.Argument(help="Name of a part, as in `palpate list`; or run, alignment; or a flag's code.")
     ],
-    plugin: PluginFiles = None,
     as_json: JsonOption = False,
 ) -> None:
     """Describe a part: what it is, and every key with unit, default and meaning; or a flag: what it means."""
-    registry = registries.load(plugin or [])
+    registry = registries.load()
     found: list[tuple[str, str, type[Settings]]] = []
     for kind in registry.parts:
         with suppress(ConfigurationError):
@@ -56,7 +55,8 @@ def describe(
         texts.append("\n".join(_flag_description(part, registry.flags[part])))
     if not texts:
         names = [*_TABLES, *(name for entries in registry.parts.values() for name in entries), *registry.flags]
-        raise ConfigurationError(f"there is no part or flag {part!r}{suggest(part, names)}")
+        notices = "".join(f"; {notice}" for notice in registry.notices)
+        raise ConfigurationError(f"there is no part or flag {part!r}{suggest(part, names)}{notices}")
     typer.echo("\n\n".join(texts))
 
 

@@ -16,7 +16,7 @@ from palpate_commands.distribution import KINDS, distribution
 _PACKAGE = "palpate_commands"
 _VERSION = 'palpate = "0.2"                        # the version for which this is written'
 _NEXT = {
-    "ur3e": "palpate twin {0}   # in another terminal: robot and sensor in software\npalpate run {0}",
+    "ur3e": "palpate rehearse {0}   # in simulated time; nothing real moves",
     "raster-ur3e": "palpate rehearse {0} --out rehearsal\npalpate map rehearsal",
     "raster": "palpate run {0} --out raster\npalpate map raster",
     "calibrate": "palpate calibrate {0} --yes",

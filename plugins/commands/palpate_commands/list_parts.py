@@ -8,12 +8,12 @@ import typer
 from palpate import Part
 from palpate.host import registry as registries
 from palpate_kit.terminal.json_output import print_json
-from palpate_kit.terminal.options import JsonOption, PluginFiles
+from palpate_kit.terminal.options import JsonOption
 
 
-def list_parts(plugin: PluginFiles = None, as_json: JsonOption = False) -> None:
+def list_parts(as_json: JsonOption = False) -> None:
     """List every part that a pipeline can name, by kind, with the plugin it comes from."""
-    registry = registries.load(plugin or [])
+    registry = registries.load()
     every = {kind: sorted(entries.items()) for kind, entries in registry.parts.items()}
     usable = {kind: [(name, entry) for name, entry in every[kind] if entry.problem is None] for kind in every}
     if as_json:

@@ -21,7 +21,6 @@ from palpate.host import (
     registry as registries,
 )
 from palpate_kit.runs.result_model import result_schema
-from palpate_kit.terminal.options import PluginFiles
 
 _UNCHECKED = {
     "type": "array",
@@ -32,14 +31,13 @@ _UNCHECKED = {
 
 def schema(
     of: Annotated[Literal["pipeline", "result"], typer.Argument(help="Of which file.")] = "pipeline",
-    plugin: PluginFiles = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it to this file.")] = None,
 ) -> None:
     """Print the JSON schema of pipeline files, for editors that read the line `#:schema FILE` of a TOML file.
 
     `palpate describe schema result` prints that of result.json, for programs that read what a run found.
     """
-    known = pipeline_schema(registries.load(plugin or [])) if of == "pipeline" else result_schema()
+    known = pipeline_schema(registries.load()) if of == "pipeline" else result_schema()
     text = json.dumps(known, indent=2)
     if output is None:
         typer.echo(text)

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import typer
 from palpate import ConfigurationError, printable
-from palpate.host import Pipeline, Registry, approved_plugins, display_unit, make_folder, registry, verdict_word
+from palpate.host import Registry, approved_plugins, make_folder, registry
 from palpate_kit.curves.alike_logs import logs_among
-from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
+from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
 from palpate_kit.curves.folder_fits import FEW, fit_each
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
-from palpate_kit.terminal.quantities import value_with_uncertainty
-from palpate_kit.terminal.table import Table, console
 
 from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups
+from palpate_fits.file_tables import count_line, is_usable, show_rows
 
-_WIDTH = 80  # columns
-_NAME = 28  # characters of a file's name
-_SHOWN = ("elasticity", "viscosity")
 _GUESSES = 6  # that are printed
 
 
@@ -41,6 +35,7 @@ class FileFit:
     jobs: int | None
     as_json: bool
     fitting: bool = True
+    details: bool = False
 
 
 def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
@@ -64,12 +59,11 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         return
     rows += [{"curve": name, "error": error} for name, error in refused.items()]
     rows.sort(key=lambda row: order[row["curve"]])
-    bad = [row for row in rows if not _usable(row)]
     if wanted.as_json:
         print_json({"table": str(folder / TABLE), "files": rows})
     else:
-        _show(rows, bad, groups, folder, known, wanted.overrides)
-    if bad:
+        _show(rows, groups, folder, known, wanted)
+    if not all(map(is_usable, rows)):
         raise typer.Exit(1)
 
 
@@ -89,96 +83,23 @@ def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, count: i
     return table.rows
 
 
-def _usable(row: Row) -> bool:
-    return not row.get("error") and row.get("verdict") != "invalid"
-
-
-def _show(
-    rows: Sequence[Row],
-    bad: Sequence[Row],
-    groups: Sequence[FileGroup],
-    folder: Path,
-    known: Registry,
-    overrides: Sequence[str],
-) -> None:
-    console(_WIDTH).print(overview(rows, groups[0].pipeline).view())
-    for row in bad:
-        if row.get("error"):
-            typer.echo(f"{row['curve']}: {row['error']}", err=True)
-    _show_guesses(groups)
-    doubtful = [row for row in rows if row.get("verdict") == "doubtful"]
-    if doubtful:
-        typer.echo(f"doubtful: {_causes(doubtful, known, 'doubtful')}; palpate describe CODE says what to do")
-    if any("delay-unclear" in row.get("flags", "").split() for row in doubtful):
-        typer.echo(_timing(overrides))
+def _show(rows: Sequence[Row], groups: Sequence[FileGroup], folder: Path, known: Registry, wanted: FileFit) -> None:
+    show_rows(rows, groups[0].pipeline, known, wanted.overrides, wanted.details)
+    _show_guesses(groups, wanted.details)
     typer.echo(f"{folder / TABLE}: every number; {SETTINGS} beside it: how the files were read")
-    first = next((row["curve"] for row in rows if _usable(row)), None)
+    first = next((row["curve"] for row in rows if is_usable(row)), None)
     if first is not None:
         page = folder / "page"
         made = f"palpate fit {first} --pipeline {folder / SETTINGS} -o {page}"
         typer.echo(f"a page on one: {made} && palpate report {page / Path(first).name.split('.')[0]}")
-    usable = len(rows) - len(bad)
-    typer.echo(f"{usable} usable, {len(bad)} not: {_causes(bad, known, 'invalid')}" if bad else f"all {usable} usable")
+    typer.echo(count_line(rows, known))
 
 
-def _timing(overrides: Sequence[str]) -> str:
-    """What is still to be stated of the timing."""
-    stated = {
-        role for role in ("force", "position") if any(text.startswith(f"alignment.{role}.") for text in overrides)
-    }
-    if "force" not in stated:
-        return 'timing: state it by --set alignment.force.uncertainty="1 ms", or by its delay'
-    if "position" not in stated:
-        return (
-            "timing: a position without noise may be the command, which an arm follows later; if it was measured: "
-            '--set alignment.position.uncertainty="1 ms"'
-        )
-    return "timing: what is stated of it leaves the viscosity open"
-
-
-def _show_guesses(groups: Sequence[FileGroup]) -> None:
+def _show_guesses(groups: Sequence[FileGroup], details: bool) -> None:
     """What no file states, for the first groups of files."""
     guesses = [doubt for group in groups for doubt in group.doubts]
-    for doubt in guesses[:_GUESSES]:
+    shown = guesses if details else guesses[:_GUESSES]
+    for doubt in shown:
         typer.echo(f"check {printable(doubt)}", err=True)
-    if len(guesses) > _GUESSES:
-        typer.echo(f"{len(guesses) - _GUESSES} more guesses: palpate info FILE --suggest", err=True)
-
-
-def overview(rows: Sequence[Row], pipeline: Pipeline) -> Table:
-    """File, values with combined uncertainty in display units, and verdict."""
-    units = value_units(pipeline.tracks[0].model)
-    shown = [name for name in _SHOWN if name in units] or list(units)[:2]
-    heads = [f"{name}\n{display_unit(units[name])[0]}" for name in shown]
-    cells = [
-        [
-            _short(row["curve"]),
-            *(_cell(row, name, units[name]) for name in shown),
-            verdict_word(row.get("verdict") or "not read"),
-        ]
-        for row in rows
-    ]
-    return Table.of("", ["file", *heads, "verdict"], cells, ["file", "verdict"])
-
-
-def _cell(row: Mapping[str, Any], name: str, unit: str) -> str:
-    if not row.get(name):
-        return "-"
-    factor = display_unit(unit)[1]
-    combined = row.get(f"{name}_combined")
-    value = float(row[name]) * factor
-    return value_with_uncertainty(value, float(combined) * factor) if combined else f"{value:.4g} ± ?"
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= _NAME else f"...{name[3 - _NAME :]}"
-
-
-def _causes(rows: Sequence[Row], known: Registry, severity: str) -> str:
-    """How many have which flags of a severity, the most frequent first."""
-    causes: Counter[str] = Counter()
-    for row in rows:
-        meanings = {code: known.meanings.get(code) for code in row.get("flags", "").split()}
-        codes = [code for code, meaning in meanings.items() if meaning is not None and meaning.severity == severity]
-        causes.update(codes or ["not read" if row.get("error") else "no value"])
-    return ", ".join(f"{cause} ({count})" for cause, count in causes.most_common())
+    if more := len(guesses) - len(shown):
+        typer.echo(f"{more} more {'guess' if more == 1 else 'guesses'}: --details shows all", err=True)

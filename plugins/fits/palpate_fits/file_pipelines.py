@@ -10,11 +10,12 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, to_si
-from palpate.host import Pipeline, Registry, Source, build_pipeline, registry, suggest
+from palpate.host import Pipeline, Registry, Source, build_pipeline, registry
 from palpate_kit.curves.alike_logs import alike_logs
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.logs.draft_pipeline import suggestion_of
 from palpate_kit.logs.recording import Suggestion
+from palpate_kit.runs.tip_words import tip_table
 
 DEVICE = "log"
 _READER = f"device.{DEVICE}."
@@ -35,40 +36,6 @@ class FileGroup:
     curves: list[Curve] = field(default_factory=list)
 
 
-def tip_table(text: str, known: Registry) -> dict[str, Any]:
-    """The table of a tip such as "sphere 3 mm", "sphere diameter 6 mm" or "blunt-cone angle 30 deg tip_radius 1 mm".
-
-    A single value is that of the one key that the tip needs, the radius of a sphere. Raises ConfigurationError.
-    """
-    name, *words = text.split() or [""]
-    tips = known.parts["indenter"]
-    if name not in tips:
-        raise ConfigurationError(f"--tip {text!r}: there is no tip {name!r}{suggest(name, list(tips))}")
-    fields = known.find("indenter", name).model_fields
-    keys = [*fields, "diameter"] if "radius" in fields else list(fields)
-    needed = [key for key, about in fields.items() if about.is_required()]
-    table: dict[str, list[str]] = {}
-    if words and words[0] not in keys:
-        if words[0][:1].isalpha() or len(needed) != 1:
-            wrong = f"has no {words[0]!r}{suggest(words[0], keys)}" if words[0][:1].isalpha() else "needs a key each"
-            raise ConfigurationError(f"--tip {text!r}: {name} {wrong} (keys: {', '.join(keys)})")
-        words = [needed[0], *words]
-    for word in words:
-        if word in keys:
-            table[word] = []
-        else:
-            table[list(table)[-1]].append(word)
-    values: dict[str, Any] = {key: " ".join(value) for key, value in table.items()}
-    if "diameter" in values:
-        try:
-            values["radius"] = 0.5 * to_si(values.pop("diameter"), "m")
-        except ValueError as error:
-            raise ConfigurationError(f"--tip {text!r}: diameter: {error}") from error
-    if missing := [key for key in needed if not values.get(key)]:
-        raise ConfigurationError(f'--tip {text!r}: {name} needs its {missing[0]}, as in --tip "{name} 3 mm"')
-    return {"type": name, **values}
-
-
 def file_groups(
     files: Iterable[Path],
     tip: str,
@@ -84,7 +51,7 @@ def file_groups(
     Raises ConfigurationError for a tip, a model or an override that is none.
     """
     known = registry.load()
-    parts = _parts(tip_table(tip, known), known.named("model", model), known)
+    parts = _parts(tip_table(tip, known, "--tip"), known.named("model", model), known)
     stated = {key.strip(): value.strip().strip("\"'") for key, _, value in (text.partition("=") for text in overrides)}
     facts: dict[Path, Suggestion] = {}
 

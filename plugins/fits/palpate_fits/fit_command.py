@@ -117,10 +117,19 @@ def fit(
             raise ConfigurationError("--tip is for files without a pipeline, which has a tip of its own")
         from palpate_fits.file_fits import FileFit, fit_files
 
+        for option, asked in (
+            ("--cross", cross or carry),
+            ("--cycles", cycles),
+            ("--by", by),
+            ("--scheduler", scheduler),
+        ):
+            if asked:
+                raise ConfigurationError(f"{option}: wants a pipeline; --tip writes one beside its table")
         given = {"force": force, "position": position, "time": time, "rate": rate}
         choices = {role: text for role, text in given.items() if text is not None}
         fit_files(
-            sources, FileFit(tip, model or "dr", choices, tuple(overrides or ()), out, jobs, as_json, not no_refit)
+            sources,
+            FileFit(tip, model or "dr", choices, tuple(overrides or ()), out, jobs, as_json, not no_refit, details),
         )
         return
     if each or by:
@@ -244,7 +253,7 @@ def _each(
     if as_json:
         typer.echo(json.dumps({"table": str(table.path), "tracks": found}, indent=2))
     else:
-        console(160).print(each_table(found).view())
+        console().print(each_table(found, pipeline).view())
         typer.echo(f"written to {table.path}")
     if failed := sum(track["failed"] for track in found.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from palpate import BudgetRow, Effect, FitReport, Flag
-from palpate.host import Result, TrackResult, UncertainValue, display_unit
+from palpate.host import Pipeline, Result, TrackResult, UncertainValue, display_unit
+from palpate_kit.curves.curve_fits import value_units
 from palpate_kit.terminal.flag_summary import doubt_lines
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.result_summary import flag_lines
@@ -100,16 +101,29 @@ def fit_views(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[Ren
                 yield budget(f"{name}: {label}", track, all_sources(track, track.report.budget))
 
 
-def each_table(tracks: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Of many curves: how many were fitted, and median and quartiles of each parameter by track."""
-    rows = []
-    for label, found in tracks.items():
-        spreads = found.get("quartiles", {}).items()
-        texts = [f"{name} {middle:.4g} ({low:.4g} to {high:.4g})" for name, (low, middle, high) in spreads]
-        counts = [str(found[name]) for name in ("curves", "failed", "flagged")]
-        rows.append([label, *counts, "\n".join(text for text in texts if "_std " not in text)])
-    median = "median (quartiles), SI"
-    return Table.of("fits of each curve", ["track", "curves", "failed", "flagged", median], rows, ["track", median])
+def each_table(tracks: Mapping[str, Mapping[str, Any]], pipeline: Pipeline) -> Table:
+    """Of many curves: how many were fitted, and median and quartiles of each value by track."""
+    units = {name: unit for track in pipeline.tracks for name, unit in value_units(track.model).items()}
+    shown = [name for name in units if any(name in found.get("quartiles", {}) for found in tracks.values())]
+    heads = [f"{name}\n{display_unit(units[name])[0]}" for name in shown]
+    left = ["track"] if len(tracks) > 1 else []
+    rows = [
+        [
+            *([label] if left else []),
+            *(str(found[name]) for name in ("curves", "failed", "flagged")),
+            *(_quartiles(found.get("quartiles", {}).get(name), display_unit(units[name])[1]) for name in shown),
+        ]
+        for label, found in tracks.items()
+    ]
+    title = "median (quartiles) of the curves"
+    return Table.of(title, [*left, "curves", "failed", "flagged", *heads], rows, left)
+
+
+def _quartiles(found: Sequence[float] | None, factor: float) -> str:
+    if found is None:
+        return "-"
+    low, middle, high = (f"{value * factor:.4g}" for value in found)
+    return f"{middle} ({low} to {high})"
 
 
 def fits_of_a_run(result: Result) -> list[Table | str]:

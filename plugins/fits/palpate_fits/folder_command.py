@@ -14,15 +14,16 @@ from palpate_kit.curves.curve_fits import offline
 from palpate_kit.curves.curve_list import FILE, LIST, add_groups
 from palpate_kit.curves.curve_table import TABLE, FitTable, columns_of_fits, replace_columns
 from palpate_kit.curves.fit_folder import FitFolder
-from palpate_kit.curves.folder_fits import refit
+from palpate_kit.curves.folder_fits import FEW, refit
 from palpate_kit.curves.own_settings import change_assignments, write_own
 from palpate_kit.runs.replay_source import added_table
 from palpate_kit.runs.shared_tips import name_tips
+from palpate_kit.runs.tip_words import tip_table
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.table import console
 
-from palpate_fits.file_pipelines import tip_table
+from palpate_fits.file_tables import show_rows
 from palpate_fits.fit_tables import each_table
 
 
@@ -59,18 +60,22 @@ def fit_folder(path: Path, change: FolderChange) -> None:
             report_progress(len(seen))
 
         count = refit(folder, names, change.jobs, done)
-    _show(path, count, change.as_json)
+    _show(path, count, change)
 
 
-def _show(path: Path, count: int, as_json: bool) -> None:
+def _show(path: Path, count: int, change: FolderChange) -> None:
     folder = FitFolder(path)
     pipeline = folder.pipeline()
-    found = FitTable(path, pipeline, folder.reader().device).summary()
-    if as_json:
+    table = FitTable(path, pipeline, folder.reader().device)
+    found = table.summary()
+    if change.as_json:
         print_json({"table": str(path / TABLE), "fitted": count, "tracks": found})
+    elif len(folder.names) <= FEW:
+        show_rows(sorted(table.rows, key=lambda row: row["curve"]), pipeline, registry.load(), change.overrides)
     else:
-        console(160).print(each_table(found).view())
-        typer.echo(f"{count} curves fitted anew; written to {path / TABLE}")
+        console().print(each_table(found, pipeline).view())
+    if not change.as_json:
+        typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted anew; every number: {path / TABLE}")
     if failed := sum(track["failed"] for track in found.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)
         raise typer.Exit(1)
@@ -125,7 +130,7 @@ def _change_all(folder: FitFolder, change: FolderChange) -> None:
     for name in folder.settings_files:
         source = _source(folder, name)
         if change.tip is not None:
-            tip = tip_table(change.tip, registry.load())
+            tip = tip_table(change.tip, registry.load(), "--tip")
             source.tables["indenter"] = dict.fromkeys(source.tables.get("indenter") or ["tip"], tip)
         if change.model is not None:
             _replace_model(source, change.model)

@@ -24,7 +24,7 @@ from palpate import (
 from palpate.host import Source, build_parts, registry as registries, suggest
 from palpate_kit.figures import figure_of, save_figure, style
 from palpate_kit.terminal.json_output import print_json
-from palpate_kit.terminal.options import JsonOption, PluginFiles
+from palpate_kit.terminal.options import JsonOption
 
 _SAMPLES = 1001
 
@@ -61,11 +61,10 @@ def force(
     cycles: Annotated[int, typer.Option(help="Cycles of the sine, after one that fades in.", min=1, max=1000)] = 3,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="CSV file; left out: the terminal.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write: .png, .svg or .pdf.")] = None,
-    plugin: PluginFiles = None,
     as_json: JsonOption = False,
 ) -> None:
     """Print the force of a model and a tip over a depth ramp or a sine, as CSV and as a picture."""
-    chosen = _from_file(file, model, overrides or []) if file else _by_name(model, indenter, overrides or [], plugin)
+    chosen = _from_file(file, model, overrides or []) if file else _by_name(model, indenter, overrides or [])
     name, part = chosen
     theta = _theta(part, parameters or [])
     motion = _ramp(depth, speed) if frequency is None else _sine(depth, amplitude, frequency, cycles)
@@ -87,10 +86,8 @@ def force(
         _draw(curve, part, name, picture)
 
 
-def _by_name(
-    model: str | None, indenter: str | None, overrides: list[str], plugins: list[Path] | None
-) -> tuple[str, ContactModel]:
-    registry = registries.load(plugins or [])
+def _by_name(model: str | None, indenter: str | None, overrides: list[str]) -> tuple[str, ContactModel]:
+    registry = registries.load()
     if model is None:
         model = "dimensionality-reduction"
     needs = "indenter" in registry.find("model", model).model_fields

@@ -22,7 +22,7 @@ _latest = threading.local()  # the estimator of the latest call in each thread, 
 def fit(
     record: Record,
     *,
-    tip: Indenter | None = None,
+    tip: Indenter | str | None = None,
     model: str | ContactModel = "dr",
     estimator: str | Estimator = "casadi-fit",
     uncertainties: Mapping[str, str | float] | None = None,
@@ -32,7 +32,8 @@ def fit(
 
     `model` and `estimator` are parts, as in ``DimensionalityReduction(indenter=Sphere(radius="5 mm"), poisson=0.49)``,
     or names of parts with their defaults, in full or by their initials: "dr" is "dimensionality-reduction", on the
-    `tip`. `uncertainties` are the standard uncertainties of what is taken for known: ``{"radius": "20 um"}``.
+    `tip`, which is a part or words such as "sphere 3 mm". `uncertainties` are the standard uncertainties of what is
+    taken for known: ``{"radius": "20 um"}``.
 
     Raises ConfigurationError for what does not fit together, LogError for a record that cannot be read.
     """
@@ -41,7 +42,7 @@ def fit(
 
 def prepare(
     *,
-    tip: Indenter | None = None,
+    tip: Indenter | str | None = None,
     model: str | ContactModel = "dr",
     estimator: str | Estimator = "casadi-fit",
     uncertainties: Mapping[str, str | float] | None = None,
@@ -58,7 +59,7 @@ def compare(
     *,
     models: Sequence[str | ContactModel] = ("dr",),
     estimators: Sequence[str | Estimator] = ("ekf", "kinematic-ekf"),
-    tip: Indenter | None = None,
+    tip: Indenter | str | None = None,
     uncertainties: Mapping[str, str | float] | None = None,
     name: str | None = None,
 ) -> FinishedRun:
@@ -99,7 +100,7 @@ def _joined(batches: Sequence[Batch]) -> Batch:
 def _estimator(
     models: Sequence[str | ContactModel],
     estimators: Sequence[str | Estimator],
-    tip: Indenter | None,
+    tip: Indenter | str | None,
     uncertainties: Mapping[str, str | float] | None,
 ) -> RecordEstimator:
     """The latest estimator of this thread where it is of the same parts, and of files that have not changed since."""

@@ -12,6 +12,7 @@ from typing import Any
 import tomli_w
 from palpate import ConfigurationError, ContactModel, Device, Estimator, Indenter, PalpateError, Stream
 from palpate.host import Pipeline, RecordTracks, build_pipeline, registry
+from palpate_kit.runs.tip_words import tip_table
 
 from palpate_notebook.fit_object import Fit
 from palpate_notebook.part_tables import part_tables, source_of, table_of
@@ -29,7 +30,7 @@ class RecordEstimator:
         self,
         models: Sequence[str | ContactModel],
         estimators: Sequence[str | Estimator],
-        tip: Indenter | None,
+        tip: Indenter | str | None,
         uncertainties: Mapping[str, str | float] | None,
     ) -> None:
         for part, kind in ((models, "models"), (estimators, "estimators")):
@@ -39,7 +40,8 @@ class RecordEstimator:
         self._uncertainties = dict(uncertainties or {})
         tables: dict[str, Any] = {}
         if tip is not None:
-            tables["indenter"] = {"tip": table_of(tip, "tip", "indenter", known)}
+            words = isinstance(tip, str)
+            tables["indenter"] = {"tip": tip_table(tip, known) if words else table_of(tip, "tip", "indenter", known)}
         tables["model"] = part_tables(models, "model", known, tip is not None)
         tables["estimator"] = part_tables(estimators, "estimator", known, False)
         self._parts = tables
@@ -51,6 +53,9 @@ class RecordEstimator:
 
     def estimate(self, record: Record, name: str | None = None) -> FinishedRun:
         """What is estimated of a record; raises ConfigurationError, and LogError where it cannot be read."""
+        if not isinstance(record, Record):
+            made = "palpate.read(path) makes one of a file, palpate.record(...) of arrays"
+            raise ConfigurationError(f"a {type(record).__name__} is no record: {made}")
         tracks = self._tracks(record, name)
         pipeline = tracks.pipeline
         devices = {key: _named_as(pipeline.devices[key], table) for key, table in record.devices.items()}

@@ -7,6 +7,18 @@ from typing import Any, TypeVar
 from palpate.host import suggest
 
 T = TypeVar("T")
+_MEANT = {  # by names of other programs
+    "E": "elasticity",
+    "modulus": "elasticity",
+    "youngs_modulus": "elasticity",
+    "eta": "viscosity",
+    "u": "combined",
+    "uncertainty": "combined",
+    "sigma": "std",
+    "std_dev": "std",
+    "magnitude": "value",
+    "nominal_value": "value",
+}
 
 
 def with_suggestions(kind: type[T]) -> type[T]:
@@ -22,7 +34,9 @@ def with_suggestions(kind: type[T]) -> type[T]:
         parameters = getattr(values, "parameters", {}) if name != "parameters" else {}
         if name in parameters:
             raise AttributeError(f"{own} has no attribute {name!r}; it is the value [{name!r}]")
-        names = [text for text in dir(self) if not text.startswith("_")]
+        names = [text for text in dir(self) if not (text.startswith("_") or hasattr(float, text))]
+        if _MEANT.get(name) in names:
+            raise AttributeError(f"{own} has no attribute {name!r}; did you mean {_MEANT[name]!r}?")
         raise AttributeError(f"{own} has no attribute {name!r}{suggest(name, names)}")
 
     kind.__getattr__ = absent  # type: ignore[attr-defined]

@@ -1,0 +1,48 @@
+"""Tips in words, such as "sphere 3 mm", as a command line and Python take them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from palpate import ConfigurationError, to_si
+from palpate.host import Registry, suggest
+
+
+def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
+    """The table of a tip such as "sphere 3 mm", "sphere diameter 6 mm" or "blunt-cone angle 30 deg tip_radius 1 mm".
+
+    A single value is that of the one key that the tip needs, the radius of a sphere; messages call the whole `said`.
+    Raises ConfigurationError.
+    """
+    name, *words = text.split() or [""]
+    tips = known.parts["indenter"]
+    if name not in tips:
+        hint = '; write it as in "sphere 3 mm"' if not name[:1].isalpha() else suggest(name, list(tips))
+        raise ConfigurationError(f"{said} {text!r}: there is no tip {name!r}{hint}")
+    fields = known.find("indenter", name).model_fields
+    keys = [*fields, "diameter"] if "radius" in fields else list(fields)
+    needed = [key for key, about in fields.items() if about.is_required()]
+    table: dict[str, list[str]] = {}
+    if words and words[0] not in keys:
+        if words[0][:1].isalpha() or len(needed) != 1:
+            wrong = f"has no {words[0]!r}{suggest(words[0], keys)}" if words[0][:1].isalpha() else "needs a key each"
+            raise ConfigurationError(f"{said} {text!r}: {name} {wrong} (keys: {', '.join(keys)})")
+        words = [needed[0], *words]
+    for word in words:
+        if word in keys:
+            table[word] = []
+        else:
+            table[list(table)[-1]].append(word)
+    values: dict[str, Any] = {key: " ".join(value) for key, value in table.items()}
+    if "diameter" in values:
+        try:
+            values["radius"] = 0.5 * to_si(values.pop("diameter"), "m")
+        except ValueError as error:
+            raise ConfigurationError(f"{said} {text!r}: diameter: {error}") from error
+    if missing := [key for key in needed if not values.get(key)]:
+        raise ConfigurationError(f'{said} {text!r}: {name} needs its {missing[0]}, as in "{name} 3 mm"')
+    try:
+        known.find("indenter", name)(**values)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{said} {text!r}: {error}") from error
+    return {"type": name, **values}

@@ -1,0 +1,112 @@
+"""What people see of fits of many files: a row for each with its verdict, and what stands behind the doubts."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import typer
+from palpate.host import Pipeline, Registry, display_unit, verdict_word
+from palpate_kit.curves.curve_fits import Row, value_units
+from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.table import Table, console
+
+_NAME = 28  # characters of a file's name
+_SHOWN = ("elasticity", "viscosity")
+_DETAILS = {"rms": ("RMS\nN", ".3g"), "samples": ("samples", ".0f")}
+
+
+def is_usable(row: Row) -> bool:
+    """Whether a row has values that are not refused."""
+    return not row.get("error") and row.get("verdict") != "invalid"
+
+
+def show_rows(
+    rows: Sequence[Row], pipeline: Pipeline, known: Registry, overrides: Sequence[str] = (), details: bool = False
+) -> None:
+    """Print a row for each file, why files were not read, and which flags make values doubtful."""
+    (console(160) if details else console()).print(file_table(rows, pipeline, details).view())
+    alike: dict[str, list[str]] = {}
+    for row in rows:
+        if row.get("error"):
+            alike.setdefault(row["error"], []).append(row["curve"])
+    for error, names in alike.items():
+        others = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        typer.echo(f"{names[0]}{others}: {error}", err=True)
+    doubtful = [row for row in rows if row.get("verdict") == "doubtful"]
+    if doubtful:
+        typer.echo(f"doubtful: {_causes(doubtful, known, 'doubtful')}; palpate describe CODE says what to do")
+    if any("delay-unclear" in row.get("flags", "").split() for row in doubtful):
+        typer.echo(_timing(overrides))
+
+
+def count_line(rows: Sequence[Row], known: Registry) -> str:
+    """How many values are usable, and why the others are not."""
+    bad = [row for row in rows if not is_usable(row)]
+    usable = len(rows) - len(bad)
+    return f"{usable} usable, {len(bad)} not: {_causes(bad, known, 'invalid')}" if bad else f"all {usable} usable"
+
+
+def file_table(rows: Sequence[Row], pipeline: Pipeline, details: bool = False) -> Table:
+    """File, track where there are several, values with combined uncertainty in display units, and verdict."""
+    units = value_units(pipeline.tracks[0].model)
+    shown = [name for name in _SHOWN if name in units] or list(units)[:2]
+    heads = ["file", *(["track"] if len(pipeline.tracks) > 1 else [])]
+    values = [f"{name}\n{display_unit(units[name])[0]}" for name in shown]
+    more = [head for head, _ in _DETAILS.values()] if details else []
+    cells = [
+        [
+            row["curve"] if details else _short(row["curve"]),
+            *([row.get("track", "")] if len(heads) > 1 else []),
+            *(_cell(row, name, units[name]) for name in shown),
+            *(
+                format(float(row[name]), form) if row.get(name) else "-"
+                for name, (_, form) in _DETAILS.items()
+                if details
+            ),
+            verdict_word(row.get("verdict") or "not read"),
+            *([row.get("flags", "").replace(" ", "\n")] if details else []),
+        ]
+        for row in rows
+    ]
+    behind = ["verdict", *(["flags"] if details else [])]
+    return Table.of("", [*heads, *values, *more, *behind], cells, [*heads, *behind])
+
+
+def _cell(row: Mapping[str, Any], name: str, unit: str) -> str:
+    if not row.get(name):
+        return "-"
+    factor = display_unit(unit)[1]
+    combined = row.get(f"{name}_combined")
+    value = float(row[name]) * factor
+    return value_with_uncertainty(value, float(combined) * factor) if combined else f"{value:.4g} ± ?"
+
+
+def _timing(overrides: Sequence[str]) -> str:
+    """What is still to be stated of the timing."""
+    stated = {
+        role for role in ("force", "position") if any(text.startswith(f"alignment.{role}.") for text in overrides)
+    }
+    if "force" not in stated:
+        return 'timing: state it by --set alignment.force.uncertainty="1 ms", or by its delay'
+    if "position" not in stated:
+        return (
+            "timing: a position without noise may be the command, which an arm follows later; if it was measured: "
+            '--set alignment.position.uncertainty="1 ms"'
+        )
+    return "timing: what is stated of it leaves the viscosity open"
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= _NAME else f"...{name[3 - _NAME :]}"
+
+
+def _causes(rows: Sequence[Row], known: Registry, severity: str) -> str:
+    """How many have which flags of a severity, the most frequent first."""
+    causes: Counter[str] = Counter()
+    for row in rows:
+        meanings = {code: known.meanings.get(code) for code in row.get("flags", "").split()}
+        codes = [code for code, meaning in meanings.items() if meaning is not None and meaning.severity == severity]
+        causes.update(codes or ["not read" if row.get("error") else "no value"])
+    return ", ".join(f"{cause} ({count})" for cause, count in causes.most_common())
