@@ -115,7 +115,16 @@ def test_a_curve_that_cannot_be_read_has_an_error_and_one_that_cannot_be_fitted_
 
 @pytest.mark.parametrize(
     "assignment",
-    ["device.log.file=/etc/passwd", "run.plugins=['x.py']", "sink.log.type=mcap", "estimator.fit", "model.a.file=x"],
+    [
+        "device.log.file=/etc/passwd",
+        "run.plugins=['x.py']",
+        "run.calibration=x.toml",
+        "sink.log.type=mcap",
+        "estimator.fit",
+        "indenter.tip.points=/etc/passwd",
+        'indenter.tip={type="profile", points="/etc/passwd"}',
+        "model.dimensionality-reduction.thickness={height='5 mm', table='x.csv'}",
+    ],
 )
 def test_the_page_cannot_name_files_or_code(desk, assignment):
     with pytest.raises(ConfigurationError):
@@ -123,7 +132,10 @@ def test_the_page_cannot_name_files_or_code(desk, assignment):
     before = contents(desk)
     with pytest.raises(ConfigurationError):
         desk.set(assignment, None)
+    with pytest.raises(ConfigurationError, match="names no files"):
+        desk.set_part("tip", "profile points /etc/passwd")
     assert contents(desk) == before
+    demand_allowed('indenter.tip={type="sphere", radius="4 mm"}')
 
 
 @pytest.mark.parametrize(

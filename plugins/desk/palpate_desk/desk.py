@@ -22,7 +22,7 @@ from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.runs.review_file import Mark, write_mark
 
 from palpate_desk.history_file import Action, ActionHistory, actions_of, where_curve
-from palpate_desk.page_messages import demand_allowed
+from palpate_desk.page_messages import demand_allowed, demand_no_file
 from palpate_desk.settings_undo import model_inverse, own_inverse, setting_inverse, tip_inverse
 
 _LOCK = ".desk.lock"
@@ -153,6 +153,7 @@ class Desk:
 
     def set_part(self, kind: str, value: str) -> Action:
         """Put another tip or model in place for all curves; raises ConfigurationError."""
+        demand_no_file(value)
         action = Action("fit", ((f"--{kind}", value), ("--no-refit", "")))
         tables = tomllib.loads(self.folder.settings_text())
         self._do(action, tip_inverse(tables) if kind == "tip" else model_inverse(tables))
