@@ -105,6 +105,11 @@ class Desk:
             raise ConfigurationError(f"{name}: its file is not known: curves.csv has no column file")
         return Curve(name, file, own=self.folder.own.get(name, ()))
 
+    def demand_file(self, name: str) -> None:
+        """Raise ConfigurationError where the file of a curve has gone, so that its row stays."""
+        if not Path(self.curve(name).file).is_file():
+            raise ConfigurationError(f"{name}: {self.curve(name).file} is not there any more; its row is kept")
+
     def left(self) -> list[str]:
         """Names of the curves that have no row by the present settings."""
         return [name for name in self.folder.names if any(row.state != "current" for row in self.folder.rows_of(name))]
