@@ -136,6 +136,10 @@ def test_a_word_that_is_none_is_named(folder, palpate, words, message):
         ("curves.csv", "curve,a\ncurves/S1_0.csv,1\ncurves/S1_0.csv,2\n", "is there twice"),
         ("curves.csv", "curve\ncurves/S1_0.csv,1\n", "2 cells for 1 columns"),
         ("review.json", "[]", "is no review of palpate"),
+        ("fits.csv", "", "is no table of fits"),
+        ("fits.csv", "time,force\n0,1\n", "is no table of fits"),
+        ("fits.csv", "curve,track,elasticity,elasticity_std,rms\n", "was written by another version of palpate"),
+        ("fits.csv", "curve,track\n\0\n", "was written by another version of palpate"),
     ],
 )
 def test_a_file_that_does_not_fit_is_named_and_nothing_is_lost(folder, palpate, file, text, message):
@@ -147,10 +151,18 @@ def test_a_file_that_does_not_fit_is_named_and_nothing_is_lost(folder, palpate, 
     assert {path.name: path.read_bytes() for path in (folder / "fits").iterdir()} == before
 
 
+def test_a_setting_of_one_curve_that_cannot_be_is_told_with_its_file(folder, palpate):
+    (folder / "fits" / "own.toml").write_text(f'["{NAMES[0]}"]\nset = ["estimator.fit.segmnt=load"]\n')
+    refused = palpate("fit", "fits")
+    assert refused.returncode == 2
+    assert "own.toml, estimator.fit.segmnt=load:" in refused.stderr
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         (["--set", "estimator.fit.segment=laod"], "segment 'laod'"),
+        (["--where", "S1", "--set", "estimator.fit.segmnt=load"], "did you mean 'segment'"),
         (["--where", "S1", "--set", "estimator.fit.segment=laod"], "segment 'laod'"),
         (["--tip", "spher 3 mm"], "did you mean 'sphere'"),
         (["--model", "hrtz"], "there is no model 'hrtz'"),

@@ -1,7 +1,12 @@
 """The desk without a page: each action is a command, and can be taken back."""
 
+import itertools
+import os
 import shutil
+import signal
+import time
 
+import numpy as np
 import pytest
 from palpate import ConfigurationError, OutputError
 from palpate_desk.curve_answers import curve_answer
@@ -115,7 +120,16 @@ def test_a_curve_that_cannot_be_read_has_an_error_and_one_that_cannot_be_fitted_
 
 @pytest.mark.parametrize(
     "assignment",
-    ["device.log.file=/etc/passwd", "run.plugins=['x.py']", "sink.log.type=mcap", "estimator.fit", "model.a.file=x"],
+    [
+        "device.log.file=/etc/passwd",
+        "run.plugins=['x.py']",
+        "run.calibration=x.toml",
+        "sink.log.type=mcap",
+        "estimator.fit",
+        "indenter.tip.points=/etc/passwd",
+        'indenter.tip={type="profile", points="/etc/passwd"}',
+        "model.dimensionality-reduction.thickness={height='5 mm', table='x.csv'}",
+    ],
 )
 def test_the_page_cannot_name_files_or_code(desk, assignment):
     with pytest.raises(ConfigurationError):
@@ -123,7 +137,10 @@ def test_the_page_cannot_name_files_or_code(desk, assignment):
     before = contents(desk)
     with pytest.raises(ConfigurationError):
         desk.set(assignment, None)
+    with pytest.raises(ConfigurationError, match="names no files"):
+        desk.set_part("tip", "profile points /etc/passwd")
     assert contents(desk) == before
+    demand_allowed('indenter.tip={type="sphere", radius="4 mm"}')
 
 
 @pytest.mark.parametrize(
@@ -140,6 +157,54 @@ def test_the_page_cannot_name_files_or_code(desk, assignment):
 def test_messages_are_of_a_closed_list(text, words):
     with pytest.raises(ConfigurationError, match=words):
         read_message(text)
+
+
+def _work(path, pipe):
+    """Marks, settings, fits and undoing without an end, each told when it is done."""
+    desk = Desk(path)
+    rows = {name: [row.cells for row in desk.folder.rows_of(name)] for name in NAMES}
+    for count in itertools.count():
+        name = NAMES[count % 8]
+        desk.mark(name, "bad", f"reason {count}")
+        os.write(pipe, f"{name} {count}\n".encode())
+        desk.set(f'estimator.fit.segment="0.1 s..{0.7 + 0.01 * (count % 9):.2f} s"', f"curve={name}")
+        key = desk.folder.key(name)
+        desk.take_rows([{**cells, "settings": key} for cells in rows[name]])
+        desk.note(one_curve(name))
+        desk.undo()
+        desk.compact()
+
+
+@pytest.mark.slow
+def test_a_kill_at_any_of_fifty_moments_leaves_whatever_was_told(desk):
+    random = np.random.default_rng(36)
+    for _ in range(50):
+        reading, writing_end = os.pipe()
+        child = os.fork()
+        if not child:
+            try:
+                _work(desk.path, writing_end)
+            finally:
+                os._exit(1)
+        os.close(writing_end)
+        said = os.read(reading, 1 << 16)  # the first is done
+        time.sleep(random.uniform(0, 0.25))
+        os.kill(child, signal.SIGKILL)
+        assert os.WIFSIGNALED(os.waitpid(child, 0)[1])
+        with open(reading, "rb") as pipe:
+            said += pipe.read()
+        left = Desk(desk.path)
+        assert left.folder.names == sorted(NAMES)
+        assert all(len(left.folder.rows_of(name)) == 1 and left.folder.rows_of(name)[0].cells for name in NAMES)
+        told = dict(line.split() for line in said.decode().splitlines())
+        reasons = {name: int(text.split()[1]) for name, text in left.folder.marks.rejected.items()}
+        assert all(reasons[name] >= int(count) for name, count in told.items())
+        numbers = [entry.number for entry in left.history.entries]
+        assert numbers == list(range(1, len(numbers) + 1))
+        with writing(desk.path):
+            left.mark(NAMES[0], "none", "")
+            left.compact()
+    assert {row.state for row in Desk(desk.path).folder.rows} <= {"current", "stale"}
 
 
 def test_a_mark_on_no_curve_and_a_rejection_without_a_reason_are_refused(desk):

@@ -36,7 +36,9 @@ def runs(tip, noise, profile):
     return np.array(errors), np.mean(held, axis=0)
 
 
-@pytest.mark.parametrize("tip", cases.TIPS)
+@pytest.mark.parametrize(
+    "tip", ["sphere", *(pytest.param(tip, marks=pytest.mark.slow) for tip in cases.TIPS if tip != "sphere")]
+)
 def test_press_at_50_mm_a_minute_has_no_bias(tip):
     errors, held = runs(tip, "white", profile=False)
     assert abs(errors[:, 0].mean()) < 2e-3

@@ -177,7 +177,7 @@ def test_what_was_torn_is_gone_on_with_to_the_same_bytes(folder, palpate):
 
 
 def test_other_settings_are_not_mixed_in(folder, palpate):
-    palpate(*EACH, "--jobs", "1")
+    palpate(*EACH, "--no-refit")
     refused = palpate(*EACH, "--set", "indenter.tip.radius=6 mm")
     assert "other settings" in refused.stderr
     assert "radius" in refused.stderr

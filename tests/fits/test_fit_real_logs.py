@@ -147,6 +147,7 @@ def test_the_foam_is_touched_before_the_force_says_so(press):
     assert 0.13e-3 < track.surface.value - threshold < 0.6e-3
 
 
+@pytest.mark.slow
 def test_a_deep_load_and_unload_prefers_hunt_and_crossley(press):
     from palpate_fits.fit_tables import evidence
 

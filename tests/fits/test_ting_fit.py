@@ -48,6 +48,7 @@ def test_the_truth_is_within_the_intervals(model, theta):
     assert np.mean(np.square(apart)) < 3.0
 
 
+@pytest.mark.slow
 def test_what_the_rig_makes_is_found_again(tmp_path):
     found = run(tmp_path, "ting").tracks["sls/fit"]
     for name, true in (("elasticity", 100e3), ("relaxing_elasticity", 60e3), ("relaxation_time", 0.3)):

@@ -29,6 +29,7 @@ def test_a_message_comes_back_as_it_was(rows, text):
     assert unpack(pack({"kind": text})) == ({"kind": text}, None)
 
 
+@settings(max_examples=20)
 @given(some.integers(1, 5000), some.integers(1, 900))
 def test_pieces_are_whole_and_fit_into_a_datagram(rows, columns):
     cut = list(pieces(rows, columns))

@@ -79,10 +79,17 @@ def record_tracks(reader: CurveReader, own: tuple[str, ...] = (), at_length: boo
     """
     source = Source(reader.text, Path(reader.path))
     name_tips(source)
-    for assignment in (*reader.overrides, *own):
+    for assignment in reader.overrides:
         source.override(assignment)
-    with inherited_approval(reader.approved):
-        pipeline = offline(build_pipeline(source))
+    try:
+        for assignment in own:
+            source.override(assignment)
+        with inherited_approval(reader.approved):
+            pipeline = offline(build_pipeline(source))
+    except ConfigurationError as error:
+        if own:
+            raise ConfigurationError(f"own.toml, {', '.join(own)}: {error}") from error
+        raise
     return RecordTracks(pipeline if at_length else replace(pipeline, tracks=tuple(map(_for_a_row, pipeline.tracks))))
 
 

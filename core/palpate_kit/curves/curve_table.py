@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Floats, OutputError
+from palpate import Floats, LogError, OutputError
 from palpate.host import Pipeline, resolved_text, write_whole
 
 from palpate_kit.curves.curve_files import Curve
@@ -138,6 +138,16 @@ def columns_of_fits(pipeline: Pipeline) -> tuple[str, ...]:
     """The columns of a table of the fits of a pipeline."""
     names = [*dict.fromkeys(name for track in pipeline.tracks for name in value_units(track.model)), "surface"]
     return (*_HEAD, *(f"{name}{kind}" for name in names for kind in _KINDS), *_TAIL)
+
+
+def demand_columns(path: Path) -> None:
+    """Raise LogError for a table of fits that another version has written, or that is none."""
+    with path.open(encoding="utf-8", newline="") as file:
+        head = tuple(next(csv.reader(file), ()))
+    names = [name.removesuffix("_std") for name in head if name.endswith("_std")]
+    if head != (*_HEAD, *(f"{name}{kind}" for name in names for kind in _KINDS), *_TAIL):
+        about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is no table of fits"
+        raise LogError(f"{path}: {about}: fit the curves again with another --out")
 
 
 def latest_rows(path: Path) -> list[Row]:

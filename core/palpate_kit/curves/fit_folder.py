@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import tomllib
@@ -18,7 +19,7 @@ from palpate.host import Pipeline, Source, approved_plugins, build_pipeline, inh
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, settings_key, value_units
 from palpate_kit.curves.curve_list import FILE, LIST, PIPELINE_FILE, PLACES, Entries, columns_of, read_list
-from palpate_kit.curves.curve_table import SETTINGS, TABLE, latest_rows
+from palpate_kit.curves.curve_table import SETTINGS, TABLE, demand_columns, latest_rows
 from palpate_kit.curves.own_settings import Own, read_own
 from palpate_kit.runs.review_file import Marks, read_marks
 
@@ -120,13 +121,13 @@ class FitFolder:
     def cells(self) -> list[dict[str, str]]:
         """The latest rows of ``fits.csv``; raises LogError."""
         path = self.path / TABLE
+        if not path.is_file():
+            return []
         try:
-            rows = latest_rows(path) if path.is_file() else []
-        except (OSError, UnicodeDecodeError, KeyError) as error:
+            demand_columns(path)
+            return latest_rows(path)
+        except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise LogError(f"{path}: is no table of fits of palpate: {error}") from error
-        if rows and "settings" not in rows[0]:
-            raise LogError(f"{path}: was written by an older palpate: fit the curves again with another --out")
-        return rows
 
     @cached_property
     def entries(self) -> Entries:

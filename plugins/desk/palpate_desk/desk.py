@@ -22,7 +22,7 @@ from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.runs.review_file import Mark, write_mark
 
 from palpate_desk.history_file import Action, ActionHistory, actions_of, where_curve
-from palpate_desk.page_messages import demand_allowed
+from palpate_desk.page_messages import demand_allowed, demand_no_file
 from palpate_desk.settings_undo import model_inverse, own_inverse, setting_inverse, tip_inverse
 
 _LOCK = ".desk.lock"
@@ -105,6 +105,11 @@ class Desk:
             raise ConfigurationError(f"{name}: its file is not known: curves.csv has no column file")
         return Curve(name, file, own=self.folder.own.get(name, ()))
 
+    def demand_file(self, name: str) -> None:
+        """Raise ConfigurationError where the file of a curve has gone, so that its row stays."""
+        if not Path(self.curve(name).file).is_file():
+            raise ConfigurationError(f"{name}: {self.curve(name).file} is not there any more; its row is kept")
+
     def left(self) -> list[str]:
         """Names of the curves that have no row by the present settings."""
         return [name for name in self.folder.names if any(row.state != "current" for row in self.folder.rows_of(name))]
@@ -153,6 +158,7 @@ class Desk:
 
     def set_part(self, kind: str, value: str) -> Action:
         """Put another tip or model in place for all curves; raises ConfigurationError."""
+        demand_no_file(value)
         action = Action("fit", ((f"--{kind}", value), ("--no-refit", "")))
         tables = tomllib.loads(self.folder.settings_text())
         self._do(action, tip_inverse(tables) if kind == "tip" else model_inverse(tables))

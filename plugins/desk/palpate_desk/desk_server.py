@@ -129,6 +129,7 @@ class DeskServer:
         elif message.do == "cancel":
             self._refits.cancel()
         elif message.do == "refit":
+            self.desk.demand_file(message.curve)
             answer = await self._fitted(message.curve)
             self.desk.note(one_curve(message.curve))
             self._took(answer.rows)

@@ -7,12 +7,12 @@ const dark = matchMedia("(prefers-color-scheme: dark)");
 function axes(x, y) {
   const ink = dark.matches ? "#aab4bd" : "#5b6570", grid = { stroke: dark.matches ? "#2c343b" : "#e6e9ec", width: 1 };
   const axis = { stroke: ink, grid, ticks: grid, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif", labelSize: 16 };
-  return [{ ...axis, label: x, size: 34 }, { ...axis, label: y, size: 56 }];
+  return [{ ...axis, label: x, size: 34 }, { ...axis, label: y, size: 56, space: 24 }];
 }
 
 export class CurveView {
-  constructor(places, ranged) {
-    Object.assign(this, { places, ranged, plots: [], drawn: 0, answer: null, points: 0 });
+  constructor(places, busy, ranged) {
+    Object.assign(this, { places, busy, ranged, plots: [], drawn: 0, answer: null, points: 0 });
     new ResizeObserver(() => { for (const plot of this.plots) plot.setSize({ width: this.width(plot.box), height: plot.height }); }).observe(places.depth);
     dark.addEventListener("change", () => this.answer && this.show(this.answer));
   }
@@ -26,13 +26,14 @@ export class CurveView {
     const surface = header.raw ? null : header.surface, depth = height.map((z) => (z === null ? null : 1e3 * (surface === null ? z : surface - z)));
     const seconds = Array.from(time), left = force.map((f, i) => (f === null || model[i] === null ? null : f - model[i]));
     this.points = seconds.length;
+    this.places.residual.parentElement.hidden = header.raw;
     const over = surface === null ? "height as read [mm]" : "depth [mm]";
     this.plots = [
       this.plot(this.places.depth, SMALL, over, "force [N]", [depth, force, model], false),
       this.plot(this.places.time, SMALL, "time [s]", "force [N]", [seconds, force, model], true),
       this.plot(this.places.residual, LOW, "time [s]", "N", [seconds, left], false),
     ];
-    for (const box of Object.values(this.places)) box.classList.remove("pale");
+    this.settle();
     this.drawn += 1;
   }
 
@@ -48,7 +49,7 @@ export class CurveView {
     // Over depth the points come in the order of time, and x is not sorted: the plot is told the range of x itself.
     if (path.paths) {
       const known = data[0].filter((v) => v !== null), low = Math.min(...known), high = Math.max(...known);
-      options.scales.x.range = () => (low < high ? [low, high] : [low - 1, low + 1]);
+      options.scales.x.range = () => (low < high ? [low - 0.02 * (high - low), high + 0.02 * (high - low)] : [low - 1, low + 1]);
       options.cursor = { show: false };
       options.scales.y = { range: () => span(data.slice(1)) };
       options.scales.x.distr = 1;
@@ -65,7 +66,9 @@ export class CurveView {
     this.ranged(`${+from.toFixed(4)} s..${+to.toFixed(4)} s`);
   }
 
-  fade() { for (const box of Object.values(this.places)) box.classList.add("pale"); }
+  fade() { for (const box of Object.values(this.places)) box.classList.add("pale"); this.busy.hidden = false; }
+
+  settle() { for (const box of Object.values(this.places)) box.classList.remove("pale"); this.busy.hidden = true; }
 }
 
 function span(columns) {

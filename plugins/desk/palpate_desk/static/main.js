@@ -10,7 +10,7 @@ let folder = null, socket = null, number = 0, waiting = null, over = false, rang
 const reasons = [];
 window.palpate = { asked: 0, drawn: 0, errors: [] };
 
-const view = new CurveView({ depth: $("plot-depth"), time: $("plot-time"), residual: $("plot-residual") }, chooseRange);
+const view = new CurveView({ depth: $("plot-depth"), time: $("plot-time"), residual: $("plot-residual") }, $("busy"), chooseRange);
 const table = new Table($("head"), $("table"), look);
 
 function connect() {
@@ -35,10 +35,10 @@ const TAKES = {
   rows: (m) => { table.replace(m.rows); takeState(m); count(); redraw(m.rows.some((row) => row.curve === table.current?.curve)); },
   state: (m) => takeState(m.state),
   curve: (m, whole) => takeCurve(m, whole),
-  filter: (m) => { if (m.words === $("filter").value) { hush(); table.filter(m.words.trim() ? m.names : null); count(); redraw(false); } },
+  filter: (m) => { if (m.words === $("filter").value) { hush(); table.filter(m.words.trim() ? m.names : null); if (!table.current) table.pick(0); count(); redraw(false); } },
   done: (m) => { hush(); told(m.command); },
   note: (m) => warn(m.text),
-  error: (m) => { window.palpate.errors.push(m.text); refitting = null; for (const id of ["plot-depth", "plot-time", "plot-residual"]) $(id).classList.remove("pale"); warn(m.text); },
+  error: (m) => { window.palpate.errors.push(m.text); refitting = null; clearTimeout(waiting); view.settle(); warn(m.text); },
   groups: takeGroups,
   compare: takeCompare,
   export: (m) => { $("export-note").textContent = m.text; told(m.command); },
@@ -99,7 +99,7 @@ function look(row) {
   send({ do: "curve", curve: row.curve, number });
 }
 
-function words(row) {
+function words(row, messages = new Map()) {
   $("curve-name").textContent = table.short(row.curve);
   $("curve-name").title = row.curve;
   const shown = row.state === "current" && row.verdict !== "invalid";
@@ -110,17 +110,17 @@ function words(row) {
   if (row.error) about.push(row.error);
   for (const text of folder.own[row.curve] ?? []) about.push(`own: ${text}`);
   $("curve-note").textContent = about.join(" · ");
-  $("flags").replaceChildren(row.state === "current" ? flags(row) : "");
+  $("flags").replaceChildren(row.state === "current" ? flags(row, messages) : "");
   $("compare").replaceChildren();
   const key = `estimator.${folder.fit}.segment=`, own = (folder.own[row.curve] ?? []).find((text) => text.startsWith(key));
   if (!range && document.activeElement !== $("segment")) $("segment").value = own ? own.slice(key.length).replaceAll('"', "") : folder.segment;
 }
 
-function flags(row) {
+function flags(row, messages) {
   const list = document.createElement("table");
   for (const code of row.flags) {
     const line = list.insertRow(), known = folder.meanings[code] ?? { severity: "", meaning: "", remedy: "" };
-    for (const text of [code, known.severity, known.meaning, known.remedy]) line.insertCell().textContent = text;
+    for (const text of [code, known.severity, messages.get(code) ?? known.meaning, known.remedy]) line.insertCell().textContent = text;
     line.cells[1].className = known.severity;
   }
   return list;
@@ -132,7 +132,7 @@ function takeCurve(m, whole) {
   clearTimeout(waiting);
   refitting = null;
   view.show(whole);
-  words(current);
+  words(current, new Map((m.flags ?? []).map((flag) => [flag.code, flag.message])));
   if (m.raw) $("curve-note").textContent += m.error && !current.error ? ` · ${m.error}` : " · force and height as read";
   budget(m.budget ?? []);
   window.palpate.drawn += 1;
@@ -294,11 +294,11 @@ for (const [id, does] of Object.entries(CLICKS)) $(id).addEventListener("click",
 for (const id of ["by", "parameter", "map-parameter"]) $(id).addEventListener("change", () => { $("groups-table").replaceChildren(); redraw(false); });
 
 const EXPORTS = [
-  ["report", "a page on all curves, by group", () => ({ by: folder.columns.length ? $("by").value : "" })],
-  ["groups", "a figure of the groups, groups.svg", () => ({ by: folder.columns.length ? $("by").value : "", parameter: $("parameter").value })],
-  ["map", "a map with its table", () => ({ parameter: $("map-parameter").value })],
-  ["figure", "the figures of this curve", () => ({ curve: table.current?.curve ?? "" })],
-  ["history", "what was done as a script, history.sh", () => ({})],
+  ["report", "a page on all curves, by group: report.html", () => ({ by: folder.columns.length ? $("by").value : "" })],
+  ["groups", "a figure of the groups: groups.svg", () => ({ by: folder.columns.length ? $("by").value : "", parameter: $("parameter").value })],
+  ["map", "a map with its table: maps/", () => ({ parameter: $("map-parameter").value })],
+  ["figure", "the figures and the whole result of this curve: figures/", () => ({ curve: table.current?.curve ?? "" })],
+  ["history", "what was done, as a script: history.sh", () => ({})],
 ];
 $("exports").append(...EXPORTS.map(([what, text, more]) => {
   const line = document.createElement("li"), button = document.createElement("button");
