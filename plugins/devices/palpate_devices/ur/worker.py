@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -137,7 +138,7 @@ class _Loop:
 
     def _advance(self, commander: Commander, seen: ArmState) -> None:
         before, leaving = (commander.command, commander.turn), commander.mode == "retract"
-        commander.next(seen.position, seen.velocity)
+        commander.next(seen.position, seen.velocity, self._room())
         verdict = self._fence.command(commander.command, commander.turn, before, seen, leaving)
         if verdict is not None:
             commander.take_back()
@@ -148,6 +149,13 @@ class _Loop:
                 verdict = Verdict(text)
         if verdict is not None:
             self._stop_for(verdict, commander)
+
+    def _room(self) -> float:
+        """How far [m] a command may go on: all that one tick might take at once are below two of the arm's own steps."""
+        limits, ahead = self._fence.limits, self._robot.ahead
+        if limits is None or ahead == 0.0:
+            return math.inf
+        return float(max(2 * _OWN * limits["speed"] * PERIOD - ahead, 0.0))
 
     def _stop_for(self, verdict: Verdict, commander: Commander) -> None:
         """Retract where the arm follows its commands, else stop it where it is."""
