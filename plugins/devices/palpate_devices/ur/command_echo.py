@@ -25,7 +25,7 @@ STATE_BYTES = _RECIPE.size
 
 
 @dataclass(frozen=True)
-class _Command:
+class _SentCommand:
     number: int
     sent: float  # [s] of the controller's time, by its latest state
     place: Floats  # (3,) [m]
@@ -41,7 +41,7 @@ class Echo:
         self._sent = 0
         self._heard: int | None = None
         self._since = 0.0  # the latest news, or the first command after which there was none to come
-        self._commands: deque[_Command] = deque(maxlen=_ON_THEIR_WAY)  # from the latest that came back on
+        self._commands: deque[_SentCommand] = deque(maxlen=_ON_THEIR_WAY)  # from the latest that came back on
         self._usual = math.inf  # [s] the shortest time in which one came back
 
     def number(self, now: float, place: Floats) -> float:
@@ -49,7 +49,7 @@ class Echo:
         if self._heard == self._sent % _NUMBERS or not self._sent:
             self._since = now
         self._sent += 1
-        self._commands.append(_Command(self._sent % _NUMBERS, now, place.copy()))
+        self._commands.append(_SentCommand(self._sent % _NUMBERS, now, place.copy()))
         return self._sent % _NUMBERS * _UNIT
 
     def hear(self, now: float, acceleration: float) -> None:
