@@ -92,7 +92,7 @@ def test_the_doctor(palpate, live, tmp_path):
             "device.arm.watchdog=1 Hz",
         )
         slack = [word for item in patient for word in ("--set", item)]
-        done = palpate("doctor", live, *sets, *slack, "--set", "alignment.gap=5 s", "--duration", "0.6")
+        done = palpate("doctor", live, *sets, *slack, "--set", "alignment.gap=5 s", "--duration", "0.6", "-v")
         assert done.returncode == 0, done.stdout + done.stderr
         assert "ok   standstill: force" in done.stdout
         assert "SCHED_FIFO" in done.stdout or "no real-time scheduling" in done.stdout

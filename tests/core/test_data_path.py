@@ -95,9 +95,9 @@ def test_sinks_open_before_real_time_scheduling_and_can_start_processes_there(ru
     usual = flow.real_time_section
 
     @contextmanager
-    def noted():
+    def noted(stop):
         EVENTS.append("undisturbed")
-        with usual() as said:
+        with usual(stop) as said:
             yield said
 
     monkeypatch.setattr(flow, "real_time_section", noted)

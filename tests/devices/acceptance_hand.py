@@ -27,8 +27,8 @@ class Person:
         )  # fmt: skip
         self.said, self._top = "", 0.0
 
-    def go_through(self):
-        """Exit code and standard output of the whole protocol."""
+    def go_through(self, answers=1000):
+        """Exit code and standard output of the whole protocol, or of what there is of it after some answers."""
         act, begin = None, 0
         while data := os.read(self._process.stderr.fileno(), 4096):
             self.said += data.decode()
@@ -49,8 +49,12 @@ class Person:
                 for line in self._before:
                     self._twin.fault(line)
                 begin = len(self.said)
-                self._process.stdin.write(b"\n")
-                self._process.stdin.flush()
+                answers -= 1
+                if answers < 0:
+                    self._process.stdin.close()
+                else:
+                    self._process.stdin.write(b"\n")
+                    self._process.stdin.flush()
         out = self._process.stdout.read().decode()
         for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
             pipe.close()

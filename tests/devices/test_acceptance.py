@@ -83,10 +83,12 @@ def test_a_rig_whose_stops_are_slow_fails(simulated, tmp_path):
 
 @pytest.mark.slow
 def test_a_rig_that_reacts_later_than_declared_fails(simulated, tmp_path):
-    """Some milliseconds, of which 0.1 ms and the sensor's filter are declared."""
+    """An arm that follows its commands 30 ms late, of which 0.1 ms and the sensor's filter are declared."""
     twin = simulated(*SHORT, "twin.bench.height=10 mm")
-    found, _ = go_through(twin, tmp_path / "a", ["foam/force"], (), ("safety.latency=0.1 ms",))
-    assert "braking begins too late" in found["foam/force"].problems
+    late = ("safety.latency=0.1 ms", "device.arm.lookahead=0.2 s")
+    found, _ = go_through(twin, tmp_path / "a", ["foam/force"], (), late)
+    outcome = found["foam/force"]
+    assert "braking begins too late" in outcome.problems, outcome
 
 
 @pytest.mark.parametrize(

@@ -43,3 +43,16 @@ def test_a_rig_whose_stops_are_slow_fails(bench, tmp_path):
     assert "stops worse than [safety] declares" in said
     assert table["verdict"] == "failed"
     assert "it brakes too softly" in steps["free-air/estop"]["problems"]
+
+
+def test_what_was_measured_stays_where_the_person_goes(bench, tmp_path):
+    """One answer, that there is free air; none, as foam is to be laid under the tip."""
+    twin = bench(*ALERT, *BUSY)
+    person = Person(twin, tmp_path / "a", str(PIPELINE), "--step", "free-air/ctrl-c", "--step", "foam/ctrl-c")
+    code, _ = person.go_through(answers=1)
+    assert code == 2
+    assert "no answer: the acceptance needs a person" in person.said
+    table = json.loads((tmp_path / "a" / "acceptance.json").read_text())
+    assert [step["name"] for step in table["steps"]] == ["free-air/ctrl-c"]
+    assert "not done: free-air/estop" in (tmp_path / "a" / "acceptance.md").read_text()
+    assert twin.wait_at_rest()["joint_speed"] < 1e-3

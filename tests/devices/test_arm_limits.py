@@ -489,3 +489,43 @@ def test_a_light_touch_is_felt(simulated):
     twin = simulated(*SHORT, "twin.bench.height=0.1 mm")  # the skin is at 0.3 mm
     assert "the tip touches something" in refused(twin)
     assert twin.state()["low"][2] > 0.00008
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Down and up in free air at a peak speed [m/s] just below its limit, from a second on."""
+
+    peak: float
+    total_duration: float = 3.0
+    frequency = 1.5  # [Hz]
+
+    def at(self, time):
+        time = np.clip(np.asarray(time, float), 0.0, self.total_duration)
+        angle, part = 2 * np.pi * self.frequency * time, np.clip(time, 0.0, 1.0)
+        rise, rate = part**2 * (3 - 2 * part), 6 * part * (1 - part)
+        swing = self.peak / (2 * np.pi * self.frequency)
+        position, velocity = np.zeros((len(time), 3)), np.zeros((len(time), 3))
+        position[:, 2] = 0.008 + swing * rise * np.cos(angle)
+        velocity[:, 2] = swing * rate * np.cos(angle) - self.peak * rise * np.sin(angle)
+        return Setpoint(position, velocity, np.zeros(len(time), bool))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("control", ["servo", "pd"])
+@pytest.mark.parametrize("held", [0.003, 0.005, 0.009, 0.06])
+def test_a_controller_that_stops_listening_makes_no_two_steps_in_one_tick(rig, held, control):
+    """All along a motion near its limit; at 1.36 times its speed the tip was, where two full steps came at once."""
+    limits = LIMITS.model_copy(update={"acceleration": 3.0, "stop_force": 30.0, "force": 100.0})
+    over = []
+
+    def hold_back():
+        rig.wait(lambda state: state["tip_speed"] > 0.8 * LIMITS.speed)
+        while not over:
+            rig.fault(f"half-open {held}")
+            clock().sleep(held + 0.0431)
+
+    clock().thread(hold_back, "hold back").start()
+    why, truth, _ = moved(rig, Swing(0.98 * LIMITS.speed), limits, control=control)
+    over.append(True)
+    assert why == ""
+    assert 0.85 * LIMITS.speed < truth["fastest_tip"] < 1.2 * LIMITS.speed

@@ -46,7 +46,7 @@ def _forget(monkeypatch):
 def test_a_second_program_is_refused_by_the_name_of_the_first_until_that_is_dead(tmp_path):
     with holder("robot 192.0.2.7:30004", tmp_path) as first:
         with pytest.raises(
-            DeviceError, match=rf"robot 192.0.2.7:30004 is in use by `.* -c .*process {first.pid}, since"
+            DeviceError, match=rf"robot 192.0.2.7:30004 is in use by `.* -c .*process {first.pid}, in .*, since"
         ):
             reserve("robot 192.0.2.7:30004", os.getpid(), tmp_path)
         reserve("robot 192.0.2.8:30004", os.getpid(), tmp_path)  # another one is free

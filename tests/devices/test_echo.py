@@ -4,11 +4,13 @@ import os
 import socket
 import threading
 
+import numpy as np
 import pytest
 from palpate_devices.ur.command_echo import Echo, ReadBack
 from palpate_devices.ur.setpoint_buffer import PERIOD
 from palpate_simulation.twins.rtde import ClientSession, packets
 
+PLACE = np.zeros(3)
 HOST = f"127.7.{os.getpid() % 250}.1"
 
 
@@ -20,7 +22,7 @@ def driven(periods, delay, heard=lambda i: True, sent=lambda i: True):
         if i >= delay and heard(i):
             echo.hear(now, register[i - delay])
         silences.append(echo.silence(now))
-        register.append(echo.number(now) if sent(i) else register[-1])
+        register.append(echo.number(now, PLACE) if sent(i) else register[-1])
     return silences
 
 
@@ -40,6 +42,30 @@ def test_commands_that_do_not_arrive_are_a_silence():
 def test_a_host_that_sends_nothing_waits_for_nothing():
     silences = driven(300, 1, sent=lambda i: not 100 <= i < 200)
     assert max(silences) <= PERIOD + 1e-9
+
+
+@pytest.mark.parametrize("delay", [1, 2, 5])
+def test_how_far_a_command_is_ahead_of_what_was_taken(delay):
+    """A step of 1 mm in each period: those that come back late count as taken, until one is later than usual."""
+    echo, numbers, ahead = Echo(), [], []
+    for i in range(40):
+        now = i * PERIOD
+        heard = min(i, 20) if i < 30 else i  # from 20 to 29 the controller takes none
+        if heard >= delay:
+            echo.hear(now, numbers[heard - delay])
+        ahead.append(echo.ahead(now))
+        numbers.append(echo.number(now, np.array([0.0, 0.0, 1e-3 * i])))
+    still = [1e-3 * (i - 1 - (20 - delay)) for i in range(21, 30)]
+    assert ahead == pytest.approx([0.0] * 21 + still + [0.0] * 10)
+
+
+def test_without_a_new_state_the_latest_command_is_ahead():
+    echo = Echo()
+    for i in range(3):
+        echo.number(0.002 * i, np.array([0.0, 0.0, 1e-3 * i]))
+    assert echo.ahead(0.004) == pytest.approx(1e-3)  # the controller has not yet shown that tick
+    assert echo.ahead(0.006) == 0.0
+    assert Echo().ahead(0.0) == 0.0
 
 
 def served(unknown=""):

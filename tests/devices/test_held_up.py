@@ -76,6 +76,10 @@ class VirtualRobot:
     def turn(self):
         return np.zeros(3)
 
+    @property
+    def ahead(self):
+        return 0.0  # each command is taken in its tick
+
     def servo(self, position, turn):
         target = WORK.tool_pose(position)
         self.arm.servo(joints_at(target, TOOL, self.arm.q, steps=15), 0.03, 1000.0)

@@ -23,7 +23,7 @@ ENDS = {
     15: "the controller has closed the link",
     29: "the tip touches something",
     53: "the tip touches something",
-    49: "the force is 11.5 N",
+    49: "the force is 10.7 N",
     176: "the robot has changed to reduced mode",
     145: "repeats its reading in every digit",
     101: "the controller slows the arm to 50 %",

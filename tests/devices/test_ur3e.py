@@ -3,6 +3,7 @@
 import os
 import socket
 import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -226,8 +227,13 @@ def test_a_controller_that_falls_silent_while_connecting(restored):
 @pytest.mark.slow
 @pytest.mark.talks
 def test_a_second_master_is_refused(restored):
-    with device(restored).connect(0), pytest.raises(DeviceError, match="already in use"):
-        states(device(restored))
+    """By this computer's lock, which names the first; of another computer's the controller alone knows."""
+    with device(restored).connect(0):
+        with pytest.raises(DeviceError, match=f"is in use by `.*process {os.getpid()}, in {Path.cwd()}, since .*"):
+            states(device(restored))
+        Path(f"/tmp/palpate-robot-{restored.host}-30004.lock").unlink()
+        with pytest.raises(DeviceError, match="already in use"):
+            states(device(restored))
 
 
 def test_a_motion_out_of_reach_ends_in_words(restored):

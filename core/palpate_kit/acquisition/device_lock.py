@@ -69,8 +69,17 @@ def _description(program: int) -> dict[str, Any]:
         "program": program,
         "process": os.getpid(),
         "command": _command(program),
+        "folder": _folder(program),
         "since": datetime.now().astimezone().isoformat(timespec="seconds"),
     }
+
+
+def _folder(program: int) -> str:
+    """Where the program runs, by which its relative paths are read."""
+    try:
+        return str(Path(f"/proc/{program}/cwd").readlink())
+    except OSError:
+        return str(Path.cwd())
 
 
 def _command(program: int) -> str:
@@ -89,7 +98,8 @@ def _holder(handle: int) -> str:
         found = json.loads(os.pread(handle, 65536, 0))
         since = datetime.fromisoformat(found["since"])
         program, process = int(found["program"]), int(found["process"])
-        text = f"`{found['command']}` (process {program}, since {since:%H:%M:%S on %Y-%m-%d})"
+        begun = f"process {program}, in {found['folder']}, since {since:%H:%M:%S on %Y-%m-%d}"
+        text = f"`{found['command']}` ({begun})"
     except (OSError, ValueError, KeyError, TypeError):
         return "another program"
     if process == program or Path(f"/proc/{program}").exists():

@@ -13,6 +13,8 @@ _RECORDS = 10_000  # that are looked at before the first messages
 
 def attached_to(path: Path) -> LogAttachments:
     """Texts and facts that stand before the first message; what a damaged head leaves of them. Raises LogError."""
+    import struct
+
     from mcap.exceptions import McapError
     from mcap.records import Attachment, Chunk, DataEnd, Message, Metadata
     from mcap.stream_reader import StreamReader
@@ -31,6 +33,6 @@ def attached_to(path: Path) -> LogAttachments:
                     facts |= record.metadata
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except (McapError, UnicodeDecodeError, ValueError, MemoryError):
+    except (McapError, struct.error, UnicodeDecodeError, ValueError, MemoryError):
         pass  # the log's own reader says what is damaged
     return LogAttachments(documents, facts)

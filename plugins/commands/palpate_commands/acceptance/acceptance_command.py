@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError, DeviceError, Force, clock
-from palpate.host import load_pipeline, make_folder, suggest, withdraw_folder, write_new
+from palpate.host import Pipeline, load_pipeline, make_folder, suggest, withdraw_folder, write_new
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import FolderOption, JsonOption, Overrides
 from palpate_kit.terminal.table import Table, console
@@ -19,10 +19,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from palpate_commands.acceptance.job import ProcessJob
 from palpate_commands.acceptance.page import Acceptance, row_of
-from palpate_commands.acceptance.protocol import AcceptanceGuide, AcceptanceProtocol
+from palpate_commands.acceptance.protocol import AcceptanceGuide, AcceptanceProtocol, Outcome
 from palpate_commands.acceptance.steps import STEPS, Visit, all_visits
 from palpate_commands.acceptance.strokes import demand_limits
 
+PAGE = "acceptance.md"
 _FORCE = TypeAdapter(Force)
 
 
@@ -53,35 +54,50 @@ def acceptance(
     folder = make_folder("acceptance", out, began)
     start = partial(ProcessJob, file, overrides or [])
     protocol = AcceptanceProtocol(pipeline, folder, guide, start, force)
-    outcomes = []
+    outcomes: list[Outcome] = []
     try:
         protocol.refuse(visits)
+    except ConfigurationError:
+        withdraw_folder(folder)
+        raise
+    try:
         for outcome in protocol.outcomes(visits):
             outcomes.append(outcome)
             guide.say(f"  {', '.join(row_of(outcome)[2:])}")
-    except ConfigurationError:
-        if not any(folder.iterdir()):
-            withdraw_folder(folder)
+    except (ConfigurationError, DeviceError, KeyboardInterrupt):
+        if outcomes:  # what was measured until then counts
+            _write(_acceptance(pipeline, file, began, protocol, outcomes), folder)
+            guide.say(f"what was measured until then: {folder / PAGE}")
         raise
-    found = Acceptance(
+    _tell(_acceptance(pipeline, file, began, protocol, outcomes), folder, as_json)
+
+
+def _acceptance(
+    pipeline: Pipeline, file: Path, began: datetime, protocol: AcceptanceProtocol, outcomes: Sequence[Outcome]
+) -> Acceptance:
+    return Acceptance(
         pipeline.run.name,
         str(file),
         began,
         importlib.metadata.version("palpate"),
         protocol.identity,
-        limits,
+        demand_limits(pipeline),
         tuple(outcomes),
     )
-    _tell(found, folder, as_json)
+
+
+def _write(found: Acceptance, folder: Path) -> None:
+    """The page to sign, and the same for programs."""
+    import json
+
+    write_new(folder / PAGE, found.text())
+    write_new(folder / "acceptance.json", json.dumps(found.table(), indent=2, allow_nan=False) + "\n")
 
 
 def _tell(found: Acceptance, folder: Path, as_json: bool) -> None:
     """Write and show it; raises DeviceError where the rig failed."""
-    import json
-
-    page = folder / "acceptance.md"
-    write_new(page, found.text())
-    write_new(folder / "acceptance.json", json.dumps(found.table(), indent=2, allow_nan=False) + "\n")
+    page = folder / PAGE
+    _write(found, folder)
     if as_json:
         print_json(found.table())
     else:

@@ -261,7 +261,7 @@ class AcceptanceProtocol:
         deadline = clock().now() + patience
         while not condition():
             if observer is not None and observer.failure is not None:
-                raise DeviceError(observer.failure)
+                raise MissedError(observer.failure)
             if clock().now() > deadline:
                 raise MissedError(f"nothing happened within {patience:.0f} s")
             clock().sleep(_LOOK)

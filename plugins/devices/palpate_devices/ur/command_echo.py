@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import struct
+from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from palpate import Floats
 
 RTDE_PORT = 30004
 # `servoL` sends an acceleration that neither the control program nor `servoj` uses: the command's number goes there.
@@ -12,8 +18,17 @@ _REGISTER = "input_double_register_7"
 _NUMBERS = 1 << 16
 _UNIT = 1e-3  # [m/s^2] of one; the client library takes up to 150 m/s^2
 _TIMEOUT = 1.0  # [s]
+_ON_THEIR_WAY = 64  # commands; of a lost link more are
+_NOW = 0.5e-3  # [s] within which two instants are one: a quarter of a tick
 _RECIPE = struct.Struct(">Bdd")  # its number, time [s], register
 STATE_BYTES = _RECIPE.size
+
+
+@dataclass(frozen=True)
+class _SentCommand:
+    number: int
+    sent: float  # [s] of the controller's time, by its latest state
+    place: Floats  # (3,) [m]
 
 
 class Echo:
@@ -26,19 +41,40 @@ class Echo:
         self._sent = 0
         self._heard: int | None = None
         self._since = 0.0  # the latest news, or the first command after which there was none to come
+        self._commands: deque[_SentCommand] = deque(maxlen=_ON_THEIR_WAY)  # from the latest that came back on
+        self._usual = math.inf  # [s] the shortest time in which one came back
 
-    def number(self, now: float) -> float:
-        """The number of the next command as an acceleration [m/s^2], sent at a time [s]."""
+    def number(self, now: float, place: Floats) -> float:
+        """The number of the next command, to a place (3,) [m], as an acceleration [m/s^2], sent at a time [s]."""
         if self._heard == self._sent % _NUMBERS or not self._sent:
             self._since = now
         self._sent += 1
+        self._commands.append(_SentCommand(self._sent % _NUMBERS, now, place.copy()))
         return self._sent % _NUMBERS * _UNIT
 
     def hear(self, now: float, acceleration: float) -> None:
         """What the controller read back at a time [s]."""
         heard = round(acceleration / _UNIT)
-        if heard != self._heard:
-            self._heard, self._since = heard, now
+        if heard == self._heard:
+            return
+        self._heard, self._since = heard, now
+        if any(command.number == heard for command in self._commands):
+            while self._commands[0].number != heard:
+                self._commands.popleft()
+            self._usual = min(self._usual, now - self._commands[0].sent)
+
+    def ahead(self, now: float) -> float:
+        """How far [m] the latest command is, at a time [s], from what the controller has taken before it.
+
+        0 where each was taken in its tick: those that are not yet expected back count as taken, if a state came since.
+        """
+        if not self._commands:
+            return 0.0
+        first, *others = self._commands
+        if any(command.sent <= now - self._usual + _NOW for command in others):
+            return float(np.linalg.norm(self._commands[-1].place - first.place))
+        taken = next((command for command in reversed(others) if command.sent < now - _NOW), first)
+        return float(np.linalg.norm(self._commands[-1].place - taken.place))
 
     def silence(self, now: float) -> float:
         """For how long [s] commands are on their way and none has arrived."""

@@ -69,9 +69,7 @@ class Robot:
         self.paces = (1.0, 1.0)  # speed slider, the controller's own scaling
         self._echo = Echo()
         self._read_back: Any = None  # a ReadBack
-        self.wrong_size: tuple[int, int] | None = (
-            None  # bytes of a state, and how many were agreed on, where they differ
-        )
+        self.wrong_size: tuple[int, int] | None = None  # bytes of a state, and how many were agreed on
         self.leap: float | None = None  # [m] between the last two states, where no arm moves so far
         self.facts: dict[str, Any] = {}
         self.tool = np.eye(4)
@@ -187,6 +185,11 @@ class Robot:
         """For how long [s] of its own time the controller has taken none of the commands on their way."""
         return self._echo.silence(self.stamp)
 
+    @property
+    def ahead(self) -> float:
+        """How far [m] the latest command is from what the controller has taken before it."""
+        return self._echo.ahead(self.stamp)
+
     def _read(self) -> tuple[list[float], tuple[int, int, int], tuple[float, float]]:
         receive = self.receive
         values = [
@@ -229,7 +232,7 @@ class Robot:
         if self._turned is None or not np.array_equal(self._turned[0], turn):
             rotation = rotation_vector(self._work.tool @ rotation_matrix(turn.tolist()))
             self._turned = turn.copy(), rotation.tolist()
-        number = self._echo.number(self.stamp)
+        number = self._echo.number(self.stamp, position)
         return bool(self.control.servoL([*target, *self._turned[1]], 0.5, number, *self._servo))
 
 

@@ -160,8 +160,11 @@ class Commander:
         """The latest command was not sent."""
         self.command, self._speed, self.turn = self._before
 
-    def next(self, position: Floats, velocity: Floats) -> Floats:
-        """The command (3,) for this period, from the measured position and velocity (3,) in the work frame."""
+    def next(self, position: Floats, velocity: Floats, room: float = math.inf) -> Floats:
+        """The command (3,) for this period, from the measured position and velocity (3,) in the work frame.
+
+        A plan goes on by `room` [m] at most, and is made up for later.
+        """
         self._before = self.command, self._speed, self.turn
         if self.mode in ("approach", "retreat"):
             if self._way:
@@ -173,12 +176,12 @@ class Commander:
             else:
                 self.mode, self.home = "follow", self._plan[0][SETPOINT["position"]]
         if self.mode == "follow":
-            self._follow(position, velocity)
+            self._follow(position, velocity, room)
         elif self.mode == "retract":
             self._retract()
         return self.command
 
-    def _follow(self, position: Floats, velocity: Floats) -> None:
+    def _follow(self, position: Floats, velocity: Floats, room: float) -> None:
         law = self.law
         row, before = self._in_plan(), self.command
         if self.lead is not None:
@@ -187,15 +190,24 @@ class Commander:
         if law.control == "pd":
             wanted, rate = row[SETPOINT["position"]], row[SETPOINT["velocity"]] * (1.0 + faster)
             speed = law.gain * (wanted - position) + law.damping * (rate - velocity)
-            length = float(np.linalg.norm(speed))
-            self.command = before + (speed if length <= law.most else speed * (law.most / length)) * PERIOD
+            self.command = before + _no_longer(speed * PERIOD, min(law.most * PERIOD, room))
+        elif self.lead is not None:
+            self.command = before + _no_longer(row[SETPOINT["position"]] - before, min(law.most * PERIOD, room))
         else:
-            self.command = row[SETPOINT["position"]].copy()
+            self._wait_for_room(float(np.linalg.norm(row[SETPOINT["position"]] - before)), room)
+            self.command = self._in_plan()[SETPOINT["position"]].copy()
         self._speed = (self.command - before) / PERIOD
         self._row += 1.0 + faster
         self._behind -= faster
         if self._row >= len(self._plan):
             self.mode = "done"
+
+    def _wait_for_room(self, step: float, room: float) -> None:
+        """Go back in the plan by what a step [m] is too long."""
+        if step > room:
+            back = min(1.0 - room / step, self._row)
+            self._row -= back
+            self._behind = min(self._behind + back, _MOST_BEHIND)
 
     def _retract(self) -> None:
         assert self.home is not None
@@ -209,3 +221,9 @@ class Commander:
         self.command = self.command + self._speed * PERIOD
         if rest < 1e-5 and float(np.abs(self._speed).max()) < 2 * step:
             self.mode = "done"
+
+
+def _no_longer(way: Floats, most: float) -> Floats:
+    """A way (3,) [m], cut to a length."""
+    length = float(np.linalg.norm(way))
+    return way if length <= most else way * (most / length)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -31,7 +32,7 @@ from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
 _BLIND = 2_300_000  # [ns] without a new state: of more commands than two on their way only the last would count
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
 _LOST = 0.1  # [s], likewise
-_OWN = 0.85  # of the speed limit, for what the arm does by itself: two steps in one tick are still below 1.2 of it
+_OWN = 0.85  # of the speed limit: two steps of that in one tick are still below 1.2 of it
 _EXPLAIN = 10  # periods
 _MUTE = 25  # periods in which a stop has to reach the other connection, too
 _HEARD = 0.25  # [s] for a stop to be carried out
@@ -137,7 +138,7 @@ class _Loop:
 
     def _advance(self, commander: Commander, seen: ArmState) -> None:
         before, leaving = (commander.command, commander.turn), commander.mode == "retract"
-        commander.next(seen.position, seen.velocity)
+        commander.next(seen.position, seen.velocity, self._room())
         verdict = self._fence.command(commander.command, commander.turn, before, seen, leaving)
         if verdict is not None:
             commander.take_back()
@@ -148,6 +149,13 @@ class _Loop:
                 verdict = Verdict(text)
         if verdict is not None:
             self._stop_for(verdict, commander)
+
+    def _room(self) -> float:
+        """How far [m] a command may go on, so that all which one tick might take at once makes two of its own steps."""
+        limits, ahead = self._fence.limits, self._robot.ahead
+        if limits is None or ahead == 0.0:
+            return math.inf
+        return float(max(2 * _OWN * limits["speed"] * PERIOD - ahead, 0.0))
 
     def _stop_for(self, verdict: Verdict, commander: Commander) -> None:
         """Retract where the arm follows its commands, else stop it where it is."""
