@@ -10,7 +10,13 @@ from .arm_limits import (
     SupportsRetreat as SupportsRetreat,
     SupportsSharing as SupportsSharing,
 )
-from .clocks import Clock as Clock, Thread as Thread, clock as clock
+from .clocks import (
+    Clock as Clock,
+    Thread as Thread,
+    clock as clock,
+    epoch_offset as epoch_offset,
+    host_time_ns as host_time_ns,
+)
 from .contact import (
     ContactModel as ContactModel,
     Indenter as Indenter,

@@ -5,7 +5,7 @@ import queue
 import threading
 
 import pytest
-from palpate.clocks import clock
+from palpate.clocks import clock, host_time_ns
 from palpate.simulated_clock import SimulatedClock
 from palpate.simulated_turns import DeadlockError, HoldUp
 
@@ -31,6 +31,17 @@ def test_the_order_of_turns_is_that_of_the_times_waited_for():
         assert clock().now() - begin == pytest.approx(0.006)
     # At 6 ms both are due: the one that began to wait for it first runs first.
     assert log == [("a", 0.002), ("b", 0.003), ("a", 0.004), ("b", 0.006), ("a", 0.006)]
+
+
+@pytest.mark.parametrize("by", [-3600.0, 3600.0])
+def test_host_time_goes_on_where_the_computers_clock_is_set(by, monkeypatch):
+    """Readings are stamped by it: none is older or younger than what waits for it."""
+    wall = SimulatedClock.epoch_ns
+    with SimulatedClock().running():
+        before = host_time_ns()
+        monkeypatch.setattr(SimulatedClock, "epoch_ns", lambda self: wall(self) + round(1e9 * by))
+        clock().sleep(0.25)
+        assert host_time_ns() - before == 250_000_000
 
 
 def test_years_pass_in_no_time():

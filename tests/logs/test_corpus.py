@@ -34,8 +34,11 @@ def refused(ask):
     return None
 
 
+SLOW = ("pages_of_noise.db3", "chunk_claims_100_gb.mcap")
+
+
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] if "bomb" in name else []) for name in FILES]
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW or "bomb" in name else []) for name in FILES]
 )
 def test_whatever_is_asked_of_it(tmp_path, name):
     path = Path(shutil.copy(CORPUS / name, tmp_path))

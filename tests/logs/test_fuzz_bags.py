@@ -33,6 +33,7 @@ def outcome(path, raw):
 FUZZ = settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
 
+@pytest.mark.slow
 @FUZZ
 @given(data=st.data())
 def test_a_database_cut_anywhere_is_refused_or_read(bag, data):

@@ -137,6 +137,7 @@ def test_columns_that_are_not_clear_are_named_and_can_be_chosen(palpate, tmp_pat
     assert "there is no column 'fy' (there are: n, t, fx_N, fz_N, z_m)" in wrong.stderr
 
 
+@pytest.mark.slow
 def test_a_real_table_by_its_columns(palpate, shared, tmp_path):
     log = shared / "ur3e-bota-2024" / "d10mm_soft.csv.gz"
     chosen = ("--rate", "500 Hz", "--force", "4", "--position", "0", "--velocity", "3")

@@ -86,6 +86,7 @@ def test_a_bag_that_is_cut_gives_what_is_whole(palpate, tmp_path, whole):
     assert "exists already" in palpate("log", "recover", "bag.db3", "-o", "good.db3").stderr
 
 
+@pytest.mark.slow
 def test_messages_of_many_pages_are_whole_or_not_there(tmp_path):
     messages = [(i, array_message(np.full(3000, i + 0.1))) for i in range(40)]
     raw = write_bag(tmp_path / "bag.db3", [("/data", "std_msgs/msg/Float64MultiArray", messages)]).read_bytes()

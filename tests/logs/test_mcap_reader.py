@@ -153,6 +153,7 @@ def leaves(item, path=""):
             yield from leaves(inner, f"{path}[{i}]")
 
 
+@pytest.mark.slow
 def test_every_number_of_the_real_files_is_that_of_another_reader(shared):
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory

@@ -137,6 +137,7 @@ def test_numbers_without_names_in_a_bag(tmp_path):
     assert [suggestion.alignment[role]["sign"] for role in ("force", "position", "velocity")] == [-1, -1, -1]
 
 
+@pytest.mark.slow
 def test_the_authors_recordings(shared):
     """No header, no time, no units, a setpoint, constants; two of them in contact from the first row on."""
     for name in ("d10mm_soft", "d10mm_sphere", "d5mm_soft", "tran_4mms"):
@@ -261,6 +262,7 @@ def test_a_force_that_counts_the_other_way_is_asked_for(palpate, tmp_path):
     assert "should force have sign = -1 in [alignment]?" in " ".join(done.stdout.split())
 
 
+@pytest.mark.slow
 def test_compare_takes_the_roles_as_info_does(palpate, tmp_path):
     time, height, _, force = press(4.0)
     written(tmp_path / "log.csv", [time, force, 0.5 * force, height], ["time_s", "a_N", "b_N", "z_m"])

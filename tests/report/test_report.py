@@ -177,7 +177,7 @@ def test_a_spoilt_file_spoils_nothing_else(palpate, copied, file, content):
 
 
 def test_no_contact_is_refused_in_words(palpate, runs, tmp_path):
-    short = 'run.tracks=["dr/kinematic"]', "trajectory.press.duration=6 s"
+    short = 'run.tracks=["dr/kinematic"]', "trajectory.press.duration=2 s"
     run = runs("filters", *short, "device.rig.specimen.surface=-30 mm")
     palpate("report", run, "-o", tmp_path / "r.html")
     page = read(tmp_path / "r.html")

@@ -24,7 +24,12 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+SLOW = ("a model without the material's memory", "a filter that expects one material, on a sweep")
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=[pytest.mark.slow] if case in SLOW else []) for case in CASES]
+)
 def test_what_is_to_be_trusted_is_right(runs, case):
     name, overrides, expected = CASES[case]
     record = RunContents.read(runs(name, *overrides))

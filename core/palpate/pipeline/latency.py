@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.alignment import Port
-from palpate.clocks import clock
+from palpate.clocks import host_time_ns
 from palpate.device import Batch
 
 # Edges [s], 8 % apart: the resolution of a quantile.
@@ -35,7 +35,7 @@ class Latency:
 
     def served(self, stamps: NDArray[np.int64]) -> None:
         """Positions of these true times (n,) [ns] have their estimates."""
-        now, last, found = clock().epoch_ns(), int(stamps[-1]), []
+        now, last, found = host_time_ns(), int(stamps[-1]), []
         while self._arrived and int(self._arrived[0][0][0]) <= last:
             times, received = self._arrived.popleft()
             if (count := int(np.searchsorted(times, last, side="right"))) < len(times):

@@ -2,34 +2,13 @@
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
-
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Clock, clock
 
 LEAK = 200e-6  # clocks may run apart by so much
 _EVERY = 200_000_000  # [ns] between the points of the map that are kept, at first
 _MOST = 4096  # of them: where there would be more, every other one is forgotten
 _FEW = 5
-
-
-def epoch_offset() -> int:
-    """What makes a time since the epoch [ns] out of a monotonic one; the same for all devices of a process."""
-    by = clock()
-    if by not in _offsets:
-        _offsets[by] = _measured_offset(by)
-    return _offsets[by]
-
-
-_offsets: WeakKeyDictionary[Clock, int] = WeakKeyDictionary()
-
-
-def _measured_offset(by: Clock) -> int:
-    while True:
-        before, epoch, after = by.now_ns(), by.epoch_ns(), by.now_ns()
-        if after - before < 20_000:  # nothing came in between
-            return epoch - (before + after) // 2
 
 
 class ClockMap:

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from palpate import Batch, Channel, DeviceError, Floats, Layout, Link, SharedReadings, Stream, clock
+from palpate import Batch, Channel, DeviceError, Floats, Layout, Link, SharedReadings, Stream, clock, epoch_offset
 from palpate.host import plugin_file_of
 
 from palpate_kit.acquisition.child import Child
-from palpate_kit.acquisition.device_clock import ClockMap, epoch_offset
+from palpate_kit.acquisition.device_clock import ClockMap
 from palpate_kit.acquisition.ring import HEAD, ROWS, WORDS, integers
 from palpate_kit.acquisition.sensor_reader import SensorReader
 from palpate_kit.acquisition.sensor_worker import MODULE

@@ -13,6 +13,7 @@ from palpate_report.group_numbers import APART, GroupRun, number_of, numbers_of
 from palpate_report.run_verdict import LEVELS
 
 _MARKS = "osD^vPX"
+_DRAWN = 2000  # points that are drawn one by one; more of them are a picture of dots
 
 
 def caption_of(parameter: str, noun: str = "run") -> str:
@@ -47,6 +48,7 @@ def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: st
                 2 * factor * combined,
                 marker=_MARKS[i % len(_MARKS)],
                 label=label,
+                rasterized=len(points) > _DRAWN,
                 **look,
                 **fill,
             )
@@ -56,7 +58,7 @@ def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: st
             axis.hlines(
                 factor * values.mean(), min(numbers) - 0.3, max(numbers) + 0.3, color=look["color"], linewidth=0.6
             )
-    truths = {run.record.document.get("truth", {}).get(parameter) for run in runs}
+    truths = {run.truth.get(parameter) for run in runs}
     if len(truths) == 1 and None not in truths:
         axis.axhline(factor * truths.pop(), color="black", linestyle=":", linewidth=0.6, label="truth")
     axis.xaxis.get_major_locator().set_params(integer=True)
@@ -79,6 +81,7 @@ def sites_of(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) ->
     figure, axes = figure_of(width=WIDTHS["middle"], height=70.0)
     x, y = 1e3 * np.array([place for place, _ in found]).T
     shown = axes[0, 0].scatter(x, y, c=[factor * value for _, value in found], s=40, edgecolors="black", linewidths=0.4)
+    shown.set_rasterized(len(found) > _DRAWN)
     figure.colorbar(shown, ax=axes[0, 0], shrink=0.8, label=f"{parameter.replace('_', ' ')} [{word}]")
     axes[0, 0].set(xlabel="x [mm]", ylabel="y [mm]")
     axes[0, 0].set_aspect("equal", adjustable="datalim")

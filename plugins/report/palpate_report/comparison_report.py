@@ -24,14 +24,15 @@ from palpate_report.run_verdict import LEVELS, judge
 from palpate_report.svg import svg_text
 
 _SHOWN = 200  # runs whose rows are on the page
+_COMPARED = ("value", "combined", "systematic", "unit", "verdict")  # of each parameter
 _CAUTION = (
     "p is the chance of such a difference between repeats (Welch's t-test). Sites of one material differ, too: before "
     "calling a difference a lump, compare it with the spread over a dozen sites."
 )
 
 
-def groups_of(runs: Sequence[Path], patterns: Sequence[str]) -> dict[str, list[RunContents]]:
-    """Run folders by group, in the natural order of their names; raises ConfigurationError, LogError."""
+def groups_of(runs: Sequence[Path], patterns: Sequence[str]) -> dict[str, list[Path]]:
+    """Run folders by group, in the natural order of their names; raises ConfigurationError."""
     found: dict[str, list[Path]] = {"runs": list(runs)} if runs else {}
     for text in patterns:
         name, equals, pattern = text.partition("=")
@@ -44,26 +45,24 @@ def groups_of(runs: Sequence[Path], patterns: Sequence[str]) -> dict[str, list[R
         found[name] = [*found.get(name, []), *paths]
     if not found:
         raise ConfigurationError("name at least one run folder, or a --group NAME=PATTERN")
-    return {
-        name: [RunContents.read(path) for path in sorted(set(paths), key=_natural)] for name, paths in found.items()
-    }
+    return {name: sorted(set(paths), key=_natural) for name, paths in found.items()}
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", str(path)) if part]
 
 
-def comparison_page(groups: Mapping[str, Sequence[RunContents]], track: str | None, anonymous: bool) -> str:
-    """The whole page of many runs; raises LogError where none of them has a result."""
-    runs = [run for name, records in groups.items() for run in _runs(name, records)]
-    return page_of_runs(runs, list(groups), track, anonymous)
+def comparison_page(groups: Mapping[str, Sequence[Path]], track: str | None, anonymous: bool) -> str:
+    """The whole page of many runs, read one by one; raises LogError where one is none, or none has a result."""
+    pipelines = dict[str, str]()  # each text once: most runs share one
+    runs = [_run(name, path, pipelines, anonymous) for name, paths in groups.items() for path in paths]
+    return page_of_runs(runs, list(groups), track)
 
 
 def page_of_runs(
     runs: Sequence[GroupRun],
     groups: Sequence[str],
     track: str | None,
-    anonymous: bool,
     noun: str = "run",
     notes: Sequence[str] = (),
 ) -> str:
@@ -78,11 +77,6 @@ def page_of_runs(
         for name, unit in parameters.items()
     ]
     sites = sites_of(runs, chosen, *next(iter(parameters.items()))) if parameters else None
-    veils = (
-        {run.name: Anonymous(run.record.document, run.record.resolved, run.record.path) for run in runs}
-        if anonymous
-        else {}
-    )
     return render(
         "comparison.html",
         title=f"{len(runs)} {noun}s",
@@ -102,20 +96,35 @@ def page_of_runs(
         parameters=list(parameters),
         rows=[_row(run, chosen, parameters) for run in runs[:_SHOWN]],
         hidden=max(len(runs) - _SHOWN, 0),
-        pipeline=_pipelines(runs, veils),
+        pipeline=_pipelines(runs),
     )
 
 
-def _runs(group: str, records: Sequence[RunContents]) -> list[GroupRun]:
-    found = []
-    for record in records:
-        name = record.path.resolve().name
-        found.append(GroupRun(name, group, record, judge(record), _place(record)))
-    return found
+def _run(group: str, path: Path, pipelines: dict[str, str], anonymous: bool) -> GroupRun:
+    record = RunContents.read(path)
+    text = record.resolved_text
+    return GroupRun(
+        record.path.resolve().name,
+        group,
+        judge(record),
+        _place(record),
+        {name: _compared(table) for name, table in record.document.get("tracks", {}).items()},
+        record.document.get("truth", {}),
+        None if text is None else pipelines.setdefault(text, text),
+        Anonymous(record.document, record.resolved, record.path) if anonymous else None,
+    )
+
+
+def _compared(table: Mapping[str, Any]) -> dict[str, Any]:
+    """What is compared of a track of a result."""
+    numbers = {
+        name: {key: found[key] for key in _COMPARED if key in found} for name, found in table["parameters"].items()
+    }
+    return {"verdict": table["verdict"], "parameters": numbers}
 
 
 def _place(record: RunContents) -> tuple[float, float] | None:
-    for _, track in record.tracks.values():
+    for _, track in RunContents(record.folder).tracks.values():  # read for this alone, and not kept in memory
         known = track.place[track.usable & np.isfinite(track.place).all(axis=1)]
         if len(known) and np.ptp(known, axis=0).max() < APART:
             x, y = np.median(known, axis=0).tolist()
@@ -203,14 +212,17 @@ def _row(run: GroupRun, track: str, parameters: Mapping[str, str]) -> dict[str, 
     }
 
 
-def _pipelines(runs: Sequence[GroupRun], veils: Mapping[str, Anonymous]) -> dict[str, Any]:
+def _pipelines(runs: Sequence[GroupRun]) -> dict[str, Any]:
     """The pipeline of the first run as run, and how those of the others differ from it."""
-    known = [(run, text) for run in runs if (text := run.record.resolved_text)]
+    known = [(run, run.pipeline) for run in runs if run.pipeline]
     if not known:
         return {}
     (first, own), *others = known
-    grouped: dict[str, list[str]] = {}
+    texts: dict[str, list[str]] = {}
     for run, text in others:
-        grouped.setdefault(differences(text, own, ()) if text != own else "", []).append(run.name)
-    hide = veils[first.name].text if first.name in veils else str
+        texts.setdefault(text, []).append(run.name)
+    grouped: dict[str, list[str]] = {}
+    for text, names in texts.items():
+        grouped.setdefault(differences(text, own, ()) if text != own else "", []).extend(names)
+    hide = first.veil.text if first.veil else str
     return {"name": first.name, "text": hide(own), "others": [(hide(what), names) for what, names in grouped.items()]}

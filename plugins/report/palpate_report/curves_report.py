@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from palpate import ADVICE, ConfigurationError
 from palpate.host import registry, suggest
 from palpate_kit.curves.curve_filter import curve_filter
-from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 
+from palpate_report.anonymous import Anonymous
 from palpate_report.comparison_report import page_of_runs
 from palpate_report.group_numbers import GroupRun
 from palpate_report.run_verdict import LEVELS, Level, RunVerdict, TrackVerdict
-
-
-@dataclass(frozen=True)
-class CurveContents:
-    """What a comparison reads of one curve."""
-
-    path: Path
-    document: Mapping[str, Any]
-    resolved_text: str | None = None
-    resolved: Mapping[str, Any] = field(default_factory=dict)
 
 
 def curves_page(path: Path, track: str | None, anonymous: bool, by: str | None, where: str | None) -> str:
@@ -42,13 +31,14 @@ def curves_page(path: Path, track: str | None, anonymous: bool, by: str | None, 
     rows = [row for row in rows if row.track in (chosen, "")]
     if not rows:
         raise ConfigurationError(f"--where {where!r}: holds of no curve" if where else f"{path}: has no curves")
-    text = folder.settings_text()
-    runs = [_run(folder, row, by, text if number == 0 else None) for number, row in enumerate(rows)]
+    veil = Anonymous({}, {}, folder.path) if anonymous else None
+    first, *others = [_run(folder, row, by) for row in rows]
+    runs = [replace(first, pipeline=folder.settings_text(), veil=veil), *others]
     groups = list(dict.fromkeys(run.group for run in runs))
-    return page_of_runs(runs, groups, chosen, anonymous, "curve", _notes(rows, where, path))
+    return page_of_runs(runs, groups, chosen, "curve", _notes(rows, where, path))
 
 
-def _run(folder: FitFolder, row: CurveRow, by: str | None, text: str | None) -> GroupRun:
+def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
     parameters = {
         name: {
             "value": row.number(name),
@@ -63,8 +53,7 @@ def _run(folder: FitFolder, row: CurveRow, by: str | None, text: str | None) -> 
     level: Level = ADVICE[verdict]  # type: ignore[assignment, index]
     judged = RunVerdict(level, (TrackVerdict(row.track, level, _reasons(row, level)),), _reasons(row, level), row.track)
     group = (row.groups.get(by) or "none") if by else "curves"
-    contents = CurveContents(folder.path / SETTINGS, {"tracks": {row.track: table} if row.track else {}}, text)
-    return GroupRun(row.curve, group, contents, judged, row.place)
+    return GroupRun(row.curve, group, judged, row.place, {row.track: table} if row.track else {})
 
 
 def _reasons(row: CurveRow, level: Level) -> tuple[str, ...]:

@@ -4,56 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from palpate_report.anonymous import Anonymous
 from palpate_report.run_verdict import RunVerdict
 
 APART = 2e-3  # [m] between the places of runs, from which on they are sites
 
 
-class ComparedRecord(Protocol):
-    """What a comparison reads of a run, or of a curve."""
-
-    @property
-    def path(self) -> Path:
-        """Where it is."""
-        ...
-
-    @property
-    def document(self) -> Mapping[str, Any]:
-        """Its result."""
-        ...
-
-    @property
-    def resolved_text(self) -> str | None:
-        """The pipeline as run."""
-        ...
-
-    @property
-    def resolved(self) -> Mapping[str, Any]:
-        """The tables of the pipeline as run."""
-        ...
-
-
 @dataclass(frozen=True)
 class GroupRun:
-    """One run of a comparison."""
+    """One run of a comparison: what is compared of it, so that a hundred thousand of them can be held."""
 
     name: str
     group: str
-    record: ComparedRecord
     verdict: RunVerdict
     place: tuple[float, float] | None  # [m] where it was palpated; None for a sweep, or where it is not known
-
-    @property
-    def tracks(self) -> Mapping[str, Any]:
-        """The tracks of its result."""
-        tracks: Mapping[str, Any] = self.record.document.get("tracks", {})
-        return tracks
+    tracks: Mapping[str, Any]  # verdict and parameters of each
+    truth: Mapping[str, float | None] = field(default_factory=dict)
+    pipeline: str | None = None  # as run; None where it is not known
+    veil: Anonymous | None = None  # for what is shown of the pipeline
 
 
 def number_of(run: GroupRun, track: str, parameter: str) -> Mapping[str, Any] | None:

@@ -55,10 +55,11 @@ def report(
     if by or where:
         raise ConfigurationError(f"--{'by' if by else 'where'}: is for a folder of fits of many curves")
     groups = groups_of(runs or [], group or [])
-    records = [record for found in groups.values() for record in found]
-    with progress(f"report of {len(records)} run{'s' * (len(records) != 1)}"):
-        if len(records) == 1:
-            path, text = out or records[0].path / "report.html", _page(records[0], track, anonymous)
+    paths = [path for found in groups.values() for path in found]
+    with progress(f"report of {len(paths)} run{'s' * (len(paths) != 1)}"):
+        if len(paths) == 1:
+            record = RunContents.read(paths[0])
+            path, text = out or record.path / "report.html", _page(record, track, anonymous)
         else:
             path, text = out or Path("comparison.html"), comparison_page(groups, track, anonymous)
     _hand_over(text, path, pdf)

@@ -35,8 +35,7 @@ class RunContents:
         if not folder.is_dir() or not (RunFolder(folder).began or any((folder / name).is_file() for name in _SIGNS)):
             raise LogError(f"{path}: is not a run folder: it has none of {', '.join(_SIGNS)}")
         record = cls(RunFolder(folder))
-        if record.folder.finished:
-            record.folder.result  # noqa: B018  (a result of a newer palpate is refused here)
+        record.document  # noqa: B018  (a result of a newer palpate is refused here)
         return record
 
     @property
@@ -44,15 +43,19 @@ class RunContents:
         """The folder."""
         return self.folder.path
 
-    @property
+    @cached_property
     def document(self) -> Mapping[str, Any]:
         """The contents of ``result.json``; empty where there is no whole one."""
-        return self.folder.result if self.folder.finished else {}
+        return self.folder.result if self._finished else {}
 
     @property
     def why_not(self) -> str | None:
         """Why there is no result; None where there is one."""
-        return None if self.folder.finished else _WHY_NOT[(self.path / "result.json").exists()]
+        return None if self._finished else _WHY_NOT[(self.path / "result.json").exists()]
+
+    @cached_property
+    def _finished(self) -> bool:
+        return self.folder.finished
 
     @property
     def name(self) -> str:

@@ -9,8 +9,7 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-from palpate import Batch, DeviceError, Flag, LogError
-from palpate_kit.acquisition.device_clock import epoch_offset
+from palpate import Batch, DeviceError, Flag, LogError, epoch_offset
 from palpate_kit.logs.feeds import TopicFeed
 from palpate_kit.logs.log_link import MessageReader
 from palpate_kit.logs.topics import Messages, Stamps

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Set
 
 import numpy as np
-from palpate_kit.acquisition.device_clock import epoch_offset
+from palpate import epoch_offset
 from palpate_kit.logs.topics import Messages, Topic
 
 from palpate_ros2.message_pipe import ReceivedMessage

@@ -9,8 +9,7 @@ from collections import defaultdict, deque
 from collections.abc import Iterator
 from typing import Any
 
-from palpate import DeviceError
-from palpate_kit.acquisition.device_clock import epoch_offset
+from palpate import DeviceError, epoch_offset
 
 from palpate_ros2.message_pipe import ReceivedMessage
 from palpate_ros2.names import dds_type

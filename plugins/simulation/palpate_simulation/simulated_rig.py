@@ -31,6 +31,7 @@ from palpate import (
     Trajectory,
     clock,
     duration_of,
+    host_time_ns,
     setpoints_at,
 )
 from palpate_kit.acquisition.prefetch import ahead
@@ -202,7 +203,7 @@ class _RigLink:
             motion = loop.track(setpoint.position, setpoint.velocity)
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
         contact = self._contact(readings, motion)
-        origin = clock().epoch_ns() if settings.pace == "real-time" else 0
+        origin = host_time_ns() if settings.pace == "real-time" else 0
         began = clock().now()
         done_ticks = done_readings = 0
         length = _ROUND[settings.pace]

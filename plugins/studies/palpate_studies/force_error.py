@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -11,32 +12,48 @@ from palpate import Floats, LogError
 from palpate_kit.runs.run_folder import RunFolder
 
 _LEAST = 10  # rows of a run
+_SPARSEST = 1000  # intervals between two rows, on average
 
 
 def force_error(runs: Iterable[tuple[Path, str]]) -> dict[str, Any] | None:
     """Mean of the error and its standard deviation between runs (n,) [N] over the time tracked (n,) [s].
 
-    The error is force less inertia of the tip less the model's force. Runs are folders, each with its track; None for
-    fewer than two whose tables of estimates have what it takes.
+    The error is force less inertia of the tip less the model's force. Runs are folders, each with its track,
+    read one by one and not kept in memory; None for fewer than two whose tables of estimates have what it takes.
     """
-    curves = [curve for folder, track in runs if (curve := _error(folder, track)) is not None]
-    if len(curves) < 2:
+    curves = (curve for folder, track in runs if (curve := _error(folder, track)) is not None)
+    interval, used = math.nan, 0
+    count, mean, scatter = np.zeros((3, 0))  # by time: runs, mean of their error, sum of its squares about that
+    for time, error in curves:
+        if not used:
+            interval = float(np.median(np.diff(time)))
+            count, mean, scatter = np.zeros((3, _length(time, interval)))
+        places = np.rint(time / interval).astype(int)
+        count, mean, scatter = (sums[: _length(time, interval)] for sums in (count, mean, scatter))
+        row = np.full(len(count), np.nan)
+        inside = places < len(row)
+        row[places[inside]] = error[inside]
+        known, used = np.isfinite(row), used + 1
+        step = row[known] - mean[known]
+        count[known] += 1
+        mean[known] += step / count[known]
+        scatter[known] += step * (row[known] - mean[known])
+    whole = count > 1
+    if used < 2 or not whole.any():
         return None
-    interval = float(np.median(np.diff(curves[0][0])))
-    rows = [np.rint(time / interval).astype(int) for time, _ in curves]
-    table = np.full((len(curves), 1 + min(int(places[-1]) for places in rows)), np.nan)
-    for line, places, (_, error) in zip(table, rows, curves, strict=True):
-        inside = places < len(line)
-        line[places[inside]] = error[inside]
-    whole = np.isfinite(table).sum(axis=0) > 1
-    table = table[:, whole]
+    place, count, mean, scatter = np.flatnonzero(whole), count[whole], mean[whole], scatter[whole]
     return {
-        "count": len(curves),
-        "time": (np.flatnonzero(whole) * interval).tolist(),
-        "mean": np.nanmean(table, axis=0).tolist(),
-        "std": np.nanstd(table, axis=0, ddof=1).tolist(),
-        "rms": float(np.sqrt(np.nanmean(table**2))),
+        "count": used,
+        "time": (place * interval).tolist(),
+        "mean": mean.tolist(),
+        "std": np.sqrt(scatter / (count - 1)).tolist(),
+        "rms": float(np.sqrt((scatter + count * mean**2).sum() / count.sum())),
     }
+
+
+def _length(time: Floats, interval: float) -> int:
+    """Rows from a run's begin to its end, within what damaged times can ask for."""
+    return 1 + int(min(np.rint(time[-1] / interval), _SPARSEST * len(time)))
 
 
 def _error(folder: Path, track: str) -> tuple[Floats, Floats] | None:
@@ -57,4 +74,6 @@ def _error(folder: Path, track: str) -> tuple[Floats, Floats] | None:
     inertia = settings.get("alignment", {}).get("tip_mass", 0.0) * np.gradient(measured["velocity"], time)
     error = measured["force"] + inertia - found.others["force"]
     known = found.usable & np.isfinite(error)
-    return (time[known] - time[known][0], error[known]) if known.sum() >= _LEAST else None
+    if known.sum() < _LEAST or (np.diff(time[known]) <= 0).any():
+        return None
+    return time[known] - time[known][0], error[known]

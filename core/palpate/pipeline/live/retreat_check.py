@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from palpate.arm_limits import SupportsRetreat
-from palpate.clocks import clock
+from palpate.clocks import clock, host_time_ns
 from palpate.errors import DeviceError
 from palpate.pipeline.live.live_run import LiveRun
 from palpate.vectors import Floats
@@ -42,7 +42,7 @@ def check_tip_is_free(live: LiveRun) -> RetreatCheck | None:
         return None
     port = live.guard.force
     took = max(arm.retreat(_RETREAT, _SPEED) for arm in able)
-    after = _force_from(live, clock().epoch_ns() + round(1e9 * (took + _SETTLE)))
+    after = _force_from(live, host_time_ns() + round(1e9 * (took + _SETTLE)))
     if live.is_stopped:
         return None
     found = compare_readings(live.guard.standstill_force, after, port.signal.sign)

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from palpate import Batch, ConfigurationError, Device, DeviceError, Link, Observable, ReportsHealth, clock
+from palpate import Batch, ConfigurationError, Device, DeviceError, Link, Observable, ReportsHealth, clock, host_time_ns
 from palpate.host import Pipeline, own_motions
 
 from palpate_commands.acceptance.measurement import BrakingTrace, MissedError
@@ -102,7 +102,7 @@ class Observer:
     def lag(self) -> float:
         """How long ago [s] the latest state was; 0 before there is one."""
         batches = self._kept[self._arm.pose]
-        return (clock().epoch_ns() - int(batches[-1].time[-1])) / 1e9 if batches else 0.0
+        return (host_time_ns() - int(batches[-1].time[-1])) / 1e9 if batches else 0.0
 
     @property
     def mode(self) -> int:

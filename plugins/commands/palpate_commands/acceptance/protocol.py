@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from palpate import ConfigurationError, DeviceError, clock
+from palpate import ConfigurationError, DeviceError, clock, host_time_ns
 from palpate.host import Pipeline, SafetySettings, check_own_motion, own_motions
 
 from palpate_commands.acceptance.job import StrokesJob
@@ -160,7 +160,7 @@ class AcceptanceProtocol:
     def _attempt(self, visit: Visit) -> tuple[Braking, str]:
         self._runs += 1
         folder = self._folder / f"{self._runs:02d}-{visit.name.replace('/', '-')}"
-        strokes, origin = self._strokes(visit), clock().epoch_ns()
+        strokes, origin = self._strokes(visit), host_time_ns()
         with (
             observed(self._arm, self._pipeline.run.seed) as observer,
             self._start(StrokesRun(folder, strokes, self._force_of(visit))) as job,
@@ -182,7 +182,7 @@ class AcceptanceProtocol:
         step, event = visit.step, None
         if step.number is not None:
             self._wait_for_the_way_down(visit, observer, job, strokes)
-            event = (clock().epoch_ns() - origin) / 1e9
+            event = (host_time_ns() - origin) / 1e9
             job.send(step.number, step.group)
         elif step.by_hand:
             self._wait_for_a_hand(visit, observer, job, strokes)

@@ -21,10 +21,11 @@ from palpate import (
     Setpoint,
     Trajectory,
     clock,
+    epoch_offset,
     setpoints_at,
 )
 from palpate_kit.acquisition.child import Child
-from palpate_kit.acquisition.device_clock import ClockMap, epoch_offset
+from palpate_kit.acquisition.device_clock import ClockMap
 from palpate_kit.acquisition.lateness import lateness_table
 from palpate_kit.acquisition.ring import integers
 from palpate_kit.force_control import refusal
