@@ -137,13 +137,9 @@ def test_connections_without_a_token_keep_nobody_away(child, said):
 def test_so_many_connections_without_a_token_are_kept(strangers, left):
     """Besides the latest, which has it."""
 
-    async def remaining():
-        async with (
-            serve(
-                lambda page: page.wait_closed(), "127.0.0.1", 0, create_connection=GuardedConnection, open_timeout=None
-            ) as server,
-            asyncio.timeout(60),
-        ):
+    async def closed():
+        guarded = {"create_connection": GuardedConnection, "open_timeout": None}
+        async with serve(lambda page: page.wait_closed(), "127.0.0.1", 0, **guarded) as server:
             port = server.sockets[0].getsockname()[1]
             silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(strangers)]
             async with connect_async(f"ws://127.0.0.1:{port}"):  # all are accepted

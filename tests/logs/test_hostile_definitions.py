@@ -14,7 +14,7 @@ from palpate_kit.logs.topics import Messages
 from tests.logs.hostile_definitions import MEGABYTE, hostile
 
 KINDS = ("ros2msg", "ros2idl", "ros1msg", "json", "protobuf")
-CALLS = 5_000_000  # of Python and C functions: a second of a processor is 1 to 10 millions of them
+CALLS = 2_000_000  # of Python and C functions, which take about a second of a processor
 NEVER = np.zeros(1, np.int64)
 
 
