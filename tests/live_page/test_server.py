@@ -1,5 +1,6 @@
 """The page's process: who gets in, what browsers get, and that it never holds up the run."""
 
+import asyncio
 import http.client
 import os
 import signal
@@ -10,9 +11,11 @@ from contextlib import contextmanager, suppress
 import numpy as np
 import pytest
 from palpate import OutputError
-from palpate_kit.page.gate import refusal
+from palpate_kit.page.gate import GuardedConnection, refusal
 from palpate_live.live_feed import PageFeed
 from palpate_live.server_process import PageServer
+from websockets.asyncio.client import connect as connect_async
+from websockets.asyncio.server import serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.http11 import Request
@@ -128,6 +131,24 @@ def test_connections_without_a_token_keep_nobody_away(child, said):
     while not child.asked and time.monotonic() < deadline:
         time.sleep(0.01)
     assert child.asked == ["on the live page"]
+
+
+@pytest.mark.parametrize(("strangers", "left"), [(40, 40), (63, 63), (64, 63), (100, 63)])
+def test_so_many_connections_without_a_token_are_kept(strangers, left):
+    """Besides the latest, which has it."""
+
+    async def closed():
+        guarded = {"create_connection": GuardedConnection, "open_timeout": None}
+        async with serve(lambda page: page.wait_closed(), "127.0.0.1", 0, **guarded) as server:
+            port = server.sockets[0].getsockname()[1]
+            silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(strangers)]
+            async with connect_async(f"ws://127.0.0.1:{port}"):  # all are accepted
+                gone = [reader.at_eof() or reader.exception() is not None for reader, _ in silent]
+            for _, writer in silent:
+                writer.transport.abort()
+        return gone
+
+    assert asyncio.run(closed()) == [True] * (strangers - left) + [False] * left
 
 
 def test_a_port_that_is_taken_is_one_clear_error():

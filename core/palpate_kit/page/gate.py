@@ -2,21 +2,41 @@
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import re
 from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from typing import ClassVar
 
+from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
+from websockets.protocol import State
 
 # As a browser names this machine, whatever the port: `ssh -L 9000:127.0.0.1:8000` makes it another one.
 _HERE = re.compile(r"(?:localhost|127\.0\.0\.1)(?::\d{1,5})?")
 _TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 _SHARED = ("page.css", "charts.js", "messages.js", "icon.svg", "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css")
 DATA = "data"
+GREETING = 2.0  # [s] in which a connection must have said what it wants
+_STRANGERS = 64  # connections that have not been let in yet; a browser opens about ten for a moment
 Files = Mapping[str, Traversable]  # by their path below the token
+
+
+class GuardedConnection(ServerConnection):
+    """A connection; where too many have not shown the token yet, the oldest of them goes."""
+
+    _strangers: ClassVar[list[ServerConnection]] = []  # of the process, which serves one page at a time
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """See `asyncio.Protocol`."""
+        super().connection_made(transport)
+        left = [other for other in self._strangers if other.state is State.CONNECTING]
+        for other in left[: max(len(left) - _STRANGERS + 1, 0)]:
+            other.transport.abort()
+        self._strangers[:] = [*left[-_STRANGERS + 1 :], self]
 
 
 def page_files(package: str, names: Iterable[str]) -> Files:

@@ -16,7 +16,7 @@ from palpate import ConfigurationError, OutputError, PalpateError, UserError
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.page.datagrams import pack, pack_rows
-from palpate_kit.page.gate import answer_request, page_files
+from palpate_kit.page.gate import GREETING, GuardedConnection, answer_request, page_files
 from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
@@ -62,7 +62,8 @@ class DeskServer:
         silent.disabled = True
         async with serve(
             self._serve, sock=listener, process_request=self._admit, compression=None, logger=silent,
-            max_size=asked.LARGEST, server_header=None, close_timeout=_DRAIN,
+            max_size=asked.LARGEST, server_header=None, open_timeout=GREETING, close_timeout=_DRAIN,
+            create_connection=GuardedConnection,
         ):  # fmt: skip
             try:
                 await self._watch()

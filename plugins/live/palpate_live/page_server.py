@@ -8,14 +8,13 @@ import socket
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 from palpate_kit.page.datagrams import LARGEST, is_text, pack
-from palpate_kit.page.gate import answer_request, page_files
+from palpate_kit.page.gate import GREETING, GuardedConnection, answer_request, page_files
 from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
-from websockets.protocol import State
 from websockets.typing import Subprotocol
 
 from palpate_live.history import History
@@ -24,8 +23,6 @@ from palpate_live.server_priority import attend
 _MOST = 16  # browsers
 _PATIENCE = 8 << 20  # bytes that wait for one browser, besides the history that it is given
 _DRAIN = 1.0  # [s] for browsers to take what is left when the run has ended
-_GREETING = 2.0  # [s] in which a connection must have said what it wants
-_STRANGERS = 64  # connections that have not been let in yet; a browser opens about ten for a moment
 _STOP = "stop"
 _FILES = page_files("palpate_live", ("index.html", "main.js", "record.js", "map.js", "panels.js"))
 
@@ -67,20 +64,6 @@ def listen(run: socket.socket, take: Callable[[bytes], None], over: asyncio.Even
             take(message)
 
     asyncio.get_running_loop().add_reader(run, read)
-
-
-class GuardedConnection(ServerConnection):
-    """A connection; where too many have not shown the token yet, the oldest of them goes."""
-
-    _strangers: ClassVar[list[ServerConnection]] = []  # of the process, which serves one page
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """See `asyncio.Protocol`."""
-        super().connection_made(transport)
-        left = [other for other in self._strangers if other.state is State.CONNECTING]
-        for other in left[: len(left) - _STRANGERS + 1]:
-            other.transport.abort()
-        self._strangers[:] = [*left[-_STRANGERS + 1 :], self]
 
 
 class Server:
@@ -178,7 +161,7 @@ async def work(
         logger=silent,
         max_size=largest,
         server_header=None,
-        open_timeout=_GREETING,
+        open_timeout=GREETING,
         close_timeout=_DRAIN,
         create_connection=GuardedConnection,
     ):
