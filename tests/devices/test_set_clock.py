@@ -10,7 +10,7 @@ FROM = 946_684_800_000_000_000 + 10**9  # [ns]; a second after simulated time be
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hours", [1])
+@pytest.mark.parametrize("hours", [-1, 1])
 def test_a_clock_that_is_set_changes_nothing(simulated, monkeypatch, hours):
     """Before the tip retreats: readings were compared with the clock that was set, and none came, or all did."""
     twin = simulated(*SHORT, "trajectory.press.duration=0.5 s")
