@@ -241,6 +241,7 @@ type = "own"
 
 [alignment]
 tare = "none"
+tip_mass = "0 g"
 force = {channel = "spring.swing.f", uncertainty = "0.1 ms"}
 position = "spring.swing.z"
 
@@ -256,7 +257,7 @@ type = "kinematic-ekf"
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ("raise KeyError('lost')", "device spring failed: KeyError: 'lost' (own.py, line 35, in batches)"),
+        ("raise KeyError('lost')", "device spring failed: KeyError: 'lost' (own.py, line 33, in batches)"),
         ("name = 'swung'", "device spring sends a stream 'swung'; did you mean 'swing'?"),
         ("values = values[:, :1]", "sends values of shape (50, 1) in place of (50, 2) in the stream 'swing'"),
     ],
@@ -268,4 +269,6 @@ def test_a_device_that_goes_wrong_half_way_leaves_what_was_until_then(palpate, t
     assert done.returncode == 1
     assert words in done.stderr
     assert "Traceback" not in done.stderr
-    assert json.loads((tmp_path / "out" / "result.json").read_text())["interrupted"]
+    (track,) = json.loads((tmp_path / "out" / "result.json").read_text())["tracks"].values()
+    (flag,) = [flag for flag in track["flags"] if flag["code"] == "interrupted"]
+    assert words in flag["message"]

@@ -40,8 +40,8 @@ class RecordEstimator:
         self._uncertainties = dict(uncertainties or {})
         tables: dict[str, Any] = {}
         if tip is not None:
-            words = isinstance(tip, str)
-            tables["indenter"] = {"tip": tip_table(tip, known) if words else table_of(tip, "tip", "indenter", known)}
+            table = tip_table(tip, known) if isinstance(tip, str) else table_of(tip, "tip", "indenter", known)
+            tables["indenter"] = {"tip": table}
         tables["model"] = part_tables(models, "model", known, tip is not None)
         tables["estimator"] = part_tables(estimators, "estimator", known, False)
         self._parts = tables
