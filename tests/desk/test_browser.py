@@ -19,6 +19,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here: apt-get install chromium"),
 ]
+_PICTURES = Path(os.environ["PICTURES"]).resolve() if os.environ.get("PICTURES") else None
 _PATIENCE = 120.0  # [s] on a busy machine
 _TIP = ["--tip", "sphere 3 mm", "--set", "alignment.force.uncertainty=1 ms"]
 _NAMELESS = """Array.from(document.querySelectorAll('button, input, select, [role=grid]')).filter((e) =>
@@ -49,9 +50,9 @@ class Walk:
         self.tab.call("Input.insertText", text=text)
 
     def picture(self, name):
-        if folder := os.environ.get("PICTURES"):
+        if _PICTURES:
             time.sleep(0.5)
-            self.tab.picture(Path(folder) / f"desk-{name}.png", whole=False)
+            self.tab.picture(_PICTURES / f"desk-{name}.png", whole=False)
 
 
 @pytest.fixture

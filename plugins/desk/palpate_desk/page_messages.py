@@ -139,8 +139,9 @@ def demand_no_file(text: str) -> None:
 def _file_keys() -> frozenset[str]:
     """Every key of the tables of the page that takes a path, at whatever depth."""
     known = registry.load()
-    parts = [known.find(kind, name) for kind in _PARTS for name in known.parts[kind]]
-    return frozenset(name for settings in (AlignmentSettings, *parts) for name in _paths_of(settings))
+    tables: list[type[Settings]] = [AlignmentSettings]
+    tables += [known.find(kind, name) for kind in _PARTS for name in known.parts[kind]]
+    return frozenset(name for settings in tables for name in _paths_of(settings))
 
 
 def _paths_of(settings: type[Settings]) -> Iterator[str]:
