@@ -200,6 +200,18 @@ def test_a_misspelt_hook_is_named_where_its_command_is_missed(palpate, tmp_path)
     assert "palpate_comands is no hook" in done.stderr
 
 
+def test_every_template_is_a_pipeline():
+    """A link that became a text would be written for the user as it is."""
+    from importlib.resources import files
+
+    templates = [
+        path for path in files("palpate_commands").joinpath("templates").iterdir() if path.name.endswith(".toml")
+    ]
+    assert len(templates) >= 5
+    for path in templates:
+        assert "[device." in path.read_text(encoding="utf-8"), path.name
+
+
 def test_initials_name_a_part_in_a_pipeline_and_its_description(palpate, root, tmp_path):
     text = (root / "pipelines" / "point.toml").read_text()
     (tmp_path / "p.toml").write_text(text.replace('"dimensionality-reduction"', '"dr"'))
