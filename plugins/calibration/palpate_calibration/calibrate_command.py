@@ -90,11 +90,11 @@ def calibrate(
     write_whole(target, calibration.text())
     part.unlink(missing_ok=True)
     with print_aside(as_json):
-        terminal = console()
+        terminal = console(120)
         if not as_json:
             terminal.print(_table(calibration))
         for line in _lines(calibration, target, file):
-            terminal.print(line, highlight=False, markup=False)
+            terminal.print(line, highlight=False, markup=False, soft_wrap=True)
     if as_json:
         print_json({"file": target, **calibration.model_dump(mode="json")})
     if picture is not None and session.shakes:
