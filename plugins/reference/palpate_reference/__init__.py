@@ -12,4 +12,7 @@ def palpate_commands() -> dict[str, Command]:
         "material": Command(
             "palpate_reference.material_command:material", "Tables of rheometers, DMAs, dynamometers.", "compare"
         ),
+        "material fit": Command(
+            "palpate_reference.fit_command:fit_material", "Laws for tables of a material.", "compare"
+        ),
     }

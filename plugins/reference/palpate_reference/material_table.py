@@ -13,7 +13,7 @@ from palpate import Floats, LogError
 
 from palpate_reference.instrument_text import InstrumentText, read_text
 from palpate_reference.table_blocks import TableBlock, table_blocks
-from palpate_reference.table_columns import TableColumn, columns_of, demand_known_names, place, si_values
+from palpate_reference.table_columns import TableColumn, columns_of, demand_names, place, si_values
 
 Kind = Literal["oscillation", "relaxation", "creep", "stress-strain"]
 _NEEDS: Mapping[Kind, tuple[str, tuple[str, ...]]] = {
@@ -66,7 +66,7 @@ def read_tables(path: Path, settings: TableSettings) -> list[MaterialTable]:
     """Every table of a file that holds moduli, a compliance, or stress over strain; raises LogError for none."""
     text = read_text(path)
     blocks = table_blocks(text)
-    demand_known_names(text, {name for block in blocks for name in block.names}, settings.units)
+    demand_names(text, {name for block in blocks for name in block.names}, settings.units)
     found: list[MaterialTable] = []
     for block in blocks:
         columns = columns_of(text, block, settings.units)

@@ -71,7 +71,7 @@ def columns_of(text: InstrumentText, block: TableBlock, stated: Mapping[str, str
     return found
 
 
-def demand_known_names(text: InstrumentText, heads: set[str], stated: Mapping[str, str]) -> None:
+def demand_names(text: InstrumentText, heads: set[str], stated: Mapping[str, str]) -> None:
     """Raise LogError where a person states the unit of a column that is in no table of the file."""
     names = {*heads, *(_name_and_unit(head)[0] for head in heads)}
     for name in stated:
