@@ -156,7 +156,9 @@ def test_the_law_of_the_data_is_chosen():
 def test_what_a_table_does_not_determine_is_said():
     """The lasting part of a material that flows."""
     maxwell = law_of("maxwell")
-    fit = fit_law(law_of("standard-linear-solid"), FitProblem((table(maxwell, (1e5, 3e4), noise=0.01),), 0.5, 0.0, (0.0,)))
+    fit = fit_law(
+        law_of("standard-linear-solid"), FitProblem((table(maxwell, (1e5, 3e4), noise=0.01),), 0.5, 0.0, (0.0,))
+    )
     assert "elasticity" in fit.undetermined
 
 

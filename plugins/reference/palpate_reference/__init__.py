@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from palpate import Command, plugin
+from palpate import Command, ReportSection, plugin
 
 
 @plugin
@@ -15,4 +15,13 @@ def palpate_commands() -> dict[str, Command]:
         "material fit": Command(
             "palpate_reference.fit_command:fit_material", "Laws for tables of a material.", "compare"
         ),
+        "agree": Command(
+            "palpate_reference.agreement.agree_command:agree", "Compare runs with a reference instrument.", "compare"
+        ),
     }
+
+
+@plugin
+def palpate_report_sections() -> dict[str, ReportSection]:
+    """How a run agrees with a reference."""
+    return {"agreement": ReportSection("palpate_reference.agreement.agreement_lines:agreement_lines", order=82)}

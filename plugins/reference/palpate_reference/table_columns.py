@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from palpate import Floats, LogError, to_si
+from palpate import Floats, LogError, is_unit, to_si
 from palpate.host import suggest
 
 from palpate_reference.instrument_text import InstrumentText
@@ -58,7 +58,7 @@ def columns_of(text: InstrumentText, block: TableBlock, stated: Mapping[str, str
     """
     found: dict[str, TableColumn] = {}
     for index, head in enumerate(block.names):
-        name, written = _name_and_unit(head)
+        name, written = name_and_unit(head)
         if index < len(block.units) and block.units[index]:
             written = block.units[index]
         written = stated.get(head, stated.get(name, written))
@@ -73,23 +73,23 @@ def columns_of(text: InstrumentText, block: TableBlock, stated: Mapping[str, str
 
 def demand_names(text: InstrumentText, heads: set[str], stated: Mapping[str, str]) -> None:
     """Raise LogError where a person states the unit of a column that is in no table of the file."""
-    names = {*heads, *(_name_and_unit(head)[0] for head in heads)}
+    names = {*heads, *(name_and_unit(head)[0] for head in heads)}
     for name in stated:
         if name not in names:
             raise LogError(f"{text.path}: --unit: there is no column {name!r}{suggest(name, {h for h in heads if h})}")
 
 
-def _name_and_unit(head: str) -> tuple[str, str]:
+def name_and_unit(head: str) -> tuple[str, str]:
     """A name without its unit, and that.
 
-    >>> _name_and_unit("G' [kPa]"), _name_and_unit("E_std_Pa"), _name_and_unit("J_per_Pa"), _name_and_unit("G(t) (Pa)")
+    >>> name_and_unit("G' [kPa]"), name_and_unit("E_std_Pa"), name_and_unit("J_per_Pa"), name_and_unit("G(t) (Pa)")
     (("G'", 'kPa'), ('E std', 'Pa'), ('J', '1/Pa'), ('G(t)', 'Pa'))
     """
     head = head.strip()
     if match := _UNIT_IN_NAME.search(head):
         return head[: match.start()].replace("_", " "), f"1/{match[2]}" if match[1] else match[2]
     match = None if _OF_TIME.fullmatch(head) else _UNIT_BEHIND.search(head)
-    if match and head[: match.start()].strip().lower() not in ("u", "std", "sd"):
+    if match and (is_unit(match[1].strip()) or head[: match.start()].strip().lower() not in ("u", "std", "sd")):
         return head[: match.start()].strip().replace("_", " "), match[1].strip()
     return head.replace("_", " "), ""
 
