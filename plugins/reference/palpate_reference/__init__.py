@@ -15,6 +15,9 @@ def palpate_commands() -> dict[str, Command]:
         "material fit": Command(
             "palpate_reference.fit_command:fit_material", "Laws for tables of a material.", "compare"
         ),
+        "material card": Command(
+            "palpate_reference.cards.card_command:card", "A law for Abaqus, ANSYS, FEBio, COMSOL.", "share"
+        ),
         "agree": Command(
             "palpate_reference.agreement.agree_command:agree", "Compare runs with a reference instrument.", "compare"
         ),

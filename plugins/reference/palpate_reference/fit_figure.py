@@ -47,6 +47,9 @@ def _draw_kind(axes: Any, kind: Kind, fits: Sequence[TableFit], tables: Sequence
             axes.plot(grid, factor * answer(grid, values, fit.poisson), label=fit.law.name)
     axes.set(xscale="log", yscale="log", ylabel=_LABELS[kind])
     axes.set_xlabel("f [Hz]" if kind == "oscillation" else f"t [{frequency_or_time(kind)}]")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")
     legend_outside(axes)
 
 

@@ -32,7 +32,8 @@ def precision(levels: Sequence[Sequence[Floats]]) -> Precision | None:
 
     s_r^2 is the mean square within groups, s_L^2 = (MS between groups - s_r^2)/n_0, zero at least, both pooled over the
     levels by their degrees of freedom. Source: ISO 5725-2:2019, 7.5. The smallest detectable change of two single
-    values is 1.96 sqrt(2) s_r, with s_R where there are several groups. Groups of one value each have s_R, the scatter between them, alone.
+    values is 1.96 sqrt(2) s_r, with s_R where there are several groups. Groups of one value each have s_R, the
+    scatter between them, alone.
     """
     within = freedom = 0.0
     parts: list[tuple[float, float]] = []  # s_L^2 before it is cut, and degrees of freedom
