@@ -34,7 +34,8 @@ class LinearLaw:
 
     def complex_modulus(self, frequency: Floats, values: Sequence[float], poisson: float) -> Complexes:
         """E' + i E'' (n,) [Pa] at frequencies (n,) [Hz]."""
-        return np.asarray(self.modulus(2j * np.pi * frequency, values, poisson), complex)
+        s = (2j * np.pi * frequency).astype(np.complex128)
+        return np.asarray(self.modulus(s, values, poisson), np.complex128)
 
     def relaxation(self, time: Floats, values: Sequence[float], poisson: float) -> Floats:
         """E(t) (n,) [Pa] at times (n,) [s] after a step of the strain: the inverse Laplace transform of E*(s)/s."""

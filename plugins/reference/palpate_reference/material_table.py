@@ -119,13 +119,13 @@ def _table(
         raise LogError(f"{place(text, block, columns[roles[0]])}: no row has all numbers")
     _demand_positive(text, block, columns, kind, x, y, std)
     if kind == "stress-strain" or (others["strain"] is not None and "strain" in columns):
-        strain = x if kind == "stress-strain" else others["strain"]
-        _ask_for_per_cent(text, block, columns["strain"], strain, settings)
+        checked = x if kind == "stress-strain" else others["strain"]
+        _ask_for_per_cent(text, block, columns["strain"], checked, settings)
     shear = _shear(text, block, columns[roles[0]], kind, settings)
+    strain, temperature = (None if one is None else one[complete] for one in others.values())
     return MaterialTable(
         text.path.name, block.title, block.format, kind, shear, x[complete], y[complete],
-        None if std is None else std[complete],
-        *(None if one is None else one[complete] for one in others.values()), notes=tuple(notes),
+        None if std is None else std[complete], strain, temperature, tuple(notes),
     )  # fmt: skip
 
 
