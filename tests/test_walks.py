@@ -16,6 +16,7 @@ WALKS = {
     "an author of parts": "own-parts",
     "a user of notebooks": "arrays",
     "a referee": "plus-minus",
+    "an owner of a rheometer": "rheometer",
 }
 # Pages show pictures by IPython, which the tests do not need: a picture is read instead.
 BEFORE = """

@@ -11,8 +11,8 @@ from palpate_control.control_limits import (
     WEIGHT,
     CheckValue,
     check_states,
-    normalised_error,
 )
+from palpate_kit.numerics.normalised_error import normalised_error
 
 ALONE = 0.0  # standard uncertainty of a reference that is exactly known
 
@@ -98,7 +98,7 @@ def test_run_lengths_by_simulation(monkeypatch):
     from palpate_control import control_limits
 
     monkeypatch.setattr(control_limits, "BASELINE", 10**9)  # limits by the stated scatter all along
-    monkeypatch.setattr(control_limits, "COVERAGE", 10**9)  # the EWMA alone
+    monkeypatch.setattr("palpate_kit.numerics.normalised_error.COVERAGE", 10**9)  # the EWMA alone
     monkeypatch.setattr(control_limits, "SHEWHART", 10**9)
     lengths = []
     for seed in range(400):

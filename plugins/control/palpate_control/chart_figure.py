@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from palpate.host import display_unit
 from palpate_kit.figures import figure_of, legend_outside, save_figure, style
+from palpate_kit.numerics.normalised_error import COVERAGE
 
 from palpate_control.chart_file import ControlChart
-from palpate_control.control_limits import COVERAGE
 
 _LABELS = 12  # dates along the axis
 

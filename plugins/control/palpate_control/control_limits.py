@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-COVERAGE = 2.0  # k of expanded uncertainties
+from palpate_kit.numerics.normalised_error import normalised_error
+
 BASELINE = 25  # checks in control, from whose scatter the limits are then taken
 SHEWHART = 3.0  # standard deviations
 WEIGHT = 0.2  # lambda of the EWMA
@@ -61,17 +62,6 @@ class _Average:
     def limit(self) -> float:
         """Distance from the centre that it is allowed."""
         return EWMA * math.hypot(math.sqrt(self.variance), self.common)
-
-
-def normalised_error(value: float, std: float, reference: float, reference_std: float) -> float:
-    """E_n = (x - X)/sqrt(U_x^2 + U_X^2), U = 2 u: agreement up to 1 in magnitude.
-
-    Source: ISO 13528:2022, 9.7; ISO/IEC 17043:2023.
-
-    >>> round(normalised_error(115.0, 1.8, 112.5, 1.5), 4)
-    0.5335
-    """
-    return (value - reference) / (COVERAGE * math.hypot(std, reference_std))
 
 
 def check_states(readings: Sequence[CheckValue], reference: float, reference_std: float) -> list[CheckState]:

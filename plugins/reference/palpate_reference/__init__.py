@@ -1,0 +1,30 @@
+"""Reference instruments: tables of rheometers, DMAs and dynamometers, laws for them, agreement, material cards."""
+
+from __future__ import annotations
+
+from palpate import Command, ReportSection, plugin
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Their commands."""
+    return {
+        "material": Command(
+            "palpate_reference.material_command:material", "Tables of rheometers, DMAs, dynamometers.", "compare"
+        ),
+        "material fit": Command(
+            "palpate_reference.fit_command:fit_material", "Laws for tables of a material.", "compare"
+        ),
+        "material card": Command(
+            "palpate_reference.cards.card_command:card", "A law for Abaqus, ANSYS, FEBio, COMSOL.", "share"
+        ),
+        "agree": Command(
+            "palpate_reference.agreement.agree_command:agree", "Compare runs with a reference instrument.", "compare"
+        ),
+    }
+
+
+@plugin
+def palpate_report_sections() -> dict[str, ReportSection]:
+    """How a run agrees with a reference."""
+    return {"agreement": ReportSection("palpate_reference.agreement.agreement_lines:agreement_lines", order=82)}

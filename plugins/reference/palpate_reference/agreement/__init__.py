@@ -1,0 +1,1 @@
+"""Agreement of two methods of measurement, and the precision of one."""

@@ -1,0 +1,59 @@
+"""Tables of one material and the laws fitted to them, in words of Young's modulus."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate_kit.figures import figure_of, legend_outside, save_figure, style
+
+from palpate_reference.material_table import Kind, MaterialTable, frequency_or_time
+from palpate_reference.table_fit import TableFit
+
+_LABELS: dict[Kind, str] = {"oscillation": "E', E'' [kPa]", "relaxation": "E(t) [kPa]", "creep": "D(t) [1/kPa]"}
+_MOST = 3  # laws
+
+
+def draw_fits(fits: Sequence[TableFit], tables: Sequence[MaterialTable], path: Path) -> None:
+    """One panel for each kind of table."""
+    kinds = list(dict.fromkeys(table.kind for table in tables))
+    with style():
+        figure, axes = figure_of(columns=len(kinds), height=70.0)
+        for panel, kind in zip(axes[0], kinds, strict=True):
+            _draw_kind(panel, kind, fits, [table for table in tables if table.kind == kind])
+        save_figure(figure, path)
+
+
+def _draw_kind(axes: Any, kind: Kind, fits: Sequence[TableFit], tables: Sequence[MaterialTable]) -> None:
+    factor = 1e3 if kind == "creep" else 1e-3
+    per = {table.name: _young(table, fits[0].poisson) for table in tables}
+    for table in tables:
+        for k in range(table.y.shape[1]):
+            label = table.name[:40] if k == 0 else None
+            axes.plot(table.x, factor * per[table.name] * table.y[:, k], ".o"[k] if k < 2 else ".", label=label,
+                      markerfacecolor="none", markersize=3)  # fmt: skip
+    x = np.concatenate([table.x for table in tables])
+    grid = np.geomspace(x.min() / 1.2, x.max() * 1.2, 200)
+    for fit in fits[:_MOST]:
+        values = fit.values.tolist()
+        if kind == "oscillation":
+            moduli = fit.law.complex_modulus(grid, values, fit.poisson)
+            (line,) = axes.plot(grid, factor * moduli.real, label=fit.law.name)
+            axes.plot(grid, factor * moduli.imag, "--", color=line.get_color())
+        else:
+            answer = fit.law.creep if kind == "creep" else fit.law.relaxation
+            axes.plot(grid, factor * answer(grid, values, fit.poisson), label=fit.law.name)
+    axes.set(xscale="log", yscale="log", ylabel=_LABELS[kind])
+    axes.set_xlabel("f [Hz]" if kind == "oscillation" else f"t [{frequency_or_time(kind)}]")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")
+    legend_outside(axes)
+
+
+def _young(table: MaterialTable, poisson: float) -> float:
+    """By what values of a table are multiplied to be those of Young's modulus."""
+    ratio = 2.0 * (1.0 + poisson) if table.shear else 1.0
+    return 1.0 / ratio if table.kind == "creep" else ratio

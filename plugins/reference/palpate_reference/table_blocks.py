@@ -1,0 +1,118 @@
+"""The tables in an instrument's file: the steps of TRIOS, the intervals of RheoCompass, or one table with a header."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from palpate import LogError
+
+from palpate_reference.instrument_text import InstrumentText, TextLine
+
+TRIOS, RHEOCOMPASS, GENERIC = "TRIOS", "RheoCompass", "table"
+_STEP, _INTERVAL, _NAMES, _RESULT = "[step]", "interval and data points:", "interval data:", "result:"
+_COMMENT = "#%"
+_SHEAR = re.compile(r"rheometer|\bARES\b|\bARG2\b|\bAR-|\bAR\s?\d|Discovery HR|\bDHR|\bHR-?\d", re.IGNORECASE)
+_TENSILE = re.compile(r"\bRSA|\bDMA|\bQ800\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class TableBlock:
+    """One table: its names, units and rows."""
+
+    format: str
+    title: str
+    names: tuple[str, ...]
+    names_line: int  # counted from 1; 0 without names
+    units: tuple[str, ...]  # as in the row below the names; empty where there is none
+    rows: tuple[TextLine, ...]
+    shear: bool | None = None  # what the file says of its instrument; None where it says nothing
+
+
+def table_blocks(text: InstrumentText) -> list[TableBlock]:
+    """Every table of a file; raises LogError where there is none."""
+    first = [line.cell(0).lower() for line in text.lines]
+    if _STEP in first:
+        blocks = list(_trios(text, first))
+    elif _INTERVAL in first:
+        blocks = list(_rheocompass(text, first))
+    else:
+        blocks = list(_generic(text))
+    if not blocks:
+        raise LogError(f"{text.path}: the file contains no table: no two numbers stand in one line")
+    return blocks
+
+
+def _trios(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBlock]:
+    """Steps: the line ``[step]``, its title, names, units, and rows up to an empty line."""
+    begins = [k for k, cell in enumerate(first) if cell == _STEP]
+    about = " ".join(" ".join(line.cells[:2]) for line in text.lines[: begins[0]] if "nstrument" in line.cell(0))
+    shear = True if _SHEAR.search(about) else False if _TENSILE.search(about) else None
+    for begin, end in zip(begins, [*begins[1:], len(first)], strict=True):
+        if end - begin < 4:
+            raise LogError(f"{text.path}:{begin + 1}: the file ends in this step: it has no names and units")
+        title, names, units = (text.lines[begin + k] for k in (1, 2, 3))
+        rows = tuple(line for line in text.lines[begin + 4 : end] if any(line.cells))
+        yield TableBlock(TRIOS, title.cell(0), names.cells, names.number, _padded(units, names), rows, shear)
+
+
+def _rheocompass(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBlock]:
+    """Intervals: their number and length, ``Interval data:`` with names, units in brackets, and rows."""
+    begins = [k for k, cell in enumerate(first) if cell == _INTERVAL]
+    for begin, end in zip(begins, [*begins[1:], len(first)], strict=True):
+        result = next((text.lines[k].cell(1) for k in range(begin, -1, -1) if first[k] == _RESULT), "")
+        title = f"{result}, interval {text.lines[begin].cell(1)}".lstrip(", ")
+        at = next((k for k in range(begin, end) if first[k] == _NAMES), None)
+        if at is None:
+            raise LogError(f"{text.path}:{begin + 1}: the interval has no line 'Interval data:' with names")
+        names = text.lines[at]
+        below = [line for line in text.lines[at + 1 : end] if any(line.cells)]
+        units = below[0] if below and any(cell.startswith("[") for cell in below[0].cells) else None
+        rest = below[1:] if units else below
+        rows = tuple(line for line in rest if not line.cell(0) and any(line.cells))
+        _demand_all_rows(text, text.lines[begin], rows)
+        stated = _padded(units, names) if units else ()
+        yield TableBlock(RHEOCOMPASS, title, ("", *names.cells[1:]), names.number, stated, rows)
+
+
+def _demand_all_rows(text: InstrumentText, head: TextLine, rows: Sequence[TextLine]) -> None:
+    """Raise LogError where an interval has fewer rows than it says."""
+    stated = head.cell(2)
+    if stated.isdigit() and len(rows) < int(stated):
+        raise LogError(f"{text.path}:{head.number}: states {stated} points, but has {len(rows)}: the file is cut short")
+
+
+def _generic(text: InstrumentText) -> Iterator[TableBlock]:
+    """One table: names, perhaps units, and every line from the first row of numbers on."""
+    lines = [line for line in text.lines if any(line.cells)]
+    begin = next((k for k, line in enumerate(lines) if text.is_row(line)), None)
+    if begin is None:
+        return
+    rows = tuple(line for line in lines[begin:] if line.cell(0)[:1] not in tuple(_COMMENT))
+    width = len(rows[0].cells)
+    above = [_without_comment(line) for line in lines[max(begin - 2, 0) : begin]][::-1]
+    heads = [line for line in above if len(line.cells) >= max(width - 1, 2)]
+    if not heads or heads[0] is not above[0]:
+        yield TableBlock(GENERIC, "", tuple(f"column {k + 1}" for k in range(width)), 0, (), rows)
+    elif len(heads) > 1 and _are_units(heads[0]):
+        yield TableBlock(GENERIC, "", heads[1].cells, heads[1].number, _padded(heads[0], heads[1]), rows)
+    else:
+        yield TableBlock(GENERIC, "", heads[0].cells, heads[0].number, (), rows)
+
+
+def _without_comment(line: TextLine) -> TextLine:
+    head = line.cell(0).lstrip(_COMMENT).strip()
+    cells = line.cells if not line.cell(0) or head else line.cells[1:]
+    return TextLine(line.number, (head, *cells[1:]) if head else cells)
+
+
+def _are_units(line: TextLine) -> bool:
+    """Whether a line below another may be that of the units."""
+    filled = [cell.strip("[]()") for cell in line.cells if cell]
+    known = re.compile(r"[kMGm]?Pa(?:[.\-* ]s)?|k?Hz|rad/s|m?s|min|h|%|-|1|[^\x00-\x7f]?C|.*[/^].*", re.IGNORECASE)
+    return bool(filled) and sum(known.fullmatch(cell) is not None for cell in filled) >= (len(filled) + 1) // 2
+
+
+def _padded(units: TextLine, names: TextLine) -> tuple[str, ...]:
+    return tuple(units.cell(k).strip("[]() ") for k in range(len(names.cells)))

@@ -1,0 +1,209 @@
+"""Laws fitted to tables of one material together: values with a budget, and the choice among laws."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from palpate import Floats
+from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
+
+from palpate_reference.material_laws import LinearLaw
+from palpate_reference.material_table import MaterialTable
+
+_FIRST = 0.03  # relative scatter of a table that states none, before it is known
+_ROUNDS = 3  # in which it is found
+_LOG = 60.0  # bounds of logarithms
+_LEAST = 1e-30  # of a prediction over the reading
+_WORST = 0.9  # autocorrelation of residuals, above which it tells no more
+_NO_SLOPE = 1e-6  # sum of squares
+_UNDETERMINED = 1.0  # relative standard uncertainty
+
+
+@dataclass(frozen=True)
+class FitProblem:
+    """Tables of one material, and what is not exactly known of them."""
+
+    tables: tuple[MaterialTable, ...]
+    poisson: float
+    poisson_std: float
+    scales: tuple[float, ...]  # relative standard uncertainty of all values of a table together; 0: exact
+
+    @property
+    def count(self) -> int:
+        """How many readings there are."""
+        return sum(table.y.size for table in self.tables)
+
+
+@dataclass(frozen=True)
+class TableFit:
+    """A law at the values that describe tables best."""
+
+    law: LinearLaw
+    poisson: float
+    values: Floats  # (p,) [SI]
+    stds: Floats  # (p,)
+    covariance: Floats  # (p, p) of the logarithms of the values
+    budget: Mapping[str, Floats]  # share of each source in stds (p,)
+    scatter: tuple[float, ...]  # rms of the relative residuals of each table
+    chi2: float  # of tables that state uncertainties
+    freedom: int  # of those; 0 where none does
+    bic: float
+    autocorrelation: float  # of neighbouring residuals
+    undetermined: tuple[str, ...]  # parameters that the tables do not determine
+
+    @property
+    def p(self) -> float:
+        """Probability of so large a chi^2 if the law holds; NaN where no table states uncertainties."""
+        from scipy.stats import chi2
+
+        return float(chi2.sf(self.chi2, self.freedom)) if self.freedom > 0 else math.nan
+
+
+def predictions(law: LinearLaw, table: MaterialTable, values: Sequence[float], poisson: float) -> Floats:
+    """What a table would read (n, 1 or 2) if a law held."""
+    per = 2.0 * (1.0 + poisson) if table.shear else 1.0
+    if table.kind == "oscillation":
+        found = law.complex_modulus(table.x, values, poisson) / per
+        return np.column_stack([found.real, found.imag])
+    if table.kind == "creep":
+        return law.creep(table.x, values, poisson)[:, None] * per
+    return law.relaxation(table.x, values, poisson)[:, None] / per
+
+
+def fit_law(law: LinearLaw, problem: FitProblem) -> TableFit | None:
+    """A law by least squares of relative errors; None where the readings are too few for it, or it fits nowhere.
+
+    Readings that state an uncertainty are weighed by it; those of another table by its scatter, which is found with
+    the law. All values of a table share an error of its scale, and all moduli of shear that of Poisson's ratio:
+    unknowns with a prior each.
+    """
+    count = len(law.parameters)
+    if problem.count <= count + 1:
+        return None
+    sigmas = [_FIRST] * len(problem.tables)
+    best: Floats | None = None
+    for _ in range(_ROUNDS):
+        best = _minimum(law, problem, sigmas, best)
+        if best is None:
+            return None
+        errors = _errors(law, problem, best)
+        share = 1.0 - count / problem.count
+        sigmas = [max(math.sqrt(float(np.mean(e**2)) / share), 1e-9) for e in errors]
+        if all(table.std is not None for table in problem.tables):
+            break
+    assert best is not None
+    return _outcome(law, problem, best, sigmas)
+
+
+def _level_and_times(problem: FitProblem) -> tuple[float, Floats]:
+    """The usual Young's modulus [Pa], and the times [s] of all readings."""
+    levels, times = [], []
+    for table in problem.tables:
+        per = 2.0 * (1.0 + problem.poisson) if table.shear else 1.0
+        values = np.hypot(*table.y.T) if table.kind == "oscillation" else table.y[:, 0]
+        levels.append(np.median(per / values if table.kind == "creep" else per * values))
+        times.append(1.0 / (2 * np.pi * table.x) if table.kind == "oscillation" else table.x)
+    return float(np.exp(np.mean(np.log(levels)))), np.concatenate(times)
+
+
+def _errors(law: LinearLaw, problem: FitProblem, x: Floats) -> list[Floats]:
+    """Relative errors (n,) of each table: logarithms of what is predicted over what was read."""
+    values = np.exp(x[: len(law.parameters)])
+    shifts = x[len(law.parameters) :]
+    found = []
+    for k, table in enumerate(problem.tables):
+        with np.errstate(over="ignore", invalid="ignore"):
+            ratio = predictions(law, table, values.tolist(), problem.poisson) / table.y
+        sign = -1.0 if table.kind == "creep" else 1.0
+        shift = shifts[k] * problem.scales[k] + (shifts[-1] * _poisson_share(problem) if table.shear else 0.0)
+        found.append((np.log(np.maximum(np.nan_to_num(ratio), _LEAST)) + sign * shift).ravel(order="F"))
+    return found
+
+
+def _poisson_share(problem: FitProblem) -> float:
+    return problem.poisson_std / (1.0 + problem.poisson)
+
+
+def _weighted(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> list[Floats]:
+    """Residuals of each table, then of what is known before."""
+    parts = []
+    for table, sigma, error in zip(problem.tables, sigmas, _errors(law, problem, x), strict=True):
+        parts.append(error / (sigma if table.std is None else (table.std / table.y).ravel(order="F")))
+    return [*parts, x[len(law.parameters) :]]
+
+
+def _minimum(law: LinearLaw, problem: FitProblem, sigmas: Sequence[float], before: Floats | None) -> Floats | None:
+    count, shifts = len(law.parameters), len(problem.tables) + 1
+    uppers = [*law.upper, *[math.inf] * (count - len(law.upper))]
+    high = np.array([math.log(u) if u < math.inf else _LOG for u in uppers] + [10.0] * shifts)
+    low = np.array([-_LOG] * count + [-10.0] * shifts)
+    level, times = _level_and_times(problem)
+    starts = [np.array([*np.log(start), *[0.0] * shifts]) for start in law.starts(level, times)]
+    normal = normal_by_differences(lambda x: np.concatenate(_weighted(law, problem, x, sigmas)), high)
+    found = [
+        least_squares(normal, start, low, high, gain=1e-12) for start in ([before] if before is not None else starts)
+    ]
+    finite = [one for one in found if math.isfinite(one.cost)]
+    return min(finite, key=lambda one: one.cost).x if finite else None
+
+
+def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> TableFit:
+    count = len(law.parameters)
+    parts = _weighted(law, problem, x, sigmas)
+    slopes = _slopes(law, problem, x, sigmas)
+    covariance = np.linalg.pinv(sum(j.T @ j for j in slopes), rcond=1e-13, hermitian=True)
+    correlation = _autocorrelation(parts[:-1])
+    inflation = (1.0 + correlation) / (1.0 - correlation)
+    shares: dict[str, Floats] = {}
+    total = np.zeros_like(covariance)
+    names = [f"scatter of {table.name}" for table in problem.tables]
+    for name, j in zip(names, slopes, strict=False):
+        part = inflation * covariance @ j.T @ j @ covariance
+        shares[name], total = np.sqrt(np.maximum(np.diag(part)[:count], 0.0)), total + part
+    priors = [(f"scale of {t.name}", s) for t, s in zip(problem.tables, problem.scales, strict=True)]
+    for k, (name, size) in enumerate([*priors, ("poisson", problem.poisson_std)]):
+        part = np.outer(covariance[:, count + k], covariance[:, count + k])
+        total = total + part
+        if size:
+            shares[name] = np.sqrt(np.diag(part)[:count])
+    values = np.exp(x[:count])
+    relative = np.sqrt(np.maximum(np.diag(total)[:count], 0.0))
+    relative[sum((j**2).sum(axis=0) for j in slopes)[:count] < _NO_SLOPE] = math.nan  # a part next to nothing
+    stated = [part for part, table in zip(parts, problem.tables, strict=False) if table.std is not None]
+    chi2 = float(sum(part @ part for part in stated))
+    freedom = sum(len(part) for part in stated) - round(count * sum(len(p) for p in stated) / problem.count)
+    errors = _errors(law, problem, x)
+    loose = [e for e, table in zip(errors, problem.tables, strict=True) if table.std is None]
+    bic = chi2 + float(parts[-1] @ parts[-1]) + count * math.log(problem.count)
+    bic += sum(len(e) * math.log(max(float(np.mean(e**2)), 1e-18)) for e in loose)
+    return TableFit(
+        law, problem.poisson, values, values * relative, total[:count, :count],
+        {name: values * share for name, share in shares.items()},
+        tuple(math.sqrt(float(np.mean(e**2))) for e in errors), chi2, freedom if stated else 0, bic, correlation,
+        tuple(name for (name, _), one in zip(law.parameters, relative, strict=True) if not one < _UNDETERMINED),
+    )  # fmt: skip
+
+
+def _slopes(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> list[Floats]:
+    """Derivatives (n, unknowns) of the residuals of each table, by central differences."""
+    columns = []
+    for step in np.diag(np.full(len(x), 1e-5)):
+        above, below = (_weighted(law, problem, x + sign * step, sigmas) for sign in (1.0, -1.0))
+        columns.append([(a - b) / 2e-5 for a, b in zip(above, below, strict=True)])
+    return [np.column_stack(parts) for parts in zip(*columns, strict=True)]
+
+
+def _autocorrelation(parts: Sequence[Floats]) -> float:
+    """Of neighbouring residuals of all tables, 0 at least: what a law does not explain is not independent."""
+    power = float(sum(part @ part for part in parts))
+    product = float(sum(part[1:] @ part[:-1] for part in parts))
+    return min(max(product / power, 0.0), _WORST) if power > 0 else 0.0
+
+
+def supported_fits(fits: Sequence[TableFit]) -> list[TableFit]:
+    """Laws whose BIC is within 6 of the best and that stated uncertainties do not refute; the best first."""
+    standing = sorted((fit for fit in fits if not fit.p < 1e-3), key=lambda fit: fit.bic)
+    return [fit for fit in standing if fit.bic - standing[0].bic < 6.0]
