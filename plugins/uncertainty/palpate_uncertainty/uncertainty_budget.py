@@ -72,9 +72,9 @@ def systematic_terms(
     Timing: dtheta/dtau u(tau), by `shifts` (k,) of `delay_shifts`. All others: a small error f(t) of the force shifts
     the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last
     samples. Mass: f = -u(m) z'' (and the weight, where it was removed); tare: f = u; force_scale: f = u F; a number of
-    the model: f = -dF/dp u; position_scale: f = -(dF/dd d + dF/dd' d') u. Compliance: a robot of stiffness k gives way
-    by F/k, so that the depth is F/k less than it seems, f = -(dF/dd F + dF/dd' F')/k; it is not corrected, and all of
-    the shift counts.
+    the model: f = -dF/dp u, of an inclination t, which has no derivative at 0, f = F(t) - F(t + u); position_scale:
+    f = -(dF/dd d + dF/dd' d') u. Compliance: a robot of stiffness k gives way by F/k, so that the depth is F/k less
+    than it seems, f = -(dF/dd F + dF/dd' F')/k; it is not corrected, and all of the shift counts.
     """
     terms = []
     if timing is not None and shifts.any() and "timing" not in included:
@@ -108,7 +108,8 @@ def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentRep
 def _change(found: Along, source: UncertaintySource) -> Floats | None:
     """Error (n,) of the force per unit of a source; None where it cannot be determined."""
     if source.path:
-        return -found.by_number(source.path, source.value)
+        step = source.std if source.name == "inclination" else 0.0
+        return -found.by_number(source.path, source.value, step)
     if source.name == "force_scale":
         return found.force
     return None if found.stretched is None else -found.stretched
