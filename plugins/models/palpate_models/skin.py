@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from palpate import Angle, Depth, Indenter, Settings
+from palpate import Angle, Depth, Indenter, Settings, select
 from pydantic import Field, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
@@ -17,6 +17,7 @@ FLAT = "flat"
 _STEEPEST = math.radians(45.0)
 _STEPS = 3  # of the depth that is the tip's own; exact in one for a paraboloid
 _SHALLOW = 1e-4  # [m] at which a tip's own radius is taken
+_FARTHEST = 0.5  # of cos t: depth over R + R_1, beyond which the normal is held
 _LARGE = 0.3  # of the skin's radius, up to which a contact is small against it
 
 
@@ -106,6 +107,8 @@ class Skin(Settings):
         if along:
             cosine = (1.0 - (math.sin(self.inclination) / (1.0 + own * along)) ** 2) ** 0.5
         turn = depth * along / (1.0 + own * along)
+        most = _FARTHEST * cosine
+        turn = select(turn - most, 0.0, most, turn)  # deeper the tip would come off at the side
         root = (1.0 - turn * (2.0 * cosine - turn)) ** 0.5
         return depth * (2.0 * cosine - turn) / (1.0 + root), (cosine - turn) / root
 
