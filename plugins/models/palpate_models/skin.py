@@ -115,16 +115,18 @@ class Skin(Settings):
     def _curved(self, indenter: Indenter, thickness: Layer, own: Any, depth: Any) -> tuple[Any, Any]:
         """Area and its derivative of a tip whose reduced profile is g(x) + k x^2, k the curvature that the skin adds.
 
-        The contact radius is that of the tip at the depth u it has alone, u + k a(u)^2 = d, and the area is
-        A(u) + 2/3 k a^3.
+        The contact radius is that of the tip at the depth u it has alone, u + k a(u)^2 = d, by Newton's method with
+        a^2 going as u^p, p = 2 (a u - A)/A, and the area is A(u) + 2/3 k a^3.
         """
         along, across = self.curvatures
         if not (along or across):
             return corrected_contact(indenter, thickness, depth)
         added = ((1.0 / own + along) * (1.0 / own + across)) ** 0.5 - 1.0 / own
         alone = depth / (1.0 + added * own)
+        power = 2.0 * (indenter.contact_radius(alone) * alone / indenter.profile_area(alone) - 1.0)
         for _ in range(_STEPS):
-            alone = depth / (1.0 + added * indenter.contact_radius(alone) ** 2 / alone)
+            square = added * indenter.contact_radius(alone) ** 2
+            alone = alone - (alone + square - depth) / (1.0 + square * power / alone)
         radius = indenter.contact_radius(alone)
         area = indenter.profile_area(alone) + 2.0 / 3.0 * added * radius**3
         if not isinstance(thickness, Thickness):
