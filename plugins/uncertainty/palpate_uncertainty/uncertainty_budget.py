@@ -12,6 +12,7 @@ from palpate_kit.runs.uncertainty_sources import UncertaintySource, sources_of
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
 from palpate_uncertainty.flags import OFFSET, compliance_flags, tare_flags, timing_flags
 from palpate_uncertainty.force_sensitivity import Along, along
+from palpate_uncertainty.inclined_skin import AcrossForce
 from palpate_uncertainty.influence import answer
 
 _MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
@@ -27,6 +28,9 @@ def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
     found = along(model, end.tail, end.last, values)
     shifts, timing = delay_shifts(model, found, values), settings.timing_uncertainty
     sources = sources_of(model, end.uncertainties)
+    across = AcrossForce.of(track, end)
+    if across is not None and across.tells_friction:  # which says by how much the values are off
+        sources = tuple(source for source in sources if source.name != "stick" or source.declared)
     terms = systematic_terms(found, shifts, timing, settings, end.report, sources, end.included)
     flags = list(timing_flags(model, values, shifts, timing, _interval(end), end.held))
     if "tare" not in end.included and (end.report.tare is None or end.report.tare.offset_std is None):
