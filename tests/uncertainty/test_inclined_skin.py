@@ -11,6 +11,7 @@ from palpate.alignment.lateral_force import SidewaysShare
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_uncertainty.assumptions import assumptions
 from palpate_uncertainty.inclined_skin import axial_ratio, inclined_skin, possible_inclinations
+from palpate_uncertainty.uncertainty_budget import budgets
 
 HERE = Path(__file__)
 
@@ -62,6 +63,22 @@ def test_friction_explains_what_lies_between_a_tip_that_slides_and_one_that_stic
     assert bool(judged(share, skin=skin).flags) == flagged
 
 
+@pytest.mark.parametrize(("share", "friction"), [(SLIDES, 0.0), (STICKS, 1.0)])
+def test_three_axes_give_the_force_along_the_normal(share, friction):
+    """What E is off by: the axial force at that friction over the one midway."""
+    t, skin = math.radians(20), {"inclination": math.radians(20)}
+    bias = judged(share, skin=skin, inclination="1 deg").biases["elasticity"]
+    ratio = (1 + friction * 2 / 3 * math.tan(t) ** 2) / (1 + 0.5 * 2 / 3 * math.tan(t) ** 2)
+    assert bias.shift / TRACK.values[0] == pytest.approx(1 - 1 / ratio, abs=5e-4)
+    assert 0 < bias.std < abs(bias.shift)
+    assert not judged(share).biases
+    ending = replace(TRACK.ending, report=replace(TRACK.ending.report, sideways=SidewaysShare(share, 0.0, 1e-4)))
+    track = replace(TRACK, model=DimensionalityReduction(indenter=Sphere(radius=5e-3), skin=skin))
+    one, three = (budgets([replace(track, ending=end)])["t"].sources for end in (TRACK.ending, ending))
+    assert "stick" in {term.cause for term in one}
+    assert "stick" not in {term.cause for term in three}
+
+
 def test_a_declared_uncertainty_of_the_inclination_admits_more():
     skin = {"inclination": math.radians(20)}
     share = math.tan(math.radians(25))
@@ -97,6 +114,8 @@ def test_e_is_within_its_95_per_cent_where_the_skin_is_stated_and_a_tilt_is_told
     benchmark = module("inclined_skins", root / "benchmarks" / "inclined_skins.py")
     draws = [benchmark.draw(seed) for seed in range(8)]
     assert [seed for seed, one in enumerate(draws) if not one.stated.right] == []
+    errors, stds = np.transpose([one.stated.by_three_axes for one in draws])
+    assert (np.abs(errors) <= 1.96 * stds).all()
     shown = [one for one in draws if one.can_show]
     assert len(shown) >= 2
     assert all(one.is_told for one in shown)
