@@ -83,6 +83,14 @@ def test_a_height_is_on_the_skin_and_the_normal_is_the_slope_of_the_distance(cur
         assert slope == pytest.approx(normal[:, axis], abs=1e-7)
 
 
+def test_beside_a_body_there_is_no_skin():
+    form = SkinForm((0.0, 0.0), (50.0, 50.0))
+    with np.errstate(all="ignore"):
+        assert form.height(np.array([0.0, 0.01, 0.03]), np.zeros(3)) == pytest.approx(
+            [0.0, math.sqrt(3e-4) - 0.02, -np.inf]
+        )
+
+
 @pytest.mark.parametrize("narrow", [0.95, 0.7, 0.4])
 def test_the_ellipse_is_that_of_an_ellipsoid_of_pressure(narrow):
     """Displacement L - M x^2 - N y^2 under p0 sqrt(1 - x^2/a^2 - y^2/b^2): Johnson 1985, eqs. 3.40 and 3.41."""

@@ -42,14 +42,15 @@ class SkinForm:
         return distance, np.column_stack([rise * aside, across, rise * up]) @ axes
 
     def height(self, x: Floats, y: Floats) -> Floats:
-        """Height (n,) [m] of the skin over x, y (n,) by Newton's method; beside a body that ends, NaN."""
+        """Height (n,) [m] of the skin over x, y (n,) by Newton's method; -inf beside a body that ends."""
         z = self.slopes[0] * x + self.slopes[1] * y
         for _ in range(_STEPS):
             distance, normal = self.near(np.column_stack([x, y, z]))
             if np.abs(distance).max(initial=0.0) < _CLOSE:
                 return z
             z = z - distance / normal[:, 2]
-        return np.where(np.abs(distance) < _CLOSE, z, np.nan)
+        left, _ = self.near(np.column_stack([x, y, z]))
+        return np.where(np.abs(left) < _CLOSE, z, -np.inf)
 
 
 def _from_circle(height: Floats, along: Floats, curvature: float) -> tuple[Floats, Floats, Floats]:
