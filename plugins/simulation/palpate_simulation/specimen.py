@@ -189,7 +189,7 @@ class Specimen(Settings):
 
     def _centre(self, position: Floats) -> Floats:
         """Centres (n, 3) [m] of the sphere that a tip ends in, over the origin of the skin."""
-        return position + np.array([0.0, 0.0, self._tip_radius - self.surface])
+        return np.asarray(position + np.array([0.0, 0.0, self._tip_radius - self.surface]))
 
     @cached_property
     def curvature_share(self) -> float:
