@@ -13,6 +13,7 @@ from palpate.alignment import (
     Hesitations,
     Intake,
     Ports,
+    SidewaysShare,
     Signal,
     hesitations,
 )
@@ -130,6 +131,7 @@ __all__ = [
     "Result",
     "RunSettings",
     "SafetySettings",
+    "SidewaysShare",
     "Signal",
     "Source",
     "StoppedError",

@@ -143,6 +143,12 @@ def input_files(value: Any) -> list[Path]:
     return found
 
 
+def _marks(annotation: Any) -> list[Any]:
+    """The metadata of what an annotation allows, at any depth of unions."""
+    inner = [mark for one in get_args(annotation) if not isinstance(one, str) for mark in _marks(one)]
+    return [*getattr(annotation, "__metadata__", ()), *inner]
+
+
 def numbers_of(part: Settings, above: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], float, str]]:
     """Every number among the keys of settings and of what is nested in them: path, value, SI unit."""
     found: list[tuple[tuple[str, ...], float, str]] = []
@@ -151,6 +157,7 @@ def numbers_of(part: Settings, above: tuple[str, ...] = ()) -> list[tuple[tuple[
         if isinstance(value, Settings):
             found += numbers_of(value, (*above, name))
         elif isinstance(value, float):
-            units = (getattr(item, "unit", None) for item in described.metadata)
+            marks = (*described.metadata, *_marks(described.annotation))
+            units = (getattr(item, "unit", None) for item in marks)
             found.append(((*above, name), value, next((unit for unit in units if isinstance(unit, str)), "1")))
     return found

@@ -5,7 +5,7 @@ import pytest
 from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError
 from palpate.pipeline import run_pipeline
-from palpate_simulation.series_compliance import force_behind_spring
+from palpate_simulation.series_compliance import motion_behind_spring
 
 SHORT = ["trajectory.press.duration=3 s", 'run.tracks=["*/kinematic"]']
 
@@ -20,7 +20,7 @@ def test_the_force_is_that_of_the_depth_that_is_left(root):
     depth = np.linspace(-0.001, 0.005, 301)
     position = np.column_stack([0 * depth, 0 * depth, -depth])
     still, time = np.zeros_like(position), np.arange(len(depth)) * 1e-3
-    stiff, soft = (force_behind_spring(body, time, position, still, k) for k in (1e12, 2e4))
+    stiff, soft = (body.push(time, *motion_behind_spring(body, time, position, still, k)) for k in (1e12, 2e4))
     np.testing.assert_allclose(stiff, body.push(time, position, still), atol=1e-6)
     left = position.copy()
     left[:, 2] += soft / 2e4
@@ -45,4 +45,4 @@ def test_what_remembers_is_refused(root):
         memory = True
 
     with pytest.raises(ConfigurationError, match="a specimen with memory cannot be behind a spring"):
-        force_behind_spring(specimen(root, model=Remembers()), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)), 1e4)
+        motion_behind_spring(specimen(root, model=Remembers()), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)), 1e4)

@@ -90,8 +90,9 @@ def test_depth_is_measured_from_the_true_skin():
     tilted = specimen(surface=0.001, relief={"tilt_x": 0.1})
     position = np.array([[0.02, 0.0, -0.002]])
     depth, rate = tilted.depth(position, np.array([[0.004, 0.0, -0.001]]))
-    assert depth == pytest.approx(0.001 + np.tan(0.1) * 0.02 + 0.002)
-    assert rate == pytest.approx(np.tan(0.1) * 0.004 + 0.001)
+    ahead = 5e-3 * (1 / np.cos(0.1) - 1)  # the sphere touches beside its lowest point
+    assert depth == pytest.approx((0.001 + np.tan(0.1) * 0.02 + 0.002 + ahead) * np.cos(0.1))
+    assert rate == pytest.approx((np.tan(0.1) * 0.004 + 0.001) * np.cos(0.1))
 
 
 def test_the_rig_feels_the_inclusion_under_the_tip():

@@ -130,7 +130,8 @@ def test_a_run_says_it_once_in_one_line(ran):
     (line,) = assumption_lines(ran)
     assert line == (
         "on trust, % of elasticity/viscosity for 1 % of it: height 1.5, Poisson's ratio 0.7/1.0, force 1.0, tip radius "
-        "0.5; rigid mount (210 N/mm: 1 %), flat, level skin, thick specimen (100 mm: 5 %), 2 Hz only"
+        "0.5; rigid mount (210 N/mm: 1 %), level skin (5.1 deg: 1 %), flat skin (radius 250 mm: 1 %), thick "
+        "specimen (100 mm: 5 %), 2 Hz only"
     )
     document = json.loads((ran.folder / "result.json").read_text())
     assert all("assumptions" in track["diagnoses"] for track in document["tracks"].values())

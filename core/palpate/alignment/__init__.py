@@ -6,6 +6,7 @@ The samples do not depend on how the streams were cut into batches, so a replaye
 from palpate.alignment.aligner import Aligner, AlignmentReport
 from palpate.alignment.hesitation import Hesitations, hesitations
 from palpate.alignment.intake import Intake
+from palpate.alignment.lateral_force import SidewaysShare
 from palpate.alignment.load_compensation import GRAVITY
 from palpate.alignment.ports import Port, Ports, channels, signals
 from palpate.alignment.settings import SIGNAL_UNITS, AlignmentSettings, Signal
@@ -23,6 +24,7 @@ __all__ = [
     "Port",
     "Ports",
     "Series",
+    "SidewaysShare",
     "Signal",
     "channels",
     "hesitations",

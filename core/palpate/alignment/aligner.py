@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.alignment.contact_detector import ContactDetector
 from palpate.alignment.intake import Intake
+from palpate.alignment.lateral_force import LateralForce, SidewaysShare
 from palpate.alignment.ports import Ports
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.signal_series import Health
@@ -40,6 +41,7 @@ class AlignmentReport:
     velocity_delay: tuple[float, float] | None  # [s] of the velocity against the position, and its uncertainty
     by_change_point: bool = False  # the first touch is where contact began; else where touch_force was passed
     pull: float = 0.0  # [N] how far below none the force stays for a few samples, at the most
+    sideways: SidewaysShare | None = None  # of the force; None where its stream has one axis
 
 
 class Aligner:
@@ -55,10 +57,15 @@ class Aligner:
         self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served
         self._nothing: Samples | None = None  # a block without samples
         self._counts = {"samples": 0, "force": 0, "velocity": 0}
+        self._force = ports["force"]
+        across = [column for column in self._force.components if column != self._force.column]
+        self._lateral = LateralForce((self._force.column, across[0], across[1])) if len(across) == 2 else None
 
     def feed(self, device: str, batch: Batch) -> None:
         """Take in the readings of one of a device's streams."""
         self._intake.feed(device, batch)
+        if self._lateral is not None and (device, batch.stream) == self._force.key:
+            self._lateral.feed(batch)
 
     def aligned(self, arrivals: Iterable[tuple[str, Batch]], final: bool = False) -> Samples:
         """The samples that some batches, each with its device, have made ready."""
@@ -168,4 +175,5 @@ class Aligner:
             self._check.delay,
             contact.by_change_point,
             contact.pull,
+            self._lateral.share if self._lateral is not None else None,
         )

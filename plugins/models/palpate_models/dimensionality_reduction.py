@@ -11,7 +11,8 @@ from pydantic_core import CoreSchema
 
 from palpate_models.other_layers import other_layers
 from palpate_models.parameters import ELASTICITY, VISCOSITY
-from palpate_models.thickness import HALF_SPACE, Thickness, contact_validity, corrected_contact
+from palpate_models.skin import ContactGeometry, Skin
+from palpate_models.thickness import HALF_SPACE, Thickness
 
 
 class _NoneInTheSchema:
@@ -28,14 +29,21 @@ OptionalThickness = Annotated[
 ]
 
 
+SKIN = (
+    'the skin where it is not level and flat, such as { inclination = "20 deg", skin_radius = "50 mm" }; left out: '
+    "assumed to be both"
+)
+
+
 class DimensionalityReduction(ContactModel):
     """A soft half-space as a row of springs and dampers, pressed by any axisymmetric tip.
 
     F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d', with the tip's contact radius a(d) and profile area A(d).
     For a sphere this is (4/3) E/(1 - nu^2) sqrt(R) d^1.5 + 4 eta/(1 - nu) sqrt(R d) d'. With `thickness`, A becomes
-    A(d) c(d) and a becomes its derivative (see the `thickness` key: dimitriadis, garcia, finite-cylinder).
-    Assumes a homogeneous, isotropic, flat half-space, small strain (a/R well below 1, depth below some 10 % of the
-    thickness), no friction and no adhesion; material of Kelvin-Voigt type.
+    A(d) c(d) and a becomes its derivative (see the `thickness` key: dimitriadis, garcia, finite-cylinder); `skin`
+    states an inclination and curvature. Assumes a homogeneous, isotropic half-space, flat but for these, small strain
+    (a/R well below 1, depth below some 10 % of the thickness), no friction on a level skin and no adhesion; material of
+    Kelvin-Voigt type.
     Source: paper, eqs. kv_el and TotalForce; Popov and Hess 2015.
     """
 
@@ -49,17 +57,17 @@ class DimensionalityReduction(ContactModel):
         'laws: dimitriadis, garcia, finite-cylinder, table; "half-space": the specimen is thick, nothing is corrected; '
         'left out or "none": the same, but not declared',
     )
+    skin: Skin | None = Field(default=None, description=SKIN)
 
     @model_validator(mode="after")
     def _known_correction(self) -> Self:
-        if isinstance(self.thickness, Thickness):
-            self.thickness.check(self.indenter, self.poisson)
+        ContactGeometry.of(self).check()
         return self
 
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' [N]."""
         elasticity, viscosity = theta
-        area, radius = corrected_contact(self.indenter, self.thickness, depth)
+        area, radius = ContactGeometry.of(self).contact(depth)
         elastic = 2.0 / (1.0 - self.poisson**2) * elasticity * area
         return elastic + 4.0 / (1.0 - self.poisson) * viscosity * radius * rate
 
@@ -74,8 +82,8 @@ class DimensionalityReduction(ContactModel):
         return (MaterialValue("elasticity", theta[0], (1.0, 0.0)), MaterialValue("viscosity", theta[1], (0.0, 1.0)))
 
     def validity(self, depth: float) -> str:
-        """What does not hold of tip or thickness correction at a depth [m]."""
-        return contact_validity(self.indenter, self.thickness, depth)
+        """What does not hold of tip, skin or thickness correction at a depth [m]."""
+        return ContactGeometry.of(self).validity(depth)
 
     def other_geometries(self, depth: float, theta: Sequence[float]) -> dict[str, tuple[float, ...]]:
         """Layers that what is stated of the thickness admits as well, see `other_layers`."""

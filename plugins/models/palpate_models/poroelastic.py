@@ -66,8 +66,8 @@ class Poroelastic(RelaxingModel):
         _master(self.indenter)
         if self.poisson != 0.5:
             raise ValueError("poroelastic: poisson is that of the first moment, 0.5; drained_poisson is a parameter")
-        if isinstance(self.thickness, Thickness):
-            raise ValueError("poroelastic: is known for a half-space only, without thickness")
+        if isinstance(self.thickness, Thickness) or self.skin is not None:
+            raise ValueError("poroelastic: is known for a half-space only, without thickness and skin")
         return self
 
     def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 from palpate import ContactModel, Floats, Indenter, MaterialValue, Parameter, select
 from pydantic import Field, model_validator
 
-from palpate_models.dimensionality_reduction import OptionalThickness
+from palpate_models.dimensionality_reduction import SKIN, OptionalThickness
 from palpate_models.other_layers import other_layers
 from palpate_models.parameters import (
     DASHPOT_VISCOSITY,
@@ -20,7 +20,7 @@ from palpate_models.parameters import (
     RELAXATION_TIME,
     RELAXING_ELASTICITY,
 )
-from palpate_models.thickness import Thickness, contact_validity, corrected_contact
+from palpate_models.skin import ContactGeometry, Skin
 
 _THICKNESS = 'correction for a layer, as for dimensionality-reduction; left out or "none": a half-space'
 
@@ -44,11 +44,11 @@ class RelaxingModel(ContactModel):
     indenter: Indenter = Field(description="the tip")
     poisson: float = Field(default=0.5, ge=0, le=0.5, description="Poisson's ratio nu; 0.5 for incompressible material")
     thickness: OptionalThickness = Field(default=None, description=_THICKNESS)
+    skin: Skin | None = Field(default=None, description=SKIN)
 
     @model_validator(mode="after")
     def _known_correction(self) -> Self:
-        if isinstance(self.thickness, Thickness):
-            self.thickness.check(self.indenter, self.poisson)
+        ContactGeometry.of(self).check()
         return self
 
     @abstractmethod
@@ -58,7 +58,7 @@ class RelaxingModel(ContactModel):
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + sum of q_k [N]; without `memory` long at rest."""
         law = self.spectrum(theta)
-        area, radius = corrected_contact(self.indenter, self.thickness, depth)
+        area, radius = ContactGeometry.of(self).contact(depth)
         found = 0.0 * depth if law.lasting is None else 2.0 / (1.0 - self.poisson**2) * law.lasting * area
         if law.damper is not None:
             found = found + 4.0 / (1.0 - self.poisson) * law.damper * radius * rate
@@ -68,7 +68,7 @@ class RelaxingModel(ContactModel):
 
     def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
         """2 E_k/(1 - nu^2) a(d) d' - q_k/tau_k [N/s]."""
-        _, radius = corrected_contact(self.indenter, self.thickness, select(depth, 0.0, depth, 1e-3 + 0.0 * depth))
+        _, radius = ContactGeometry.of(self).contact(select(depth, 0.0, depth, 1e-3 + 0.0 * depth))
         loading = select(depth, 0.0, 2.0 / (1.0 - self.poisson**2) * radius * rate, 0.0 * depth)
         arms, pace = self.spectrum(theta).arms, self.pace(radius, theta)
         return tuple(
@@ -87,8 +87,8 @@ class RelaxingModel(ContactModel):
         return None
 
     def validity(self, depth: float) -> str:
-        """What does not hold of tip or thickness correction at a depth [m]."""
-        return contact_validity(self.indenter, self.thickness, depth)
+        """What does not hold of tip, skin or thickness correction at a depth [m]."""
+        return ContactGeometry.of(self).validity(depth)
 
     def other_geometries(self, depth: float, theta: Sequence[float]) -> dict[str, tuple[float, ...]]:
         """Layers that what is stated of the thickness admits as well, see `other_layers`."""

@@ -11,7 +11,7 @@ from palpate import ContactModel, Floats
 
 from palpate_models.dimensionality_reduction import DimensionalityReduction
 from palpate_models.relaxing_models import RelaxationSpectrum, RelaxingModel
-from palpate_models.thickness import corrected_contact
+from palpate_models.skin import ContactGeometry
 
 _REVERSAL = 1e-6  # [m]; a smaller way back is none
 _HALVINGS = 40  # of the range in which the end of the integral is looked for
@@ -101,7 +101,7 @@ def _one_maximum(depth: Floats, reversal: float) -> int:
 
 
 def _area(model: Any, depth: Floats) -> Floats:
-    return np.asarray(corrected_contact(model.indenter, model.thickness, np.maximum(depth, 1e-12))[0])
+    return np.asarray(ContactGeometry.of(model).contact(np.maximum(depth, 1e-12))[0])
 
 
 def _faded(values: Floats, time: Floats, rates: Floats, strengths: Floats) -> Floats:

@@ -22,6 +22,8 @@ class _ContactHistory:
         self._theta = [float(np.ravel(value)[0]) for value in specimen.theta(place[None, 0], place[None, 1])]
         self._states = [0.0] * len(self._model.memory)
         self._share = 1.0 if specimen.scatter is None else float(specimen.scatter.at(place[None, 0], place[None, 1])[0])
+        if specimen.form is not None:
+            self._share *= specimen.curvature_share
         if specimen.conditioning is not None:
             self._share *= specimen.conditioning.factor(specimen.palpated)
 
@@ -31,6 +33,7 @@ class _ContactHistory:
         depths, rates = self._specimen.depth(position, np.array([[0.0, 0.0, speed]]))
         depth, rate = float(depths[0]), float(rates[0])
         model, theta, count = self._model, self._theta, len(self._states)
+        upright = float(self._specimen.normal(position)[0, 2])  # of the force along the normal, that along the tool
         if count:
             taken = model.memory_rate(depth, rate, theta, [0.0] * count)
             left = model.memory_rate(depth, rate, theta, [1.0] * count)
@@ -38,7 +41,7 @@ class _ContactHistory:
                 z = (float(intake) - float(with_one)) * period
                 gained = float(intake) * period * (-math.expm1(-z) / z if z > 1e-9 else 1.0)
                 self._states[k] = self._states[k] * math.exp(-z) + gained
-        return self._share * float(contact_force(model, depth, rate, theta, self._states, pulls=False))
+        return upright * self._share * float(contact_force(model, depth, rate, theta, self._states, pulls=False))
 
 
 def force_controlled_motion(

@@ -39,9 +39,10 @@ from palpate_kit.force_control import refusal
 from pydantic import Field
 
 from palpate_simulation.sensor_wrench import sensed_wrench
-from palpate_simulation.series_compliance import force_behind_spring
+from palpate_simulation.series_compliance import motion_behind_spring
 from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
 from palpate_simulation.simulated_force_control import force_controlled_motion
+from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.specimen import Specimen
 
 _SECOND = 1_000_000_000  # [ns]
@@ -223,23 +224,23 @@ class _RigLink:
             yield self._batch("setpoint", ticks[rows], settings.motion_delay, np.hstack(commanded), origin)
 
     def _contact(self, instants: Floats, motion: TrackedMotion) -> Floats:
-        """Contact force (n,) [N] over the whole motion, which a material that remembers has to be asked for."""
+        """Contact force (n, 3) [N] over the whole motion, which a material that remembers has to be asked for."""
         position, velocity, _ = motion.at(instants)
-        settings = self._settings
-        if settings.series_stiffness is not None:
-            return force_behind_spring(settings.specimen, instants, position, velocity, settings.series_stiffness)
-        return settings.specimen.push(instants, position, velocity)
+        settings, sliding = self._settings, velocity
+        if (stiffness := settings.series_stiffness) is not None:
+            position, velocity = motion_behind_spring(settings.specimen, instants, position, velocity, stiffness)
+        if settings.specimen.form is not None:
+            return SkinContact().force(settings.specimen, instants, position, velocity)
+        return settings.specimen.with_friction(settings.specimen.push(instants, position, velocity), sliding)
 
     def _wrench(self, instants: Floats, motion: TrackedMotion, contact: Floats) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings = self._settings
-        velocity = motion.velocity_at(instants)
         acceleration = motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
-        push = settings.specimen.with_friction(contact, velocity)
         offset = settings.bias + settings.drift * instants
         noise = self._force_noise.standard_normal((len(instants), 6))
         return sensed_wrench(
-            push,
+            contact,
             acceleration,
             settings.tip_mass,
             offset,

@@ -25,12 +25,14 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_v
 
 from palpate_simulation.inclusions import Inclusion
 from palpate_simulation.paper_specimens import SPECIMENS
+from palpate_simulation.skin_form import SkinForm, elliptic_share
 from palpate_simulation.specimen_layers import Layer, layered_factors
 from palpate_simulation.specimen_scatter import Conditioning, Scatter
 from palpate_simulation.surface_relief import Relief
 
 _REVERSAL = 2e-5  # [m] that a position loop may swing back
 _SLIP = 1e-4  # [m/s] of sliding over which friction comes up
+_ROUND = (1e-6, 1e-4, 0.02)  # [m] depths at which a round tip has the same radius a^2/d, and within what
 
 
 def _shorthand(schema: dict[str, Any]) -> None:
@@ -45,7 +47,9 @@ class Specimen(Settings):
 
     The parameters stand beside the model, by name: ``{ model = "dr", elasticity = "112.5 kPa", ... }``. Inclusions make
     elastic and viscous parameters larger by 1 + the sum of their contrasts where the tip is, all by the same factor;
-    layers on top of the material do so at each depth (see `specimen_layers`); relief makes the surface uneven.
+    layers on top of the material do so at each depth (see `specimen_layers`); relief makes the surface uneven: on one
+    that is tilted or curved the force is along the local normal, and that of Hertz's elliptic contact. What `skin` of
+    the model states is for the estimator alone.
     Left out, the specimen is homogeneous and level. With a `name`, what stands in the table replaces what the paper's
     specimen of that name has. A rigid base is felt where the model has a `thickness` correction, a tip that does not
     stand square where its indenter is `tilted-flat`, relaxation where the model has a memory. `scatter` and
@@ -99,6 +103,12 @@ class Specimen(Settings):
         beside = {key: value for key, value in data.items() if key not in own}
         return own | {"parameters": {key: _plain(value) for key, value in beside.items()}}
 
+    @field_validator("model")
+    @classmethod
+    def _without_a_stated_skin(cls, model: ContactModel) -> ContactModel:
+        """The model as it is on a level, flat skin: what the true skin is, `relief` says."""
+        return model if getattr(model, "skin", None) is None else model.model_copy(update={"skin": None})
+
     @field_validator("parameters", mode="before")
     @classmethod
     def _in_si(cls, given: Any, info: ValidationInfo) -> Any:
@@ -122,9 +132,34 @@ class Specimen(Settings):
             raise ValueError("a model with memory can have no layers")
         return self
 
+    @model_validator(mode="after")
+    def _a_curved_skin_needs_a_round_tip(self) -> Self:
+        curvatures = (0.0, 0.0) if self.form is None else self.form.curvatures
+        if not any(curvatures):
+            return self
+        if not self._tip_radius:
+            raise ValueError("relief: radius_x, radius_y need a model whose indenter has a round end, as a sphere has")
+        if min(curvatures) * self._tip_radius <= -1.0:
+            raise ValueError("relief: a hollow is narrower than the tip")
+        return self
+
+    @property
+    def form(self) -> SkinForm | None:
+        """Tilt and curvature of the skin; None where it is level and flat but for its roughness."""
+        return self.relief.form
+
     @property
     def _indenter(self) -> Indenter | None:
         return getattr(self.model, "indenter", None)
+
+    @cached_property
+    def _tip_radius(self) -> float:
+        """Radius [m] of a tip with a round end; 0 of any other, which counts as its lowest point."""
+        if self._indenter is None:
+            return 0.0
+        shallow, deep, within = _ROUND
+        radius, other = (float(self._indenter.contact_radius(depth)) ** 2 / depth for depth in (shallow, deep))
+        return radius if abs(other / radius - 1.0) < within else 0.0
 
     @cached_property
     def _layered(self) -> tuple[Floats, Floats]:
@@ -133,10 +168,40 @@ class Specimen(Settings):
         return layered_factors(self.layers, self._indenter)
 
     def depth(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-        """Depth [m] below the true skin and its rate [m/s], (n,), of a tip at positions (n, 3) with velocities."""
+        """Depth [m] below the true skin and its rate [m/s], (n,), of a tip at positions (n, 3) with velocities.
+
+        Both are along the local normal, and of a round tip those of the place that is deepest in the skin.
+        """
+        if self.form is not None:
+            return self._depth_along_the_normal(self.form, position, velocity)
         height, along_x, along_y = self.relief.at(position[:, 0], position[:, 1])
         rise = along_x * velocity[:, 0] + along_y * velocity[:, 1]
         return self.surface + height - position[:, 2], rise - velocity[:, 2]
+
+    def _depth_along_the_normal(self, form: SkinForm, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+        distance, normal = form.near(self._centre(position))
+        depth, rate = self._tip_radius - distance, -np.sum(velocity * normal, axis=1)
+        if self.relief.roughness > 0:
+            height, along_x, along_y = self.relief.without_form.at(position[:, 0], position[:, 1])
+            depth = depth + normal[:, 2] * height
+            rate = rate + normal[:, 2] * (along_x * velocity[:, 0] + along_y * velocity[:, 1])
+        return depth, rate
+
+    def _centre(self, position: Floats) -> Floats:
+        """Centres (n, 3) [m] of the sphere that a tip ends in, over the origin of the skin."""
+        return np.asarray(position + np.array([0.0, 0.0, self._tip_radius - self.surface]))
+
+    @cached_property
+    def curvature_share(self) -> float:
+        """Force on the curved skin over that on a flat one at the same depth."""
+        curved = self.form is not None and any(self.form.curvatures)
+        return elliptic_share(self._tip_radius, self.form.curvatures) if self.form and curved else 1.0
+
+    def normal(self, position: Floats) -> Floats:
+        """Outward normals (n, 3) of the skin under a tip at positions (n, 3) [m]."""
+        if self.form is None:
+            return np.broadcast_to((0.0, 0.0, 1.0), position.shape)
+        return self.form.near(self._centre(position))[1]
 
     def theta(self, x: Floats, y: Floats) -> list[Any]:
         """The model's parameters where a tip at x, y (n,) [m] feels them."""
@@ -153,12 +218,14 @@ class Specimen(Settings):
         return [value * factor if role else value for value, role in zip(theta, roles, strict=True)]
 
     def push(self, instants: Floats, position: Floats, velocity: Floats) -> Floats:
-        """Contact force (n,) [N] on a tip at positions (n, 3) with velocities (n, 3), at instants (n,) [s] in order.
+        """Force (n,) [N] along the normal on a tip at positions (n, 3) with velocities, at instants (n,) [s] in order.
 
         Raises ConfigurationError where a model with memory is asked for what it cannot: inclusions, or forgetting that
         is too fast for the instants.
         """
         force = self._force(instants, position, velocity)
+        if self.form is not None:
+            force = force * self.curvature_share
         if self.scatter is not None:
             force = force * self.scatter.at(position[:, 0], position[:, 1])
         return force if self.conditioning is None else force * self.conditioning.factor(self.palpated)

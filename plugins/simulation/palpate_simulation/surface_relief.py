@@ -1,4 +1,4 @@
-"""The shape of a simulated skin: tilt, random roughness."""
+"""The shape of a simulated skin: tilt, curvature, random roughness."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
+from typing import Literal, Self
 
 import numpy as np
 from palpate import Angle, Floats, Length, Settings
-from pydantic import Field
+from pydantic import Field, model_validator
+
+from palpate_simulation.skin_form import SkinForm
 
 WAVES = 64
 _TOGETHER = 4096  # places; what is worked on stays in the processor's cache
@@ -25,7 +28,10 @@ def plane_waves(seed: int, length: float) -> tuple[Floats, Floats]:
 
 
 class Relief(Settings):
-    """Height of the skin over its level: a tilt and a smooth random roughness.
+    """Height of the skin over its level: a tilt, curvature, and a smooth random roughness.
+
+    A curved skin is a sphere, a cylinder or a torus that touches the tilted plane at the origin, with the radius
+    `radius_x` along the plane's rise towards x and `radius_y` across that.
 
     Roughness is a sum of 64 plane cosines of random direction and phase whose wave numbers are drawn from a normal
     distribution of standard deviation 1/length in each axis: a stationary random field with the covariance
@@ -34,9 +40,31 @@ class Relief(Settings):
 
     tilt_x: Angle = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="rise towards positive x")
     tilt_y: Angle = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="rise towards positive y")
+    radius_x: Literal["flat"] | Length = Field(
+        default="flat", description='radius of curvature towards x, negative in a hollow, or "flat"'
+    )
+    radius_y: Literal["flat"] | Length = Field(default="flat", description="the same towards y")
     roughness: Length = Field(default=0.0, ge=0, description="standard deviation of the random height")
     length: Length = Field(default=0.01, gt=0, description="correlation length of the random height")
     seed: int = Field(default=0, ge=0, description="seed of the random height")
+
+    @model_validator(mode="after")
+    def _a_radius_has_a_length(self) -> Self:
+        if 0.0 in (self.radius_x, self.radius_y):
+            raise ValueError('radius_x, radius_y: a radius of 0 is no skin; write "flat" where it is not curved')
+        return self
+
+    @cached_property
+    def form(self) -> SkinForm | None:
+        """Tilt and curvature; None of a skin that is level and flat but for its roughness."""
+        by_x, by_y = (0.0 if isinstance(one, str) else 1.0 / one for one in (self.radius_x, self.radius_y))
+        found = SkinForm(self._tilt, (by_x, by_y))
+        return found if any((*found.slopes, *found.curvatures)) else None
+
+    @cached_property
+    def without_form(self) -> Relief:
+        """The roughness alone."""
+        return self.model_copy(update={"tilt_x": 0.0, "tilt_y": 0.0, "radius_x": "flat", "radius_y": "flat"})
 
     @cached_property
     def _waves(self) -> tuple[Floats, Floats, Floats]:
@@ -48,6 +76,9 @@ class Relief(Settings):
         """Height [m] and its slopes towards x and y, each (n,)."""
         height, (along_x, along_y) = self._level(x, y), self._tilt
         slope_x, slope_y = np.full_like(height, along_x), np.full_like(height, along_y)
+        if self.form is not None and any(self.form.curvatures):
+            _, normal = self.form.near(np.column_stack([x, y, height]))
+            slope_x, slope_y = (-normal[:, i] / normal[:, 2] for i in (0, 1))
         self._rough(lambda rows: self._roughen(x[rows], y[rows], height[rows], slope_x[rows], slope_y[rows]), height)
         return height, slope_x, slope_y
 
@@ -62,6 +93,8 @@ class Relief(Settings):
         return float(np.tan(self.tilt_x)), float(np.tan(self.tilt_y))
 
     def _level(self, x: Floats, y: Floats) -> Floats:
+        if self.form is not None and any(self.form.curvatures):
+            return self.form.height(x, y)
         along_x, along_y = self._tilt
         return along_x * x + along_y * y
 

@@ -83,9 +83,11 @@ def poisson_of(model: Any) -> float:
 
 
 def area(model: ContactModel, depth: Floats) -> Floats:
-    """Area A(d) c(d) [m^2] of the tip in the reduced plane, with the layer's factor; 0 out of contact."""
+    """Area A(d) c(d) [m^2] of the tip in the reduced plane, with the layer's factor and the skin; 0 out of contact."""
     held: Any = model
     inside = np.maximum(depth, 1e-9)
+    if (skin := getattr(held, "skin", None)) is not None:
+        return np.where(depth > 0, skin.contact(held.indenter, held.thickness, held.poisson, inside)[0], 0.0)
     found = np.asarray(held.indenter.profile_area(inside))
     thickness = getattr(held, "thickness", None)
     if thickness is not None and not isinstance(thickness, str):  # "half-space"

@@ -28,6 +28,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         # Last, since a filter's bias that is predicted is no distance.
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability", order=60),
         "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
+        "force-across": Diagnosis("palpate_uncertainty.inclined_skin:inclined_skin", order=11, quick=True),
         "geometry": Diagnosis("palpate_uncertainty.undeclared_thickness:geometry", quick=True),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
         "free-air": Diagnosis("palpate_uncertainty.free_air:free_air"),

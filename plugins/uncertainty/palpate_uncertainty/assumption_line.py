@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -61,11 +62,24 @@ def _conditions(table: Mapping[str, Any], first: str) -> Iterator[str]:
     """What is no number of the pipeline, each with the size at which it begins to matter."""
     stiffness, thick = table.get("rigid_above", {}).get(first), table.get("half_space_above")
     yield "rigid mount" + (f" ({_rounded(1e-3 * stiffness)} N/mm: 1 %)" if stiffness else "")
-    yield "flat, level skin"
+    if not table.get("skin_stated"):
+        yield from skin_conditions(table) or ["flat, level skin"]
     if thick:
         yield f"thick specimen ({_rounded(1e3 * thick)} mm: 5 %)"
     if "frequency" in table:
         yield f"{table['frequency']:.2g} Hz only"
+
+
+def skin_conditions(table: Mapping[str, Any]) -> list[str]:
+    """What is assumed of the form of the skin, with the size at which it begins to matter; nothing where it is stated.
+
+    >>> skin_conditions({"level_within": 0.0897, "flat_above": 0.25})
+    ['level skin (5.1 deg: 1 %)', 'flat skin (radius 250 mm: 1 %)']
+    """
+    if "level_within" not in table:
+        return []
+    level, flat = _rounded(math.degrees(table["level_within"])), _rounded(1e3 * table["flat_above"])
+    return [f"level skin ({level} deg: 1 %)", f"flat skin (radius {flat} mm: 1 %)"]
 
 
 def _rounded(number: float) -> str:

@@ -7,12 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from palpate import ContactModel, Diagnosed, Floats, TrackEnd, TrackEvidence
+from palpate import ContactModel, Diagnosed, Floats, Indenter, TrackEnd, TrackEvidence
 from palpate.host import numbers_of
 
 from palpate_uncertainty.delay.timing_shift import is_viscous
 from palpate_uncertainty.force_sensitivity import Along, along, with_change
 from palpate_uncertainty.influence import answer
+from palpate_uncertainty.refit import depths_in_contact
 from palpate_uncertainty.undeclared_thickness import half_space_from
 from palpate_uncertainty.whiteness import oscillation
 
@@ -48,11 +49,29 @@ def _of(track: TrackEvidence, end: TrackEnd) -> dict[str, Any]:
         table["rigid_above"] = {name: abs(share) / (100.0 * SHARE) for name, share in shares.items()}
     if (thick := half_space_from(track)) is not None:
         table["half_space_above"] = thick
+    table |= _of_the_skin(track)
     used = track.kept.used & np.isfinite(track.kept.position)
     rhythm = oscillation(track.kept.time[used], track.kept.position[used])
     if rhythm is not None and any(is_viscous(parameter) for parameter in track.model.parameters):
         table["frequency"] = float(rhythm[0])
     return table
+
+
+def _of_the_skin(track: TrackEvidence) -> dict[str, Any]:
+    """The inclination [rad], and the radius [m] of a skin, that move an elasticity by 1 %; nothing where it is stated.
+
+    A tip that slides on an inclination t has cos(t)^(p + 1) of the force, p the power d a/A of the depth that it goes
+    with; a curvature k of the skin adds k r^2/2 to the profile of the tip, and takes k a^3/3 from its area A.
+    """
+    tip, depth = getattr(track.model, "indenter", None), depths_in_contact(track)
+    if "skin" not in type(track.model).model_fields or not isinstance(tip, Indenter) or not len(depth):
+        return {}
+    if getattr(track.model, "skin", None) is not None:
+        return {"skin_stated": True}
+    mean = float(np.mean(depth))
+    radius, area = float(tip.contact_radius(mean)), float(tip.profile_area(mean))
+    level = math.acos((1.0 - SHARE) ** (1.0 / (1.0 + mean * radius / area)))
+    return {"level_within": level, "flat_above": radius**3 / (3.0 * SHARE * area)}
 
 
 def _errors(found: Along, declared: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, ...], Floats]]:

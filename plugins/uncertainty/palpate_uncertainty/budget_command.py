@@ -17,6 +17,8 @@ from palpate_kit.terminal.options import DetailsOption, FormatOption, JsonOption
 from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.table import Table, console
 
+from palpate_uncertainty.assumption_line import skin_conditions
+
 if TYPE_CHECKING:
     from palpate_uncertainty.monte_carlo import PropagatedDraws
 
@@ -59,6 +61,9 @@ def budget(
         screen.print(_view(name, found) if details else _shares(name, found).view())
         with open_table(run / RESULT, f"tracks.{name}.diagnoses.one-frequency"):
             lines = list(_at_one_frequency(found.get("diagnoses", {}).get("one-frequency")))
+        with open_table(run / RESULT, f"tracks.{name}.diagnoses.assumptions"):
+            skin = skin_conditions(found.get("diagnoses", {}).get("assumptions", {}))
+        lines += [f"not included, but assumed: {', '.join(skin)}"] if skin else []
         for line in lines:
             screen.print(line)
     for found in drawn.values():

@@ -113,6 +113,11 @@ _RIG = {
         "No thickness of the specimen is declared, and a layer is stiffer than the half-space of the model.",
         'Set thickness of the model: { height = "22 mm", bonded = false }, or "half-space" where it is thick.',
     ),
+    "inclined-skin": _doubtful(
+        "The force across the tool is not that of a skin as inclined as is stated, or of a level one, whatever the "
+        "friction.",
+        'Align the tool with the normal, or state skin = { inclination = "10 deg" } beside the model\'s indenter.',
+    ),
     "one-frequency": _note(
         "At one frequency a fast-fading stiffness looks like viscosity; here it could be more than a tenth of it.",
         "Palpate at several frequencies, or call it the viscosity at this frequency.",

@@ -45,8 +45,10 @@ class Along:
         """Rate of the depth (n,) [m/s]."""
         return self._motion[2][self._motion[3]]
 
-    def by_number(self, path: tuple[str, ...], value: float) -> Floats:
-        """Derivative (n,) of the force by a number among the model's keys."""
+    def by_number(self, path: tuple[str, ...], value: float, wide: float = 0.0) -> Floats:
+        """Derivative (n,) of the force by a number among the model's keys; over a `wide` step upwards, if given."""
+        if wide:
+            return np.asarray((self._force(with_change(self.model, path, wide)) - self._force(self.model)) / wide)
         step = _STEP * (abs(value) or 1.0)
         up, down = (self._force(with_change(self.model, path, side * step)) for side in (1.0, -1.0))
         return np.asarray((up - down) / (2 * step))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, ContactModel, Estimator, Floats, Part, Problem, Samples
+from palpate import ConfigurationError, ContactModel, Estimator, Floats, Problem, Samples, Settings
 from palpate.host import RESULT, Pipeline, build_pipeline, run_pipeline
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.result_file import open_table
@@ -151,9 +151,7 @@ def _drawn(case: Case, random: np.random.Generator) -> Floats:
         elif cause in ("timing", "tare", "force_scale", "position_scale", "compliance"):
             samples = _changed(samples, cause, std * random.standard_normal())
         else:
-            at_its_end = cause == "poisson" and not declared  # rectangular, below the value
-            shift = -_HALF_WIDTH * random.uniform() if at_its_end else random.standard_normal()
-            model = with_number(model, cause, std * shift)
+            model = with_number(model, cause, std * _shift(cause, declared, random))
     problem = replace(case.problem, model=model, tip_mass=mass)
     found = case.estimator.start(problem).run(samples)
     rows = np.flatnonzero(np.isfinite(found.values).all(axis=1))
@@ -161,6 +159,15 @@ def _drawn(case: Case, random: np.random.Generator) -> Floats:
         return np.full(len(case.names), np.nan)
     since = found.time[rows[-1]] - (case.average if case.estimator.online else math.inf)
     return np.asarray(found.values[rows[found.time[rows] >= since]].mean(axis=0) + unexplained)
+
+
+def _shift(cause: str, declared: bool, random: np.random.Generator) -> float:
+    """Of a number of the model, in standard uncertainties; normal unless its default is not."""
+    if declared or cause not in ("poisson", "stick"):
+        return float(random.standard_normal())
+    if cause == "stick":  # it does or it does not
+        return float(random.choice((-1.0, 1.0)))
+    return float(-_HALF_WIDTH * random.uniform())  # rectangular, below the value
 
 
 def _effects(case: Case, row: Mapping[str, Any]) -> Floats:
@@ -214,6 +221,6 @@ def with_number(part: Any, name: str, change: float) -> Any:
         value = getattr(part, key)
         if key == name and isinstance(value, float):
             return part.model_copy(update={key: value + change})
-        if isinstance(value, Part) and (inner := with_number(value, name, change)) is not value:
+        if isinstance(value, Settings) and (inner := with_number(value, name, change)) is not value:
             return part.model_copy(update={key: inner})
     return part

@@ -174,6 +174,7 @@ def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
     problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
     if problem:  # where other geometries bound what is beyond, that is a row of the budget and no doubt by itself
         tip = getattr(model, "indenter", None)
-        by_tip = isinstance(tip, Indenter) and bool(tip.validity(depth))
+        skin = getattr(model, "skin", None)
+        by_tip = isinstance(tip, Indenter) and bool(tip.validity(depth) or (skin and skin.validity(tip, depth)))
         bounded = not by_tip and bool(model.other_geometries(depth, last.values.mean(axis=0).tolist()))
         yield Flag("beyond-model-range", problem, effects={} if bounded else None)

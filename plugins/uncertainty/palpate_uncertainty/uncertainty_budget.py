@@ -12,6 +12,7 @@ from palpate_kit.runs.uncertainty_sources import UncertaintySource, sources_of
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
 from palpate_uncertainty.flags import OFFSET, compliance_flags, tare_flags, timing_flags
 from palpate_uncertainty.force_sensitivity import Along, along
+from palpate_uncertainty.inclined_skin import AcrossForce
 from palpate_uncertainty.influence import answer
 
 _MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
@@ -27,6 +28,9 @@ def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
     found = along(model, end.tail, end.last, values)
     shifts, timing = delay_shifts(model, found, values), settings.timing_uncertainty
     sources = sources_of(model, end.uncertainties)
+    across = AcrossForce.of(track, end)
+    if across is not None and across.tells_friction:  # which says by how much the values are off
+        sources = tuple(source for source in sources if source.name != "stick" or source.declared)
     terms = systematic_terms(found, shifts, timing, settings, end.report, sources, end.included)
     flags = list(timing_flags(model, values, shifts, timing, _interval(end), end.held))
     if "tare" not in end.included and (end.report.tare is None or end.report.tare.offset_std is None):
@@ -72,9 +76,9 @@ def systematic_terms(
     Timing: dtheta/dtau u(tau), by `shifts` (k,) of `delay_shifts`. All others: a small error f(t) of the force shifts
     the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last
     samples. Mass: f = -u(m) z'' (and the weight, where it was removed); tare: f = u; force_scale: f = u F; a number of
-    the model: f = -dF/dp u; position_scale: f = -(dF/dd d + dF/dd' d') u. Compliance: a robot of stiffness k gives way
-    by F/k, so that the depth is F/k less than it seems, f = -(dF/dd F + dF/dd' F')/k; it is not corrected, and all of
-    the shift counts.
+    the model: f = -dF/dp u, of an inclination t, which has no derivative at 0, f = F(t) - F(t + u); position_scale:
+    f = -(dF/dd d + dF/dd' d') u. Compliance: a robot of stiffness k gives way by F/k, so that the depth is F/k less
+    than it seems, f = -(dF/dd F + dF/dd' F')/k; it is not corrected, and all of the shift counts.
     """
     terms = []
     if timing is not None and shifts.any() and "timing" not in included:
@@ -108,7 +112,8 @@ def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentRep
 def _change(found: Along, source: UncertaintySource) -> Floats | None:
     """Error (n,) of the force per unit of a source; None where it cannot be determined."""
     if source.path:
-        return -found.by_number(source.path, source.value)
+        step = source.std if source.name == "inclination" else 0.0
+        return -found.by_number(source.path, source.value, step)
     if source.name == "force_scale":
         return found.force
     return None if found.stretched is None else -found.stretched

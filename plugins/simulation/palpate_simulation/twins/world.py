@@ -11,6 +11,7 @@ from palpate import ArmTruth, DeviceError, clock
 from palpate_kit.kinematics.ur_arm import MODELS, joints_at, matrix_of, rotation_matrix
 
 from palpate_simulation.sensor_wrench import sensed_wrench
+from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.twins.arm import TICK, SimulatedArm
 from palpate_simulation.twins.arm_truth import Truth
 from palpate_simulation.twins.console import Console
@@ -59,6 +60,7 @@ class World:
         self.down = _UPRIGHT  # direction of gravity in the sensor's frame
         self.stalled_until = 0.0
         self.peak = 0.0
+        self._contact = SkinContact()
         self._done = False
 
     def _start(self) -> Any:
@@ -163,13 +165,13 @@ class World:
         """The wrench (n, 6) that the sensor reports at times (n,): what it felt `force_delay` before."""
         settings = self.settings
         places, speeds, accelerations = self._motion(instants - settings.force_delay)
-        contact = settings.specimen.push(instants, places, speeds)
-        self._force = float(contact.max())
+        contact = self._contact.force(settings.specimen, instants, places, speeds)
+        self._force = float(contact[:, 2].max())
         self.peak = max(self.peak, self._force)
         noise = self._rng.standard_normal((len(instants), 6))
         offset = settings.bias + settings.drift * instants
         std = settings.force_std * self.sensor.noise_factor
-        push = settings.specimen.with_friction(contact, speeds) + self.hand.force
+        push = contact + self.hand.force
         load = settings.tip_mass, offset, noise, std, settings.force_limit
         down = np.array(self.down) @ self._askew  # the sensor turns with the tool
         return sensed_wrench(push, accelerations, *load, down.tolist(), settings.centre_of_mass)

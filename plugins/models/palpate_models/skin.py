@@ -1,0 +1,188 @@
+"""A skin that is not level or not flat under the tip: what that makes of the contact."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from palpate import Angle, Depth, Indenter, Settings, select
+from pydantic import Field, GetJsonSchemaHandler
+from pydantic_core import CoreSchema
+
+from palpate_models.indenters import ExactSphere, Flat, NeoHookeanSphere, Sphere, TiltedFlat, TruncatedCone
+from palpate_models.thickness import Layer, Thickness, contact_validity, corrected_contact
+
+FLAT = "flat"
+_STEEPEST = math.radians(45.0)
+_STEPS = 3  # of the depth that is the tip's own; exact in one for a paraboloid
+_SHALLOW = 1e-4  # [m] at which a tip's own radius is taken
+_FARTHEST = 0.5  # of cos t: depth over R + R_1, beyond which the normal is held
+_LARGE = 0.3  # of the skin's radius, up to which a contact is small against it
+
+
+class _FlatInTheSchema:
+    """Says in the JSON schema that "flat" is allowed."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [{"enum": [FLAT]}, handler(schema)]}
+
+
+SkinRadius = Annotated[Literal["flat"] | Depth, _FlatInTheSchema()]
+
+
+class Skin(Settings):
+    """The skin under the tip: its inclination t where the tool's axis meets it, and its principal radii of curvature.
+
+    A sphere of radius R that moves by d along its axis goes d_n into the skin along the normal, d_n = d cos t, and
+    feels F_n there; along its axis it feels F_n (cos t + s m sin t tan t), m = 2 (1 - nu)/(2 - nu): a tip that sticks
+    (s = 1) drags the skin along by d sin t, one that slides (s = 0) does not. On a skin that is curved along the
+    inclination it touches beside the axis, where sin t_0 = sin t R_1/(R + R_1), and the normal turns as it goes in:
+    with L = R + R_1, d_n = L - sqrt(L^2 - 2 L d cos t_0 + d^2) and cos t' = (L cos t_0 - d)/(L - d_n) in place of
+    cos t. Curvature takes the tip's own 1/R to sqrt((1/R + 1/R_1)(1/R + 1/R_2)): on a cylinder of 3 R the force is
+    0.2 % below that of the elliptic contact, in a groove of 3 R 0.4 %, less on gentler ones; any other rounded tip
+    has r^2/2 times the difference added to its profile. Viscosity has the same geometry: a cos t' d' in place of a d'.
+    Only spheres are known on an inclination; the contact has to be small against the skin's radius.
+    Source: Hertz 1882; Mindlin 1949; Johnson 1985, sections 4.2 and 7.2.
+    """
+
+    inclination: Angle = Field(
+        default=0.0,
+        ge=0,
+        le=_STEEPEST,
+        description="angle t between the tool's axis and the skin's normal where it meets it",
+    )
+    skin_radius: SkinRadius = Field(
+        default=FLAT,
+        description="principal radius R_1 of the skin along the inclination: positive where it bulges, negative in a "
+        'hollow, or "flat"',
+    )
+    skin_radius_across: SkinRadius | None = Field(
+        default=None, description="principal radius R_2 across it; left out: skin_radius, as on a sphere"
+    )
+    stick: float = Field(
+        default=0.5,
+        ge=0,
+        le=1,
+        description="s: 0 where the tip slides on an inclination, 1 where it sticks; midway where it is not known",
+    )
+
+    @property
+    def curvatures(self) -> tuple[float, float]:
+        """1/R_1 and 1/R_2 [1/m]."""
+        across = self.skin_radius if self.skin_radius_across is None else self.skin_radius_across
+        along, beside = (0.0 if isinstance(radius, str) else 1.0 / radius for radius in (self.skin_radius, across))
+        return along, beside
+
+    def check(self, indenter: Indenter) -> None:
+        """Raise ValueError where a tip cannot touch such a skin, or its contact is not known."""
+        if 0.0 in (self.skin_radius, self.skin_radius_across):
+            raise ValueError('skin: a radius of 0 is no skin; write "flat" where it is not curved')
+        if not any(self.curvatures):
+            return
+        if isinstance(indenter, Flat | TiltedFlat | TruncatedCone):
+            raise ValueError(f"skin: curvature is known for rounded tips, not for the face of a {_name(indenter)}")
+        own = float(indenter.contact_radius(_SHALLOW)) ** 2 / _SHALLOW
+        if min(self.curvatures) * own <= -1.0:
+            hollow = -1e3 / min(self.curvatures)
+            raise ValueError(f"skin: a hollow of radius {hollow:.3g} mm is too narrow for a tip of {1e3 * own:.3g} mm")
+
+    def contact(self, indenter: Indenter, thickness: Layer, poisson: float, depth: Any) -> tuple[Any, Any]:
+        """Area [m^2] and length [m] in place of A(d) c(d) and its derivative, for forces and depths along the tool."""
+        own = indenter.contact_radius(depth) ** 2 / depth  # 2 r^2/z of the tip, R of a sphere
+        normal, cosine = self._along_the_normal(own, depth)
+        area, radius = self._curved(indenter, thickness, own, normal)
+        if not self.inclination:
+            return area, radius
+        drag = self.stick * 2.0 * (1.0 - poisson) / (2.0 - poisson)
+        axial = cosine + drag * (1.0 - cosine * cosine) / cosine
+        return area * axial, radius * axial * cosine
+
+    def _along_the_normal(self, own: Any, depth: Any) -> tuple[Any, Any]:
+        """Depth d_n [m] along the normal and cos t', at a depth along the tool."""
+        if not self.inclination:
+            return depth, 1.0
+        cosine: Any = math.cos(self.inclination)
+        along = self.curvatures[0]
+        if along:
+            cosine = (1.0 - (math.sin(self.inclination) / (1.0 + own * along)) ** 2) ** 0.5
+        turn = depth * along / (1.0 + own * along)
+        most = _FARTHEST * cosine
+        turn = select(turn - most, 0.0, most, turn)  # deeper the tip would come off at the side
+        root = (1.0 - turn * (2.0 * cosine - turn)) ** 0.5
+        return depth * (2.0 * cosine - turn) / (1.0 + root), (cosine - turn) / root
+
+    def _curved(self, indenter: Indenter, thickness: Layer, own: Any, depth: Any) -> tuple[Any, Any]:
+        """Area and its derivative of a tip whose reduced profile is g(x) + k x^2, k the curvature that the skin adds.
+
+        The contact radius is that of the tip at the depth u it has alone, u + k a(u)^2 = d, by Newton's method with
+        a^2 going as u^p, p = 2 (a u - A)/A, and the area is A(u) + 2/3 k a^3.
+        """
+        along, across = self.curvatures
+        if not (along or across):
+            return corrected_contact(indenter, thickness, depth)
+        added = ((1.0 / own + along) * (1.0 / own + across)) ** 0.5 - 1.0 / own
+        alone = depth / (1.0 + added * own)
+        power = 2.0 * (indenter.contact_radius(alone) * alone / indenter.profile_area(alone) - 1.0)
+        for _ in range(_STEPS):
+            square = added * indenter.contact_radius(alone) ** 2
+            alone = alone - (alone + square - depth) / (1.0 + square * power / alone)
+        radius = indenter.contact_radius(alone)
+        area = indenter.profile_area(alone) + 2.0 / 3.0 * added * radius**3
+        if not isinstance(thickness, Thickness):
+            return area, radius
+        factor, slope = thickness.factor(indenter, alone)
+        return area * factor, radius * factor + area * slope / depth
+
+    def inclination_at(self, indenter: Indenter, depth: float) -> float:
+        """Angle t' [rad] between tool and normal where a tip touches at a depth [m] along the tool."""
+        own = float(indenter.contact_radius(depth)) ** 2 / depth
+        return math.acos(self._along_the_normal(own, depth)[1])
+
+    def validity(self, indenter: Indenter, depth: float) -> str:
+        """What does not hold at a depth [m] along the tool; empty where all is well."""
+        if self.inclination and not isinstance(indenter, Sphere | ExactSphere | NeoHookeanSphere):
+            return f"an inclined skin is known under spheres, not under a {_name(indenter)}"
+        steepest = max(map(abs, self.curvatures))
+        share = float(indenter.contact_radius(depth)) * steepest
+        if share <= _LARGE:
+            return ""
+        return f"the contact is {share:.0%} of the skin's radius; its curvature is known to {_LARGE:.0%}"
+
+
+def _name(indenter: Indenter) -> str:
+    return type(indenter).__name__
+
+
+@dataclass(frozen=True)
+class ContactGeometry:
+    """Everything about a contact but its material: tip, layer, skin and Poisson's ratio."""
+
+    indenter: Indenter
+    thickness: Layer
+    skin: Skin | None
+    poisson: float
+
+    @classmethod
+    def of(cls, model: Any) -> ContactGeometry:
+        """That of a contact model with these keys."""
+        return cls(model.indenter, model.thickness, model.skin, model.poisson)
+
+    def check(self) -> None:
+        """Raise ValueError where a correction is not known for the tip or the Poisson's ratio."""
+        if isinstance(self.thickness, Thickness):
+            self.thickness.check(self.indenter, self.poisson)
+        if self.skin is not None:
+            self.skin.check(self.indenter)
+
+    def contact(self, depth: Any) -> tuple[Any, Any]:
+        """Area [m^2] and its derivative [m] at a depth [m], so that F = 2 E/(1 - nu^2) A + 4 eta/(1 - nu) a d'."""
+        if self.skin is None:
+            return corrected_contact(self.indenter, self.thickness, depth)
+        return self.skin.contact(self.indenter, self.thickness, self.poisson, depth)
+
+    def validity(self, depth: float) -> str:
+        """What does not hold at a depth [m]; empty where all is well."""
+        told = contact_validity(self.indenter, self.thickness, depth)
+        skin = "" if self.skin is None else self.skin.validity(self.indenter, depth)
+        return "; ".join(text for text in (told, skin) if text)

@@ -1,0 +1,178 @@
+"""Whether the force across the tool is that of a skin as inclined as it is stated to be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from palpate import Bias, Diagnosed, Flag, Floats, Indenter, TrackEnd, TrackEvidence
+from palpate.host import SidewaysShare
+from palpate_kit.runs.uncertainty_sources import sources_of
+
+from palpate_uncertainty.refit import depths_in_contact
+
+_HERTZ = 1.5  # power of the depth that a force goes with under a sphere
+_STEEPEST = math.radians(45.0)
+_STEP = math.radians(0.05)
+_SIGMAS = 5.0  # standard deviations of a share that is not by chance
+_LEAST = 0.02  # share; the axes of a force sensor hear one another by so much
+_WIDE = 2.0  # standard uncertainties of an inclination
+
+
+@dataclass(frozen=True)
+class AcrossForce:
+    """The force across the tool against what is stated of the skin."""
+
+    share: SidewaysShare
+    model: Any
+    depth: float  # [m] mean
+    stated: tuple[float, float]  # [rad] the least and the largest inclination, within its uncertainty
+    std: float  # [rad] of it
+
+    @classmethod
+    def of(cls, track: TrackEvidence, end: TrackEnd) -> AcrossForce | None:
+        """That of a track; None where nothing is known, as on a sweep, whose friction explains any."""
+        share, depth = end.report.sideways, depths_in_contact(track)
+        if share is None or end.is_sweep or not len(depth) or not np.isfinite(track.values).all():
+            return None
+        sources = sources_of(track.model, end.uncertainties)
+        std = next((source.std for source in sources if source.name == "inclination"), 0.0)
+        return cls(share, track.model, float(np.mean(depth)), _stated(track.model, std, float(np.mean(depth))), std)
+
+    @property
+    def drag(self) -> float:
+        """Stiffness of a contact along the skin over that along the normal (Mindlin 1949)."""
+        poisson = float(getattr(self.model, "poisson", 0.5))
+        return 2.0 * (1.0 - poisson) / (2.0 - poisson)
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether it is more than a tip that slides has at the stated inclination."""
+        return self.share.size - _SIGMAS * self.share.std > max(math.tan(self.stated[1]), _LEAST)
+
+    @property
+    def is_below(self) -> bool:
+        """Whether it is less than a tip that sticks has."""
+        return self.share.size + max(_SIGMAS * self.share.std, _LEAST) < _sideways(self.stated[0], self.drag)
+
+    @property
+    def tells_friction(self) -> bool:
+        """Whether a skin is stated to be inclined, and this says whether the tip slides or sticks on it."""
+        inclined = bool(getattr(getattr(self.model, "skin", None), "inclination", 0.0))
+        return inclined and not (self.is_beyond or self.is_below)
+
+    def axial(self, angle: float) -> float:
+        """Force along the tool over that of the model, whose tip is between sliding and sticking, at an inclination.
+
+        That is (cos t + tan(phi) sin t)/(cos t + s m sin t tan t), tan(phi) between 0 and m tan t.
+        """
+        friction = math.tan(min(max(angle - math.atan(self.share.size), 0.0), math.atan(self.drag * math.tan(angle))))
+        assumed = self.model.skin.stick * self.drag * math.tan(angle)
+        return (1.0 + friction * math.tan(angle)) / (1.0 + assumed * math.tan(angle))
+
+
+def inclined_skin(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """Of every track whose record has the force's other axes: what these say of inclination and friction.
+
+    A press along the tool on a skin that is inclined by t against it has tan(t - phi) of the force sideways, phi the
+    friction angle, tan(phi) at most m tan t where the tip sticks, m = 2 (1 - nu)/(2 - nu). So a share r stands for an
+    inclination between arctan(r), of a tip that slides, and t with r = (1 - m) tan t/(1 + m tan^2 t), and no friction
+    makes it less. A flag names what is beyond the stated inclination, or below it, with what it makes of the values.
+    Where it is neither, r and t say what friction there was: all three axes give the force along the normal, F_n, and
+    so by how much the values are off by the model's one axis: a known bias, with the corrected values beside it.
+    """
+    found = {track.name: _of(track, track.ending) for track in tracks if track.ending is not None}
+    return {name: diagnosed for name, diagnosed in found.items() if diagnosed is not None}
+
+
+def _of(track: TrackEvidence, end: TrackEnd) -> Diagnosed | None:
+    across = AcrossForce.of(track, end)
+    if across is None:
+        return None
+    angles = possible_inclinations(across.share.size, across.drag)
+    table = {"share": across.share.size, "std": across.share.std, "inclinations": angles[[0, -1]].tolist()}
+    if across.is_beyond or across.is_below:
+        return Diagnosed((_flag(track, across, angles),), table=table)
+    return Diagnosed(table=table, biases=_biases(track, across) if across.tells_friction else {})
+
+
+def _flag(track: TrackEvidence, across: AcrossForce, angles: Floats) -> Flag:
+    """On an inclination that is not the stated one, with the most that it can make of the values."""
+    low, high = across.stated
+    own, power, skin = math.cos(high if across.is_beyond else low), _power(across), getattr(across.model, "skin", None)
+    friction = 0.0 if skin is None else skin.stick * across.drag
+    stated = own ** (power + 1.0) * (1.0 + friction * (1.0 / own**2 - 1.0))
+    worst = float(np.max(np.abs(stated / axial_ratio(across.share.size, angles, power) - 1.0)))
+    effects = {name: worst * abs(value) for name, value in _scaling(track)}
+    first, last = np.degrees(angles[[0, -1]]).tolist()
+    text = (
+        f"{100 * across.share.size:.2g} % of the force is across the tool: the skin is inclined by {first:.2g} deg "
+        f"where the tip slides, by up to {last:.2g} deg where friction holds it, and not by {_words(low, high)}"
+    )
+    return Flag("inclined-skin", text, effects=effects, causes=("inclination", "stick"))
+
+
+def _biases(track: TrackEvidence, across: AcrossForce) -> dict[str, Bias]:
+    """What the values are off by since the model knows of one axis only."""
+    angle = across.model.skin.inclination_at(across.model.indenter, across.depth)
+    ratio = across.axial(angle)
+    by_angle = across.axial(angle + across.std) - ratio
+    by_share = across.share.std * math.tan(angle)
+    std = math.hypot(by_angle, by_share) / ratio
+    return {name: Bias(value * (1.0 - 1.0 / ratio), abs(value) * std, shared=True) for name, value in _scaling(track)}
+
+
+def _scaling(track: TrackEvidence) -> Iterator[tuple[str, float]]:
+    """Name and value of the parameters that the force is proportional to."""
+    for parameter, value in zip(track.model.parameters, track.values.tolist(), strict=True):
+        if parameter.role is not None:
+            yield parameter.name, value
+
+
+def _words(low: float, high: float) -> str:
+    if high == 0.0:
+        return "0 as is assumed"
+    return f"{math.degrees(low):.2g} to {math.degrees(high):.2g} deg as is stated"
+
+
+def _sideways(angle: float, drag: float) -> float:
+    """Share of the force that is sideways where the tip sticks."""
+    return (1.0 - drag) * math.tan(angle) / (1.0 + drag * math.tan(angle) ** 2)
+
+
+def possible_inclinations(share: float, drag: float) -> Floats:
+    """Inclinations (n,) [rad], up to 45 degrees, that a sideways share of the force can come of."""
+    angles = math.atan(share) + np.arange(0.0, _STEEPEST, _STEP)
+    angles = angles[angles < _STEEPEST] if share < math.tan(_STEEPEST) else angles[:1]
+    friction = np.tan(angles - math.atan(share))
+    return np.asarray(angles[friction <= drag * np.tan(angles)])
+
+
+def axial_ratio(share: float, angles: Floats, power: float) -> Floats:
+    """Force along the tool (n,) over that on a level skin, at inclinations (n,) and with a sideways share of it.
+
+    The depth along the normal is d cos t, and the force along the tool F_n (cos t + tan(phi) sin t), phi the friction
+    angle t - arctan(share).
+    """
+    friction = np.tan(angles - math.atan(share))
+    return np.asarray(np.cos(angles) ** power * (np.cos(angles) + friction * np.sin(angles)))
+
+
+def _power(across: AcrossForce) -> float:
+    """Power of the depth that the force goes with."""
+    tip = getattr(across.model, "indenter", None)
+    if not isinstance(tip, Indenter):
+        return _HERTZ
+    return float(across.depth * tip.contact_radius(across.depth) / tip.profile_area(across.depth))
+
+
+def _stated(model: Any, std: float, depth: float) -> tuple[float, float]:
+    """The least and the largest inclination [rad] that is stated, within its uncertainty; 0 and 0 where none is."""
+    skin = getattr(model, "skin", None)
+    if skin is None:
+        return 0.0, 0.0
+    seen = [skin.inclination, *(skin.inclination_at(model.indenter, d) for d in (1e-6, depth))]
+    return max(min(seen) - _WIDE * std, 0.0), max(seen) + _WIDE * std
