@@ -13,6 +13,7 @@ from palpate.host import write_whole
 
 from palpate_maps.lump_criteria import Findings
 from palpate_maps.map_grid import StiffnessMap
+from palpate_maps.path_reader import Path2D
 from palpate_maps.sites import Sites
 
 
@@ -55,11 +56,12 @@ def map_npz(field: StiffnessMap, parameter: str) -> bytes:
     return file.getvalue()
 
 
-def lumps_json(findings: Findings, track: str, parameter: str) -> str:
+def lumps_json(findings: Findings, path: Path2D) -> str:
     """The lumps with place, extent, contrast and p-value [SI]."""
     table = {
-        "track": track,
-        "parameter": parameter,
+        "track": path.track,
+        "other_tracks": path.others,
+        "parameter": path.parameter,
         "method": findings.method,
         "background": findings.background,
         "spread": findings.spread,
