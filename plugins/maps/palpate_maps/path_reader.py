@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -51,7 +51,8 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
         raise LogError(
             f"{folder}: contains no estimates in contact with a place: set lateral_x or lateral_y in [alignment]"
         )
-    return _joined(found)
+    joined = join_paths([path for _, path in found])
+    return replace(joined, others={part.path.name: path.track for part, path in found if path.track != joined.track})
 
 
 def _accepted(folder: Path) -> list[RunFolder]:
@@ -94,9 +95,8 @@ def _demand_known(folder: Path, parts: list[RunFolder], track: str) -> None:
         _demand_track(part, track)
 
 
-def _joined(found: list[tuple[RunFolder, Path2D]]) -> Path2D:
+def join_paths(paths: Sequence[Path2D]) -> Path2D:
     """The paths of a run's parts as one, a second between each and the next; named by the track of most estimates."""
-    paths = [path for _, path in found]
     count = Counter[str]()
     for path in paths:
         count[path.track] += len(path.time)
@@ -112,7 +112,6 @@ def _joined(found: list[tuple[RunFolder, Path2D]]) -> Path2D:
         float(np.mean([path.nis for path in paths])),
         np.concatenate([path.surface for path in paths if path.surface is not None]),
         main.relief_sensitivity,
-        {part.path.name: path.track for part, path in found if path.track != main.track},
     )
 
 
