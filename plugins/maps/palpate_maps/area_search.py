@@ -20,6 +20,8 @@ from palpate_maps.sites import Sites, merge_sites
 
 _APART = 4e-3  # [m] between places
 _WIDTH = 4e-3  # [m] of a sweep's site
+_SURELY = 20.0  # expected patches about a place, that is the odds that one is there, which make one known
+_CHECKS = 2  # points about it
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ class AreaSearch:
     motion: SearchMotion
     settings: SearchSettings
     lumps: list[LumpProgress] = field(default_factory=list)
+    patches: list[tuple[float, float]] = field(default_factory=list)  # [m] that are likely, and no lump by its p-value
     hiding: Hiding | None = None
     _knowledge: Knowledge | None = None
     _std: float = 0.01
@@ -79,15 +82,23 @@ class AreaSearch:
             self.lumps = update_progress(find_lumps(sites), self.lumps, sites, self.area, self.settings.sure)
         self._knowledge = Knowledge.of(sites, self.area.nodes, self._knowledge)
         coarse = merge_sites(sites, _WIDTH)
-        covered, on_lumps = (self._on_lumps(places) for places in (coarse.place, self.middles))
-        self.hiding = hidden_patches(coarse[~covered], self.middles, self.settings.patch, on_lumps)
+        visited_places = coarse.place[coarse.standing]
+        self.patches = []
+        while True:
+            covered, on_lumps = (self._on_lumps(places) for places in (coarse.place, self.middles))
+            self.hiding = hidden_patches(coarse[~covered], self.middles, self.settings.patch, on_lumps)
+            place, number = self.hiding.likely
+            checks = np.count_nonzero(np.hypot(*(visited_places - place).T) <= self.settings.radius)
+            if number < _SURELY or checks < _CHECKS:
+                break
+            self.patches.append((float(place[0]), float(place[1])))
         self._std = self.hiding.scatter * float(np.median(sites.std))
 
     def _on_lumps(self, places: Floats) -> Floats:
         found = np.zeros(len(places), bool)
         for item in self.lumps:
             found |= footprint(places, item.lump, self.settings.contrast, _APART)
-        return found
+        return found | near(places, np.array(self.patches).reshape(-1, 2), 2 * self.settings.radius)
 
     def next_round(self) -> list[Proposal]:
         """Where to go next: up to so many points, or one line; nothing where every place is known."""
@@ -142,5 +153,5 @@ class AreaSearch:
             return None
         if settings.risk is not None and (hiding is None or hiding.risk > settings.risk):
             return None
-        which = "no lump is there" if not self.lumps else f"every lump is certain at {settings.sure:g}"
+        which = "there is no lump" if not self.lumps else f"every lump is certain at {settings.sure:g}"
         return f"{which}, and nothing else is suspicious"

@@ -54,7 +54,16 @@ class Hiding:
 
     middles: Floats  # (m, 2) [m]
     expected: Floats  # (m,) patches that remain there; their sum is that of the area
+    reach: float  # [m] radius of the least patch
     scatter: float = 1.0  # of a site, over its standard deviation
+
+    @property
+    def likely(self) -> tuple[Floats, float]:
+        """Where a patch is likeliest (2,) [m], and how many are expected to have their middle about there."""
+        k = int(np.argmax(self.expected))
+        near = distances(self.middles, self.middles[k][None])[:, 0] <= self.reach
+        weight = self.expected[near]
+        return weight @ self.middles[near] / max(weight.sum(), 1e-300), float(weight.sum())
 
     @property
     def risk(self) -> float:
@@ -79,7 +88,7 @@ def hidden_patches(
     if on_lumps is not None:
         expected[on_lumps] = 0.0
     if len(sites) < _FEWEST:
-        return Hiding(middles, expected)
+        return Hiding(middles, expected, patch.radius)
     used = sites[np.unique(np.linspace(0, len(sites) - 1, min(len(sites), _MOST)).round().astype(int))]
     rise = patch.profile(used.place, middles)
     sizes = list(itertools.product(_NOISE, _BACKGROUND, _DRIFT))
@@ -90,7 +99,7 @@ def hidden_patches(
     weights /= weights.sum()
     odds = sum(w * each.odds(rise) for w, each in zip(weights, found, strict=True) if w)
     scatter = float(np.sqrt(weights @ np.square([noise for noise, _, _ in sizes])))
-    return Hiding(middles, expected * np.asarray(odds), scatter)
+    return Hiding(middles, expected * np.asarray(odds), patch.radius, scatter)
 
 
 @dataclass(frozen=True)

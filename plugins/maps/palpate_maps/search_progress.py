@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.lump_criteria import Findings, Lump
-from palpate_maps.next_places import SETTLED, Proposal, is_placed
+from palpate_maps.next_places import SETTLED, is_placed
 from palpate_maps.search_area import Area
 from palpate_maps.sites import Sites, line_coordinate
 
@@ -86,8 +86,3 @@ def off_limits(nodes: Floats, lumps: Sequence[LumpProgress], contrast: float, ap
         if item.done:
             taken |= footprint(nodes, item.lump, contrast, apart)
     return taken
-
-
-def search_ended(lumps: Sequence[LumpProgress], places: Sequence[Proposal]) -> bool:
-    """Whether every lump is certain, there is one, and no place is suspicious besides."""
-    return bool(lumps) and all(item.done for item in lumps) and all(p.suspicion < SUSPICIOUS for p in places)
