@@ -1,7 +1,7 @@
-"""Searches side by side on simulated scenes, and the risk at which a search says that nothing remains.
+"""How often a patch remains where a search says that none does, on simulated scenes of 0 to 3 patches.
 
-Run it with: python benchmarks/search.py rivals|risk [--count 100] [--first 7000]. One process; seconds are those of the
-planned motions, not of the computer. Settings were chosen on seeds below 7000.
+Run it with: python benchmarks/search.py [--count 100] [--first 7000] [--contrast 0.1] [--risk 0.05] [--sites]. One
+process; seconds are those of the planned motions, not of the computer. Settings were chosen on seeds below 7000.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -17,7 +17,7 @@ import numpy as np
 from palpate import Floats, Trajectory
 from palpate.config import Pipeline, load_pipeline
 from palpate_maps.area_search import AreaSearch, SearchSettings
-from palpate_maps.map_analysis import Path2D, Sites, area_of, find_lumps, sites_along
+from palpate_maps.map_analysis import Path2D, Sites, area_of, sites_along
 from palpate_maps.path_reader import join_paths
 from palpate_maps.search_motion import SearchMotion
 from sweeps import paths
@@ -25,7 +25,7 @@ from sweeps import paths
 RASTER = Path(__file__).parent.parent / "pipelines" / "raster.toml"
 BOX = (-0.03, 0.03, -0.02, 0.02)  # [m] that is searched
 TRAVEL = 0.05  # [m/s] from the end of one part to the beginning of the next
-LARGE = 6.0  # [mm/s] along lines
+SPEED = 6.0  # [mm/s] along lines
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ def scene(seed: int, count: int, peaks: tuple[float, float], body: str) -> Scene
         f"device.rig.specimen.inclusions=[{bodies}]",
         f"device.rig.drift={dice.uniform(-5, 5) / 3600} N/s",
         "device.rig.sensor_rate=500 Hz",
-        f"trajectory.raster.speed={LARGE} mm/s",
-        f"estimator.smoother.sweep_speed={LARGE} mm/s",
+        f"trajectory.raster.speed={SPEED} mm/s",
+        f"estimator.smoother.sweep_speed={SPEED} mm/s",
         "trajectory.raster.settle=1 s",
     ]
     return Scene(seed, middles, heights, settings)
@@ -107,8 +107,8 @@ class Rig:
 class SiteRig(Rig):
     """A rig without a filter: what it says at each site is the true contrast with the errors of the simulated rig.
 
-    Those of the smoother at 6 mm/s on rough skins, seeds 50 to 53: points scatter by 0.6 %, a line by 0.25 % over 3 mm and
-    0.4 % over 15 mm, all of a motion together by 0.4 %; the drift of the tare adds its force over the 3.5 N of a press.
+    Those of the smoother at 6 mm/s on rough skins, seeds 50 to 53: points scatter by 0.6 %, a line by 0.25 % over 3 mm
+    and 0.4 % over 15 mm, all of a motion together by 0.4 %; a drift of the tare adds its force over 3.5 N.
     """
 
     sites: list[Sites] = field(default_factory=list)
@@ -118,7 +118,11 @@ class SiteRig(Rig):
         dice = np.random.default_rng([self.scene.seed, len(self.sites)])
         visits = getattr(motion, "visits", None)
         if visits is not None:
-            place, standing, own = np.array(visits), np.ones(len(visits), bool), 0.006 * dice.standard_normal(len(visits))
+            place, standing, own = (
+                np.array(visits),
+                np.ones(len(visits), bool),
+                0.006 * dice.standard_normal(len(visits)),
+            )
         else:
             begin, end = np.array(motion.start), np.array(motion.end)  # type: ignore[attr-defined]
             count = int(1e3 * math.dist(begin, end)) + 1
@@ -153,7 +157,11 @@ def first_line(given: Pipeline, y: float = 0.0) -> Trajectory:
     motion = given.trajectories["raster"]
     part = given.registry.find("trajectory", "line-sweep")
     return part(  # type: ignore[no-any-return, operator]
-        start=(BOX[0], y), end=(BOX[1], y), speed=motion.speed, settle=motion.settle, press=motion.press  # type: ignore[attr-defined]
+        start=(BOX[0], y),
+        end=(BOX[1], y),
+        speed=motion.speed,
+        settle=motion.settle,
+        press=motion.press,  # type: ignore[attr-defined]
     )
 
 
@@ -197,9 +205,11 @@ def risk(seeds: Sequence[int], contrast: float, stated: float, sites: bool) -> N
             told.append(search.hiding.risk)
             times.append(rig.seconds)
         false += wrong
+        peaks = ", ".join(f"{peak:.2f}" for peak in given.peaks)
         print(
-            f"seed {seed}: {len(given.middles)} patches of {', '.join(f'{p:.2f}' for p in given.peaks)}, {missed} missed, "
-            f"{wrong} false; {rig.seconds:.0f} s, {rig.palpations} palpations, risk {search.hiding.risk:.3f}, {'ended' if over else 'not ended'}",
+            f"seed {seed}: {len(given.middles)} patches of {peaks}, {missed} missed, {wrong} false; "
+            f"{rig.seconds:.0f} s, {rig.palpations} palpations, risk {search.hiding.risk:.3f}, "
+            f"{'ended' if over else 'not ended'}",
             flush=True,
         )
     low, high = wilson(remaining, ended)
@@ -219,7 +229,6 @@ def wilson(hits: int, count: int) -> tuple[float, float]:
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["rivals", "risk"])
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--first", type=int, default=7000)
     parser.add_argument("--contrast", type=float, default=0.1)

@@ -107,9 +107,7 @@ class AreaSearch:
         settings, known = self.settings, self._knowledge
         done = off_limits(known.field.nodes, self.lumps, settings.contrast, _APART)
         taken = done if settings.aim == "find" else None
-        places = propose(
-            known, settings.points, settings.aim, settings.contrast, _APART, taken, self.motion.seconds_to
-        )
+        places = propose(known, settings.points, settings.aim, settings.contrast, _APART, taken, self.motion.seconds_to)
         if settings.aim != "find" or settings.risk is None or any(p.suspicion >= SUSPICIOUS for p in places):
             return places
         return self._clearing() if self.hiding.risk > settings.risk else places

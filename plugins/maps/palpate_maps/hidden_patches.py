@@ -71,9 +71,7 @@ class Hiding:
         return float(-np.expm1(-self.expected.sum()))
 
 
-def hidden_patches(
-    sites: Sites, middles: Floats, patch: Patch, on_lumps: NDArray[np.bool_] | None = None
-) -> Hiding:
+def hidden_patches(sites: Sites, middles: Floats, patch: Patch, on_lumps: NDArray[np.bool_] | None = None) -> Hiding:
     """The posterior number of patches at middles (m, 2) [m], by sites that lie on no known lump.
 
     Beforehand patches are a Poisson process with 1.5 of them in the area, so that each of the middles has 1.5/m, and

@@ -51,7 +51,8 @@ def hiding_picture(hiding: Hiding, lumps: Sequence[Lump]) -> Any:
     columns, rows = (np.round((c - c.min()) / s).astype(int) for c, s in zip(place.T, (wide, high), strict=True))
     field = np.full((rows.max() + 1, columns.max() + 1), np.nan)
     field[rows, columns] = 100 * hiding.expected / (wide * high / 100)
-    low, top = place.min(axis=0) - (wide / 2, high / 2), place.max(axis=0) + (wide / 2, high / 2)
+    half = np.array([wide, high]) / 2
+    low, top = place.min(axis=0) - half, place.max(axis=0) + half
     extent = [low[0], top[0], low[1], top[1]]
     shown = axis.imshow(field, origin="lower", extent=extent, cmap="magma", aspect="equal", vmin=0.0)
     figure.colorbar(shown, ax=axis, shrink=0.8, label="patches expected [% per cm²]")

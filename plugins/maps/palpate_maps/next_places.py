@@ -135,17 +135,17 @@ def _gain(knowledge: Knowledge, aim: Aim, contrast: float, closed: NDArray[np.bo
     _, _, above = knowledge.expectation(contrast)
     weight = above * (1 - above) if aim == "outline" else std**2
     order = np.argsort(-np.where(closed, -np.inf, weight), kind="stable")
-    chosen = _scattered(field.nodes, order[: _CANDIDATES * 16], _CANDIDATES)
-    counted = np.argsort(-weight, kind="stable")[:_NODES] if aim == "outline" else np.arange(0, len(std), 1 + len(std) // _NODES)
-    shared = field.covariance(chosen, counted) ** 2 / (std[chosen] ** 2 + field.kernel.noise + _EXPECTED_STD**2)[:, None]
+    chosen = (
+        order[: _CANDIDATES * 16 : 16] if len(order) > 16 * _CANDIDATES else order[:: 1 + len(order) // _CANDIDATES]
+    )
+    counted = np.arange(0, len(std), 1 + len(std) // _NODES)
+    if aim == "outline":  # what is certain has no weight
+        counted = np.argsort(-weight, kind="stable")[:_NODES]
+    noisy = std[chosen] ** 2 + field.kernel.noise + _EXPECTED_STD**2
+    shared = field.covariance(chosen, counted) ** 2 / noisy[:, None]
     score = np.full(len(std), -np.inf)
     score[chosen] = shared @ (weight[counted] / std[counted] ** 2)
     return score
-
-
-def _scattered(nodes: Floats, order: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """Of nodes in an order, every so many, so that they are not all beside the first."""
-    return order[:: max(len(order) // most, 1)]
 
 
 def _nodes(place: Floats) -> Floats:

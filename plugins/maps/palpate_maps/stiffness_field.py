@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.sites import Sites
@@ -88,10 +89,11 @@ class StiffnessField:
     def of(cls, sites: Sites, nodes: Floats, level: float, kernel: FieldKernel | None = None) -> Self:
         """The field of sites, with the kernel fitted to them about a level; `kernel` is where the fit starts."""
         made = cls(nodes, fit_kernel(sites.place, sites.log - level, _own(sites), kernel), len(sites))
-        made._factorise(sites)
+        made.factorise(sites)
         return made
 
-    def _factorise(self, sites: Sites) -> None:
+    def factorise(self, sites: Sites) -> None:
+        """Take sites in place of those known so far."""
         from scipy.linalg import cholesky, solve_triangular
 
         self.place, self.log, self.own = sites.place.copy(), sites.log.copy(), _own(sites)
@@ -165,7 +167,7 @@ class StiffnessField:
         """(m,) posterior standard deviation at the nodes."""
         return np.sqrt(np.maximum(self._left, LEAST_STD**2))
 
-    def covariance(self, rows: Floats, columns: Floats) -> Floats:
+    def covariance(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
         """Posterior covariances of nodes of two index arrays."""
         n = len(self.log)
         prior = self.kernel.between(self.nodes[rows], self.nodes[columns])

@@ -86,7 +86,13 @@ def map_run(
     if findings is not None and findings.warning:
         typer.echo(f"warning: {findings.warning}", err=True)
     if as_json:
-        of = {"track": path.track, "other_tracks": path.others, "parameter": path.parameter, "unit": made.unit, "sites": len(sites)}
+        of = {
+            "track": path.track,
+            "other_tracks": path.others,
+            "parameter": path.parameter,
+            "unit": made.unit,
+            "sites": len(sites),
+        }
         lumps = findings.lumps if findings is not None else None
         print_json({**answer, **of, "lumps": lumps, "files": sorted(made.folder.glob(f"{name}.*"))})
         return
