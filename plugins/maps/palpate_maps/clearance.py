@@ -17,7 +17,7 @@ _SITE = 4e-3  # [m] of a line that is one observation
 
 
 @dataclass(frozen=True)
-class Action:
+class SearchAction:
     """A point, or a line: what it clears, and what it takes."""
 
     start: int  # node
@@ -65,16 +65,16 @@ class Clearance:
                 pieces += np.split(row, np.flatnonzero(gaps > 1.5 * self.patch.radius) + 1)
         return [piece for piece in pieces if len(piece) > 1]
 
-    def best(self, expected: Floats, std: float, closed: NDArray[np.bool_]) -> Action | None:
+    def best(self, expected: Floats, std: float, closed: NDArray[np.bool_]) -> SearchAction | None:
         """The point or line that clears most in a second, by palpations of a standard deviation; no closed point."""
         left = expected / (1 + self._near @ expected)
         told = self._squares / (2 * std**2)
-        actions: list[Action] = []
+        actions: list[SearchAction] = []
         rows = np.flatnonzero(~closed)
         if len(rows):
             cleared = -np.expm1(-told[rows]) @ left
             k = int(np.argmax(cleared))
-            actions.append(Action(int(rows[k]), None, float(cleared[k]), self.motion.first_point))
+            actions.append(SearchAction(int(rows[k]), None, float(cleared[k]), self.motion.first_point))
         if self.motion.line_speed is not None:
             actions += [action for row in self._rows if (action := self._line(row, told, left)) is not None]
         return max(actions, key=lambda action: action.worth, default=None)
@@ -83,7 +83,7 @@ class Clearance:
         """(m,) what would hide after a palpation at a node, if no patch is near."""
         return np.asarray(expected * np.exp(-self._squares[node] / (2 * std**2)))
 
-    def _line(self, row: NDArray[np.intp], told: Floats, left: Floats) -> Action | None:
+    def _line(self, row: NDArray[np.intp], told: Floats, left: Floats) -> SearchAction | None:
         """The best line along a row of nodes."""
         along = np.hypot(*(self.nodes[row] - self.nodes[row[0]]).T)
         step = along[1] - along[0]
@@ -97,4 +97,4 @@ class Clearance:
         cleared = -np.expm1(-(sums[last + 1] - sums[first])) @ left
         seconds = self.motion.seconds_along(along[last] - along[first])
         k = int(np.argmax(cleared / seconds))
-        return Action(int(row[first[k]]), int(row[last[k]]), float(cleared[k]), float(seconds[k]))
+        return SearchAction(int(row[first[k]]), int(row[last[k]]), float(cleared[k]), float(seconds[k]))
