@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats
 
 from palpate_maps.clearance import Clearance
@@ -94,7 +95,7 @@ class AreaSearch:
             self.patches.append((float(place[0]), float(place[1])))
         self._std = self.hiding.scatter * float(np.median(sites.std))
 
-    def _on_lumps(self, places: Floats) -> Floats:
+    def _on_lumps(self, places: Floats) -> NDArray[np.bool_]:
         found = np.zeros(len(places), bool)
         for item in self.lumps:
             found |= footprint(places, item.lump, self.settings.contrast, _APART)

@@ -132,4 +132,4 @@ class _Covariance:
 
         solved = solve_triangular(self.lower, rise, lower=True, check_finite=False)
         precision = (solved**2).sum(axis=0) - (self.level @ solved) ** 2
-        return np.exp(np.clip(self.residual @ solved - precision / 2, -700, 50))
+        return np.asarray(np.exp(np.clip(self.residual @ solved - precision / 2, -700, 50)))

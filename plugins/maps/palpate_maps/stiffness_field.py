@@ -35,7 +35,7 @@ class FieldKernel:
 def distances(a: Floats, b: Floats) -> Floats:
     """Distances (n, m) [m] of places a (n, 2) from places b (m, 2)."""
     squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2 * a @ b.T
-    return np.sqrt(np.maximum(squared, 0.0))
+    return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
 
 
 def fit_kernel(place: Floats, log: Floats, own: Floats, start: FieldKernel | None = None) -> FieldKernel:
@@ -165,7 +165,7 @@ class StiffnessField:
     @property
     def std(self) -> Floats:
         """(m,) posterior standard deviation at the nodes."""
-        return np.sqrt(np.maximum(self._left, LEAST_STD**2))
+        return np.asarray(np.sqrt(np.maximum(self._left, LEAST_STD**2)))
 
     def covariance(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
         """Posterior covariances of nodes of two index arrays."""
