@@ -50,7 +50,7 @@ def hiding_picture(hiding: Hiding, lumps: Sequence[Lump]) -> Any:
     wide, high = (float(step.min()) if len(step) else 1.0 for step in steps)
     columns, rows = (np.round((c - c.min()) / s).astype(int) for c, s in zip(place.T, (wide, high), strict=True))
     field = np.full((rows.max() + 1, columns.max() + 1), np.nan)
-    field[rows, columns] = 100 * hiding.expected / (wide * high / 100)
+    field[rows, columns] = np.minimum(100 * hiding.expected / (wide * high / 100), 100.0)
     half = np.array([wide, high]) / 2
     low, top = place.min(axis=0) - half, place.max(axis=0) + half
     extent = [low[0], top[0], low[1], top[1]]
@@ -58,7 +58,7 @@ def hiding_picture(hiding: Hiding, lumps: Sequence[Lump]) -> Any:
     figure.colorbar(shown, ax=axis, shrink=0.8, label="patches expected [% per cm²]")
     for lump in lumps:
         axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "r+", markersize=7, markeredgewidth=1.5)
-    axis.set(title=f"a patch remains with {100 * hiding.risk:.2g} %", xlabel="x [mm]", ylabel="y [mm]")
+    axis.set(title=f"a patch remains with {100 * hiding.risk:.3g} %", xlabel="x [mm]", ylabel="y [mm]")
     axis.grid(False)
     return figure
 
