@@ -309,6 +309,21 @@ def test_a_sweep_is_told_by_its_range_and_not_by_its_last_sample(raster_run):
     assert found["last"]["value"] == pytest.approx(float(path.value[-1]), rel=0.01)
 
 
+@pytest.mark.parametrize("killed", ["run", "part-2"])
+def test_the_best_track_of_each_part_is_taken_and_named(palpate, raster_run, tmp_path, killed):
+    """A part that was killed has no estimates by the smoother, whichever part it is."""
+    run = shutil.copytree(raster_run, tmp_path / "run", ignore=shutil.ignore_patterns("maps"))
+    shutil.copytree(raster_run, run / "part-2", ignore=shutil.ignore_patterns("maps"))
+    folder = run if killed == "run" else run / killed
+    for name in ("estimates-offline.csv", "result.json"):
+        (folder / name).unlink()
+    path = read_path(run)
+    assert path.source == f"dr/smoother; of {killed}: dr/kinematic"
+    found = json.loads(palpate("map", "lumps", run, "--json").stdout)
+    assert (found["track"], found["other_tracks"]) == ("dr/smoother", {killed: "dr/kinematic"})
+    assert f"of {killed}: dr/kinematic: background" in palpate("map", "lumps", run).stdout
+
+
 def test_a_run_of_a_sweep_prints_ranges(palpate, root, tmp_path):
     line = ['trajectory.sweep.start=["0 mm", "-22 mm"]', 'trajectory.sweep.end=["0 mm", "-10 mm"]']
     settings = [*line, "trajectory.sweep.settle=2 s", 'run.tracks=["dr/kinematic"]']

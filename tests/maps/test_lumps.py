@@ -8,10 +8,10 @@ from palpate import LogError
 from palpate_maps import map_grid
 from palpate_maps.map_analysis import (
     Area,
+    Knowledge,
     Lump,
     LumpSettings,
     Path2D,
-    Proposal,
     Sites,
     find_lumps,
     is_placed,
@@ -19,7 +19,6 @@ from palpate_maps.map_analysis import (
     make_map,
     off_limits,
     propose,
-    search_ended,
     sites_along,
     update_progress,
 )
@@ -226,16 +225,15 @@ def test_what_was_not_palpated_is_not_covered():
 
 
 def test_proposals_go_to_the_suspicious_place_and_to_the_unknown_one():
-    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
     sites = area(np.random.default_rng(5), [(-0.015, 0.0075, 0.005, 0.3)])
-    best = propose(sites, 2)
+    best = propose(Knowledge.of(sites), 2)
     assert np.hypot(best[0].place[0] + 0.015, best[0].place[1] - 0.0075) < 5e-3
     assert best[0].suspicion > 0.9
     apart = [np.hypot(a.place[0] - b.place[0], a.place[1] - b.place[1]) for a in best for b in best if a is not b]
     assert min(apart) >= 4e-3
     right = sites[sites.place[:, 0] < 0.01]
     nodes = np.stack(np.meshgrid(np.linspace(-0.03, 0.03, 61), np.linspace(-0.02, 0.02, 41)), axis=-1).reshape(-1, 2)
-    unknown = propose(right, 1, "uncertainty", nodes=nodes)[0]
+    (unknown,) = propose(Knowledge.of(right, nodes), 1, "map")
     assert unknown.place[0] > 0.02
 
 
@@ -304,10 +302,6 @@ def test_a_lump_is_done_once_points_confirm_it_and_leave_it_in_place():
     assert not second.certain  # nothing is known of where it was before
     (third,) = searching(confirmed, [second])
     assert third.done
-    assert search_ended([third], [])
-    suspicious = [Proposal((0.02, 0.0), 0.2, 0.05, 0.9)]
-    assert not search_ended([third], suspicious)
-    assert not search_ended([], [])
     taken = off_limits(sites.place, [third], 0.05, 4e-3)
     assert taken[np.hypot(*sites.place.T) < 8e-3].all()
     assert not taken[np.hypot(*sites.place.T) > 2.2e-2].any()

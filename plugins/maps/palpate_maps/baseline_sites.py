@@ -52,6 +52,8 @@ def _without_outliers(log: Floats, level: float, share: float, floor: float) -> 
     left = np.arange(n)
     removed: list[int] = []
     outliers = 0
+    still = n - np.arange(most)  # sites at each step
+    limits = stats.t.ppf(1 - level / (2 * still), np.maximum(still - 2, 1))
     for i in range(1, most + 1):
         rest = log[left]
         spread = max(float(rest.std(ddof=1)), floor, 1e-12)
@@ -60,7 +62,7 @@ def _without_outliers(log: Floats, level: float, share: float, floor: float) -> 
         m = n - i + 1  # sites still there
         if m < _LEAST:
             break
-        t = float(stats.t.ppf(1 - level / (2 * m), m - 2))
+        t = float(limits[i - 1])
         if excess > (m - 1) * t / np.sqrt((m - 2 + t * t) * m):
             outliers = i
         removed.append(int(left[worst]))

@@ -11,8 +11,10 @@ import numpy as np
 from palpate import Floats, OutputError
 from palpate.host import write_whole
 
+from palpate_maps.hidden_patches import Hiding
 from palpate_maps.lump_criteria import Findings
 from palpate_maps.map_grid import StiffnessMap
+from palpate_maps.path_reader import Path2D
 from palpate_maps.sites import Sites
 
 
@@ -55,11 +57,18 @@ def map_npz(field: StiffnessMap, parameter: str) -> bytes:
     return file.getvalue()
 
 
-def lumps_json(findings: Findings, track: str, parameter: str) -> str:
+def hiding_csv(hiding: Hiding) -> str:
+    """One row for each place: x, y, and how many patches with their middle there are still expected."""
+    rows = [f"{x:.6f},{y:.6f},{n:.4g}" for (x, y), n in zip(hiding.middles, hiding.expected, strict=True)]
+    return "\n".join(["x_m,y_m,expected_patches", *rows]) + "\n"
+
+
+def lumps_json(findings: Findings, path: Path2D) -> str:
     """The lumps with place, extent, contrast and p-value [SI]."""
     table = {
-        "track": track,
-        "parameter": parameter,
+        "track": path.track,
+        "other_tracks": path.others,
+        "parameter": path.parameter,
         "method": findings.method,
         "background": findings.background,
         "spread": findings.spread,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,24 +28,31 @@ class Path2D:
     nis: float  # mean normalised innovation squared; 1 where model and noise are right
     surface: Floats | None = None  # (n,) [m] as the estimator has it; None where not needed
     relief_sensitivity: float = 0.0  # [s/m] relative shift of its parameters by a speed at which the skin rises
+    others: Mapping[str, str] = field(default_factory=dict)  # parts that are by another track, and by which
+
+    @property
+    def source(self) -> str:
+        """The track, in words, with the parts of the run that had to be read from another one."""
+        return "; ".join([self.track, *(f"of {part}: {track}" for part, track in self.others.items())])
 
 
 def read_path(folder: Path, track: str | None = None, parameter: str | None = None) -> Path2D:
     """The estimates of a run and of its continuations, rejected ones apart; of its best track's first parameter.
 
-    The best is an offline track where there is one, else the first in the table; each part has its own, since one that
-    was killed has no offline estimates. Raises LogError for what is missing.
+    Each part is read from the first track that it has, in the order of `tracks_of`, which is that of every command: a
+    part that was killed has no offline estimates. `Path2D.source` says which. Raises LogError for what is missing.
     """
     parts = _accepted(folder)
     if track is not None:
         _demand_known(folder, parts, track)
-    paths = [found for part in parts if (found := _read_part(part, track, parameter)) is not None]
-    if not paths:
+    found = [(part, path) for part in parts if (path := _read_part(part, track, parameter)) is not None]
+    if not found:
         _demand_estimates(folder, parts)
         raise LogError(
             f"{folder}: contains no estimates in contact with a place: set lateral_x or lateral_y in [alignment]"
         )
-    return _joined(paths)
+    joined = join_paths([path for _, path in found])
+    return replace(joined, others={part.path.name: path.track for part, path in found if path.track != joined.track})
 
 
 def _accepted(folder: Path) -> list[RunFolder]:
@@ -86,19 +95,23 @@ def _demand_known(folder: Path, parts: list[RunFolder], track: str) -> None:
         _demand_track(part, track)
 
 
-def _joined(paths: list[Path2D]) -> Path2D:
-    """The paths of a run's parts as one, a second between each and the next."""
+def join_paths(paths: Sequence[Path2D]) -> Path2D:
+    """The paths of a run's parts as one, a second between each and the next; named by the track of most estimates."""
+    count = Counter[str]()
+    for path in paths:
+        count[path.track] += len(path.time)
+    main = next(path for path in paths if path.track == count.most_common(1)[0][0])
     shift = np.cumsum([0.0, *(path.time[-1] + 1.0 for path in paths[:-1])])
     return Path2D(
-        paths[0].track,
-        paths[0].parameter,
+        main.track,
+        main.parameter,
         np.concatenate([path.time + late for path, late in zip(paths, shift, strict=True)]),
         np.concatenate([path.place for path in paths]),
         np.concatenate([path.value for path in paths]),
         np.concatenate([path.std for path in paths]),
         float(np.mean([path.nis for path in paths])),
         np.concatenate([path.surface for path in paths if path.surface is not None]),
-        paths[0].relief_sensitivity,
+        main.relief_sensitivity,
     )
 
 
@@ -120,7 +133,11 @@ def _demand_track(part: RunFolder, track: str) -> None:
 
 
 def tracks_of(folder: Path) -> list[str]:
-    """The names of the tracks that one folder has estimates of; those whose result is invalid come last."""
+    """The names of the tracks that one folder has estimates of, the best first.
+
+    Those made afterwards come before online ones, then they are in the order of the table; but those whose result is
+    invalid come last.
+    """
     run = RunFolder(folder)
     found = run.result["tracks"] if run.finished else {}  # a map fills while the run goes on
     names = [name for table in run.tables for name in table.tracks]

@@ -26,6 +26,7 @@ class Area:
     nodes: Floats  # (m, 2) [m]
     bounded_by: str  # what bounds it, in words
     _allows: Callable[[Floats], NDArray[np.bool_]]
+    share: float = 1.0  # of its grid that may be visited
 
     def allows(self, places: Floats) -> NDArray[np.bool_]:
         """(n,) whether places (n, 2) [m] may be visited."""
@@ -51,8 +52,9 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     else:
         box, bounded_by = (low[0], high[0], low[1], high[1]), "what was palpated; --area extends it"
     x0, x1, y0, y1 = box
-    if not (x1 >= x0 and y1 >= y0):
-        raise ConfigurationError(f"--area: {1e3 * x0:g} to {1e3 * x1:g} mm, {1e3 * y0:g} to {1e3 * y1:g} mm is empty")
+    if given is not None and not (x1 > x0 and y1 > y0):
+        text = f"{1e3 * x0:g} to {1e3 * x1:g} mm, {1e3 * y0:g} to {1e3 * y1:g} mm"
+        raise ConfigurationError(f"--area: {text} is empty: each axis goes from the lower to the higher coordinate")
 
     def allows(places: Floats) -> NDArray[np.bool_]:
         x, y = places.T
@@ -66,11 +68,11 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
             inside[rows] = False
         return np.asarray(inside)
 
-    nodes = _grid(box)
-    nodes = nodes[allows(nodes)]
+    grid = _grid(box)
+    nodes = grid[allows(grid)]
     if not len(nodes):
         raise ConfigurationError(f"nothing may be palpated within {bounded_by}: the rig refuses every place in it")
-    return Area(nodes, bounded_by, allows)
+    return Area(nodes, bounded_by, allows, len(nodes) / len(grid))
 
 
 def _refused(pipeline: Pipeline, places: Floats, rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.lump_criteria import Findings, Lump
-from palpate_maps.next_places import SETTLED, Proposal, is_placed
+from palpate_maps.next_places import SETTLED, is_placed
 from palpate_maps.search_area import Area
 from palpate_maps.sites import Sites, line_coordinate
 
@@ -69,20 +69,20 @@ def borders(sites: Sites, lump: Lump, area: Area) -> tuple[bool, bool]:
     return bool((unknown & allowed).any()), bool((unknown & ~allowed).any())
 
 
-def off_limits(nodes: Floats, lumps: Sequence[LumpProgress], contrast: float, apart: float) -> NDArray[np.bool_]:
-    """(m,) nodes [m] on lumps of which all is known, and on their flanks down to a contrast.
+def footprint(places: Floats, lump: Lump, contrast: float, apart: float) -> NDArray[np.bool_]:
+    """(m,) which places [m] lie on a lump, or on its flanks down to a contrast.
 
     A flank is taken for a Gaussian of the lump's height, with the lump's extent at half of it.
     """
+    wide = np.maximum(lump.extent, 2 * apart) / 2.355
+    half = wide * np.sqrt(2 * np.log(max(lump.contrast / contrast, 1.5))) + apart
+    return np.asarray((((places - np.array(lump.place)) / half) ** 2).sum(axis=1) < 1)
+
+
+def off_limits(nodes: Floats, lumps: Sequence[LumpProgress], contrast: float, apart: float) -> NDArray[np.bool_]:
+    """(m,) nodes [m] on lumps of which all is known, and on their flanks down to a contrast."""
     taken = np.zeros(len(nodes), bool)
     for item in lumps:
         if item.done:
-            wide = np.maximum(item.lump.extent, 2 * apart) / 2.355
-            half = wide * np.sqrt(2 * np.log(max(item.lump.contrast / contrast, 1.5))) + apart
-            taken |= (((nodes - np.array(item.lump.place)) / half) ** 2).sum(axis=1) < 1
+            taken |= footprint(nodes, item.lump, contrast, apart)
     return taken
-
-
-def search_ended(lumps: Sequence[LumpProgress], places: Sequence[Proposal]) -> bool:
-    """Whether every lump is certain, there is one, and no place is suspicious besides."""
-    return bool(lumps) and all(item.done for item in lumps) and all(p.suspicion < SUSPICIOUS for p in places)

@@ -46,18 +46,18 @@ def lumps(
     with progress(f"lumps of {run.resolve().name}"):
         path = maps.read_path(run, track, parameter)
         findings = maps.find_lumps(maps.sites_along(path), settings)
-    text = map_files.lumps_json(findings, path.track, path.parameter)
+    text = map_files.lumps_json(findings, path)
     map_files.replace_file(RunFolder(run).maps / "lumps.json", text)
-    typer.echo(text if as_json else _view(findings, path.track, unit_of(run, path.track, path.parameter)))
+    typer.echo(text if as_json else _view(findings, path.source, unit_of(run, path.track, path.parameter)))
     if findings.warning:
         typer.echo(f"warning: {findings.warning}", err=True)
 
 
-def _view(findings: Findings, track: str, unit: str) -> str:
+def _view(findings: Findings, source: str, unit: str) -> str:
     from palpate.host import display_unit
 
     name, factor = display_unit(unit)
-    head = f"{track}: background {findings.background * factor:.4g} {name}, by {findings.method}"
+    head = f"{source}: background {findings.background * factor:.4g} {name}, by {findings.method}"
     if not findings.lumps:
         return f"{head}\nno lumps"
     lines = [head, "    x mm    y mm   extent mm   contrast %         p"]

@@ -86,7 +86,13 @@ def map_run(
     if findings is not None and findings.warning:
         typer.echo(f"warning: {findings.warning}", err=True)
     if as_json:
-        of = {"track": path.track, "parameter": path.parameter, "unit": made.unit, "sites": len(sites)}
+        of = {
+            "track": path.track,
+            "other_tracks": path.others,
+            "parameter": path.parameter,
+            "unit": made.unit,
+            "sites": len(sites),
+        }
         lumps = findings.lumps if findings is not None else None
         print_json({**answer, **of, "lumps": lumps, "files": sorted(made.folder.glob(f"{name}.*"))})
         return
@@ -140,7 +146,7 @@ def _sweep(made: _MapOutput, way: float, track: str | None, parameter: str | Non
     name = map_files.free_name(folder, "sweep", table)
     map_files.replace_file(folder / f"{name}.csv", table)
     save_figure(image, folder / f"{name}.{made.ending}")
-    said = f"sweep of {1e3 * way:.4g} mm, {len(made.sites)} sites, {path.track}"
+    said = f"sweep of {1e3 * way:.4g} mm, {len(made.sites)} sites, {path.source}"
     return name, said, {"kind": "sweep", "length": way}
 
 
@@ -159,7 +165,7 @@ def _map(made: _MapOutput, field: StiffnessMap, mcap: bool) -> Written:
     if mcap:
         map_files.replace_file(folder / f"{name}.mcap", map_mcap(field, path.parameter, round(1e9 * sites.time[-1])))
     size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
-    covered = f"{100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.track}"
+    covered = f"{100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.source}"
     said = f"map of {size}, {covered}, interpolated over {1e3 * field.length:.3g} mm"
     ends = {"low": [field.x[0], field.y[0]], "high": [field.x[-1], field.y[-1]]}
     return name, said, {"kind": "map", **ends, "coverage": field.coverage, "interpolated_over": field.length}

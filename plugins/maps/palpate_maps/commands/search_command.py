@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 from palpate import ConfigurationError
+from palpate_kit.figures import save_figure
+from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, TrackOption
 from palpate_kit.terminal.progress import progress, report_progress
@@ -16,12 +17,11 @@ from palpate_kit.terminal.progress import progress, report_progress
 from palpate_maps.commands.map_command import Parameter, Run, length
 
 if TYPE_CHECKING:
-    from palpate.host import Pipeline
-
-    from palpate_maps.map_analysis import Area, LumpProgress, Proposal
+    from palpate_maps.area_search import AreaSearch
+    from palpate_maps.map_analysis import LumpProgress, Proposal
     from palpate_maps.search_area import Box
+    from palpate_maps.search_motion import SearchMotion
 
-_APART = 4e-3  # [m] between places
 _ROUNDS = 50
 
 
@@ -30,8 +30,13 @@ def search(
     track: TrackOption = None,
     parameter: Parameter = None,
     points: Annotated[int, typer.Option(help="Places in one round.", min=1)] = 3,
-    aim: Annotated[str, typer.Option(help="suspicion or uncertainty.")] = "suspicion",
+    aim: Annotated[str, typer.Option(help="find lumps, outline them at --contrast, or map the whole area.")] = "find",
     contrast: Annotated[float, typer.Option(help="Contrast that counts as a lump.")] = 0.05,
+    radius: Annotated[str, typer.Option(help="Radius, at half its height, of the least patch for --risk.")] = "5 mm",
+    risk: Annotated[
+        float | None,
+        typer.Option(help="Search on until a patch remains with at most this probability, such as 0.05."),
+    ] = None,
     area: Annotated[
         str | None,
         typer.Option(help='Area to search: "-30 mm, 30 mm, -20 mm, 20 mm" (x, then y). [default: specimen, workspace]'),
@@ -46,43 +51,44 @@ def search(
 ) -> None:
     """Propose the next places to palpate after a coarse sweep or raster; with --go, visit them.
 
-    With --go it ends once every lump is certain and no other place is suspicious, or the budget is spent.
+    With --go it ends once every lump is certain, no other place is suspicious, and no patch remains with more than the
+    risk, where one is given; or when the budget is spent. It prints how likely a patch remains, and draws where.
     """
     from palpate_kit.runs.continuation import recorded_pipeline
 
     from palpate_maps import map_analysis as maps
+    from palpate_maps.area_search import AreaSearch, SearchSettings
+    from palpate_maps.next_places import Aim
+    from palpate_maps.search_motion import search_motion
 
-    if aim not in ("suspicion", "uncertainty"):
-        raise ConfigurationError(f'--aim: {aim!r} is not one of "suspicion" and "uncertainty"')
-    pipeline = recorded_pipeline(run)
-    motion = _press(pipeline, run)
+    if aim not in get_args(Aim):
+        raise ConfigurationError(f"--aim: {aim!r} is not one of {', '.join(get_args(Aim))}")
+    settings = SearchSettings(aim, points, contrast, length(radius, "--radius"), risk, sure)  # type: ignore[arg-type]
+    motion = search_motion(recorded_pipeline(run), run, palpation)
     sites = maps.sites_along(maps.read_path(run, track, parameter))
-    allowed = maps.area_of(pipeline, motion, sites.place, box_of(area))
-    found = _SearchRounds()
-
-    def proposed() -> list[Proposal]:
-        done = maps.off_limits(allowed.nodes, found.lumps, contrast, _APART)
-        return maps.propose(sites, points, aim, contrast, allowed.nodes, taken=done)  # type: ignore[arg-type]
-
+    state = AreaSearch(maps.area_of(motion.pipeline, motion.own, sites.place, box_of(area)), motion, settings)
+    made = _SearchRounds()
     with print_aside(as_json):
-        places = proposed()
-        while not (go and maps.search_ended(found.lumps, places)):
-            found.rounds.append(places)
+        state.observe(sites, visited=False)
+        places = state.next_round()
+        while not (go and (ended := state.ended(places))):
+            made.rounds.append(places)
             _show(places)
-            found.stopped = found.over(budget) if go else None
-            if not go or found.stopped is not None:
+            made.stopped = made.over(budget) if go else None
+            if not go or made.stopped is not None:
                 break
-            found.motion += visit(run, [place.place for place in places], palpation)
-            sites = maps.sites_along(maps.read_path(run, track, parameter))
-            found.lumps = maps.update_progress(maps.find_lumps(sites), found.lumps, sites, allowed, sure)
-            _report(found.lumps, found.motion)
-            places = proposed()
+            made.motion += visit(run, motion, places)
+            state.observe(maps.sites_along(maps.read_path(run, track, parameter)), visited=True)
+            _report(state, made.motion)
+            places = state.next_round()
         else:
-            found.stopped = f"every lump is certain at {sure:g}, and nothing else is suspicious"
-        if found.stopped is not None:
-            _end(found.lumps, allowed, found.stopped)
+            made.stopped = ended
+        made.take(state)
+        if made.stopped is not None:
+            _end(state, made.stopped)
+        _tell_hiding(state, run)
     if as_json:
-        print_json(vars(found))
+        print_json(vars(made))
 
 
 @dataclass
@@ -93,6 +99,16 @@ class _SearchRounds:
     motion: float = 0.0  # [s] of visits
     stopped: str | None = None  # why, where --go has come to an end
     lumps: list[LumpProgress] = field(default_factory=list)
+    patches: list[tuple[float, float]] = field(default_factory=list)  # [m] that are likely besides
+    risk: float | None = None  # that a patch remains
+    patch: dict[str, float] = field(default_factory=dict)  # the least one: radius [m], contrast
+
+    def take(self, state: AreaSearch) -> None:
+        """Take up what a search knows in the end."""
+        patch = state.settings.patch
+        self.lumps, self.patches = state.lumps, state.patches
+        self.patch = {"radius": patch.radius, "contrast": patch.contrast}
+        self.risk = state.hiding.risk if state.hiding is not None else None
 
     def over(self, budget: float) -> str | None:
         """Why no place of the latest round is visited; None where one is."""
@@ -114,25 +130,54 @@ def box_of(text: str | None) -> Box | None:
     return x0, x1, y0, y1
 
 
-def _report(lumps: Sequence[LumpProgress], spent: float) -> None:
-    certain = sum(item.certain for item in lumps)
-    typer.echo(f"after {spent:.0f} s of visits: {len(lumps)} lumps, {certain} of them certain")
-    for item in lumps:
+def _report(state: AreaSearch, spent: float) -> None:
+    certain = sum(item.certain for item in state.lumps)
+    remains = f"; a patch remains with {_percent(state)}" if state.settings.risk is not None else ""
+    typer.echo(f"after {spent:.0f} s of visits: {len(state.lumps)} lumps, {certain} of them certain{remains}")
+    for item in state.lumps:
         if item.beyond:
             typer.echo(f"  {_where(item)} is stiffest at the border of what was palpated: it continues beyond")
 
 
-def _end(lumps: Sequence[LumpProgress], area: Area, why: str) -> None:
+def _end(state: AreaSearch, why: str) -> None:
     typer.echo(f"stopped: {why}")
-    for item in lumps:
+    for item in state.lumps:
         words = "certain" if item.certain else "not certain"
         if item.beyond:
             words += "; stiffest at the border of what was palpated, so its middle may lie beyond"
         elif item.cut:
-            words += f"; it reaches the border of {area.bounded_by}, so its middle may lie beyond"
+            words += f"; it reaches the border of {state.area.bounded_by}, so its middle may lie beyond"
         typer.echo(f"  {_where(item)}: p = {item.lump.p:.2g}, {words}")
-    if not lumps:
+    for x, y in state.patches:
+        typer.echo(f"  a patch about {1e3 * x:.1f} mm, {1e3 * y:.1f} mm is likely, but not significant as a lump")
+    if not state.lumps and not state.patches:
         typer.echo("  no lump was found")
+
+
+def _percent(state: AreaSearch) -> str:
+    assert state.hiding is not None
+    percent = 100 * state.hiding.risk
+    return f"{percent:.2g} %" if percent < 99.5 else "more than 99 %"
+
+
+def _tell_hiding(state: AreaSearch, run: Path) -> None:
+    """The statement of what may remain, and the map of where."""
+    from palpate_maps import map_files
+    from palpate_maps.hidden_patches import EXPECTED
+    from palpate_maps.map_figures import hiding_picture
+
+    hiding, patch, folder = state.hiding, state.settings.patch, RunFolder(run).maps
+    assert hiding is not None
+    map_files.replace_file(folder / "hidden.csv", map_files.hiding_csv(hiding))
+    save_figure(hiding_picture(hiding, [item.lump for item in state.lumps]), folder / "hidden.png")
+    least = f"of radius {1e3 * patch.radius:.3g} mm, {100 * patch.contrast:.3g} % stiffer than its surroundings"
+    besides = "besides these" if state.lumps or state.patches else "in the area"
+    typer.echo(
+        f"a patch {least}, or more, remains {besides} with a probability of {_percent(state)}, if {EXPECTED:g} such "
+        f"patches were expected beforehand; where: {folder / 'hidden.png'}"
+    )
+    if state.area.share < 1:
+        typer.echo(f"  {100 * (1 - state.area.share):.2g} % of {state.area.bounded_by} cannot be visited; not included")
 
 
 def _where(item: LumpProgress) -> str:
@@ -140,38 +185,26 @@ def _where(item: LumpProgress) -> str:
     return f"the lump at {x:.1f} mm, {y:.1f} mm"
 
 
-def _press(pipeline: Pipeline, run: Path) -> Any:
-    """The motion of a run, with a press to palpate points with; raises ConfigurationError."""
-    if len(pipeline.trajectories) != 1:
-        raise ConfigurationError(f"{run}: moves nothing, so it cannot visit places")
-    ((name, motion),) = pipeline.trajectories.items()
-    if not hasattr(motion, "press") or not hasattr(motion, "surface"):
-        raise ConfigurationError(f"{run}: [trajectory.{name}] has no press = {{...}} to palpate points with")
-    return motion
-
-
-def visit(run: Path, places: list[tuple[float, float]], duration: float) -> float:
-    """Palpate places with the rig and the press of a run, as a part of it; how long the motion takes [s]."""
+def visit(run: Path, motion: SearchMotion, places: list[Proposal]) -> float:
+    """Palpate places, or a line, as a part of a run; how long the motion takes [s]."""
     from palpate.host import run_pipeline
-    from palpate_kit.runs.continuation import continue_pipeline, recorded_pipeline
-    from palpate_kit.runs.run_folder import RunFolder
+    from palpate_kit.runs.continuation import continue_pipeline
 
     folder = RunFolder(run)
-    pipeline = recorded_pipeline(run)
-    before = _press(pipeline, run)
-    part: Any = pipeline.registry.find("trajectory", "grid-points")
-    try:
-        motion = part(places=tuple(places), duration=duration, press=before.press, surface=before.surface)
-    except ValueError as error:
-        raise ConfigurationError(f"{run}: the places cannot be visited: {error}") from error
-    with progress(f"visit of {len(places)} places", "s"):
-        result = run_pipeline(continue_pipeline(pipeline, motion, len(folder.parts)), folder.next_part, report_progress)
+    trajectory = motion.along(places)
+    what = f"{len(places)} places" if places[0].end is None else "a line"
+    with progress(f"visit of {what}", "s"):
+        part = continue_pipeline(motion.pipeline, trajectory, len(folder.parts))
+        result = run_pipeline(part, folder.next_part, report_progress)
     result.demand_whole()
-    return float(motion.total_duration)
+    duration: Any = trajectory.total_duration
+    return float(duration)
 
 
 def _show(places: list[Proposal]) -> None:
     typer.echo("    x mm    y mm   expected contrast %   suspicion")
     for place in places:
         expected = f"{100 * place.contrast:.1f} ± {100 * place.std:.1f}"
-        typer.echo(f"{1e3 * place.place[0]:8.1f}{1e3 * place.place[1]:8.1f}{expected:>22}{place.suspicion:12.3f}")
+        line = "" if place.end is None else "   line to {:.1f}, {:.1f}".format(*(1e3 * value for value in place.end))
+        x, y = (1e3 * value for value in place.place)
+        typer.echo(f"{x:8.1f}{y:8.1f}{expected:>22}{place.suspicion:12.3f}{line}")

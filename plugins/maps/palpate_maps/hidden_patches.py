@@ -1,0 +1,135 @@
+"""Where a stiff patch may still hide, and with which probability one does: the posterior of a search's remainder."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ConfigurationError, Floats
+
+from palpate_maps.sites import Sites
+from palpate_maps.stiffness_field import LEAST_STD, distances
+
+EXPECTED = 1.5  # patches in the area, before anything is palpated
+# Grids of what is not known of the data, each value as likely as the next beforehand.
+_NOISE = (0.35, 0.6, 1.0, 1.7)  # share of a site's standard deviation that is scatter
+_BACKGROUND = (0.003, 0.01, 0.03)  # standard deviation of the background's own change
+_DRIFT = (0.001, 0.01)  # standard deviation of the change with time
+_LENGTH = 25e-3  # [m] over which the background changes: far wider than a patch
+_DRIFT_TIME = 60.0  # [s] over which the tare drifts
+_FLOOR = 2e-3  # scatter between sites that is always there
+_COUNTS = 0.02  # weight below which a combination is left out, relative to the largest
+_MOST = 400  # sites
+_FEWEST = 3  # of them that say something
+
+
+@dataclass(frozen=True)
+class Patch:
+    """The least patch that must not be missed: log E rises by log(1 + contrast) 2^-(d/radius)^2 at a distance d."""
+
+    radius: float  # [m] at half its height
+    contrast: float  # of its middle over its surroundings
+
+    def __post_init__(self) -> None:
+        """Raise ConfigurationError for what is no patch."""
+        for name, value in (("radius", self.radius), ("contrast", self.contrast)):
+            if not (np.isfinite(value) and value > 0):
+                raise ConfigurationError(f"{name}: {value:g} must be above 0")
+
+    @property
+    def height(self) -> float:
+        """Of the logarithm."""
+        return float(np.log1p(self.contrast))
+
+    def profile(self, place: Floats, middles: Floats) -> Floats:
+        """Rise (n, m) of the logarithm at places (n, 2) [m] by patches at each of the middles (m, 2) [m]."""
+        return np.asarray(self.height * np.exp2(-((distances(place, middles) / self.radius) ** 2)))
+
+
+@dataclass(frozen=True)
+class Hiding:
+    """What the sites say of patches at each of some middles."""
+
+    middles: Floats  # (m, 2) [m]
+    expected: Floats  # (m,) patches that remain there; their sum is that of the area
+    reach: float  # [m] radius of the least patch
+    scatter: float = 1.0  # of a site, over its standard deviation
+
+    @property
+    def likely(self) -> tuple[Floats, float]:
+        """Where a patch is likeliest (2,) [m], and how many are expected to have their middle about there."""
+        k = int(np.argmax(self.expected))
+        near = distances(self.middles, self.middles[k][None])[:, 0] <= self.reach
+        weight = self.expected[near]
+        return weight @ self.middles[near] / max(weight.sum(), 1e-300), float(weight.sum())
+
+    @property
+    def risk(self) -> float:
+        """Probability that a patch remains: 1 - exp(-expected number)."""
+        return float(-np.expm1(-self.expected.sum()))
+
+
+def hidden_patches(sites: Sites, middles: Floats, patch: Patch, on_lumps: NDArray[np.bool_] | None = None) -> Hiding:
+    """The posterior number of patches at middles (m, 2) [m], by sites that lie on no known lump.
+
+    Beforehand patches are a Poisson process with 1.5 of them in the area, so that each of the middles has 1.5/m, and
+    those that were found say nothing of the others. The sites say L(x), the likelihood of a patch at x over that of
+    none, so that 1.5/m L(x) are left there; none is on a known lump (m,). log L = h' P y - h' P h/2 with the rise h by
+    the least patch and P the precision of the logarithms y about an unknown level. A larger or a stiffer patch raises y
+    and thus L: the least patch is the one that is missed most easily. The covariance is not known: scatter between
+    sites, a background that changes over 25 mm, and a drift with time have a size each on a grid, and every combination
+    has the weight of its restricted likelihood.
+    """
+    expected = np.full(len(middles), EXPECTED / max(len(middles), 1))
+    if on_lumps is not None:
+        expected[on_lumps] = 0.0
+    if len(sites) < _FEWEST:
+        return Hiding(middles, expected, patch.radius)
+    used = sites[np.unique(np.linspace(0, len(sites) - 1, min(len(sites), _MOST)).round().astype(int))]
+    rise = patch.profile(used.place, middles)
+    sizes = list(itertools.product(_NOISE, _BACKGROUND, _DRIFT))
+    found = [_Covariance.of(used, *each) for each in sizes]
+    evidence = np.array([each.evidence for each in found])
+    weights = np.exp(evidence - evidence.max())
+    weights[weights < _COUNTS] = 0.0
+    weights /= weights.sum()
+    odds = sum(w * each.odds(rise) for w, each in zip(weights, found, strict=True) if w)
+    scatter = float(np.sqrt(weights @ np.square([noise for noise, _, _ in sizes])))
+    return Hiding(middles, expected * np.asarray(odds), patch.radius, scatter)
+
+
+@dataclass(frozen=True)
+class _Covariance:
+    """One covariance of the sites, factorised, with an unknown level taken out."""
+
+    lower: Floats  # (n, n)
+    residual: Floats  # (n,) L^-1 of the logarithms about their level
+    level: Floats  # (n,) L^-1 of ones, of length 1
+    evidence: float  # restricted log-likelihood
+
+    @classmethod
+    def of(cls, sites: Sites, noise: float, background: float, drift: float) -> _Covariance:
+        from scipy.linalg import cholesky, solve_triangular
+
+        own = (noise * np.maximum(sites.std, LEAST_STD)) ** 2 + _FLOOR**2
+        own = own + np.where(sites.standing, 0.0, sites.relief**2)
+        apart = distances(sites.place, sites.place) / _LENGTH
+        late = np.abs(sites.time[:, None] - sites.time[None]) / _DRIFT_TIME
+        smooth = background**2 * np.exp(-0.5 * apart**2) + drift**2 * np.exp(-late)
+        lower = cholesky(smooth + np.diag(own), lower=True)
+        right = np.column_stack([sites.log - sites.log.mean(), np.ones(len(sites))])
+        values, ones = solve_triangular(lower, right, lower=True, check_finite=False).T
+        size = float(np.sqrt(ones @ ones))
+        residual = values - ones * (ones @ values) / size**2
+        evidence = -0.5 * residual @ residual - np.log(np.diag(lower)).sum() - np.log(size)
+        return cls(lower, residual, ones / size, float(evidence))
+
+    def odds(self, rise: Floats) -> Floats:
+        """Likelihood (m,) of each rise (n, m) over that of none."""
+        from scipy.linalg import solve_triangular
+
+        solved = solve_triangular(self.lower, rise, lower=True, check_finite=False)
+        precision = (solved**2).sum(axis=0) - (self.level @ solved) ** 2
+        return np.asarray(np.exp(np.clip(self.residual @ solved - precision / 2, -700, 50)))

@@ -1,0 +1,95 @@
+"""The motions of a search: points and short lines with the press of a run, and how long they take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from palpate import ConfigurationError, Floats, Trajectory
+from palpate.host import Pipeline
+
+from palpate_maps.next_places import Proposal
+
+_DISTANCES = np.array([0.0, 1e-3, 5e-3, 20e-3, 60e-3, 200e-3])  # [m] at which the travel between points is planned
+
+
+@dataclass(frozen=True)
+class SearchMotion:
+    """How the rig of a run palpates places, and lines where the run's own motion goes along lines."""
+
+    pipeline: Pipeline
+    name: str  # of the run's motion
+    duration: float  # [s] of sine at each place
+
+    @property
+    def own(self) -> Any:
+        """The motion of the run."""
+        return self.pipeline.trajectories[self.name]
+
+    @property
+    def line_speed(self) -> float | None:
+        """Speed along lines [m/s], that of the run, which its estimators are set for; None where it has none."""
+        return getattr(self.own, "speed", None)
+
+    @property
+    def shortest(self) -> float:
+        """Length of the shortest line [m]: four periods of the sine, and a site more."""
+        return 4e-3 + 4.0 * (self.line_speed or 0.0) / float(self.own.press.frequency)
+
+    def along(self, proposals: list[Proposal]) -> Trajectory:
+        """The motion through places, or along one line; raises ConfigurationError."""
+        own, (first, *_) = self.own, proposals
+        settings: dict[str, Any] = {"press": own.press, "surface": own.surface}
+        if first.end is None:
+            part: Any = self.pipeline.registry.find("trajectory", "grid-points")
+            settings |= {"places": tuple(p.place for p in proposals), "duration": self.duration}
+        else:
+            part = self.pipeline.registry.find("trajectory", "line-sweep")
+            settings |= {"start": first.place, "end": first.end, "speed": self.line_speed, "settle": own.settle}
+        try:
+            return part(**settings)  # type: ignore[no-any-return]
+        except ValueError as error:
+            raise ConfigurationError(f"the places cannot be visited: {error}") from error
+
+    def seconds_to(self, distance: Floats) -> Floats:
+        """What a further point takes, by its distance [m] from the one before."""
+        return np.interp(distance, _DISTANCES, self._steps)
+
+    @cached_property
+    def _steps(self) -> Floats:
+        alone = self.first_point
+        pairs = [self.along([_at(0.0), _at(float(way))]).total_duration for way in _DISTANCES]
+        return np.array(pairs) - alone
+
+    @cached_property
+    def first_point(self) -> float:
+        """What one point takes, from rest to rest [s]."""
+        return float(self.along([_at(0.0)]).total_duration)
+
+    @cached_property
+    def _line(self) -> tuple[float, float]:
+        ways = (self.shortest, self.shortest + 0.02)
+        short, long = (self.along([Proposal((0.0, 0.0), 0.0, 0.0, 0.0, (way, 0.0))]).total_duration for way in ways)
+        slope = (long - short) / 0.02
+        return short - slope * ways[0], slope
+
+    def seconds_along(self, way: Floats) -> Floats:
+        """What a line takes, by its length [m]."""
+        start, slope = self._line
+        return start + slope * way
+
+
+def _at(x: float) -> Proposal:
+    return Proposal((x, 0.0), 0.0, 0.0, 0.0)
+
+
+def search_motion(pipeline: Pipeline, run: Any, duration: float) -> SearchMotion:
+    """The motion of a run, with a press to palpate points with; raises ConfigurationError."""
+    if len(pipeline.trajectories) != 1:
+        raise ConfigurationError(f"{run}: moves nothing, so it cannot visit places")
+    ((name, motion),) = pipeline.trajectories.items()
+    if not hasattr(motion, "press") or not hasattr(motion, "surface"):
+        raise ConfigurationError(f"{run}: [trajectory.{name}] has no press = {{...}} to palpate points with")
+    return SearchMotion(pipeline, name, duration)

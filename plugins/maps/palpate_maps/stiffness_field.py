@@ -1,0 +1,178 @@
+"""The stiffness over an area as a Gaussian process to which palpations are added one by one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats
+
+from palpate_maps.sites import Sites
+
+LEAST_STD = 1e-3  # of a site's logarithm
+_MOST_FITTED = 250  # sites that the kernel is fitted on; more cost time, not accuracy
+_BOUNDS = np.log([[1e-8, 1e2], [2e-3, 5e-2], [1e-8, 1e-1]])  # of variance, length [m], noise
+_GROWTH = 1.5  # times the sites of the latest fit, from which on it is repeated
+_SURPRISE = 1e-3  # chance of innovations as large as those since the latest fit, below which it is repeated
+
+
+@dataclass(frozen=True)
+class FieldKernel:
+    """Covariance of the logarithm: variance x Matern 3/2 of a length, and white noise between sites."""
+
+    variance: float
+    length: float  # [m]
+    noise: float  # variance of a site besides its own
+
+    def between(self, a: Floats, b: Floats) -> Floats:
+        """Covariances (n, m) of the field at places a (n, 2) and b (m, 2) [m]."""
+        ratio = np.sqrt(3.0) / self.length * distances(a, b)
+        return np.asarray(self.variance * (1 + ratio) * np.exp(-ratio))
+
+
+def distances(a: Floats, b: Floats) -> Floats:
+    """Distances (n, m) [m] of places a (n, 2) from places b (m, 2)."""
+    squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2 * a @ b.T
+    return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
+
+
+def fit_kernel(place: Floats, log: Floats, own: Floats, start: FieldKernel | None = None) -> FieldKernel:
+    """The kernel of the largest likelihood of deviations log (n,) at places (n, 2) [m], with own variances (n,).
+
+    log p = -y' K^-1 y/2 - log|K|/2, with its gradient (Rasmussen and Williams 2006, section 5.4.1), by L-BFGS-B.
+    """
+    from scipy.linalg import cho_factor, cho_solve
+    from scipy.optimize import minimize
+
+    rows = np.unique(np.linspace(0, len(log) - 1, min(len(log), _MOST_FITTED)).round().astype(int))
+    place, log, own = place[rows], log[rows], own[rows]
+    apart, unit = distances(place, place), np.eye(len(log))
+
+    def loss(point: Floats) -> tuple[float, Floats]:
+        variance, length, noise = np.exp(point)
+        ratio = np.sqrt(3.0) / length * apart
+        decay = variance * np.exp(-ratio)
+        smooth = (1 + ratio) * decay
+        factor = cho_factor(smooth + np.diag(own + noise + 1e-12), lower=True)
+        solved, inverse = cho_solve(factor, log), cho_solve(factor, unit)
+        value = 0.5 * log @ solved + np.log(np.diag(factor[0])).sum()
+        inner = inverse - np.outer(solved, solved)
+        slopes = [(inner * smooth).sum(), (inner * (ratio**2 * decay)).sum(), noise * np.trace(inner)]
+        return float(value), 0.5 * np.array(slopes)
+
+    begin = start or FieldKernel(max(float(log.std()), 1e-3) ** 2, 6e-3, 1e-4)
+    point = np.clip(np.log([begin.variance, begin.length, begin.noise]), *_BOUNDS.T)
+    found = minimize(loss, point, jac=True, method="L-BFGS-B", bounds=_BOUNDS)
+    variance, length, noise = np.exp(found.x).tolist()
+    return FieldKernel(variance, length, noise)
+
+
+@dataclass
+class StiffnessField:
+    """Posterior of the logarithm at fixed nodes, by a Cholesky factor that grows by a row with each site.
+
+    With K = L L' and V = L^-1 k(sites, nodes), one more site is one more row of L and of V, so that it costs n m
+    operations and not n^2 m; the mean goes back to a level far from all sites, which may change at no cost.
+    """
+
+    nodes: Floats  # (m, 2) [m]
+    kernel: FieldKernel
+    fitted_on: int  # sites
+    place: Floats = field(init=False)  # (n, 2) [m]
+    log: Floats = field(init=False)  # (n,)
+    own: Floats = field(init=False)  # (n,) variance of a site besides the kernel's noise
+    surprise: list[float] = field(default_factory=list)  # standardised innovations of the sites since the fit
+
+    @classmethod
+    def of(cls, sites: Sites, nodes: Floats, level: float, kernel: FieldKernel | None = None) -> Self:
+        """The field of sites, with the kernel fitted to them about a level; `kernel` is where the fit starts."""
+        made = cls(nodes, fit_kernel(sites.place, sites.log - level, _own(sites), kernel), len(sites))
+        made.factorise(sites)
+        return made
+
+    def factorise(self, sites: Sites) -> None:
+        """Take sites in place of those known so far."""
+        from scipy.linalg import cholesky, solve_triangular
+
+        self.place, self.log, self.own = sites.place.copy(), sites.log.copy(), _own(sites)
+        n = len(self.log)
+        room = n + max(n // 2, 64)
+        self._lower, self._cross = np.zeros((room, room)), np.zeros((room, len(self.nodes)))
+        noisy = self.kernel.between(self.place, self.place) + np.diag(self.own + self.kernel.noise + 1e-12)
+        self._lower[:n, :n] = cholesky(noisy, lower=True)
+        right = np.column_stack([self.log, np.ones(n), self.kernel.between(self.place, self.nodes)])
+        solved = solve_triangular(self._lower[:n, :n], right, lower=True, check_finite=False)
+        self._white = np.zeros((room, 2))  # L^-1 of the logarithms, and of ones
+        self._white[:n], self._cross[:n] = solved[:, :2], solved[:, 2:]
+        self._sums = self._white[:n].T @ self._cross[:n]  # (2, m)
+        self._left = self.kernel.variance - (self._cross[:n] ** 2).sum(axis=0)
+
+    def update(self, sites: Sites, level: float) -> StiffnessField:
+        """The field of sites that begin with those known so far; else, or where the kernel has to change, a new one."""
+        n, more = len(self.log), len(sites) - len(self.log)
+        same = more >= 0 and np.array_equal(self.place, sites.place[:n]) and np.array_equal(self.log, sites.log[:n])
+        if not same or len(sites) > _GROWTH * self.fitted_on:
+            return type(self).of(sites, self.nodes, level, self.kernel)
+        for place, log, own in zip(sites.place[n:], sites.log[n:], _own(sites)[n:], strict=True):
+            self.surprise.append(self.add(place, float(log), float(own), level))
+        return type(self).of(sites, self.nodes, level, self.kernel) if self._is_surprised() else self
+
+    def _is_surprised(self) -> bool:
+        """Whether the innovations since the fit are larger or smaller than the kernel lets expect."""
+        from scipy.stats import chi2
+
+        square = float(np.square(self.surprise).sum())
+        chance = chi2.sf(square, len(self.surprise)) if self.surprise else 1.0
+        return bool(min(chance, 1 - chance) < _SURPRISE)
+
+    def add(self, place: Floats, log: float, own: float, level: float) -> float:
+        """Add a site; how many standard deviations it is from what was expected."""
+        from scipy.linalg import solve_triangular
+
+        n = len(self.log)
+        if n == len(self._lower):
+            room = n // 2 + 64
+            self._lower = np.pad(self._lower, ((0, room), (0, room)))
+            self._cross, self._white = (np.pad(rows, ((0, room), (0, 0))) for rows in (self._cross, self._white))
+        row = solve_triangular(
+            self._lower[:n, :n], self.kernel.between(self.place, place[None])[:, 0], lower=True, check_finite=False
+        )
+        pivot = float(np.sqrt(max(self.kernel.variance + self.kernel.noise + own + 1e-12 - row @ row, 1e-12)))
+        self._lower[n, :n], self._lower[n, n] = row, pivot
+        cross = (self.kernel.between(place[None], self.nodes)[0] - row @ self._cross[:n]) / pivot
+        white = (np.array([log, 1.0]) - row @ self._white[:n]) / pivot
+        self._cross[n], self._white[n] = cross, white
+        self._sums += np.outer(white, cross)
+        self._left -= cross**2
+        self.place, self.log = np.vstack([self.place, place]), np.append(self.log, log)
+        self.own = np.append(self.own, own)
+        return float(white[0] - level * white[1])
+
+    def drop(self, count: int) -> None:
+        """Take back the latest sites that were added."""
+        for _ in range(count):
+            n = len(self.log) - 1
+            self._sums -= np.outer(self._white[n], self._cross[n])
+            self._left += self._cross[n] ** 2
+            self.place, self.log, self.own = self.place[:n], self.log[:n], self.own[:n]
+
+    def mean(self, level: float) -> Floats:
+        """(m,) posterior mean at the nodes, about a level."""
+        return np.asarray(level + self._sums[0] - level * self._sums[1])
+
+    @property
+    def std(self) -> Floats:
+        """(m,) posterior standard deviation at the nodes."""
+        return np.asarray(np.sqrt(np.maximum(self._left, LEAST_STD**2)))
+
+    def covariance(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
+        """Posterior covariances of nodes of two index arrays."""
+        n = len(self.log)
+        prior = self.kernel.between(self.nodes[rows], self.nodes[columns])
+        return np.asarray(prior - self._cross[:n, rows].T @ self._cross[:n, columns])
+
+
+def _own(sites: Sites) -> Floats:
+    return np.maximum(sites.std, LEAST_STD) ** 2

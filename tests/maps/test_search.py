@@ -1,0 +1,202 @@
+"""A search: the field that grows by a site, what may still hide, where to go, and when it is over."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from palpate import ConfigurationError
+from palpate_maps.area_search import AreaSearch, SearchSettings
+from palpate_maps.clearance import Clearance
+from palpate_maps.hidden_patches import EXPECTED, Patch, hidden_patches
+from palpate_maps.map_analysis import Area, Knowledge, Sites, propose
+from palpate_maps.stiffness_field import FieldKernel, StiffnessField
+
+PATCH = Patch(5e-3, 0.1)
+NODES = np.stack(np.meshgrid(np.linspace(-0.03, 0.03, 21), np.linspace(-0.02, 0.02, 14)), axis=-1).reshape(-1, 2)
+
+
+def points(seed, count, lump=None, where=NODES, noise=0.006):
+    """Points at random nodes, with the least patch at a place."""
+    dice = np.random.default_rng(seed)
+    place = where[dice.choice(len(where), count, replace=False)]
+    log = 11.6 + noise * dice.standard_normal(count)
+    if lump is not None:
+        log += PATCH.profile(place, np.array([lump]))[:, 0]
+    return Sites(place, log, np.full(count, 0.013), 5.0 * np.arange(count), np.ones(count, bool))
+
+
+def test_a_field_that_grows_is_the_one_that_is_solved_at_once():
+    """m = k' K^-1 y and v = k - k' K^-1 k, with the covariance written out."""
+    sites, kernel = points(0, 60, (0.0, 0.0)), FieldKernel(4e-3, 8e-3, 2e-5)
+    field = StiffnessField(NODES, kernel, 60)
+    field.factorise(sites[:20])
+    for place, log, std in zip(sites.place[20:], sites.log[20:], sites.std[20:], strict=True):
+        field.add(place, log, std**2, 11.6)
+
+    def covariance(a, b):
+        ratio = np.sqrt(3) * np.linalg.norm(a[:, None] - b[None], axis=2) / 8e-3
+        return 4e-3 * (1 + ratio) * np.exp(-ratio)
+
+    noisy = covariance(sites.place, sites.place) + np.diag(sites.std**2 + 2e-5)
+    cross = covariance(sites.place, NODES)
+    mean = 11.6 + cross.T @ np.linalg.solve(noisy, sites.log - 11.6)
+    variance = 4e-3 - np.einsum("nm,nm->m", cross, np.linalg.solve(noisy, cross))
+    np.testing.assert_allclose(field.mean(11.6), mean, rtol=1e-9)
+    np.testing.assert_allclose(field.std, np.sqrt(variance), rtol=1e-6)
+    before = field.mean(11.6), field.std
+    field.add(np.array([0.001, 0.002]), 11.9, 1e-4, 11.6)
+    assert np.abs(field.mean(11.6) - before[0]).max() > 1e-3
+    field.drop(1)
+    np.testing.assert_allclose(field.mean(11.6), before[0], atol=1e-10)
+    np.testing.assert_allclose(field.std, before[1], atol=1e-10)
+
+
+def test_the_kernel_is_fitted_again_once_the_sites_contradict_it():
+    sites = points(0, 90)
+    calm = Knowledge.of(sites[:70], NODES)
+    assert Knowledge.of(sites[:80], before=calm).field is calm.field
+    wild = replace(sites, log=sites.log + np.where(np.arange(90) < 70, 0.0, 0.2 * (-1.0) ** np.arange(90)))
+    assert Knowledge.of(wild[:80], before=calm).field is not calm.field
+
+
+def test_before_anything_is_palpated_a_patch_remains_as_expected():
+    nothing = points(0, 2)[:0]
+    assert hidden_patches(nothing, NODES, PATCH).risk == pytest.approx(1 - np.exp(-EXPECTED))
+
+
+def test_what_is_palpated_everywhere_hides_nothing_and_a_hole_hides_what_it_may():
+    assert hidden_patches(points(0, 200), NODES, PATCH).risk < 1e-4
+    left = NODES[NODES[:, 0] < 0.0]
+    hiding = hidden_patches(points(0, 120, where=left), NODES, PATCH)
+    beyond = NODES[:, 0] > 0.01
+    assert hiding.expected[beyond].sum() == pytest.approx(EXPECTED * beyond.mean(), rel=0.1)
+    assert hiding.expected[NODES[:, 0] < -0.004].sum() < 1e-3
+
+
+@pytest.mark.parametrize("stiffer", [1.0, 3.0])
+def test_a_patch_that_is_there_is_likely_and_where_it_is(stiffer):
+    sites = points(1, 100)
+    log = sites.log + stiffer * PATCH.profile(sites.place, np.array([[0.011, -0.007]]))[:, 0]
+    hiding = hidden_patches(replace(sites, log=log), NODES, PATCH)
+    place, number = hiding.likely
+    assert number > 20
+    assert place == pytest.approx([0.011, -0.007], abs=4e-3)
+    assert hiding.risk > 0.99
+
+
+def test_the_level_and_the_unit_do_not_matter():
+    sites = points(2, 40)
+    hiding = hidden_patches(sites, NODES, PATCH)
+    shifted = hidden_patches(replace(sites, log=sites.log + np.log(1e3)), NODES, PATCH)
+    np.testing.assert_allclose(shifted.expected, hiding.expected, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_patch_is_missed_as_often_as_stated():
+    """Sites by the model itself: of the cases whose risk is stated about 5 %, in 5 % a patch remains."""
+    stated, remains = [], []
+    for seed in range(500):
+        dice = np.random.default_rng(seed)
+        count = dice.poisson(EXPECTED)
+        middles = NODES[dice.choice(len(NODES), count, replace=False)]
+        sites = points(seed, 45, noise=0.009)
+        sites = replace(sites, log=sites.log + PATCH.profile(sites.place, middles).sum(axis=1))
+        hiding = hidden_patches(sites, NODES, PATCH)
+        if 0.01 < hiding.risk < 0.3:
+            stated.append(hiding.risk)
+            remains.append(count > 0)
+    error = (np.mean(remains) - np.mean(stated)) / np.sqrt(np.mean(stated) / len(stated))
+    assert len(stated) > 60
+    assert abs(error) < 4
+
+
+@dataclass
+class Motion:
+    """Times of points and lines."""
+
+    line_speed: float | None
+    first_point: float = 5.0
+    shortest: float = 16e-3
+
+    def seconds_to(self, distance):
+        return 4.5 + distance / 0.05
+
+    def seconds_along(self, way):
+        return 4.0 + way / self.line_speed
+
+
+def test_a_line_is_taken_where_it_clears_more_in_a_second():
+    everywhere = np.full(len(NODES), EXPECTED / len(NODES))
+    closed = np.zeros(len(NODES), bool)
+    quick, slow, none = (Clearance(NODES, PATCH, Motion(v)).best(everywhere, 0.008, closed) for v in (6e-3, 2e-4, None))
+    assert quick.end is not None
+    assert slow.end is None
+    assert none.end is None
+    assert quick.worth > slow.worth == none.worth
+    corner = np.where(np.hypot(*(NODES - (0.03, 0.02)).T) < 4e-3, everywhere, 0.0)
+    best = Clearance(NODES, PATCH, Motion(None)).best(corner, 0.008, closed)
+    assert np.hypot(*(NODES[best.start] - (0.03, 0.02))) < 5e-3
+
+
+def searching(settings, seed, budget=400, lump=(0.012, -0.006)):
+    """A search over points that say the truth with noise; seconds of motion it took."""
+    search = AreaSearch(Area(NODES, "the plate", lambda places: np.ones(len(places), bool)), Motion(None), settings)
+    dice = np.random.default_rng(seed)
+    sites = points(seed, 12, lump)
+    search.observe(sites, visited=False)
+    for number in range(budget // 15):
+        places = search.next_round()
+        if not places or search.ended(places):
+            return search, 15.0 * number
+        place = np.array([p.place for p in places])
+        log = 11.6 + 0.006 * dice.standard_normal(len(place))
+        log += PATCH.profile(place, np.array([lump]))[:, 0] if lump else 0.0
+        time = sites.time[-1] + 5.0 * np.arange(1, len(place) + 1)
+        new = Sites(place, log, np.full(len(place), 0.013), time, np.ones(len(place), bool))
+        columns = zip(*((s.place, s.log, s.std, s.time, s.standing) for s in (sites, new)), strict=True)
+        sites = Sites(*(np.concatenate(column) for column in columns))
+        search.observe(sites, visited=True)
+    return search, float(budget)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lump", [None, (0.012, -0.006)])
+def test_a_search_ends_at_its_risk_with_what_is_there(lump):
+    search, seconds = searching(SearchSettings(contrast=0.1, risk=0.05), 3, lump=lump)
+    assert seconds < 400
+    assert search.hiding.risk <= 0.05
+    known = [*(item.lump.place for item in search.lumps), *search.patches]
+    assert len(known) == (lump is not None)
+    if lump is not None:
+        assert known[0] == pytest.approx(lump, abs=4e-3)
+
+
+def test_an_outline_goes_to_the_flanks_and_a_map_to_the_unknown():
+    place = np.stack(np.meshgrid(np.linspace(-0.03, 0.0, 9), np.linspace(-0.02, 0.02, 11)), axis=-1).reshape(-1, 2)
+    height = 0.3 * np.exp2(-((np.hypot(place[:, 0] + 0.015, place[:, 1]) / 5e-3) ** 2))
+    n = len(place)
+    noise = 0.004 * np.random.default_rng(0).standard_normal(n)
+    sites = Sites(place, 11.6 + height + noise, np.full(n, 0.008), np.arange(n) * 5.0, np.ones(n, bool))
+    known = Knowledge.of(sites, NODES)
+    (flank,) = propose(Knowledge.of(sites, NODES[NODES[:, 0] < 0.0]), 1, "outline", contrast=0.15)
+    assert 2e-3 < np.hypot(flank.place[0] + 0.015, flank.place[1]) < 9e-3
+    (unknown,) = propose(known, 1, "map")
+    assert unknown.place[0] > 0.005
+    near_, far = (propose(known, 2, "map", seconds=lambda d, k=k: 4.5 + k * d)[1].place for k in (1e4, 0.0))
+    first = np.array(unknown.place)
+    assert np.hypot(*(np.array(near_) - first)) <= np.hypot(*(np.array(far) - first))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ({"risk": 0.0}, "--risk"),
+        ({"risk": 1.0}, "--risk"),
+        ({"risk": float("nan")}, "--risk"),
+        ({"contrast": 0.0}, "--contrast"),
+        ({"radius": -1e-3}, "--radius"),
+    ],
+)
+def test_what_is_no_search_is_refused(wrong, word):
+    with pytest.raises(ConfigurationError, match=word):
+        SearchSettings(**wrong)
