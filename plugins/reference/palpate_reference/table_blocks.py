@@ -110,7 +110,7 @@ def _without_comment(line: TextLine) -> TextLine:
 def _are_units(line: TextLine) -> bool:
     """Whether a line below another may be that of the units."""
     filled = [cell.strip("[]()") for cell in line.cells if cell]
-    known = re.compile(r"[kMGm]?Pa(?:[.\-* ]s)?|k?Hz|rad/s|m?s|min|h|%|-|1|[^\x00-\x7f]?C|.*[/^].*", re.IGNORECASE)
+    known = re.compile(r"[kMGm]?Pa(?:[.\-* ]s)?|k?Hz|rad/s|m?s|min|h|%|-|1|[^\x00-\x7f]?C|[^/^]*[/^].*", re.IGNORECASE)
     return bool(filled) and sum(known.fullmatch(cell) is not None for cell in filled) >= (len(filled) + 1) // 2
 
 

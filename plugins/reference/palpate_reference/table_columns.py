@@ -35,7 +35,7 @@ _ROLES: Mapping[str, tuple[str, str]] = {
     "viscosity": ("Pa*s", r"(\|?eta\*\|?|complex viscosity|\|n\*\|)"),
     "flow": ("", r"shear rate|viscosity"),
 }  # fmt: skip
-_STD = re.compile(r"^(?:std|sd|u)[ (]+(.*?)\)?$|^(.*?) (?:std|sd|error|uncertainty)$")
+_STD = re.compile(r"(?:std|sd|u)[ (](.+)|(.+) (?:std|sd|error|uncertainty)")
 _YOUNG = ("tensile", "young", "youngs", "young's", "e", "d")
 
 
@@ -94,6 +94,12 @@ def name_and_unit(head: str) -> tuple[str, str]:
     return head.replace("_", " "), ""
 
 
+def _inside(name: str) -> str:
+    """The name that stands in brackets, or none."""
+    name = name.lstrip("( ")
+    return name.removesuffix(")") if name.count(")") > name.count("(") else name
+
+
 def _column(index: int, head: str, name: str, unit: str) -> TableColumn | None:
     plain = re.sub(r"[’′`´]", "'", name).replace("″", "''").replace('"', "''").strip()
     if plain == "T":
@@ -101,7 +107,7 @@ def _column(index: int, head: str, name: str, unit: str) -> TableColumn | None:
     plain = " ".join(plain.lower().split())
     match = _STD.fullmatch(plain)
     std = match is not None
-    plain = (match[1] or match[2]) if match else plain
+    plain = _inside(match[1] or match[2]) if match else plain
     for role, (_, pattern) in _ROLES.items():
         if named := re.fullmatch(pattern, plain):
             groups = named.groupdict()
