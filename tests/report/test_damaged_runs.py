@@ -50,7 +50,7 @@ def outcome(palpate, made, folder, reader, seed):
     """What a reader says of a run that is damaged by a seed."""
     shutil.rmtree(folder / "run", ignore_errors=True)
     shutil.copytree(made, folder / "run")
-    done = damage(folder / "run", random.Random(seed), "log.mcap" if reader[0] == "info" else "*")
+    done = damage(folder / "run", random.Random(seed), "log.mcap" if reader[0] in ("info", "spectrum") else "*")
     answer = palpate(*reader)
     assert "Traceback" not in answer.stderr, f"{seed}: {done}: {' '.join(reader)}: {answer.stderr}"
     assert answer.returncode in (0, 2), f"{seed}: {done}: {' '.join(reader)}: {answer.stderr}"
