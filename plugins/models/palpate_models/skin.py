@@ -13,7 +13,7 @@ from pydantic_core import CoreSchema
 from palpate_models.indenters import ExactSphere, Flat, NeoHookeanSphere, Sphere, TiltedFlat, TruncatedCone
 from palpate_models.thickness import Layer, Thickness, contact_validity, corrected_contact
 
-FLAT = "flat"
+FLAT: Literal["flat"] = "flat"
 _STEEPEST = math.radians(45.0)
 _STEPS = 3  # of the depth that is the tip's own; exact in one for a paraboloid
 _SHALLOW = 1e-4  # [m] at which a tip's own radius is taken

@@ -59,8 +59,9 @@ def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: st
                 factor * values.mean(), min(numbers) - 0.3, max(numbers) + 0.3, color=look["color"], linewidth=0.6
             )
     truths = {run.truth.get(parameter) for run in runs}
-    if len(truths) == 1 and None not in truths:
-        axis.axhline(factor * truths.pop(), color="black", linestyle=":", linewidth=0.6, label="truth")
+    truth = truths.pop() if len(truths) == 1 else None
+    if truth is not None:
+        axis.axhline(factor * truth, color="black", linestyle=":", linewidth=0.6, label="truth")
     axis.xaxis.get_major_locator().set_params(integer=True)
     axis.set(xlabel="run", ylabel=f"{parameter.replace('_', ' ')} [{word}]", xlim=(0.4, len(runs) + 0.6))
     legend_outside(axis, 4)

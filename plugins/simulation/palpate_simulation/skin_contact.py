@@ -66,4 +66,4 @@ class SkinContact:
 
 def _across(vectors: Floats, normal: Floats) -> Floats:
     """The part (n, 3) of vectors (n, 3) that is across normals (n, 3)."""
-    return vectors - np.sum(vectors * normal, axis=1)[:, None] * normal
+    return np.asarray(vectors - np.sum(vectors * normal, axis=1)[:, None] * normal)

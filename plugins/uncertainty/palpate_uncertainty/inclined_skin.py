@@ -70,7 +70,7 @@ class AcrossForce:
         That is (cos t + tan(phi) sin t)/(cos t + s m sin t tan t), tan(phi) between 0 and m tan t.
         """
         friction = math.tan(min(max(angle - math.atan(self.share.size), 0.0), math.atan(self.drag * math.tan(angle))))
-        assumed = self.model.skin.stick * self.drag * math.tan(angle)
+        assumed = float(self.model.skin.stick) * self.drag * math.tan(angle)
         return (1.0 + friction * math.tan(angle)) / (1.0 + assumed * math.tan(angle))
 
 
