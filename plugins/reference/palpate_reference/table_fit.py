@@ -154,11 +154,12 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
     count = len(law.parameters)
     parts = _weighted(law, problem, x, sigmas)
     slopes = _slopes(law, problem, x, sigmas)
-    covariance = np.linalg.pinv(sum(j.T @ j for j in slopes), rcond=1e-13, hermitian=True)
+    information = np.sum([j.T @ j for j in slopes], axis=0)
+    covariance = np.linalg.pinv(information, rcond=1e-13, hermitian=True)
     correlation = _autocorrelation(parts[:-1])
     inflation = (1.0 + correlation) / (1.0 - correlation)
     shares: dict[str, Floats] = {}
-    total = np.zeros_like(covariance)
+    total: Floats = np.zeros(covariance.shape)
     names = [f"scatter of {table.name}" for table in problem.tables]
     for name, j in zip(names, slopes, strict=False):
         part = inflation * covariance @ j.T @ j @ covariance
@@ -171,7 +172,7 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
             shares[name] = np.sqrt(np.diag(part)[:count])
     values = np.exp(x[:count])
     relative = np.sqrt(np.maximum(np.diag(total)[:count], 0.0))
-    relative[sum((j**2).sum(axis=0) for j in slopes)[:count] < _NO_SLOPE] = math.nan  # a part next to nothing
+    relative[np.diag(information)[:count] < _NO_SLOPE] = math.nan  # a part next to nothing
     stated = [part for part, table in zip(parts, problem.tables, strict=False) if table.std is not None]
     chi2 = float(sum(part @ part for part in stated))
     freedom = sum(len(part) for part in stated) - round(count * sum(len(p) for p in stated) / problem.count)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from palpate import Floats
@@ -59,7 +60,7 @@ def limits_of_agreement(values: Sequence[Floats], references: Sequence[Floats]) 
 
     middle = 0.5 * (means[0] + means[1])
     scatters = np.ptp(differences) > 0 and np.ptp(middle) > 0
-    trend = spearmanr(differences, middle) if scatters else (math.nan, math.nan)
+    trend: Any = spearmanr(differences, middle) if scatters else (math.nan, math.nan)
     return LimitsOfAgreement(
         count, interval(bias, of_bias), interval(bias - _QUANTILE * std, of_limit),
         interval(bias + _QUANTILE * std, of_limit), std, float(trend[0]), float(trend[1]),
