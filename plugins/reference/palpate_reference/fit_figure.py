@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 from palpate_kit.figures import figure_of, legend_outside, save_figure, style
 
-from palpate_reference.material_table import MaterialTable, frequency_or_time
+from palpate_reference.material_table import Kind, MaterialTable, frequency_or_time
 from palpate_reference.table_fit import TableFit
 
-_LABELS: dict[str, str] = {"oscillation": "E', E'' [kPa]", "relaxation": "E(t) [kPa]", "creep": "D(t) [1/kPa]"}
+_LABELS: dict[Kind, str] = {"oscillation": "E', E'' [kPa]", "relaxation": "E(t) [kPa]", "creep": "D(t) [1/kPa]"}
 _MOST = 3  # laws
 
 
 def draw_fits(fits: Sequence[TableFit], tables: Sequence[MaterialTable], path: Path) -> None:
     """One panel for each kind of table."""
-    kinds = list(dict.fromkeys(table.kind for table in tables))
+    of_tables: list[Kind] = [table.kind for table in tables]
+    kinds = list(dict.fromkeys(of_tables))
     with style():
         figure, axes = figure_of(columns=len(kinds), height=70.0)
         for panel, kind in zip(axes[0], kinds, strict=True):
@@ -26,7 +27,7 @@ def draw_fits(fits: Sequence[TableFit], tables: Sequence[MaterialTable], path: P
         save_figure(figure, path)
 
 
-def _draw_kind(axes: Any, kind: str, fits: Sequence[TableFit], tables: Sequence[MaterialTable]) -> None:
+def _draw_kind(axes: Any, kind: Kind, fits: Sequence[TableFit], tables: Sequence[MaterialTable]) -> None:
     factor = 1e3 if kind == "creep" else 1e-3
     per = {table.name: _young(table, fits[0].poisson) for table in tables}
     for table in tables:
