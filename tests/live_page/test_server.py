@@ -89,7 +89,7 @@ def test_the_server_refuses_and_serves(child):
     assert b"no emergency stop" in body
     assert b"http" not in body.replace(b"http-equiv", b"")  # nothing comes from elsewhere
     names = {word.split(b'"')[0].decode() for key in (b'src="', b'href="') for word in body.split(key)[1:]}
-    for name in names | {"charts.js", "map.js", "panels.js", "record.js"}:
+    for name in names | {"charts.js", "map.js", "numbers.js", "panels.js", "record.js"}:
         assert fetched(child, f"/{child.token}/{name}")[0] == 200, name
     for name in ("../server.py", "..%2fserver.py", "nothing.js"):
         assert fetched(child, f"/{child.token}/{name}")[0] == 404

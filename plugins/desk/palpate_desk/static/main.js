@@ -1,6 +1,6 @@
 import { CurveView } from "./curve.js";
 import { help, listen } from "./keys.js";
-import { unpack } from "./messages.js";
+import { measured, unpack } from "./numbers.js";
 import { drawGroups, drawSites } from "./points.js";
 import { Table } from "./table.js";
 
@@ -174,11 +174,12 @@ function groups() {
 
 function takeGroups(m) {
   const list = document.createElement("table"), head = list.insertRow(), [unit, factor] = [folder.units[m.found.parameter], m.factor];
-  for (const text of ["group", "curves", `mean ${unit}`, `scatter ${unit}`, `scatter of mean ${unit}`]) head.insertCell().textContent = text;
+  for (const text of ["group", "curves", `mean ${unit}`, `scatter ${unit}`]) head.insertCell().textContent = text;
   const number = (v) => (v === null ? "-" : (v * factor).toPrecision(4));
   for (const [name, found] of Object.entries(m.found.groups)) {
     const line = list.insertRow();
-    for (const text of [name, found.count, number(found.mean), number(found.std), number(found.std_of_mean)]) line.insertCell().textContent = text;
+    const u = found.combined_of_mean === null ? null : factor * found.combined_of_mean;
+    for (const text of [name, found.count, measured(factor * found.mean, u), number(found.std)]) line.insertCell().textContent = text;
   }
   const tests = m.found.tests.map((t) => {
     const line = document.createElement("p");

@@ -2,7 +2,7 @@
 import { Chart, chosen, style } from "./charts.js";
 import { drawMap } from "./map.js";
 import { Cards, element, seconds, showDevices, showFlags } from "./panels.js";
-import { unpack } from "./messages.js";
+import { unpack } from "./numbers.js";
 import { Record } from "./record.js";
 
 const $ = (id) => document.getElementById(id);

@@ -1,19 +1,11 @@
 // Numbers and tables. Every text is set as text: names come from users, logs and plugins.
+import { measured } from "./numbers.js";
 
 export function element(tag, text = "", kind = "") {
   const made = document.createElement(tag);
   made.textContent = text;
   if (kind) made.className = kind;
   return made;
-}
-
-// A value and its uncertainty, to two digits of the uncertainty.
-export function measured(value, u) {
-  if (!Number.isFinite(value)) return "–";
-  if (u === null || Number.isNaN(u)) return `${+value.toPrecision(4)} ± ?`;
-  if (!(Number.isFinite(u) && u > 0)) return `${+value.toPrecision(4)}`;
-  const digits = Math.min(Math.max(0, 1 - Math.floor(Math.log10(u))), 12);
-  return `${value.toFixed(digits)} ± ${u.toFixed(digits)}`;
 }
 
 export const seconds = (t) => t >= 120 ? `${Math.floor(t / 60)} min ${Math.floor(t % 60)} s` : `${t.toFixed(1)} s`;
