@@ -201,3 +201,12 @@ def test_a_curve_in_a_group_without_a_usable_value_is_told(folder, palpate):
     assert "group S1: no run has a value" in refused.stderr
     with pytest.raises(LogError):
         FitFolder(folder / "curves").settings_text()
+
+
+def test_what_all_curves_share_is_not_taken_away_by_a_mean(folder, palpate):
+    """The tip's radius and the thickness have the same error in each curve, and so in their mean."""
+    rows = FitFolder(folder / "fits").rows
+    shared = sorted(row.systematic("elasticity") for row in rows)
+    assert shared[0] > 0.9 * rows[0].number("elasticity_combined")
+    (group,) = json.loads(palpate("repeat", "fits", "--json").stdout)["groups"].values()
+    assert group["combined_of_mean"] >= max(group["std_of_mean"], shared[len(shared) // 2 - 1])

@@ -49,6 +49,11 @@ class CurveRow:
             return None
         return value if math.isfinite(value) else None
 
+    def systematic(self, name: str) -> float | None:
+        """Uncertainty of a value [SI] beside that of its own fit, which curves of one rig share; None where unknown."""
+        std, combined = self.number(f"{name}_std"), self.number(f"{name}_combined")
+        return None if std is None or combined is None else math.sqrt(max(combined**2 - std**2, 0.0))
+
     @property
     def verdict(self) -> str:
         """The verdict; invalid where it could not be fitted, "" where it is yet to be."""

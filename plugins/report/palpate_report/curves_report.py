@@ -43,6 +43,7 @@ def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
         name: {
             "value": row.number(name),
             "combined": row.number(f"{name}_combined"),
+            "systematic": row.systematic(name),
             "unit": folder.units.get(name, ""),
         }
         for name in folder.values

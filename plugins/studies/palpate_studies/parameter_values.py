@@ -104,8 +104,8 @@ def _of_curve(folder: FitFolder, row: CurveRow, track: str, parameter: str) -> P
     )  # fmt: skip
     return ParameterValue(
         f"{folder.path}#{row.curve}", folder.path, row.curve, track, row.number(parameter),
-        row.number(f"{parameter}_combined"), folder.units.get(parameter, ""), None, row.number("rms"), flags,
-        row.verdict or "invalid", row.rejected, row.groups,
+        row.number(f"{parameter}_combined"), folder.units.get(parameter, ""), row.systematic(parameter),
+        row.number("rms"), flags, row.verdict or "invalid", row.rejected, row.groups,
     )  # fmt: skip
 
 
