@@ -128,7 +128,7 @@ class EndingSensor(Device):
     """A force in free air, whose stream ends after a while."""
 
     lasts: float = 1.0  # [s]
-    ending: str = "returns"  # or the name of an exception
+    ending: str = "returns"  # or what it sends at last that it has not declared, or the name of an exception
 
     @property
     def live(self):
@@ -158,7 +158,11 @@ class EndingLink:
             done = count
             received = np.full(len(stamps), time.time_ns())
             yield Batch("wrench", stamps, received, 0.02 * self.noise.standard_normal((len(stamps), 3)))
-        if self.device.ending != "returns":
+        if self.device.ending == "stream":
+            yield Batch("wrnch", stamps, received, np.zeros((len(stamps), 3)))
+        elif self.device.ending == "columns":
+            yield Batch("wrench", stamps, received, np.zeros((len(stamps), 2)))
+        elif self.device.ending != "returns":
             raise getattr(builtins, self.device.ending)("by the driver")
 
 

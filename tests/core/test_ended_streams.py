@@ -53,6 +53,22 @@ def test_a_driver_that_raises_stops_the_arm_although_no_check_needs_it(run):
     assert live.LINKS[0].stops[0][1] == "retract"
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("ending", "words"),
+    [
+        ("stream", "device sensor sends a stream 'wrnch'; did you mean"),
+        ("columns", "device sensor sends values of shape"),
+    ],
+)
+def test_a_driver_that_sends_what_it_has_not_declared_stops_the_arm(run, tmp_path, ending, words):
+    with pytest.raises(DeviceError) as caught:
+        run(LONG, ending=ending, needed=False)
+    assert words in str(caught.value)
+    assert live.LINKS[0].stops[0][1] == "retract"
+    assert words in json.loads((tmp_path / "out" / "result.json").read_text())["run"]["live"]["stop"]["reason"]
+
+
 @pytest.mark.parametrize("lasts", [pytest.param(0.05, marks=pytest.mark.slow), 1.0], ids=["at standstill", "in motion"])
 def test_a_stream_that_no_check_needs_is_flagged_where_it_ends(run, lasts):
     result = run(needed=False, lasts=lasts)

@@ -114,7 +114,7 @@ def _ways(pipeline: Pipeline, links: Mapping[str, Link]) -> Iterator[Finding]:
 def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) -> Iterator[Finding]:
     streams = pipeline.ports.streams
     guard = Guard(pipeline.safety, pipeline.ports)
-    live = LiveLinks(links, guard)
+    live = LiveLinks(links, pipeline.devices, guard)
     heard: dict[tuple[str, str], list[Batch]] = {(name, s.name): [] for name in links for s in streams[name]}
     live.start()
     try:

@@ -10,8 +10,9 @@ from functools import partial
 import numpy as np
 
 from palpate.clocks import clock
-from palpate.device import Arm, Batch, Link, SeparateReceiver
+from palpate.device import Arm, Batch, Device, Link, SeparateReceiver
 from palpate.errors import DeviceError
+from palpate.pipeline.arrivals import declared_batches
 from palpate.pipeline.live.guard import Guard
 from palpate.pipeline.rig import Rig
 
@@ -25,8 +26,8 @@ _LOOK = 0.05  # [s] without any batch, after which it is asked whether the run i
 class LiveLinks:
     """Batches of several live links, merged as they come."""
 
-    def __init__(self, links: Mapping[str, Link], guard: Guard) -> None:
-        self._links, self._guard = links, guard
+    def __init__(self, links: Mapping[str, Link], devices: Mapping[str, Device], guard: Guard) -> None:
+        self._links, self._devices, self._guard = links, devices, guard
         self._queue = clock().queue()  # of pairs: name, batch or None
         self._ending = clock().event()
         self._moving = {name for name, link in links.items() if isinstance(link, Arm)}
@@ -63,7 +64,7 @@ class LiveLinks:
             link if isinstance(link, SeparateReceiver) else None
         )  # a protocol's check takes longer than a batch's
         try:
-            for batch in link.batches():
+            for batch in declared_batches(name, link, self._devices[name].streams):
                 self._guard.check(name, batch, None if attending is None else attending.attended)
                 gathered.setdefault(batch.stream, []).append(batch)
                 if (now := clock().now()) - sent > (_GATHER_BEHIND if self.behind else _GATHER):

@@ -29,7 +29,7 @@ class LiveRun:
     ) -> None:
         self.rig, self.guard, self.trajectory, self.interrupt = rig, guard, trajectory, interrupt
         self.arms = {name: link for name, link in links.items() if isinstance(link, Arm)}
-        self.links = LiveLinks(links, guard)
+        self.links = LiveLinks(links, rig.devices, guard)
         self.standstill = rig.safety.standstill if rig.safety else _STANDSTILL  # [s]
         self._take = take
         self._failed = False  # whether taking has failed, as where the disk is full
