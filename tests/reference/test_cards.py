@@ -78,7 +78,7 @@ def test_the_command_turns_a_fit_into_cards_and_one_card_into_another(palpate, t
     assert done.returncode == 0, done.stderr
     assert "elasticity = 100000 Pa, u = 1e+04 Pa" in (tmp_path / "a.inp").read_text()
     printed = palpate("material", "card", "a.inp", "--to", "comsol").stdout
-    direct = palpate("material", "card", "material.json", "--to", "comsol").stdout
+    direct = palpate("material", "card", ".", "--to", "comsol").stdout
     found, known = (FORMATS["comsol"].series(text).arms for text in (printed, direct))
     np.testing.assert_allclose(found, known, rtol=1e-9)
 

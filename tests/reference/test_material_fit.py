@@ -162,6 +162,16 @@ def test_what_a_table_does_not_determine_is_said():
     assert "elasticity" in fit.undetermined
 
 
+def test_an_arm_too_fast_for_a_table_has_no_values():
+    """Only the product of strength and time shows of it: a Kelvin-Voigt material."""
+    voigt = law_of("kelvin-voigt")
+    fit = fit_law(
+        law_of("standard-linear-solid"), FitProblem((table(voigt, (1e5, 3e2), noise=0.01),), 0.5, 0.0, (0.0,))
+    )
+    assert fit.undetermined == ("relaxing_elasticity", "relaxation_time")
+    assert fit.stds[0] < 0.02 * fit.values[0]
+
+
 def written(folder, law, values):
     one = table(law, values, noise=0.005)
     rows = [f"{f:.8g},{a:.8g},{b:.8g}" for f, (a, b) in zip(one.x, one.y, strict=True)]

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Floats
 from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
 
@@ -19,6 +20,8 @@ _LOG = 60.0  # bounds of logarithms
 _LEAST = 1e-30  # of a prediction over the reading
 _WORST = 0.9  # autocorrelation of residuals, above which it tells no more
 _NO_SLOPE = 1e-6  # sum of squares
+_RANK = 1e-10  # of the largest eigenvalue of the information, below which there is none
+_SHARE = 1e-3  # of a direction
 _UNDETERMINED = 1.0  # relative standard uncertainty
 
 
@@ -173,6 +176,7 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
     values = np.exp(x[:count])
     relative = np.sqrt(np.maximum(np.diag(total)[:count], 0.0))
     relative[np.diag(information)[:count] < _NO_SLOPE] = math.nan  # a part next to nothing
+    relative[_loose(information)[:count]] = math.nan
     stated = [part for part, table in zip(parts, problem.tables, strict=False) if table.std is not None]
     chi2 = float(sum(part @ part for part in stated))
     freedom = sum(len(part) for part in stated) - round(count * sum(len(p) for p in stated) / problem.count)
@@ -186,6 +190,12 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
         tuple(math.sqrt(float(np.mean(e**2))) for e in errors), chi2, freedom if stated else 0, bic, correlation,
         tuple(name for (name, _), one in zip(law.parameters, relative, strict=True) if not one < _UNDETERMINED),
     )  # fmt: skip
+
+
+def _loose(information: Floats) -> NDArray[np.bool_]:
+    """Which numbers have a share in a direction along which the tables do not change, as E_1 and tau of a fast arm."""
+    sizes, directions = np.linalg.eigh(information)
+    return np.asarray((directions[:, sizes < _RANK * sizes[-1]] ** 2).sum(axis=1) > _SHARE)
 
 
 def _slopes(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> list[Floats]:

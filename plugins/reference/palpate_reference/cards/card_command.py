@@ -10,13 +10,13 @@ from palpate import LogError
 from palpate.host import write_new
 
 from palpate_reference.cards.card_formats import FORMATS, Program
-from palpate_reference.cards.prony_series import PronySeries, series_of_fit
+from palpate_reference.cards.prony_series import MATERIAL, PronySeries, series_of_fit
 
 _SAME = 1e-9  # relative error of what is read back
 
 
 def card(
-    fit: Annotated[Path, typer.Argument(metavar="FIT", help="material.json of `palpate material fit`; or a card.")],
+    fit: Annotated[Path, typer.Argument(metavar="FIT", help="Folder of `palpate material fit`; or a card.")],
     program: Annotated[Program, typer.Option("--to", help="Program that the card is for.")],
     law: Annotated[str | None, typer.Option(help="Law. [default: the best that is a Prony series]")] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="File to write. [default: printed]")] = None,
@@ -36,7 +36,8 @@ def card(
 
 
 def read_series(path: Path, law: str | None) -> PronySeries:
-    """The series of a fit or of a card; raises UserError."""
+    """The series of a fit, by its folder or file, or of a card; raises UserError."""
+    path = path / MATERIAL if path.is_dir() else path
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

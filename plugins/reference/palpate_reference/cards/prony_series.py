@@ -12,6 +12,7 @@ from typing import Any
 from palpate import ConfigurationError, LogError
 from palpate.host import suggest
 
+MATERIAL = "material.json"  # of `palpate material fit`
 _ARMS = ("standard-linear-solid", *(f"generalised-maxwell-{count}" for count in (2, 3, 4)))
 _SERIES = ("maxwell", *_ARMS, "burgers")
 _NONE = 1e-9  # share of the instantaneous modulus that is nothing
