@@ -80,6 +80,7 @@ def test_a_laboratory_walks_through(curves):
         walk.key("R")
         walk.shows("counts", " 0 to fit")
         tab.until("window.palpate.drawn > 0", _PATIENCE)
+        assert " mN, the standard deviation of the force before contact" in walk.text("screen-curve")
         walk.picture("curve")
         assert "± " in walk.text("curve-values")
         assert tab.ask(_NAMELESS) == []

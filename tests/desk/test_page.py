@@ -4,6 +4,7 @@ import http.client
 import signal
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 from palpate_kit.curves.fit_folder import FitFolder
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -29,6 +30,9 @@ def test_open_look_mark_refit_and_both_pages_have_it(folder):
         header, (time, columns) = page.read("curve")
         assert (header["number"], header["raw"]) == (7, False)
         assert len(time) == columns.shape[1] == 500
+        _, force, height = np.loadtxt(NAMES[1], delimiter=",", skiprows=1).T
+        air = force[: np.argmax(height < 0)]
+        assert header["noise"] == pytest.approx(air.std(ddof=1), rel=0.1)  # a sample or two at the surface
         assert len(time) * 20 + 6000 > 8 * len(time) + columns.nbytes  # the numbers of a point are 20 bytes
         page.ask(do="mark", curve=NAMES[1], mark="bad", reason="slipped")
         assert other.read("rows")["rows"][0]["reason"] == "slipped"

@@ -1,7 +1,7 @@
 // One curve: force over depth and over time, residual; a range by dragging over time.
 import { COLOURS } from "./charts.js";
 
-const SMALL = 230, LOW = 130;
+const SMALL = 230, LOW = 130, BAND = `${COLOURS[0]}38`;
 const dark = matchMedia("(prefers-color-scheme: dark)");
 
 function axes(x, y) {
@@ -27,21 +27,26 @@ export class CurveView {
     const seconds = Array.from(time), left = force.map((f, i) => (f === null || model[i] === null ? null : f - model[i]));
     this.points = seconds.length;
     this.places.residual.parentElement.hidden = header.raw;
-    const over = surface === null ? "height as read [mm]" : "depth [mm]";
+    const over = surface === null ? "height as read [mm]" : "depth [mm]", measured = { values: force, colour: dark.matches ? "#9fb3c4" : "#5b6570", width: 1.5 };
+    const modelled = { values: model, colour: COLOURS[1], width: 2 }, rest = { ...measured, values: left };
     this.plots = [
-      this.plot(this.places.depth, SMALL, over, "force [N]", [depth, force, model], false),
-      this.plot(this.places.time, SMALL, "time [s]", "force [N]", [seconds, force, model], true),
-      this.plot(this.places.residual, LOW, "time [s]", "N", [seconds, left], false),
+      this.plot(this.places.depth, SMALL, over, "force [N]", depth, [measured, modelled]),
+      this.plot(this.places.time, SMALL, "time [s]", "force [N]", seconds, [measured, modelled], true),
+      this.plot(this.places.residual, LOW, "time [s]", "N", seconds, [rest, ...band(header.noise, seconds.length)]),
     ];
+    const told = header.noise ? `; band: ± ${(1e3 * header.noise).toPrecision(3)} mN, the standard deviation of the force before contact` : header.raw ? "" : "; no band: too few samples before contact tell the noise";
+    this.places.residual.previousElementSibling.textContent = `residual: measured less modelled force${told}`;
     this.settle();
     this.drawn += 1;
   }
 
-  plot(box, height, x, y, data, ranged) {
+  // curves: { values, colour, width, dash? }; the last two, where they have no width, are the edges of a band
+  plot(box, height, x, y, xs, curves, ranged = false) {
     const path = x.startsWith("depth") || x.startsWith("height") ? { paths: line, points: { show: false } } : { points: { show: false } };
-    const series = [{}, { stroke: dark.matches ? "#9fb3c4" : "#5b6570", width: 1.5, ...path }, { stroke: COLOURS[1], width: 2, ...path }].slice(0, data.length);
+    const data = [xs, ...curves.map((curve) => curve.values)], last = curves.length, bands = curves[last - 1].width ? [] : [{ series: [last - 1, last], fill: BAND }];
+    const series = [{}, ...curves.map(({ colour, width, dash }) => ({ stroke: colour, width, dash, ...path }))];
     const options = {
-      width: this.width(box), height, series, axes: axes(x, y), legend: { show: false },
+      width: this.width(box), height, series, bands, axes: axes(x, y), legend: { show: false },
       scales: { x: { time: false, range: (u, low, high) => (low < high ? [low, high] : [low - 1, high + 1]) } },
       cursor: { y: false, drag: { x: ranged, y: false, setScale: false } },
       hooks: ranged ? { setSelect: [(u) => this.select(u)] } : {},
@@ -69,6 +74,11 @@ export class CurveView {
   fade() { for (const box of Object.values(this.places)) box.classList.add("pale"); this.busy.hidden = false; }
 
   settle() { for (const box of Object.values(this.places)) box.classList.remove("pale"); this.busy.hidden = true; }
+}
+
+// Upper and lower edge of the noise.
+function band(noise, count) {
+  return noise ? [noise, -noise].map((value) => ({ values: new Array(count).fill(value), colour: "transparent", width: 0 })) : [];
 }
 
 function span(columns) {
