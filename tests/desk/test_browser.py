@@ -88,6 +88,7 @@ def test_a_laboratory_walks_through(curves):
         hosts = tab.ask("performance.getEntriesByType('resource').map((e) => new URL(e.name).host)")
         assert set(hosts) == {process.address.split("/")[2]}
         assert len(hosts) <= 12
+        _compare_models(walk)
         _reject_three(walk)
         _refit_with_another_tip(walk, fits)
         _compare_groups(walk)
@@ -97,6 +98,20 @@ def test_a_laboratory_walks_through(curves):
         tab.call("Page.reload")
         tab.until("window.palpate?.drawn > 0", _PATIENCE)
         assert "3 rejected" in walk.text("counts")
+
+
+def _compare_models(walk):
+    """The second model is named in both legends, and goes with the curve."""
+    walk.key("c")
+    walk.shows("compare", "held out N")
+    second = "Array.from(document.querySelectorAll('figcaption .second')).map((e) => e.innerText.trim())"
+    assert walk.tab.ask(second) == ["- - - hunt-crossley"] * 2
+    drawn = walk.tab.ask("window.palpate.drawn")
+    walk.picture("compare")
+    walk.key("ArrowDown")
+    walk.tab.until(f"window.palpate.drawn > {drawn}", _PATIENCE)
+    assert walk.tab.ask(second) == [""] * 2
+    assert walk.text("compare") == ""
 
 
 def _reject_three(walk):

@@ -64,6 +64,22 @@ def test_open_look_mark_refit_and_both_pages_have_it(folder):
     assert len((folder / "fits" / "fits.csv").read_text().splitlines()) == 9  # later rows took the place of the first
 
 
+def test_a_second_model_is_weighed_and_drawn(folder):
+    with served(folder / "fits", "--read-only") as process, opened(process.address) as page:
+        page.read("folder")
+        page.ask(do="curve", curve=NAMES[0], number=1)
+        _, (time, first) = page.read("curve")
+        page.ask(do="compare", curve=NAMES[0], model="hunt-crossley")
+        header, (same_time, second) = page.read("compare")
+    assert (header["curve"], header["model"], header["error"]) == (NAMES[0], "hunt-crossley", "")
+    np.testing.assert_array_equal(same_time, time)
+    np.testing.assert_array_equal(second[:2], first[:2])
+    rms = [np.sqrt(np.nanmean((force - columns) ** 2)) for _, force, columns in (first, second)]
+    behind = {one["model"]: one["behind"] for one in header["found"]["standings"]}
+    assert behind["hunt-crossley"] > behind["dimensionality-reduction"]
+    assert rms[1] > 1.2 * rms[0]  # it is another force, and the worse one
+
+
 def test_what_is_overtaken_is_not_answered(folder):
     with served(folder / "fits") as process, opened(process.address) as page:
         page.read("folder")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Floats, PalpateError, Samples
-from palpate.host import RecordOutcome, finite_tree
+from palpate.host import RecordOutcome, Source, build_pipeline, finite_tree, inherited_approval, resolved_text
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import (
     CurveReader,
@@ -21,6 +21,8 @@ from palpate_kit.curves.curve_fits import (
     outcome_rows,
     record_tracks,
 )
+from palpate_kit.runs.replay_source import added_table
+from palpate_kit.runs.shared_tips import name_tips
 
 _LEAST_AIR = 10  # samples before contact that tell a standard deviation
 _MOST = 4000  # points that are sent; beyond, those of least and most force of each stretch
@@ -60,6 +62,21 @@ def curve_answer(reader: CurveReader, curve: Curve, fitting: bool) -> CurveAnswe
             raw = _readings(reader, curve)
             return CurveAnswer(curve.name, key, *raw, rows, {"raw": True}, rows[0]["error"])
     return CurveAnswer(curve.name, "", *_readings(reader, curve), [], {"raw": True})
+
+
+def reader_with_model(reader: CurveReader, model: str) -> CurveReader:
+    """The reader whose curves are fitted with another model on the same tip; raises ConfigurationError."""
+    source = Source(reader.text, Path(reader.path))
+    name_tips(source)
+    for assignment in reader.overrides:
+        source.override(assignment)
+    tables: dict[str, Any] = source.tables
+    tables["model"] = {model: added_table("model", model, tables)}
+    run = tables.setdefault("run", {})
+    run.pop("tracks", None)
+    run["assumed"] = [key for key in run["assumed"] if not key.startswith("model.") or key.split(".")[1] == model]
+    with inherited_approval(reader.approved):
+        return replace(reader, text=resolved_text(build_pipeline(source)))
 
 
 def _modelled(outcome: RecordOutcome) -> tuple[Floats, NDArray[np.float32]]:

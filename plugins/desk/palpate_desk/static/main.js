@@ -6,7 +6,7 @@ import { Table } from "./table.js";
 
 const $ = (id) => document.getElementById(id);
 const PALE = 100, TYPING = 150; // [ms]
-let folder = null, socket = null, number = 0, waiting = null, over = false, range = null, screen = "curve", refitting = null;
+let folder = null, socket = null, number = 0, waiting = null, over = false, range = null, screen = "curve", refitting = null, comparing = null;
 const reasons = [];
 window.palpate = { asked: 0, drawn: 0, errors: [] };
 
@@ -40,7 +40,7 @@ const TAKES = {
   note: (m) => warn(m.text),
   error: (m) => { window.palpate.errors.push(m.text); refitting = null; clearTimeout(waiting); view.settle(); warn(m.text); },
   groups: takeGroups,
-  compare: takeCompare,
+  compare: (m, whole) => takeCompare(m, whole),
   export: (m) => { $("export-note").textContent = m.text; told(m.command); },
   over: () => { over = true; warn("palpate desk has ended; this is what was shown last, and everything is kept in the folder"); },
 };
@@ -91,6 +91,7 @@ function count() {
 function look(row) {
   if (!row) return;
   number += 1;
+  comparing = null;
   window.palpate.asked = number;
   clearTimeout(waiting);
   waiting = setTimeout(() => view.fade(), PALE);
@@ -190,7 +191,9 @@ function takeGroups(m) {
   told(m.command);
 }
 
-function takeCompare(m) {
+function takeCompare(m, whole) {
+  if (comparing !== m.curve) return; // another curve or other settings since
+  comparing = null;
   const line = document.createElement("p"), list = document.createElement("table"), head = list.insertRow();
   line.textContent = m.found.sentence;
   for (const text of ["model", "BIC behind", "weight %", "held out N", "lack of fit"]) head.insertCell().textContent = text;
@@ -199,6 +202,9 @@ function takeCompare(m) {
     for (const text of [one.model, digits(one.behind), digits(100 * one.weight), digits(one.held_out), one.misfits ? "yes" : "no"]) row.insertCell().textContent = text;
   }
   $("compare").replaceChildren(line, list);
+  const first = view.answer;
+  if (m.error) line.textContent += ` ${m.model}: ${m.error}`;
+  else if (first?.header.curve === m.curve && !first.header.raw && first.time.length === whole.time.length) view.show(first, { name: m.model, model: whole.columns[2] });
   told(m.command);
 }
 
@@ -264,9 +270,15 @@ function apply(where) {
   if (range) { range = null; $("range").hidden = true; }
 }
 
-function refit() { if (table.current && send({ do: "refit", curve: table.current.curve })) { refitting = table.current.curve; view.fade(); told(`palpate fit ${folder.name} --where "curve=${table.current.curve}"`); } }
+function refit() { if (table.current && send({ do: "refit", curve: table.current.curve })) { refitting = table.current.curve; comparing = null; view.fade(); told(`palpate fit ${folder.name} --where "curve=${table.current.curve}"`); } }
 function refitAll() { if (send({ do: "refit-all" })) told(`palpate fit ${folder.name}`); }
-function compare() { if (!table.current) return; $("compare").textContent = "models are fitted ..."; const other = $("model").value === folder.model ? (folder.model === "hunt-crossley" ? "dimensionality-reduction" : "hunt-crossley") : $("model").value; send({ do: "compare", curve: table.current.curve, model: other }); }
+function compare() {
+  if (!table.current) return;
+  const other = $("model").value !== folder.model ? $("model").value : folder.model === "hunt-crossley" ? "dimensionality-reduction" : "hunt-crossley";
+  if (!send({ do: "compare", curve: table.current.curve, model: other })) return;
+  comparing = table.current.curve;
+  $("compare").textContent = "models are fitted ...";
+}
 const focus = (id) => () => { $(id).focus(); $(id).select?.(); };
 
 const DOES = {
