@@ -155,6 +155,11 @@ def _refit_with_another_tip(walk, fits):
 def _compare_groups(walk):
     walk.key("2")
     walk.tab.until("document.querySelectorAll('#groups-plot circle').length === 30", _PATIENCE)
+    bars = (
+        "Array.from(document.querySelectorAll('#histogram rect')).map((e) => [e.dataset.kind, Number(e.dataset.count)])"
+    )
+    counts = walk.tab.ask(bars)
+    assert [sum(n for kind, n in counts if kind == which) for which in ("used", "rejected")] == [27, 3]
     walk.tab.click("test")
     walk.shows("groups-table", "Welch's t-test, S2 - S1")
     assert [line.split()[:2] for line in walk.text("groups-table").splitlines()[1:3]] == [["S1", "13"], ["S2", "14"]]

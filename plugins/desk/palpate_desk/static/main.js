@@ -1,7 +1,7 @@
 import { CurveView } from "./curve.js";
 import { help, listen } from "./keys.js";
 import { measured, unpack } from "./numbers.js";
-import { drawGroups, drawSites } from "./points.js";
+import { drawGroups, drawHistogram, drawSites } from "./points.js";
 import { Table } from "./table.js";
 
 const $ = (id) => document.getElementById(id);
@@ -169,6 +169,7 @@ function stale() {
 function groups() {
   const by = folder.columns.length ? $("by").value : "", name = $("parameter").value;
   const drawn = drawGroups($("groups-plot"), table.shown, by, name, folder.units[name], showCurve);
+  drawHistogram($("histogram"), table.shown, name, folder.units[name]);
   $("groups-note").textContent = drawn ? `${drawn} curves; hollow: rejected, in no number; the box holds the middle half${stale()}` : "no curve has a value";
   if (!folder.columns.length) $("groups-note").textContent += " · columns to group by come from curves.csv, or --groups TABLE.csv";
 }
