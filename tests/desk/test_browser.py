@@ -167,6 +167,32 @@ def _compare_groups(walk):
     walk.key("3")
     walk.tab.until("document.querySelectorAll('#sites circle').length === 30", _PATIENCE)
     walk.picture("map")
+    _drag_over_sites(walk)
+
+
+def _drag_over_sites(walk):
+    """A rectangle around four of the thirty places is a filter, and the map shows what it leaves."""
+    site = "Array.from(document.querySelectorAll('#sites circle')).find((e) => e.dataset.curve.endsWith('NAME'))"
+    box = f"(({{left, top, right, bottom}}) => [left, top, right, bottom])({site}.getBoundingClientRect())"
+    left, _, _, bottom = walk.tab.ask(box.replace("NAME", "S1_00.csv"))  # at 0 mm, 0 mm
+    _, top, right, _ = walk.tab.ask(box.replace("NAME", "S2_07.csv"))  # at 2 mm, 2 mm
+    for kind, x, y, buttons in (
+        ("mousePressed", left - 2, bottom + 2, 1),
+        ("mouseMoved", right - 9, top + 9, 1),
+        ("mouseMoved", right + 2, top - 2, 1),
+        ("mouseReleased", right + 2, top - 2, 0),
+    ):
+        if kind == "mouseReleased":
+            walk.picture("drag")
+        walk.tab.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=buttons, clickCount=1)
+    walk.shows("counts", "4 of 30")
+    words = walk.tab.ask("document.getElementById('filter').value")
+    assert [word[:3] for word in words.split()] == ["x>=", "x<=", "y>=", "y<="]
+    walk.tab.until("document.querySelectorAll('#sites circle').length === 4", _PATIENCE)
+    walk.type("filter", "")
+    walk.tab.ask("document.getElementById('filter').dispatchEvent(new Event('input'))")
+    walk.shows("counts", "30 of 30")
+    walk.tab.ask("document.getElementById('filter').blur()")
 
 
 def _export(walk, fits):

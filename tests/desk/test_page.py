@@ -64,6 +64,20 @@ def test_open_look_mark_refit_and_both_pages_have_it(folder):
     assert len((folder / "fits" / "fits.csv").read_text().splitlines()) == 9  # later rows took the place of the first
 
 
+def test_places_are_filter_words_as_of_the_command_line(folder, palpate):
+    palpate("fit", "fits", "--groups", "groups.csv", "--no-refit")
+    words = "x>=1 x<=5mm y<0.001m"
+    with served(folder / "fits", "--read-only") as process, opened(process.address) as page:
+        page.read("folder")
+        page.ask(do="filter", words=words)
+        assert set(page.read("filter")["names"]) == set(NAMES[1:3])  # at 2 mm and 4 mm
+        page.ask(do="filter", words="x<1kPa")
+        assert "not a length" in page.read("error")["text"]
+    done = palpate("fit", "fits", "--where", words, "--set", "estimator.fit.segment=load", "--no-refit")
+    assert done.returncode == 0, done.stderr
+    assert set(FitFolder(folder / "fits").own) == set(NAMES[1:3])
+
+
 def test_a_second_model_is_weighed_and_drawn(folder):
     with served(folder / "fits", "--read-only") as process, opened(process.address) as page:
         page.read("folder")

@@ -210,8 +210,19 @@ function takeCompare(m, whole) {
 }
 
 function sites() {
-  const name = $("map-parameter").value, drawn = drawSites($("sites"), table.shown, name, folder.units[name], showCurve);
-  $("map-note").textContent = drawn ? `${drawn} curves with a place; rejected ones are hollow${stale()}` : "no curve has a place: give x_m and y_m in curves.csv, or lateral_x and lateral_y in [alignment]";
+  const name = $("map-parameter").value, drawn = drawSites($("sites"), table.shown, name, folder.units[name], showCurve, choosePlaces);
+  $("map-note").textContent = drawn ? `${drawn} curves with a place; rejected ones are hollow; a dragged rectangle is a filter${stale()}` : "no curve has a place: give x_m and y_m in curves.csv, or lateral_x and lateral_y in [alignment]";
+}
+
+// Filter words for a rectangle [mm], in place of those of the one before.
+function choosePlaces(xs, ys) {
+  const others = $("filter").value.replace(/(^|\s)[xy][<>]=?[-+.\de]+(?=\s|$)/g, "").trim();
+  const words = [["x", xs], ["y", ys]].flatMap(([name, [low, high]]) => {
+    const digits = Math.min(Math.max(2 - Math.floor(Math.log10(high - low)), 0), 12); // of which the last is a hundredth of the rectangle
+    return [`${name}>=${+low.toFixed(digits)}`, `${name}<=${+high.toFixed(digits)}`];
+  });
+  $("filter").value = [others, ...words].join(" ").trim();
+  send({ do: "filter", words: $("filter").value });
 }
 
 function showCurve(name) { show("curve"); table.pickCurve(name); }

@@ -92,8 +92,8 @@ export function drawHistogram(box, rows, name, unit) {
   box.append(svg);
 }
 
-// The places of the curves, shaded by a value.
-export function drawSites(box, rows, name, unit, show) {
+// The places of the curves, shaded by a value. A rectangle that is dragged is told: its edges [mm], x then y.
+export function drawSites(box, rows, name, unit, show, dragged) {
   const placed = rows.filter((row) => row.place && row.values[name] && row.verdict !== "invalid");
   box.replaceChildren();
   if (!placed.length) return 0;
@@ -115,5 +115,30 @@ export function drawSites(box, rows, name, unit, show) {
     svg.append(dot);
   });
   box.append(svg);
+  drag(svg, (left, right, top, bottom) => dragged([x0 + (left - LEFT) / scale, x0 + (right - LEFT) / scale], [y0 + (MAP_HIGH - FOOT - bottom) / scale, y0 + (MAP_HIGH - FOOT - top) / scale]));
   return placed.length;
+}
+
+// A rectangle in the units of the picture, once the mouse is let go; a click is none.
+function drag(svg, told) {
+  const frame = node("rect", { class: "drag", fill: COLOURS[0], "fill-opacity": 0.15, stroke: COLOURS[0] });
+  let from = null;
+  const place = (event) => { const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse()); return [at.x, at.y]; };
+  const edges = ([x, y]) => [Math.min(from[0], x), Math.max(from[0], x), Math.min(from[1], y), Math.max(from[1], y)];
+  const large = ([left, right, top, bottom]) => right - left > 4 && bottom - top > 4;
+  svg.addEventListener("pointerdown", (event) => { if (event.button === 0) { from = place(event); event.preventDefault(); } });
+  svg.addEventListener("pointermove", (event) => {
+    if (!from) return;
+    const found = edges(place(event)), [left, right, top, bottom] = found;
+    if (!large(found)) { frame.remove(); return; }
+    if (!frame.parentNode) { svg.append(frame); svg.setPointerCapture(event.pointerId); }
+    for (const [key, value] of Object.entries({ x: left, y: top, width: right - left, height: bottom - top })) frame.setAttribute(key, value);
+  });
+  svg.addEventListener("pointerup", (event) => {
+    const found = from && edges(place(event));
+    from = null;
+    frame.remove();
+    if (found && large(found)) told(...found);
+  });
+  svg.addEventListener("pointercancel", () => { from = null; frame.remove(); });
 }
