@@ -80,6 +80,7 @@ def test_a_laboratory_walks_through(curves):
         walk.key("R")
         walk.shows("counts", " 0 to fit")
         tab.until("window.palpate.drawn > 0", _PATIENCE)
+        assert " mN, the standard deviation of the force before contact" in walk.text("screen-curve")
         walk.picture("curve")
         assert "± " in walk.text("curve-values")
         assert tab.ask(_NAMELESS) == []
@@ -87,6 +88,7 @@ def test_a_laboratory_walks_through(curves):
         hosts = tab.ask("performance.getEntriesByType('resource').map((e) => new URL(e.name).host)")
         assert set(hosts) == {process.address.split("/")[2]}
         assert len(hosts) <= 12
+        _compare_models(walk)
         _reject_three(walk)
         _refit_with_another_tip(walk, fits)
         _compare_groups(walk)
@@ -96,6 +98,20 @@ def test_a_laboratory_walks_through(curves):
         tab.call("Page.reload")
         tab.until("window.palpate?.drawn > 0", _PATIENCE)
         assert "3 rejected" in walk.text("counts")
+
+
+def _compare_models(walk):
+    """The second model is named in both legends, and goes with the curve."""
+    walk.key("c")
+    walk.shows("compare", "held out N")
+    second = "Array.from(document.querySelectorAll('figcaption .second')).map((e) => e.innerText.trim())"
+    assert walk.tab.ask(second) == ["- - - hunt-crossley"] * 2
+    drawn = walk.tab.ask("window.palpate.drawn")
+    walk.picture("compare")
+    walk.key("ArrowDown")
+    walk.tab.until(f"window.palpate.drawn > {drawn}", _PATIENCE)
+    assert walk.tab.ask(second) == [""] * 2
+    assert walk.text("compare") == ""
 
 
 def _reject_three(walk):
@@ -139,6 +155,11 @@ def _refit_with_another_tip(walk, fits):
 def _compare_groups(walk):
     walk.key("2")
     walk.tab.until("document.querySelectorAll('#groups-plot circle').length === 30", _PATIENCE)
+    bars = (
+        "Array.from(document.querySelectorAll('#histogram rect')).map((e) => [e.dataset.kind, Number(e.dataset.count)])"
+    )
+    counts = walk.tab.ask(bars)
+    assert [sum(n for kind, n in counts if kind == which) for which in ("used", "rejected")] == [27, 3]
     walk.tab.click("test")
     walk.shows("groups-table", "Welch's t-test, S2 - S1")
     assert [line.split()[:2] for line in walk.text("groups-table").splitlines()[1:3]] == [["S1", "13"], ["S2", "14"]]
@@ -146,6 +167,32 @@ def _compare_groups(walk):
     walk.key("3")
     walk.tab.until("document.querySelectorAll('#sites circle').length === 30", _PATIENCE)
     walk.picture("map")
+    _drag_over_sites(walk)
+
+
+def _drag_over_sites(walk):
+    """A rectangle around four of the thirty places is a filter, and the map shows what it leaves."""
+    site = "Array.from(document.querySelectorAll('#sites circle')).find((e) => e.dataset.curve.endsWith('NAME'))"
+    box = f"(({{left, top, right, bottom}}) => [left, top, right, bottom])({site}.getBoundingClientRect())"
+    left, _, _, bottom = walk.tab.ask(box.replace("NAME", "S1_00.csv"))  # at 0 mm, 0 mm
+    _, top, right, _ = walk.tab.ask(box.replace("NAME", "S2_07.csv"))  # at 2 mm, 2 mm
+    for kind, x, y, buttons in (
+        ("mousePressed", left - 2, bottom + 2, 1),
+        ("mouseMoved", right - 9, top + 9, 1),
+        ("mouseMoved", right + 2, top - 2, 1),
+        ("mouseReleased", right + 2, top - 2, 0),
+    ):
+        if kind == "mouseReleased":
+            walk.picture("drag")
+        walk.tab.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=buttons, clickCount=1)
+    walk.shows("counts", "4 of 30")
+    words = walk.tab.ask("document.getElementById('filter').value")
+    assert [word[:3] for word in words.split()] == ["x>=", "x<=", "y>=", "y<="]
+    walk.tab.until("document.querySelectorAll('#sites circle').length === 4", _PATIENCE)
+    walk.type("filter", "")
+    walk.tab.ask("document.getElementById('filter').dispatchEvent(new Event('input'))")
+    walk.shows("counts", "30 of 30")
+    walk.tab.ask("document.getElementById('filter').blur()")
 
 
 def _export(walk, fits):

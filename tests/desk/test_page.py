@@ -4,6 +4,7 @@ import http.client
 import signal
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 from palpate_kit.curves.fit_folder import FitFolder
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -29,6 +30,9 @@ def test_open_look_mark_refit_and_both_pages_have_it(folder):
         header, (time, columns) = page.read("curve")
         assert (header["number"], header["raw"]) == (7, False)
         assert len(time) == columns.shape[1] == 500
+        _, force, height = np.loadtxt(NAMES[1], delimiter=",", skiprows=1).T
+        air = force[: np.argmax(height < 0)]
+        assert header["noise"] == pytest.approx(air.std(ddof=1), rel=0.1)  # a sample or two at the surface
         assert len(time) * 20 + 6000 > 8 * len(time) + columns.nbytes  # the numbers of a point are 20 bytes
         page.ask(do="mark", curve=NAMES[1], mark="bad", reason="slipped")
         assert other.read("rows")["rows"][0]["reason"] == "slipped"
@@ -58,6 +62,36 @@ def test_open_look_mark_refit_and_both_pages_have_it(folder):
     rows = FitFolder(folder / "fits").rows
     assert {row.state for row in rows} == {"stale"}
     assert len((folder / "fits" / "fits.csv").read_text().splitlines()) == 9  # later rows took the place of the first
+
+
+def test_places_are_filter_words_as_of_the_command_line(folder, palpate):
+    palpate("fit", "fits", "--groups", "groups.csv", "--no-refit")
+    words = "x>=1 x<=5mm y<0.001m"
+    with served(folder / "fits", "--read-only") as process, opened(process.address) as page:
+        page.read("folder")
+        page.ask(do="filter", words=words)
+        assert set(page.read("filter")["names"]) == set(NAMES[1:3])  # at 2 mm and 4 mm
+        page.ask(do="filter", words="x<1kPa")
+        assert "not a length" in page.read("error")["text"]
+    done = palpate("fit", "fits", "--where", words, "--set", "estimator.fit.segment=load", "--no-refit")
+    assert done.returncode == 0, done.stderr
+    assert set(FitFolder(folder / "fits").own) == set(NAMES[1:3])
+
+
+def test_a_second_model_is_weighed_and_drawn(folder):
+    with served(folder / "fits", "--read-only") as process, opened(process.address) as page:
+        page.read("folder")
+        page.ask(do="curve", curve=NAMES[0], number=1)
+        _, (time, first) = page.read("curve")
+        page.ask(do="compare", curve=NAMES[0], model="hunt-crossley")
+        header, (same_time, second) = page.read("compare")
+    assert (header["curve"], header["model"], header["error"]) == (NAMES[0], "hunt-crossley", "")
+    np.testing.assert_array_equal(same_time, time)
+    np.testing.assert_array_equal(second[:2], first[:2])
+    rms = [np.sqrt(np.nanmean((force - columns) ** 2)) for _, force, columns in (first, second)]
+    behind = {one["model"]: one["behind"] for one in header["found"]["standings"]}
+    assert behind["hunt-crossley"] > behind["dimensionality-reduction"]
+    assert rms[1] > 1.2 * rms[0]  # it is another force, and the worse one
 
 
 def test_what_is_overtaken_is_not_answered(folder):

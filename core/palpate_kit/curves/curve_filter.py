@@ -23,7 +23,8 @@ _CHOICES = {
     "mark": ("good", "bad", "none"),
     "state": ("current", "stale", "missing"),
 }
-_NUMBERS = {"rms": "N", "samples": "1"}
+_PLACE = ("x", "y")
+_NUMBERS = {"rms": "N", "samples": "1", **dict.fromkeys(_PLACE, "m")}
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,14 @@ def _comparison(word: str, name: str, sign: str, value: str, folder: FitFolder) 
     compare = _SIGNS[sign]
 
     def holds(row: CurveRow) -> bool:
-        number = row.number(key)
+        number = _number(row, key)
         return number is not None and compare(number, limit)
 
     return holds
+
+
+def _number(row: CurveRow, key: str) -> float | None:
+    """A number of a row [SI]; its place is that of the map: as it is stated, else as it was measured."""
+    if key not in _PLACE:
+        return row.number(key)
+    return None if row.place is None else row.place[_PLACE.index(key)]

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Batch, Floats, PalpateError
-from palpate.host import RecordOutcome, finite_tree
+from palpate import Batch, Floats, PalpateError, Samples
+from palpate.host import RecordOutcome, Source, build_pipeline, finite_tree, inherited_approval, resolved_text
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import (
     CurveReader,
@@ -21,7 +21,10 @@ from palpate_kit.curves.curve_fits import (
     outcome_rows,
     record_tracks,
 )
+from palpate_kit.runs.replay_source import added_table
+from palpate_kit.runs.shared_tips import name_tips
 
+_LEAST_AIR = 10  # samples before contact that tell a standard deviation
 _MOST = 4000  # points that are sent; beyond, those of least and most force of each stretch
 
 
@@ -61,6 +64,21 @@ def curve_answer(reader: CurveReader, curve: Curve, fitting: bool) -> CurveAnswe
     return CurveAnswer(curve.name, "", *_readings(reader, curve), [], {"raw": True})
 
 
+def reader_with_model(reader: CurveReader, model: str) -> CurveReader:
+    """The reader whose curves are fitted with another model on the same tip; raises ConfigurationError."""
+    source = Source(reader.text, Path(reader.path))
+    name_tips(source)
+    for assignment in reader.overrides:
+        source.override(assignment)
+    tables: dict[str, Any] = source.tables
+    tables["model"] = {model: added_table("model", model, tables)}
+    run = tables.setdefault("run", {})
+    run.pop("tracks", None)
+    run["assumed"] = [key for key in run["assumed"] if not key.startswith("model.") or key.split(".")[1] == model]
+    with inherited_approval(reader.approved):
+        return replace(reader, text=resolved_text(build_pipeline(source)))
+
+
 def _modelled(outcome: RecordOutcome) -> tuple[Floats, NDArray[np.float32]]:
     samples = outcome.samples
     force = np.full(len(samples), np.nan)
@@ -73,7 +91,7 @@ def _modelled(outcome: RecordOutcome) -> tuple[Floats, NDArray[np.float32]]:
 
 
 def _facts(outcome: RecordOutcome) -> dict[str, Any]:
-    """Surface [m], residual [N] and flags of the first track, and its budget."""
+    """Surface [m], noise before contact [N] and flags of the first track, and its budget."""
     found = outcome.result.tracks[str(outcome.pipeline.tracks[0].name)]
     flags = [{"code": flag.code, "severity": flag.severity, "message": flag.message}
              for flag in (*outcome.result.flags, *found.flags)]  # fmt: skip
@@ -82,8 +100,23 @@ def _facts(outcome: RecordOutcome) -> dict[str, Any]:
         {"source": row.source, "percent": {name: effect.percent for name, effect in row.effects.items()}}
         for row in found.budget
     ]
-    facts: dict[str, Any] = finite_tree({"raw": False, "surface": surface, "flags": flags, "budget": budget})
+    noise = _noise_before_contact(outcome.samples, surface)
+    facts: dict[str, Any] = finite_tree(
+        {"raw": False, "surface": surface, "noise": noise, "flags": flags, "budget": budget}
+    )
     return facts
+
+
+def _noise_before_contact(samples: Samples, surface: float | None) -> float | None:
+    """Standard deviation [N] of the force before the tip touches; None where too few samples tell it.
+
+    A touch shows in the force only once it is beyond the noise: above the surface that the fit found, too.
+    """
+    touched = samples.contact if surface is None else samples.contact | (samples.position <= surface)
+    first = int(np.argmax(touched)) if touched.any() else len(samples)
+    force = samples.force[:first]
+    force = force[np.isfinite(force)]
+    return float(force.std(ddof=1)) if len(force) >= _LEAST_AIR else None
 
 
 def _readings(reader: CurveReader, curve: Curve) -> tuple[Floats, NDArray[np.float32]]:

@@ -22,7 +22,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from palpate_desk import page_messages as asked
-from palpate_desk.curve_answers import CurveAnswer, curve_answer
+from palpate_desk.curve_answers import CurveAnswer, curve_answer, reader_with_model
 from palpate_desk.desk import Desk, one_curve
 from palpate_desk.folder_view import exported, folder_message, row_messages
 from palpate_desk.history_file import Action
@@ -115,7 +115,9 @@ class DeskServer:
                 self._send(page, {"kind": "filter", "words": message.words, "names": names})
             elif isinstance(message, asked.RefitOrder):
                 await self._refit(page, message)
-            elif isinstance(message, asked.GroupsQuestion | asked.CompareQuestion | asked.ExportOrder):
+            elif isinstance(message, asked.CompareQuestion):
+                await self._compare(page, message)
+            elif isinstance(message, asked.GroupsQuestion | asked.ExportOrder):
                 self._send(page, await exported(self.desk, message))
                 if isinstance(message, asked.ExportOrder):
                     self._tell(self._state())
@@ -123,6 +125,14 @@ class DeskServer:
                 self._orders[type(message)](message)
         except PalpateError as error:
             self._send(page, {"kind": "error", "text": str(error)})
+
+    async def _compare(self, page: ServerConnection, message: asked.CompareQuestion) -> None:
+        """Models weighed on a curve, with the force of the second one."""
+        weighed = await exported(self.desk, message)
+        reader = reader_with_model(self.desk.reader(message.curve), message.model)
+        second = await self._worked(reader, self.desk.curve(message.curve), True)
+        header = {**weighed, "curve": message.curve, "model": message.model, "error": second.error}
+        self._send(page, pack_rows(header, second.time, second.columns))
 
     async def _refit(self, page: ServerConnection, message: asked.RefitOrder) -> None:
         if message.do == "undo":
@@ -185,15 +195,17 @@ class DeskServer:
         return await self._computed(name, True)
 
     async def _computed(self, name: str, fitting: bool) -> CurveAnswer:
-        curve, reader = self.desk.curve(name), self.desk.reader(name)
-        try:
-            answer = await self._worker.call(curve_answer, reader, curve, fitting)
-        except BrokenProcessPool as error:
-            raise OutputError(f"{name}: the process that fitted it was killed: is the memory enough?") from error
+        answer = await self._worked(self.desk.reader(name), self.desk.curve(name), fitting)
         self._kept[name, answer.settings] = answer
         while len(self._kept) > _KEPT:
             self._kept.popitem(last=False)
         return answer
+
+    async def _worked(self, reader: CurveReader, curve: Curve, fitting: bool) -> CurveAnswer:
+        try:
+            return await self._worker.call(curve_answer, reader, curve, fitting)
+        except BrokenProcessPool as error:
+            raise OutputError(f"{curve.name}: the process that fitted it was killed: is the memory enough?") from error
 
     def _draw(self, page: ServerConnection, answer: CurveAnswer, number: int) -> None:
         header = {

@@ -1,12 +1,12 @@
 import { CurveView } from "./curve.js";
 import { help, listen } from "./keys.js";
 import { measured, unpack } from "./numbers.js";
-import { drawGroups, drawSites } from "./points.js";
+import { drawGroups, drawHistogram, drawSites } from "./points.js";
 import { Table } from "./table.js";
 
 const $ = (id) => document.getElementById(id);
 const PALE = 100, TYPING = 150; // [ms]
-let folder = null, socket = null, number = 0, waiting = null, over = false, range = null, screen = "curve", refitting = null;
+let folder = null, socket = null, number = 0, waiting = null, over = false, range = null, screen = "curve", refitting = null, comparing = null;
 const reasons = [];
 window.palpate = { asked: 0, drawn: 0, errors: [] };
 
@@ -40,7 +40,7 @@ const TAKES = {
   note: (m) => warn(m.text),
   error: (m) => { window.palpate.errors.push(m.text); refitting = null; clearTimeout(waiting); view.settle(); warn(m.text); },
   groups: takeGroups,
-  compare: takeCompare,
+  compare: (m, whole) => takeCompare(m, whole),
   export: (m) => { $("export-note").textContent = m.text; told(m.command); },
   over: () => { over = true; warn("palpate desk has ended; this is what was shown last, and everything is kept in the folder"); },
 };
@@ -91,6 +91,7 @@ function count() {
 function look(row) {
   if (!row) return;
   number += 1;
+  comparing = null;
   window.palpate.asked = number;
   clearTimeout(waiting);
   waiting = setTimeout(() => view.fade(), PALE);
@@ -168,6 +169,7 @@ function stale() {
 function groups() {
   const by = folder.columns.length ? $("by").value : "", name = $("parameter").value;
   const drawn = drawGroups($("groups-plot"), table.shown, by, name, folder.units[name], showCurve);
+  drawHistogram($("histogram"), table.shown, name, folder.units[name]);
   $("groups-note").textContent = drawn ? `${drawn} curves; hollow: rejected, in no number; the box holds the middle half${stale()}` : "no curve has a value";
   if (!folder.columns.length) $("groups-note").textContent += " · columns to group by come from curves.csv, or --groups TABLE.csv";
 }
@@ -190,7 +192,9 @@ function takeGroups(m) {
   told(m.command);
 }
 
-function takeCompare(m) {
+function takeCompare(m, whole) {
+  if (comparing !== m.curve) return; // another curve or other settings since
+  comparing = null;
   const line = document.createElement("p"), list = document.createElement("table"), head = list.insertRow();
   line.textContent = m.found.sentence;
   for (const text of ["model", "BIC behind", "weight %", "held out N", "lack of fit"]) head.insertCell().textContent = text;
@@ -199,12 +203,26 @@ function takeCompare(m) {
     for (const text of [one.model, digits(one.behind), digits(100 * one.weight), digits(one.held_out), one.misfits ? "yes" : "no"]) row.insertCell().textContent = text;
   }
   $("compare").replaceChildren(line, list);
+  const first = view.answer;
+  if (m.error) line.textContent += ` ${m.model}: ${m.error}`;
+  else if (first?.header.curve === m.curve && !first.header.raw && first.time.length === whole.time.length) view.show(first, { name: m.model, model: whole.columns[2] });
   told(m.command);
 }
 
 function sites() {
-  const name = $("map-parameter").value, drawn = drawSites($("sites"), table.shown, name, folder.units[name], showCurve);
-  $("map-note").textContent = drawn ? `${drawn} curves with a place; rejected ones are hollow${stale()}` : "no curve has a place: give x_m and y_m in curves.csv, or lateral_x and lateral_y in [alignment]";
+  const name = $("map-parameter").value, drawn = drawSites($("sites"), table.shown, name, folder.units[name], showCurve, choosePlaces);
+  $("map-note").textContent = drawn ? `${drawn} curves with a place; rejected ones are hollow; a dragged rectangle is a filter${stale()}` : "no curve has a place: give x_m and y_m in curves.csv, or lateral_x and lateral_y in [alignment]";
+}
+
+// Filter words for a rectangle [mm], in place of those of the one before.
+function choosePlaces(xs, ys) {
+  const others = $("filter").value.replace(/(^|\s)[xy][<>]=?[-+.\de]+(?=\s|$)/g, "").trim();
+  const words = [["x", xs], ["y", ys]].flatMap(([name, [low, high]]) => {
+    const digits = Math.min(Math.max(2 - Math.floor(Math.log10(high - low)), 0), 12); // of which the last is a hundredth of the rectangle
+    return [`${name}>=${+low.toFixed(digits)}`, `${name}<=${+high.toFixed(digits)}`];
+  });
+  $("filter").value = [others, ...words].join(" ").trim();
+  send({ do: "filter", words: $("filter").value });
 }
 
 function showCurve(name) { show("curve"); table.pickCurve(name); }
@@ -264,9 +282,15 @@ function apply(where) {
   if (range) { range = null; $("range").hidden = true; }
 }
 
-function refit() { if (table.current && send({ do: "refit", curve: table.current.curve })) { refitting = table.current.curve; view.fade(); told(`palpate fit ${folder.name} --where "curve=${table.current.curve}"`); } }
+function refit() { if (table.current && send({ do: "refit", curve: table.current.curve })) { refitting = table.current.curve; comparing = null; view.fade(); told(`palpate fit ${folder.name} --where "curve=${table.current.curve}"`); } }
 function refitAll() { if (send({ do: "refit-all" })) told(`palpate fit ${folder.name}`); }
-function compare() { if (!table.current) return; $("compare").textContent = "models are fitted ..."; const other = $("model").value === folder.model ? (folder.model === "hunt-crossley" ? "dimensionality-reduction" : "hunt-crossley") : $("model").value; send({ do: "compare", curve: table.current.curve, model: other }); }
+function compare() {
+  if (!table.current) return;
+  const other = $("model").value !== folder.model ? $("model").value : folder.model === "hunt-crossley" ? "dimensionality-reduction" : "hunt-crossley";
+  if (!send({ do: "compare", curve: table.current.curve, model: other })) return;
+  comparing = table.current.curve;
+  $("compare").textContent = "models are fitted ...";
+}
 const focus = (id) => () => { $(id).focus(); $(id).select?.(); };
 
 const DOES = {

@@ -1,7 +1,7 @@
 // Values by group and by place: a point for each curve, rejected ones hollow. A click on a point shows its curve.
 import { COLOURS } from "./charts.js";
 
-const WIDE = 640, HIGH = 300, LEFT = 60, FOOT = 40, MAP_WIDE = 560, MAP_HIGH = 420;
+const WIDE = 640, HIGH = 300, LOW = 200, LEFT = 60, FOOT = 40, MAP_WIDE = 560, MAP_HIGH = 420;
 
 function node(name, attributes, text) {
   const found = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -15,9 +15,14 @@ const quantile = (sorted, share) => {
   return sorted[low] + (at - low) * ((sorted[low + 1] ?? sorted[low]) - sorted[low]);
 };
 
+// The next of 1, 2, 5, 10, ...
+function rounded(rough) {
+  const power = 10 ** Math.floor(Math.log10(rough));
+  return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= rough);
+}
+
 function ticks(low, high, count = 5) {
-  const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough)), step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= rough);
-  const found = [];
+  const step = rounded((high - low) / count), found = [];
   for (let v = Math.ceil(low / step) * step; v <= high + 1e-9 * step; v += step) found.push(+v.toPrecision(12));
   return found;
 }
@@ -59,8 +64,36 @@ export function drawGroups(box, rows, by, name, unit, show) {
   return all.length;
 }
 
-// The places of the curves, shaded by a value.
-export function drawSites(box, rows, name, unit, show) {
+// How many curves have a value in each stretch, over all that are shown; of each bar the hollow part is rejected.
+export function drawHistogram(box, rows, name, unit) {
+  const known = rows.filter((row) => row.values[name] && row.verdict !== "invalid").map((row) => ({ value: row.values[name][0], bad: row.mark === "bad" }));
+  box.replaceChildren();
+  if (known.length < 2) return;
+  const values = known.map((one) => one.value), low = Math.min(...values), high = Math.max(...values);
+  const step = high > low ? rounded((high - low) / (2 * Math.cbrt(known.length))) : Math.abs(low) || 1; // Rice's rule
+  const first = Math.floor(low / step), count = Math.floor(high / step) - first + 1;
+  const bars = Array.from({ length: count }, () => ({ used: 0, bad: 0 }));
+  for (const { value, bad } of known) bars[Math.min(Math.max(Math.floor(value / step) - first, 0), count - 1)][bad ? "bad" : "used"] += 1;
+  const most = Math.max(...bars.map((bar) => bar.used + bar.bad)), wide = (WIDE - LEFT - 10) / count;
+  const x = (i) => LEFT + i * wide, y = (n) => LOW - FOOT - (n / most) * (LOW - FOOT - 22);
+  const svg = node("svg", { viewBox: `0 0 ${WIDE} ${LOW}`, class: "points", role: "img", "aria-label": `histogram of ${name}` });
+  svg.append(node("text", { x: 4, y: 12 }, `curves by ${name} [${unit}]`));
+  for (const n of ticks(0, most, 3).filter(Number.isInteger)) svg.append(node("line", { x1: LEFT, x2: WIDE, y1: y(n), y2: y(n), opacity: 0.3 }), node("text", { x: LEFT - 6, y: y(n) + 4, "text-anchor": "end" }, n));
+  bars.forEach(({ used, bad }, i) => {
+    const from = +((first + i) * step).toPrecision(12), to = +((first + i + 1) * step).toPrecision(12);
+    for (const [kind, bottom, top, fill] of [["used", 0, used, COLOURS[0]], ["rejected", used, used + bad, "none"]]) {
+      if (top === bottom) continue;
+      const bar = node("rect", { x: x(i) + 1, width: Math.max(wide - 2, 1), y: y(top), height: y(bottom) - y(top), fill, stroke: COLOURS[0], "data-kind": kind, "data-count": top - bottom });
+      bar.append(node("title", {}, `${top - bottom} ${kind}, from ${from} up to ${to} ${unit}`));
+      svg.append(bar);
+    }
+    if (i % Math.ceil(count / 10) === 0) svg.append(node("text", { x: x(i), y: LOW - FOOT + 16, "text-anchor": "middle" }, from));
+  });
+  box.append(svg);
+}
+
+// The places of the curves, shaded by a value. A rectangle that is dragged is told: its edges [mm], x then y.
+export function drawSites(box, rows, name, unit, show, dragged) {
   const placed = rows.filter((row) => row.place && row.values[name] && row.verdict !== "invalid");
   box.replaceChildren();
   if (!placed.length) return 0;
@@ -82,5 +115,30 @@ export function drawSites(box, rows, name, unit, show) {
     svg.append(dot);
   });
   box.append(svg);
+  drag(svg, (left, right, top, bottom) => dragged([x0 + (left - LEFT) / scale, x0 + (right - LEFT) / scale], [y0 + (MAP_HIGH - FOOT - bottom) / scale, y0 + (MAP_HIGH - FOOT - top) / scale]));
   return placed.length;
+}
+
+// A rectangle in the units of the picture, once the mouse is let go; a click is none.
+function drag(svg, told) {
+  const frame = node("rect", { class: "drag", fill: COLOURS[0], "fill-opacity": 0.15, stroke: COLOURS[0] });
+  let from = null;
+  const place = (event) => { const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse()); return [at.x, at.y]; };
+  const edges = ([x, y]) => [Math.min(from[0], x), Math.max(from[0], x), Math.min(from[1], y), Math.max(from[1], y)];
+  const large = ([left, right, top, bottom]) => right - left > 4 && bottom - top > 4;
+  svg.addEventListener("pointerdown", (event) => { if (event.button === 0) { from = place(event); event.preventDefault(); } });
+  svg.addEventListener("pointermove", (event) => {
+    if (!from) return;
+    const found = edges(place(event)), [left, right, top, bottom] = found;
+    if (!large(found)) { frame.remove(); return; }
+    if (!frame.parentNode) { svg.append(frame); svg.setPointerCapture(event.pointerId); }
+    for (const [key, value] of Object.entries({ x: left, y: top, width: right - left, height: bottom - top })) frame.setAttribute(key, value);
+  });
+  svg.addEventListener("pointerup", (event) => {
+    const found = from && edges(place(event));
+    from = null;
+    frame.remove();
+    if (found && large(found)) told(...found);
+  });
+  svg.addEventListener("pointercancel", () => { from = null; frame.remove(); });
 }
