@@ -33,7 +33,8 @@ def test_a_sound_rig_passes_whatever_stops_it(bench, tmp_path):
     assert table["verdict"] == "passed in part"
     assert steps["free-air/kill-all"]["told"] == ""
     assert steps["free-air/stall"]["measured"]["reaction"] > 0.5  # it goes on for as long as it may
-    assert "no sign of life" in steps["free-air/stall"]["told"]
+    told = steps["free-air/stall"]["told"]  # by the servo process, or by the program itself when it goes on
+    assert "no sign of life" in told or "this program was held up" in told
     assert "signature: ___" in (tmp_path / "a" / "acceptance.md").read_text()
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats
 
-_BEFORE = 0.03  # [s] over which the speed before the stop is averaged
+_BEFORE = 0.03  # [s] over which a speed is averaged
 _STEADY = 0.7  # of the speed of the strokes: what is slower was hit at a turn
 _HIGH, _LOW = 0.8, 0.2  # of the speed, between which braking is measured
 _SMOOTH = 3  # states
@@ -30,7 +30,7 @@ class BrakingTrace:
 class Braking:
     """A stop as it was measured."""
 
-    speed: float  # [m/s] before it
+    speed: float  # [m/s] the most until it brakes: an arm that was held up goes on faster
     reaction: float  # [s] from the event to the beginning of braking
     deceleration: float  # [m/s^2]
     deceleration_most: float  # [m/s^2] that the spacing of the states leaves possible
@@ -69,8 +69,11 @@ def measure_braking(trace: BrakingTrace, event: float, planned: float, inwards: 
     began = high + step / 2 - took * (1.0 - _HIGH) / share
     start = float(np.interp(event, time, trace.height))
     way = float((direction * (trace.height[after] - start))[: slow[0] + round(0.1 / step)].max())
+    until = direction * trace.velocity[(time > event - _BEFORE) & (time <= max(high, event))]
+    window = min(max(round(_BEFORE / step), 1), len(until))
+    fastest = float(np.convolve(until, np.full(window, 1 / window), "valid").max())
     return Braking(
-        speed,
+        max(speed, fastest),
         max(began - event, 0.0),
         share * speed / took,
         share * speed / max(took - step, step / 2),
