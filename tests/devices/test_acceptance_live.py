@@ -10,8 +10,13 @@ from tests.devices.simulated_bench import PIPELINE
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 
-# A computer with other work: what a run notices by itself it notices later.
-BUSY = ("safety.latency=0.3 s", "safety.stop_force=8 N", "device.arm.approach_speed=10 mm/s")
+# A computer with other work: what a run notices by itself it notices later, and it misses ticks while it brakes.
+BUSY = (
+    "safety.latency=0.3 s",
+    "safety.deceleration=0.2 m/s^2",
+    "safety.stop_force=8 N",
+    "device.arm.approach_speed=10 mm/s",
+)
 
 
 def gone_through(bench, tmp_path, steps, before=()):
