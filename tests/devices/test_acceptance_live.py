@@ -31,16 +31,23 @@ def gone_through(bench, tmp_path, steps, before=()):
 
 
 def test_a_sound_rig_passes_whatever_stops_it(bench, tmp_path):
-    names = [f"free-air/{step}" for step in ("ctrl-c", "kill-all", "stall")]
+    names = [f"free-air/{step}" for step in ("ctrl-c", "kill-all")]
     code, said, steps, table = gone_through(bench, tmp_path, names)
     assert {name: step["problems"] for name, step in steps.items()} == {name: [] for name in names}, said
     assert code == 0
     assert table["verdict"] == "passed in part"
     assert steps["free-air/kill-all"]["told"] == ""
-    assert steps["free-air/stall"]["measured"]["reaction"] > 0.5  # it goes on for as long as it may
-    told = steps["free-air/stall"]["told"]  # by the servo process, or by the program itself when it goes on
-    assert "no sign of life" in told or "this program was held up" in told
     assert "signature: ___" in (tmp_path / "a" / "acceptance.md").read_text()
+
+
+def test_a_run_that_stands_still_goes_on_for_as_long_as_it_may(bench, tmp_path):
+    """Whether that is a few milliseconds more than `host_timeout` is up to the computer's other work, not to the rig."""
+    _, said, steps, _ = gone_through(bench, tmp_path, ["free-air/stall"])
+    stall = steps["free-air/stall"]
+    assert 0.5 < stall["measured"]["reaction"] < 1.5, said
+    assert "it goes too far" not in stall["problems"]
+    told = stall["told"]  # by the servo process, or by the program itself when it goes on
+    assert "no sign of life" in told or "this program was held up" in told
 
 
 def test_a_rig_whose_stops_are_slow_fails(bench, tmp_path):
