@@ -41,7 +41,7 @@ def test_a_sound_rig_passes_whatever_stops_it(bench, tmp_path):
 
 
 def test_a_run_that_stands_still_goes_on_for_as_long_as_it_may(bench, tmp_path):
-    """Whether that is a few milliseconds more than `host_timeout` is up to the computer's other work, not to the rig."""
+    """Whether that is a few milliseconds more than `host_timeout` is up to other work of the computer, not the rig."""
     _, said, steps, _ = gone_through(bench, tmp_path, ["free-air/stall"])
     stall = steps["free-air/stall"]
     assert 0.5 < stall["measured"]["reaction"] < 1.5, said
