@@ -17,7 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
-from types import MappingProxyType
+from pathlib import Path
+from types import FrameType, MappingProxyType
 
 _SHOWN = 12  # names in a message
 
@@ -74,6 +75,12 @@ class OutputError(UserError):
 def error_text(error: BaseException) -> str:
     """What an error says; that of another program's code with its type."""
     return str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
+
+
+def error_in(error: BaseException, frame: FrameType, line: int) -> str:
+    """``ValueError: no (my_filter.py, line 12, in run)``: an error of other people's code, and its place."""
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    return f"{what} ({Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name})"
 
 
 def suggest(given: str, allowed: Iterable[str]) -> str:

@@ -8,13 +8,13 @@ import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
+from types import FrameType
 from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import PalpateError, PluginError
+from palpate.errors import PalpateError, PluginError, error_in
 from palpate.parts import Part
 from palpate.vectors import Floats
 
@@ -152,20 +152,19 @@ def _asked(trajectory: Trajectory, question: Callable[[], _T], when: str) -> _T:
     except PalpateError:
         raise
     except (Exception, SystemExit) as error:
-        what = " ".join(f"{type(error).__name__}: {error}".split())
-        raise PluginError(f"{_named(trajectory)} failed{when}: {what} ({_place(trajectory, error)})") from error
+        place = _last_own_step(trajectory, error)
+        raise PluginError(f"{_named(trajectory)} failed{when}: {error_in(error, *place)}") from error
 
 
 def _named(trajectory: Any) -> str:
     return f"trajectory {type(trajectory).__name__}"
 
 
-def _place(trajectory: Trajectory, error: BaseException) -> str:
-    """The last line in the file of a trajectory's class that an error has passed."""
+def _last_own_step(trajectory: Trajectory, error: BaseException) -> tuple[FrameType, int]:
+    """Frame and line in the file of a trajectory's class that an error has passed last; else where it was raised."""
     steps = list(traceback.walk_tb(error.__traceback__))
     try:
         own = inspect.getfile(type(trajectory))
     except (TypeError, OSError):
         own = ""
-    frame, line = next((step for step in reversed(steps) if step[0].f_code.co_filename == own), steps[-1])
-    return f"{Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name}"
+    return next((step for step in reversed(steps) if step[0].f_code.co_filename == own), steps[-1])

@@ -5,12 +5,11 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from palpate.device import Batch, Device, Link, Stream
-from palpate.errors import DeviceError, PalpateError, suggest
+from palpate.errors import DeviceError, PalpateError, error_in, suggest
 
 Arrivals = Sequence[tuple[str, Batch]]  # batches that arrived together, each with its device
 
@@ -46,10 +45,8 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
         except PalpateError:
             raise
         except Exception as error:  # whatever a stranger's device raises
-            frame = traceback.extract_tb(error.__traceback__)[-1]
-            what = " ".join(f"{type(error).__name__}: {error}".split())
-            place = f"{Path(frame.filename).name}, line {frame.lineno}, in {frame.name}"
-            raise DeviceError(f"device {name} failed: {what} ({place})") from error
+            *_, last = traceback.walk_tb(error.__traceback__)
+            raise DeviceError(f"device {name} failed: {error_in(error, *last)}") from error
         if batch is None:
             return
         if batch.stream not in widths:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import inspect
 import traceback
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import numpy as np
 
 from palpate.config import Track
+from palpate.errors import error_in
 from palpate.estimation import Estimates, Samples, Status
 from palpate.flags import Flag
 from palpate.parts import Part
@@ -36,9 +36,7 @@ class PartFailure:
     def complaint(self, error: Exception, when: str = "") -> str:
         """``estimator 'mine' of plugin my_filter.py failed: ValueError: no (my_filter.py, line 12, in run)``."""
         part, frame, line = self._culprit(list(traceback.walk_tb(error.__traceback__)))
-        place = f"{Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name}"
-        what = " ".join(f"{type(error).__name__}: {error}".split())
-        return f"{self._named(part)} failed{when}: {what} ({place})"
+        return f"{self._named(part)} failed{when}: {error_in(error, frame, line)}"
 
     def _named(self, part: Part) -> str:
         """``estimator 'mine' of plugin my_filter.py``."""

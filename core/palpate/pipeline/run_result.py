@@ -144,13 +144,17 @@ def _assumed(pipeline: Pipeline, model: str | None = None) -> Iterator[Flag]:
     """The values of a model, or (None) of what all models share, that the run assumed although they were not stated."""
     known = values_on_trust(pipeline)
     concerned = [key for key in pipeline.run.assumed if _model_of(key, pipeline) == model]
-    if assumed := [f"{key} = {known.get(key) or _setting(pipeline, key)}" for key in concerned]:
-        yield Flag("assumed", f"not stated, but assumed: {', '.join(assumed)}")
+    others = [key for key in concerned if not known.get(key)]
+    settings = tomllib.loads(resolved_text(pipeline)) if others else {}
+    known = {**known, **{key: _setting(settings, key) for key in others}}
+    if concerned:
+        assumed = ", ".join(f"{key} = {known[key]}" for key in concerned)
+        yield Flag("assumed", f"not stated, but assumed: {assumed}")
 
 
-def _setting(pipeline: Pipeline, key: str) -> str:
-    """The value of any other key, as it would be written in a pipeline file."""
-    value: Any = tomllib.loads(resolved_text(pipeline))
+def _setting(settings: Mapping[str, Any], key: str) -> str:
+    """The value of a key of the resolved settings."""
+    value: Any = settings
     for word in key.split("."):
         value = value.get(word) if isinstance(value, dict) else None
     return "? (there is no such setting)" if value is None else str(value)

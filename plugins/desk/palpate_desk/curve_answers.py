@@ -22,7 +22,6 @@ from palpate_kit.curves.curve_fits import (
     record_tracks,
 )
 from palpate_kit.runs.replay_source import added_table
-from palpate_kit.runs.shared_tips import name_tips
 
 _LEAST_AIR = 10  # samples before contact that tell a standard deviation
 _MOST = 4000  # points that are sent; beyond, those of least and most force of each stretch
@@ -67,7 +66,6 @@ def curve_answer(reader: CurveReader, curve: Curve, fitting: bool) -> CurveAnswe
 def reader_with_model(reader: CurveReader, model: str) -> CurveReader:
     """The reader whose curves are fitted with another model on the same tip; raises ConfigurationError."""
     source = Source(reader.text, Path(reader.path))
-    name_tips(source)
     for assignment in reader.overrides:
         source.override(assignment)
     tables: dict[str, Any] = source.tables

@@ -18,6 +18,7 @@ import typer
 from palpate import ConfigurationError, OutputError
 from palpate.host import analysis, make_folder
 from palpate_kit.curves.fit_folder import is_fit_folder
+from palpate_kit.page.listening_socket import listening_socket
 from palpate_kit.terminal.json_output import print_aside
 from palpate_kit.terminal.options import Overrides
 
@@ -132,12 +133,7 @@ async def _served(server: object, listener: socket.socket) -> None:
 
 
 def _listening(port: int) -> socket.socket:
-    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        found.bind(("127.0.0.1", port))
-        found.listen(16)
+        return listening_socket(port)
     except OSError as error:
-        found.close()
         raise OutputError(f"--port {port}: cannot be used: {error.strerror}; 0 takes a free one") from error
-    return found

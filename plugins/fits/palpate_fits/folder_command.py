@@ -17,7 +17,6 @@ from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.folder_fits import FEW, refit
 from palpate_kit.curves.own_settings import change_assignments, write_own
 from palpate_kit.runs.replay_source import added_table
-from palpate_kit.runs.shared_tips import name_tips
 from palpate_kit.runs.tip_words import tip_table
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
@@ -146,9 +145,7 @@ def _change_all(folder: FitFolder, change: FolderChange) -> None:
 
 def _source(folder: FitFolder, name: str) -> Source:
     """A pipeline of the folder, to change."""
-    source = Source(folder.settings_text(name), folder.path / name)
-    name_tips(source)
-    return source
+    return Source(folder.settings_text(name), folder.path / name)
 
 
 def _replace_model(source: Source, wanted: str) -> None:

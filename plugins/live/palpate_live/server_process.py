@@ -16,6 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from palpate import OutputError, printable
+from palpate_kit.page.listening_socket import listening_socket
 
 _LIBC = ctypes.PyDLL(None, use_errno=True)  # its functions keep the interpreter's lock
 _LIBC.send.argtypes = (ctypes.c_int, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_int)
@@ -165,14 +166,9 @@ class PageServer:
 
 
 def _listening(port: int, name: str) -> socket.socket:
-    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        found.bind(("127.0.0.1", port))
-        found.listen(16)
+        return listening_socket(port)
     except OSError as error:
-        found.close()
         raise OutputError(
             f"{name}: port {port} of 127.0.0.1 cannot be used: {error.strerror}; port = 0 takes a free one"
         ) from error
-    return found

@@ -16,7 +16,6 @@ from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.runs.replay_source import added_table, read_run_log, replay_source
 from palpate_kit.runs.sample_observer import SampleObserver
-from palpate_kit.runs.shared_tips import name_tips
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import FormatOption, JsonOption, WhereOption
 from palpate_kit.terminal.progress import progress, report_progress
@@ -80,7 +79,6 @@ def _of_source(path: Path, wanted: Sequence[str], where: str | None) -> Iterator
         settings = path / folder.pipeline_of(curve.name)
         source = Source.read(settings, named=False)
         device = folder.reader(settings.name).device
-        name_tips(source)
         for assignment in (f"device.{device}.file={json.dumps(curve.file)}", *curve.own):
             source.override(assignment)
         yield from candidates(Path(curve.name), with_candidates(source, settings, wanted))
