@@ -50,6 +50,10 @@ class LogFile:
         """Up to here the file is whole."""
         self._whole = self.tell()
 
+    def unmarked(self) -> int:
+        """The bytes since the latest mark."""
+        return self.tell() - self._whole
+
     def cut(self) -> None:
         """Back to the latest mark; raises OSError."""
         self._waiting.clear()

@@ -22,6 +22,7 @@ from palpate_devices.mcap_index import keep_index_in
 from palpate_devices.messages import LOG_SCHEMA, STANDARD, MessageType, numbers_type, pack_messages
 
 _FLUSH_EVERY = 0.15  # [s]; with what is on its way, a kill costs some 0.05 s more, on a busy machine twice that
+_FLUSH_FROM = 1 << 18  # [bytes]; a replay writes that much sooner, and a full disk costs no more of it
 _SYNC_EVERY = 1.0  # [s]; what a power cut can cost
 _TOGETHER = 1 << 14  # messages that are made at once
 _WAITING = 256  # pieces of work; a replay that is faster than the disk waits for it here
@@ -219,7 +220,7 @@ class _Log:
     def save(self) -> None:
         """Flush, and sync, where it is time to."""
         now = clock().now()
-        if now - self._flushed < _FLUSH_EVERY:
+        if now - self._flushed < _FLUSH_EVERY and self._file.unmarked() < _FLUSH_FROM:
             return
         self._log.flush()
         self._whole.set()
