@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -84,8 +85,6 @@ def _scaled(columns: Floats) -> tuple[Floats, Floats]:
 
 def relaxing_share(force: Floats, ratio: float) -> Floats:
     """The remaining share of a force that dies away, by the ratio of step to time constant; exact for steady change."""
-    from scipy.signal import lfilter
-
     keep = float(np.exp(-ratio))
-    change = np.diff(force, prepend=force[0])
-    return np.asarray(lfilter([(1.0 - keep) / ratio], [1.0, -keep], change))
+    change = (1.0 - keep) / ratio * np.diff(force, prepend=force[0])
+    return np.fromiter(accumulate(change.tolist(), lambda held, more: more + keep * held), float, len(force))
