@@ -19,10 +19,11 @@ from palpate_kit.terminal.table import Table, console
 
 from palpate_reference.cards.prony_series import MATERIAL
 from palpate_reference.material_laws import LAWS, law_of
-from palpate_reference.material_table import MaterialTable, TableSettings, read_tables
+from palpate_reference.material_table import MaterialTable, TableSettings
 from palpate_reference.run_values import run_values
 from palpate_reference.table_fit import FitProblem, TableFit, fit_law, supported_fits
 from palpate_reference.table_options import ModulusOption, UnitOption, table_settings
+from palpate_reference.table_reader import read_tables
 
 _SMALL = 0.05  # share of an uncertainty that is not printed
 _POISSON_STD = 0.02 / math.sqrt(3)  # as runs take it: known within 0.02 below its value

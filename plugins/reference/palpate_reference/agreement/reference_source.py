@@ -9,8 +9,9 @@ import numpy as np
 from palpate import ConfigurationError, Floats, to_si
 
 from palpate_reference.agreement.value_pairs import ReferenceOf, ReferenceValue
-from palpate_reference.material_table import MaterialTable, TableSettings, read_tables
+from palpate_reference.material_table import MaterialTable, TableSettings
 from palpate_reference.run_values import Conditions
+from palpate_reference.table_reader import read_tables
 
 QUANTITIES = {"elasticity": "Pa", "viscosity": "Pa*s"}
 _STRAINS = 3.0  # ratio, above which strains are not called the same
