@@ -15,6 +15,9 @@ def palpate_commands() -> dict[str, Command]:
         "material fit": Command(
             "palpate_reference.fit_command:fit_material", "Laws for tables of a material.", "compare"
         ),
+        "material master": Command(
+            "palpate_reference.superposition.master_command:master", "One curve of several temperatures.", "compare"
+        ),
         "material card": Command(
             "palpate_reference.cards.card_command:card", "A law for Abaqus, ANSYS, FEBio, COMSOL.", "share"
         ),

@@ -10,17 +10,19 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from palpate import ConfigurationError, printable, to_si
+from palpate import ConfigurationError, Floats, printable, to_si
 from palpate.host import display_unit, make_folder, suggest, write_new
-from palpate_kit.terminal.json_output import plain_data, print_aside, print_json
+from palpate_kit.terminal.json_output import json_text, print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, FormatOption, JsonOption
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
 
 from palpate_reference.cards.prony_series import MATERIAL
+from palpate_reference.decade_series import DECADES, decade_series
 from palpate_reference.material_laws import LAWS, law_of
 from palpate_reference.material_table import MaterialTable, TableSettings
 from palpate_reference.run_values import run_values
+from palpate_reference.superposition.master_command import ReferenceOption, VerticalOption, curve_at
 from palpate_reference.table_fit import FitProblem, TableFit, fit_law, supported_fits
 from palpate_reference.table_options import ModulusOption, UnitOption, table_settings
 from palpate_reference.table_reader import read_tables
@@ -40,6 +42,8 @@ def fit_material(
         typer.Option(metavar="PERCENT", help="Standard uncertainty of a table's scale (gap, geometry), such as '2 %'."),
     ] = None,
     poisson: Annotated[float, typer.Option(min=0.0, max=0.5, help="Poisson's ratio.")] = 0.5,
+    reference: ReferenceOption = None,
+    vertical: VerticalOption = False,
     units: UnitOption = None,
     modulus: ModulusOption = None,
     out: FolderOption = None,
@@ -49,12 +53,18 @@ def fit_material(
     """Fit laws of linear materials to tables of one material together, and choose among them.
 
     The laws and their parameters are those of the contact models of the same names. A run of a sine is G' and G'' at
-    its frequency; `palpate spectrum` writes tables of many. Writes material.json and fit.png.
+    its frequency; `palpate spectrum` writes tables of many. With --reference-temperature sweeps at several temperatures
+    are shifted first, as by `palpate material master`; runs are taken as at that temperature. Writes material.json and
+    fit.png.
     """
     tables = read_sources(sources, table_settings(units, modulus), poisson)
-    fits = material_fits(tables, laws, _share(scale), poisson)
+    root = None
+    if reference is not None or vertical:
+        curve = curve_at([table for table in tables if table.format != "run"], reference, vertical)
+        tables, root = [curve.table(), *(table for table in tables if table.format == "run")], curve.shift_root()
+    fits = material_fits(tables, laws, _share(scale), poisson, root)
     folder = make_folder("material", out, datetime.now(UTC).astimezone())
-    write_new(folder / MATERIAL, _json_text(document(fits, tables)))
+    write_new(folder / MATERIAL, json_text(document(fits, tables)))
     from palpate_reference.fit_figure import draw_fits
 
     draw_fits(supported_fits(fits) or fits[:1], tables, folder / "fit.png")
@@ -64,14 +74,6 @@ def fit_material(
     with print_aside(False):
         _show(fits)
     typer.echo(f"written to {folder}: {MATERIAL}, fit.png", err=layout != "table")
-
-
-def _json_text(findings: dict[str, Any]) -> str:
-    import json
-
-    from palpate.host import finite_tree
-
-    return json.dumps(finite_tree(plain_data(findings)), indent=2, allow_nan=False) + "\n"
 
 
 def _share(scale: str | None) -> float:
@@ -121,20 +123,29 @@ def _line_of_run(path: Path, poisson: float) -> MaterialTable:
 
 
 def material_fits(
-    tables: Sequence[MaterialTable], names: Sequence[str] | None, scale: float, poisson: float
+    tables: Sequence[MaterialTable],
+    names: Sequence[str] | None,
+    scale: float,
+    poisson: float,
+    shift_root: Floats | None = None,
 ) -> list[TableFit]:
     """Every law, or those of names, by BIC; raises ConfigurationError where none can be fitted."""
     for name in names or ():
-        if law_of(name) is None:
-            raise ConfigurationError(f"--law: there is no law {name!r}{suggest(name, [law.name for law in LAWS])}")
+        if law_of(name) is None and name != DECADES:
+            known = [*(law.name for law in LAWS), DECADES]
+            raise ConfigurationError(f"--law: there is no law {name!r}{suggest(name, known)}")
     shear = {table.shear for table in tables}
     std = _POISSON_STD if True in shear else 0.0
     scales = tuple(0.0 if table.format == "run" else scale for table in tables)
-    problem = FitProblem(tuple(tables), poisson, std, scales)
-    fits = [fit_law(law, problem) for law in LAWS if not names or law.name in names]
+    problem = FitProblem(tuple(tables), poisson, std, scales, shift_root)
+    series = decade_series(problem) if not names or DECADES in names else None
+    laws = [law for law in LAWS if not names or law.name in names] + ([series] if series else [])
+    fits = [fit_law(law, problem) for law in laws]
     found = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)
     if not found:
-        raise ConfigurationError(f"{problem.count} readings are too few for every law")
+        raise ConfigurationError(
+            f"{problem.count} readings are too few for every law, or of a kind that it cannot have"
+        )
     return found
 
 
@@ -199,7 +210,7 @@ def document(fits: Sequence[TableFit], tables: Sequence[MaterialTable]) -> dict[
             {
                 "law": fit.law.name, "formula": fit.law.formula, "supported": fit in standing, "bic": fit.bic,
                 "chi2": fit.chi2, "freedom": fit.freedom, "p": fit.p, "residual": fit.scatter,
-                "autocorrelation": fit.autocorrelation, "undetermined": fit.undetermined,
+                "autocorrelation": fit.autocorrelation, "undetermined": fit.undetermined, "times": fit.law.times,
                 "parameters": {
                     name: {
                         "value": float(fit.values[k]), "std": float(fit.stds[k]), "unit": unit,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,11 +33,17 @@ class FitProblem:
     poisson: float
     poisson_std: float
     scales: tuple[float, ...]  # relative standard uncertainty of all values of a table together; 0: exact
+    shift_root: Floats | None = None  # R (2, n, m): errors of ln x and ln y of the first table are R z, z of variance 1
 
     @property
     def count(self) -> int:
         """How many readings there are."""
         return sum(table.y.size for table in self.tables)
+
+    @property
+    def shift_count(self) -> int:
+        """How many unknowns the shifts of the tables add."""
+        return 0 if self.shift_root is None else self.shift_root.shape[2]
 
 
 @dataclass(frozen=True)
@@ -115,14 +121,20 @@ def _level_and_times(problem: FitProblem) -> tuple[float, Floats]:
 def _errors(law: LinearLaw, problem: FitProblem, x: Floats) -> list[Floats]:
     """Relative errors (n,) of each table: logarithms of what is predicted over what was read."""
     values = np.exp(x[: len(law.parameters)])
-    shifts = x[len(law.parameters) :]
+    priors = x[len(law.parameters) :]
+    tables = len(problem.tables)
     found = []
     for k, table in enumerate(problem.tables):
+        there, up = table, np.zeros(len(table.x))
+        if k == 0 and problem.shift_root is not None:
+            along, up = problem.shift_root @ priors[tables + 1 :]
+            there = replace(table, x=table.x * np.exp(along))
         with np.errstate(over="ignore", invalid="ignore"):
-            ratio = predictions(law, table, values.tolist(), problem.poisson) / table.y
+            ratio = predictions(law, there, values.tolist(), problem.poisson) / table.y
         sign = -1.0 if table.kind == "creep" else 1.0
-        shift = shifts[k] * problem.scales[k] + (shifts[-1] * _poisson_share(problem) if table.shear else 0.0)
-        found.append((np.log(np.maximum(np.nan_to_num(ratio), _LEAST)) + sign * shift).ravel(order="F"))
+        shift = priors[k] * problem.scales[k] + (priors[tables] * _poisson_share(problem) if table.shear else 0.0)
+        errors = np.log(np.maximum(np.nan_to_num(ratio), _LEAST)) + sign * shift - up[:, None]
+        found.append(errors.ravel(order="F"))
     return found
 
 
@@ -139,7 +151,7 @@ def _weighted(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[f
 
 
 def _minimum(law: LinearLaw, problem: FitProblem, sigmas: Sequence[float], before: Floats | None) -> Floats | None:
-    count, shifts = len(law.parameters), len(problem.tables) + 1
+    count, shifts = len(law.parameters), len(problem.tables) + 1 + problem.shift_count
     uppers = [*law.upper, *[math.inf] * (count - len(law.upper))]
     high = np.array([math.log(u) if u < math.inf else _LOG for u in uppers] + [10.0] * shifts)
     low = np.array([-_LOG] * count + [-10.0] * shifts)
@@ -173,6 +185,10 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
         total = total + part
         if size:
             shares[name] = np.sqrt(np.diag(part)[:count])
+    if problem.shift_count:
+        columns = covariance[:, count + len(priors) + 1 :]
+        part = columns @ columns.T
+        shares["time-temperature shift"], total = np.sqrt(np.diag(part)[:count]), total + part
     values = np.exp(x[:count])
     relative = np.sqrt(np.maximum(np.diag(total)[:count], 0.0))
     relative[np.diag(information)[:count] < _NO_SLOPE] = math.nan  # a part next to nothing

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -12,9 +11,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import typer
 from palpate import ConfigurationError, Floats, printable, to_si
-from palpate.host import display_unit, finite_tree, make_folder, write_new, write_whole
+from palpate.host import display_unit, make_folder, write_new, write_whole
 from palpate_kit.numerics.normalised_error import normalised_error
-from palpate_kit.terminal.json_output import plain_data, print_aside, print_json
+from palpate_kit.terminal.json_output import json_text, print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, FormatOption, JsonOption, TrackOption
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
@@ -176,16 +175,12 @@ def _precisions(pairs: Sequence[ValuePair]) -> Iterator[tuple[str, Precision]]:
 def _write(found: Agreement, folder: Path) -> None:
     from palpate_reference.agreement.agreement_figure import draw_agreement
 
-    write_new(folder / AGREEMENT, _text(document(found)))
+    write_new(folder / AGREEMENT, json_text(document(found)))
     draw_agreement(found.pairs, found.limits, found.line, found.quantity, folder / "agreement.png")
     for pair in found.pairs:
         if pair.run is not None:
             own = {"quantity": found.quantity, "unit": found.unit, **_row(pair)}
-            write_whole(pair.run / AGREEMENT, _text(own))
-
-
-def _text(findings: dict[str, Any]) -> str:
-    return json.dumps(finite_tree(plain_data(findings)), indent=2, allow_nan=False) + "\n"
+            write_whole(pair.run / AGREEMENT, json_text(own))
 
 
 def _show(found: Agreement) -> None:

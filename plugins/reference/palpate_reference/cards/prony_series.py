@@ -12,9 +12,11 @@ from typing import Any
 from palpate import ConfigurationError, LogError
 from palpate.host import suggest
 
+from palpate_reference.decade_series import DECADES
+
 MATERIAL = "material.json"  # of `palpate material fit`
 _ARMS = ("standard-linear-solid", *(f"generalised-maxwell-{count}" for count in (2, 3, 4)))
-_SERIES = ("maxwell", *_ARMS, "burgers")
+_SERIES = ("maxwell", *_ARMS, "burgers", DECADES)
 _NONE = 1e-9  # share of the instantaneous modulus that is nothing
 
 
@@ -62,7 +64,7 @@ def series_of_fit(path: Path, law: str | None) -> PronySeries:
         )
     table = laws[having[0]]
     parameters = {name: float(one["value"]) for name, one in table["parameters"].items()}
-    lasting, arms = _young_series(having[0], list(parameters.values()), poisson)
+    lasting, arms = _young_series(having[0], list(parameters.values()), table.get("times") or (), poisson)
     per = 2.0 * (1.0 + poisson)
     whole = lasting + sum(strength for strength, _ in arms)
     real = tuple((strength / per, time) for strength, time in arms if strength > _NONE * whole)
@@ -71,9 +73,13 @@ def series_of_fit(path: Path, law: str | None) -> PronySeries:
     )
 
 
-def _young_series(law: str, values: Sequence[float], poisson: float) -> tuple[float, list[tuple[float, float]]]:
+def _young_series(
+    law: str, values: Sequence[float], times: Sequence[float], poisson: float
+) -> tuple[float, list[tuple[float, float]]]:
     """E and E_k, tau_k; those of Burgers' model by Findley, Lai and Onaran 1976."""
     per = 2.0 * (1.0 + poisson)
+    if law == DECADES:
+        return values[0], list(zip(values[1:], times, strict=True))
     if law in _ARMS:
         return values[0], list(zip(values[1::2], values[2::2], strict=True))
     if law == "maxwell":
