@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
 
+from palpate_reference.law_fit import LawFit
 from palpate_reference.material_laws import LinearLaw
 from palpate_reference.material_table import MaterialTable
 
@@ -46,31 +47,6 @@ class FitProblem:
         return 0 if self.shift_root is None else self.shift_root.shape[2]
 
 
-@dataclass(frozen=True)
-class TableFit:
-    """A law at the values that describe tables best."""
-
-    law: LinearLaw
-    poisson: float
-    values: Floats  # (p,) [SI]
-    stds: Floats  # (p,)
-    covariance: Floats  # (p, p) of the logarithms of the values
-    budget: Mapping[str, Floats]  # share of each source in stds (p,)
-    scatter: tuple[float, ...]  # rms of the relative residuals of each table
-    chi2: float  # of tables that state uncertainties
-    freedom: int  # of those; 0 where none does
-    bic: float
-    autocorrelation: float  # of neighbouring residuals
-    undetermined: tuple[str, ...]  # parameters that the tables do not determine
-
-    @property
-    def p(self) -> float:
-        """Probability of so large a chi^2 if the law holds; NaN where no table states uncertainties."""
-        from scipy.stats import chi2
-
-        return float(chi2.sf(self.chi2, self.freedom)) if self.freedom > 0 else math.nan
-
-
 def predictions(law: LinearLaw, table: MaterialTable, values: Sequence[float], poisson: float) -> Floats:
     """What a table would read (n, 1 or 2) if a law held."""
     per = 2.0 * (1.0 + poisson) if table.shear else 1.0
@@ -82,7 +58,7 @@ def predictions(law: LinearLaw, table: MaterialTable, values: Sequence[float], p
     return law.relaxation(table.x, values, poisson)[:, None] / per
 
 
-def fit_law(law: LinearLaw, problem: FitProblem) -> TableFit | None:
+def fit_law(law: LinearLaw, problem: FitProblem) -> LawFit[LinearLaw] | None:
     """A law by least squares of relative errors; None where the readings are too few for it, or it fits nowhere.
 
     Readings that state an uncertainty are weighed by it; those of another table by its scatter, which is found with
@@ -165,7 +141,7 @@ def _minimum(law: LinearLaw, problem: FitProblem, sigmas: Sequence[float], befor
     return min(finite, key=lambda one: one.cost).x if finite else None
 
 
-def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> TableFit:
+def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> LawFit[LinearLaw]:
     count = len(law.parameters)
     parts = _weighted(law, problem, x, sigmas)
     slopes = _slopes(law, problem, x, sigmas)
@@ -200,8 +176,8 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
     loose = [e for e, table in zip(errors, problem.tables, strict=True) if table.std is None]
     bic = chi2 + float(parts[-1] @ parts[-1]) + count * math.log(problem.count)
     bic += sum(len(e) * math.log(max(float(np.mean(e**2)), 1e-18)) for e in loose)
-    return TableFit(
-        law, problem.poisson, values, values * relative, total[:count, :count],
+    return LawFit(
+        law, values, values * relative, total[:count, :count],
         {name: values * share for name, share in shares.items()},
         tuple(math.sqrt(float(np.mean(e**2))) for e in errors), chi2, freedom if stated else 0, bic, correlation,
         tuple(name for (name, _), one in zip(law.parameters, relative, strict=True) if not one < _UNDETERMINED),
@@ -228,9 +204,3 @@ def _autocorrelation(parts: Sequence[Floats]) -> float:
     power = float(sum(part @ part for part in parts))
     product = float(sum(part[1:] @ part[:-1] for part in parts))
     return min(max(product / power, 0.0), _WORST) if power > 0 else 0.0
-
-
-def supported_fits(fits: Sequence[TableFit]) -> list[TableFit]:
-    """Laws whose BIC is within 6 of the best and that stated uncertainties do not refute; the best first."""
-    standing = sorted((fit for fit in fits if not fit.p < 1e-3), key=lambda fit: fit.bic)
-    return [fit for fit in standing if fit.bic - standing[0].bic < 6.0]
