@@ -234,3 +234,38 @@ def test_a_file_that_is_no_text(tmp_path):
     path.write_bytes(bytes(range(256)))
     with pytest.raises(LogError, match="is not a CSV text"):
         read_text(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (TRIOS, ["# Frequency sweep - 2: oscillation, 2 rows of G', G''", "palpate agree RUN --reference table.csv"]),
+        (CURE, ["# Stress Relaxation, interval 1: relaxation, 4 rows of G(t) over 0.2 to 1.6 s"]),
+        (SWEEP.replace("Hz,Pa,Pa", "Hz,,Pa"), ['# fill in the unit of "G\'": Pa', "--unit 'G'\"'\"'=...'"]),
+        (SWEEP.replace("Hz,Pa,Pa\n", ""), ["# fill in the unit of 'Frequency': Hz, rad/s", "--unit Frequency=..."]),
+        (SWEEP.replace("G',G''", "Storage modulus,Loss modulus"), ["palpate material table.csv --modulus ..."]),
+        ("strain [%],stress [Pa]\n1,2\n2,4\n", ["palpate material fit table.csv --scale '2 %' --loading ..."]),
+        (SWEEP.replace("210", "-210"), ["# to be settled: table.csv:4, column 2"]),
+    ],
+)
+def test_info_suggests_commands(palpate, tmp_path, text, said):
+    written(tmp_path, text)
+    done = palpate("info", "table.csv", "--suggest")
+    assert done.returncode == 0, done.stderr
+    for words in said:
+        assert words in done.stdout
+
+
+def test_a_log_is_no_table_of_an_instrument(palpate, tmp_path):
+    """Force and travel beside stress and strain, or columns of one letter, are those of a press; nor is a pipeline
+    written for a table."""
+    rows = "\n".join(f"{0.01 * k},{0.1 * k**1.5},{0.01 * k},{k},{0.1 * k}" for k in range(1, 60))
+    for head in ("time [s],load [N],extension [mm],stress [kPa],strain [%]", "t [s],F [N],z [mm],E [kPa],s [1]"):
+        written(tmp_path, f"{head}\n{rows}\n")
+        assert "a table of an instrument" not in palpate("info", "table.csv", "--suggest").stdout
+    written(tmp_path, SWEEP)
+    done = palpate("info", "table.csv", "--suggest", "-o", "x.toml")
+    assert done.returncode == 2
+    assert "is not a log: no pipeline reads it" in done.stderr
+    found = json.loads(palpate("info", "table.csv", "--suggest", "--json").stdout)
+    assert found["commands"][0] == "palpate material table.csv"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from palpate import Command, ReportSection, plugin
+from palpate import Command, FileSuggestion, ReportSection, plugin
 
 
 @plugin
@@ -25,6 +25,12 @@ def palpate_commands() -> dict[str, Command]:
             "palpate_reference.agreement.agree_command:agree", "Compare runs with a reference instrument.", "compare"
         ),
     }
+
+
+@plugin
+def palpate_file_suggestions() -> dict[str, FileSuggestion]:
+    """Tables of instruments."""
+    return {"instrument": FileSuggestion("palpate_reference.table_suggestion:suggested_commands")}
 
 
 @plugin

@@ -153,10 +153,9 @@ def _factor(text: InstrumentText, block: TableBlock, column: TableColumn) -> flo
     si = _ROLES[column.role][0]
     at = place(text, block, column)
     if not column.unit:
-        examples = {"Hz": "Hz", "1": "%", "1/Pa": "1/Pa"}.get(si, si)
-        other = ' or "rad/s"' if column.role == "frequency" else ' or "1"' if si == "1" else ""
-        option = f'state it with --unit "{column.name}={examples}"{other}'
-        raise LogError(f"{at}: has no unit: {option}")
+        first, *others = example_unit(column.role)
+        rest = "".join(f' or "{other}"' for other in others)
+        raise LogError(f'{at}: has no unit: state it with --unit "{column.name}={first}"{rest}')
     if column.role == "angular_frequency" and column.unit == "Hz":
         raise LogError(
             f'{at}: an angular frequency is in rad/s, and Hz is stated: state which with --unit "{column.name}=rad/s", '
@@ -174,6 +173,13 @@ def _factor(text: InstrumentText, block: TableBlock, column: TableColumn) -> flo
         return to_si(f"1 {column.unit}", si)
     except ValueError as error:
         raise LogError(f"{at}: {error}") from error
+
+
+def example_unit(role: str) -> tuple[str, ...]:
+    """What the unit of a role can be; none for a role that needs none."""
+    si = _ROLES[role][0]
+    others = {"frequency": ("Hz", "rad/s"), "strain": ("%", "1")}
+    return others.get(role, () if si in ("", "°C") else (si,))
 
 
 def place(text: InstrumentText, block: TableBlock, column: TableColumn, row: int | None = None) -> str:
