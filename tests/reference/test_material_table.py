@@ -256,6 +256,7 @@ def test_info_suggests_commands(palpate, tmp_path, text, said):
         assert words in done.stdout
 
 
+@pytest.mark.slow
 def test_a_log_is_no_table_of_an_instrument(palpate, tmp_path):
     """Force and travel beside stress and strain, or columns of one letter, are those of a press; nor is a pipeline
     written for a table."""
