@@ -143,6 +143,16 @@ def test_the_paper_against_its_dynamometer(palpate, tmp_path):
     assert (tmp_path / "out" / "agreement.png").stat().st_size > 5000
 
 
+def test_a_table_with_decimal_commas(palpate, tmp_path):
+    """As a spreadsheet of another country writes it, with a comment above."""
+    text = "# by Anna\n" + PAPER.replace(",", ";").replace(".", ",")
+    (tmp_path / "paper.csv").write_text(text, encoding="utf-16")
+    found = json.loads(palpate("agree", "paper.csv", "--json", "-o", "out").stdout)
+    assert found["pairs"][0]["value"] == pytest.approx(302.3e3)
+    (tmp_path / "paper.csv").write_text(text.replace("302,3", "high"), encoding="utf-16")
+    assert "paper.csv:3, column 'value': 'high' is not a number" in palpate("agree", "paper.csv").stderr
+
+
 def many(count=8):
     rows = ["specimen,operator,value_kPa,std_kPa,reference_kPa,reference_std_kPa"]
     random = np.random.default_rng(1)

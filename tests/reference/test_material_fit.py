@@ -204,6 +204,7 @@ def test_the_command(palpate, tmp_path):
         (["strain.csv"], "tension or compression? State --loading"),
         (["strain.csv", "--loading", "tension"], "2 readings are too few for every law"),
         (["strain.csv", "--law", "maxwell"], "no law 'maxwell' of stress over strain (there are: mooney-rivlin"),
+        (["strain.csv", "--reference-temperature", "20 °C"], "stress over strain has no time that could be shifted"),
         (["amplitude.csv"], "no modulus over several frequencies or over time"),
         (["empty"], "is no run folder with a result.json"),
     ],

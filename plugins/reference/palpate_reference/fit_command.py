@@ -20,7 +20,7 @@ from palpate_reference.decade_series import DECADES, decade_series
 from palpate_reference.fit_sources import read_sources
 from palpate_reference.hyperelastic.curve_fit import Loading, fit_curves, stress_curves
 from palpate_reference.hyperelastic.strain_energies import HYPERELASTIC, HyperelasticLaw, stable_stretches
-from palpate_reference.law_fit import AnyFit, LawFit, law_document, law_table, remarks, supported_fits, value_table
+from palpate_reference.law_fit import AnyFit, TableFit, law_document, law_table, remarks, supported_fits, value_table
 from palpate_reference.material_laws import LAWS, LinearLaw
 from palpate_reference.material_table import MaterialTable
 from palpate_reference.superposition.master_command import ReferenceOption, VerticalOption, curve_at
@@ -62,6 +62,8 @@ def fit_material(
     tables = read_sources(sources, table_settings(units, modulus), poisson)
     fits: Sequence[AnyFit]
     if tables[0].kind == "stress-strain":
+        if reference is not None or vertical:
+            raise ConfigurationError("--reference-temperature: stress over strain has no time that could be shifted")
         fits = found = curve_fits(tables, laws, _share(scale), loading)
         findings = curve_document(found, tables)
     else:
@@ -108,7 +110,7 @@ def material_fits(
     scale: float,
     poisson: float,
     shift_root: Floats | None = None,
-) -> list[LawFit[LinearLaw]]:
+) -> list[TableFit[LinearLaw]]:
     """Every law, or those of names, by BIC; raises ConfigurationError where none can be fitted."""
     for name in names or ():
         known = [*(law.name for law in LAWS), DECADES]
@@ -131,7 +133,7 @@ def material_fits(
 
 def curve_fits(
     tables: Sequence[MaterialTable], names: Sequence[str] | None, scale: float, loading: Loading | None
-) -> list[LawFit[HyperelasticLaw]]:
+) -> list[TableFit[HyperelasticLaw]]:
     """Every hyperelastic law, or those of names, by BIC; raises ConfigurationError where none can be fitted."""
     known = [law.name for law in HYPERELASTIC]
     for name in names or ():
@@ -154,7 +156,7 @@ def _show(fits: Sequence[AnyFit], doubts: Sequence[str]) -> None:
         screen.print(printable(line), style="yellow", highlight=False)
 
 
-def document(fits: Sequence[LawFit[LinearLaw]], tables: Sequence[MaterialTable], poisson: float) -> dict[str, Any]:
+def document(fits: Sequence[TableFit[LinearLaw]], tables: Sequence[MaterialTable], poisson: float) -> dict[str, Any]:
     """Everything as plain data [SI]; the best law first."""
     standing = supported_fits(fits)
     laws = [
@@ -164,7 +166,7 @@ def document(fits: Sequence[LawFit[LinearLaw]], tables: Sequence[MaterialTable],
     return {**_sources(tables), "poisson": poisson, "laws": laws, "remarks": remarks(fits)}
 
 
-def curve_document(fits: Sequence[LawFit[HyperelasticLaw]], tables: Sequence[MaterialTable]) -> dict[str, Any]:
+def curve_document(fits: Sequence[TableFit[HyperelasticLaw]], tables: Sequence[MaterialTable]) -> dict[str, Any]:
     """The same of hyperelastic laws."""
     standing = supported_fits(fits)
     stable = [stable_stretches(fit.law, fit.values.tolist()) for fit in fits]

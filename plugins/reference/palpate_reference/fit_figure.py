@@ -11,7 +11,7 @@ from palpate_kit.figures import figure_of, legend_outside, save_figure, style
 
 from palpate_reference.hyperelastic.curve_fit import StressCurve
 from palpate_reference.hyperelastic.strain_energies import HyperelasticLaw
-from palpate_reference.law_fit import LawFit
+from palpate_reference.law_fit import TableFit
 from palpate_reference.material_laws import LinearLaw
 from palpate_reference.material_table import Kind, MaterialTable, frequency_or_time
 
@@ -19,7 +19,7 @@ _LABELS: dict[Kind, str] = {"oscillation": "E', E'' [kPa]", "relaxation": "E(t) 
 _MOST = 3  # laws
 
 
-def draw_fits(fits: Sequence[LawFit[LinearLaw]], tables: Sequence[MaterialTable], poisson: float, path: Path) -> None:
+def draw_fits(fits: Sequence[TableFit[LinearLaw]], tables: Sequence[MaterialTable], poisson: float, path: Path) -> None:
     """One panel for each kind of table."""
     of_tables: list[Kind] = [table.kind for table in tables]
     kinds = list(dict.fromkeys(of_tables))
@@ -30,7 +30,7 @@ def draw_fits(fits: Sequence[LawFit[LinearLaw]], tables: Sequence[MaterialTable]
         save_figure(figure, path)
 
 
-def draw_curves(fits: Sequence[LawFit[HyperelasticLaw]], curves: Sequence[StressCurve], path: Path) -> None:
+def draw_curves(fits: Sequence[TableFit[HyperelasticLaw]], curves: Sequence[StressCurve], path: Path) -> None:
     """Nominal stress over strain, one panel for uniaxial curves and one for shear."""
     groups = [[one for one in curves if (one.loading == "shear") is shear] for shear in (False, True)]
     groups = [group for group in groups if group]
@@ -51,7 +51,7 @@ def draw_curves(fits: Sequence[LawFit[HyperelasticLaw]], curves: Sequence[Stress
 
 
 def _draw_kind(
-    axes: Any, kind: Kind, fits: Sequence[LawFit[LinearLaw]], tables: Sequence[MaterialTable], poisson: float
+    axes: Any, kind: Kind, fits: Sequence[TableFit[LinearLaw]], tables: Sequence[MaterialTable], poisson: float
 ) -> None:
     factor = 1e3 if kind == "creep" else 1e-3
     per = {table.name: _young(table, poisson) for table in tables}

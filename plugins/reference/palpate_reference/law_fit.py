@@ -17,7 +17,7 @@ _CLOSE = 6.0  # BIC above the best
 _REFUTED = 1e-3  # p
 
 
-class MaterialLaw(Protocol):
+class LawDescription(Protocol):
     """What any law says of itself."""
 
     @property
@@ -33,11 +33,11 @@ class MaterialLaw(Protocol):
         """Names and SI units."""
 
 
-Law = TypeVar("Law", bound=MaterialLaw)
+Law = TypeVar("Law", bound=LawDescription)
 
 
 @dataclass(frozen=True)
-class LawFit(Generic[Law]):
+class TableFit(Generic[Law]):
     """A law at the values that describe tables best."""
 
     law: Law
@@ -60,10 +60,10 @@ class LawFit(Generic[Law]):
         return float(chi2.sf(self.chi2, self.freedom)) if self.freedom > 0 else math.nan
 
 
-AnyFit = LawFit[Any]
+AnyFit = TableFit[Any]
 
 
-def supported_fits(fits: Sequence[LawFit[Law]]) -> list[LawFit[Law]]:
+def supported_fits(fits: Sequence[TableFit[Law]]) -> list[TableFit[Law]]:
     """Laws whose BIC is within 6 of the best and that stated uncertainties do not refute; the best first."""
     standing = sorted((fit for fit in fits if not fit.p < _REFUTED), key=lambda fit: fit.bic)
     return [fit for fit in standing if fit.bic - standing[0].bic < _CLOSE]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
 
-from palpate_reference.law_fit import LawFit
+from palpate_reference.law_fit import TableFit
 from palpate_reference.material_laws import LinearLaw
 from palpate_reference.material_table import MaterialTable
 
@@ -58,7 +58,7 @@ def predictions(law: LinearLaw, table: MaterialTable, values: Sequence[float], p
     return law.relaxation(table.x, values, poisson)[:, None] / per
 
 
-def fit_law(law: LinearLaw, problem: FitProblem) -> LawFit[LinearLaw] | None:
+def fit_law(law: LinearLaw, problem: FitProblem) -> TableFit[LinearLaw] | None:
     """A law by least squares of relative errors; None where the readings are too few for it, or it fits nowhere.
 
     Readings that state an uncertainty are weighed by it; those of another table by its scatter, which is found with
@@ -141,7 +141,7 @@ def _minimum(law: LinearLaw, problem: FitProblem, sigmas: Sequence[float], befor
     return min(finite, key=lambda one: one.cost).x if finite else None
 
 
-def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> LawFit[LinearLaw]:
+def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> TableFit[LinearLaw]:
     count = len(law.parameters)
     parts = _weighted(law, problem, x, sigmas)
     slopes = _slopes(law, problem, x, sigmas)
@@ -176,7 +176,7 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
     loose = [e for e, table in zip(errors, problem.tables, strict=True) if table.std is None]
     bic = chi2 + float(parts[-1] @ parts[-1]) + count * math.log(problem.count)
     bic += sum(len(e) * math.log(max(float(np.mean(e**2)), 1e-18)) for e in loose)
-    return LawFit(
+    return TableFit(
         law, values, values * relative, total[:count, :count],
         {name: values * share for name, share in shares.items()},
         tuple(math.sqrt(float(np.mean(e**2))) for e in errors), chi2, freedom if stated else 0, bic, correlation,

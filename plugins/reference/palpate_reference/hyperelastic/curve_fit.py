@@ -12,7 +12,7 @@ from palpate import ConfigurationError, Floats
 from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
 
 from palpate_reference.hyperelastic.strain_energies import HyperelasticLaw
-from palpate_reference.law_fit import LawFit
+from palpate_reference.law_fit import TableFit
 from palpate_reference.material_table import MaterialTable
 
 Loading = Literal["tension", "compression", "shear"]
@@ -60,7 +60,7 @@ def stress_curves(tables: Sequence[MaterialTable], loading: Loading | None) -> l
     return found
 
 
-def fit_curves(law: HyperelasticLaw, curves: Sequence[StressCurve], scale: float) -> LawFit[HyperelasticLaw] | None:
+def fit_curves(law: HyperelasticLaw, curves: Sequence[StressCurve], scale: float) -> TableFit[HyperelasticLaw] | None:
     """A law by least squares of the stress, over the largest of each curve; None where the rows are too few.
 
     The scatter is found with the law, and counts more where residuals are correlated; a relative error of all stresses
@@ -96,13 +96,13 @@ def _secant(curve: StressCurve) -> Floats:
     """Shear moduli (n,) [Pa] of the rows by a neo-Hookean solid."""
     drive = curve.x if curve.loading == "shear" else curve.x - curve.x**-2
     strained = np.abs(drive) > 0.1 * float(np.abs(drive).max())
-    return curve.stress[strained] / drive[strained]
+    return np.asarray(curve.stress[strained] / drive[strained], np.float64)
 
 
 def _outcome(
     law: HyperelasticLaw, curves: Sequence[StressCurve], x: Floats, units: Floats, square: Floats, residual: Floats,
     tops: Sequence[float], scale: float,
-) -> LawFit[HyperelasticLaw]:  # fmt: skip
+) -> TableFit[HyperelasticLaw]:  # fmt: skip
     count, rows = len(x), len(residual)
     parts = np.split(residual, np.cumsum([len(curve.x) for curve in curves])[:-1])
     power = float(residual @ residual)
@@ -118,7 +118,7 @@ def _outcome(
     if scale:
         budget["scale"] = np.abs(moved)
     loose = stds >= _UNDETERMINED * np.abs(values)
-    return LawFit(
+    return TableFit(
         law, values, stds, covariance, budget, tuple(float(np.sqrt(np.mean(part**2))) for part in parts), 0.0, 0,
         rows * math.log(max(power / rows, 1e-18)) + count * math.log(rows), correlation,
         tuple(name for (name, _), one in zip(law.parameters, loose, strict=True) if one),

@@ -123,7 +123,9 @@ def law_table(laws: Sequence[ShiftLaw]) -> Table:
         words = []
         for name, (value, std, unit) in law.values.items():
             scale, word = factor.get(unit, (1.0, unit))
-            words.append(f"{name} {value_with_uncertainty(scale * value, scale * std)} {'' if word == '1' else word}")
+            words.append(
+                f"{name} {value_with_uncertainty(scale * value, scale * std)} {'' if word == '1' else word}".strip()
+            )
         rows.append((law.name, ", ".join(words), f"{law.deviation:.2g}", f"{law.chi2:.3g} / {law.freedom}"))
     return Table.of("laws of the shift", ("law", "values", "rms of\nlog10 a_T", "chi^2 / freedom"), rows, ("law",))
 

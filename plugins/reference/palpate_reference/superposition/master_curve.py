@@ -79,7 +79,7 @@ class MasterCurve:
         of = np.concatenate([np.full(len(one.x), k) for k, sweep in enumerate(self.sweeps) for one in sweep.tables])
         x = np.concatenate([one.x for sweep, shift in zip(self.sweeps, self.shifts, strict=True)
                             for one in _shifted(sweep, shift)])  # fmt: skip
-        return (np.array([along, up])[:, None, None] * root[:, of])[:, self._order(x)]
+        return np.asarray((np.array([along, up])[:, None, None] * root[:, of])[:, self._order(x)], np.float64)
 
     @staticmethod
     def _order(x: Floats) -> NDArray[np.intp]:
@@ -164,7 +164,7 @@ def _first_shifts(rows: _Rows, sweeps: Sequence[TemperatureSweep], reference: in
             )
         steps.append(shift)
     found = np.cumsum(steps)
-    return found - found[reference]
+    return np.asarray(found - found[reference], np.float64)
 
 
 def _ordered(x: Floats, y: Floats) -> tuple[Floats, Floats]:

@@ -30,8 +30,11 @@ def draw_master_curve(curve: MasterCurve, laws: Sequence[ShiftLaw], path: Path) 
                           markerfacecolor="none", label=f"{temperature:.1f} °C" if column == 0 else None)  # fmt: skip
         axis = f"f a_T [{unit}]" if first.kind == "oscillation" else f"t/a_T [{unit}]"
         per = "1/kPa" if first.kind == "creep" else "kPa"
-        at = f"at {curve.temperatures[curve.reference]:.1f} °C"
-        left.set(xscale="log", yscale="log", xlabel=axis, ylabel=f"{', '.join(names)} [{per}]", title=at)
+        axis += f" at {curve.temperatures[curve.reference]:.1f} °C"
+        left.set(xscale="log", yscale="log", xlabel=axis, ylabel=f"{', '.join(names)} [{per}]")
+        for one in (left.xaxis, left.yaxis):
+            one.set_major_formatter("{x:g}")
+            one.set_minor_formatter("")
         legend_outside(left)
         right.errorbar(curve.temperatures, curve.shifts[:, 0] / math.log(10), 2 * curve.stds[:, 0] / math.log(10),
                        fmt="o", markersize=3, linewidth=0.6)  # fmt: skip

@@ -88,7 +88,7 @@ def _wlf(curve: MasterCurve) -> ShiftLaw | None:
     least = max(at - float(curve.temperatures.min()), 0.0) + 1e-3
 
     def log_shift(t: Floats, x: Floats) -> Floats:
-        return -math.log(10.0) * x[0] * (t - at) / (x[1] + (t - at))
+        return np.asarray(-math.log(10.0) * x[0] * (t - at) / (x[1] + (t - at)), np.float64)
 
     low, high = np.array([0.0, least]), np.array([_FAR, _FAR])
     normal = normal_by_differences(lambda x: whitening @ (log_shift(temperature, x) - shift), high)
