@@ -127,6 +127,9 @@ def test_a_creep_is_strain_over_the_stress_that_is_held(tmp_path):
     (table,) = read_tables(written(tmp_path, text), NOTHING)
     assert (table.kind, table.shear) == ("creep", True)
     np.testing.assert_allclose(table.y[:, 0], 1e-6 * np.arange(1, 6) ** 0.5)
+    stiff = "time [s],shear strain [%],shear stress [Pa]\n" + "".join(f"{t},{1 + t / 1e4},100\n" for t in range(1, 6))
+    (table,) = read_tables(written(tmp_path, stiff), NOTHING)
+    assert table.kind == "creep"
     ramp = "time [s],strain [%],stress [kPa]\n1,1,2\n2,2,4\n3,3,6\n"
     (table,) = read_tables(written(tmp_path, ramp), NOTHING)
     assert table.kind == "stress-strain"

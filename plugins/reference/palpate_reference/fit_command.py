@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from palpate import ConfigurationError, Floats, printable, to_si
@@ -60,34 +60,53 @@ def fit_material(
     strain is nominal, of an incompressible solid. Writes material.json and fit.png.
     """
     tables = read_sources(sources, table_settings(units, modulus), poisson)
-    fits: Sequence[AnyFit]
     if tables[0].kind == "stress-strain":
         if reference is not None or vertical:
             raise ConfigurationError("--reference-temperature: stress over strain has no time that could be shifted")
-        fits = found = curve_fits(tables, laws, _share(scale), loading)
-        findings = curve_document(found, tables)
+        outcome = _hyperelastic(tables, laws, _share(scale), loading)
     else:
         root = None
         if reference is not None or vertical:
             runs = [table for table in tables if table.format == "run"]
             curve = curve_at([table for table in tables if table.format != "run"], reference, vertical)
             tables, root = [curve.table(), *runs], curve.shift_root()
-        fits = linear = material_fits(tables, laws, _share(scale), poisson, root)
-        findings = document(linear, tables, poisson)
+        outcome = _linear(tables, laws, _share(scale), poisson, root)
     folder = make_folder("material", out, datetime.now(UTC).astimezone())
-    write_new(folder / MATERIAL, json_text(findings))
-    from palpate_reference.fit_figure import draw_curves, draw_fits
-
-    if tables[0].kind == "stress-strain":
-        draw_curves(supported_fits(found), stress_curves(tables, loading), folder / "fit.png")
-    else:
-        draw_fits(supported_fits(linear) or linear[:1], tables, poisson, folder / "fit.png")
+    write_new(folder / MATERIAL, json_text(outcome.findings))
+    outcome.draw(folder / "fit.png")
     if as_json:
-        print_json({"folder": folder, **findings})
+        print_json({"folder": folder, **outcome.findings})
         return
     with print_aside(False):
-        _show(fits, findings["remarks"])
+        _show(outcome.fits, outcome.findings["remarks"])
     typer.echo(f"written to {folder}: {MATERIAL}, fit.png", err=layout != "table")
+
+
+class _Outcome(NamedTuple):
+    """Fits, the best first, what is written of them, and their figure."""
+
+    fits: Sequence[AnyFit]
+    findings: dict[str, Any]
+    draw: Callable[[Path], None]
+
+
+def _linear(
+    tables: Sequence[MaterialTable], laws: Sequence[str] | None, scale: float, poisson: float, root: Floats | None
+) -> _Outcome:
+    from palpate_reference.fit_figure import draw_fits
+
+    fits = material_fits(tables, laws, scale, poisson, root)
+    shown = supported_fits(fits) or fits[:1]
+    return _Outcome(fits, document(fits, tables, poisson), lambda path: draw_fits(shown, tables, poisson, path))
+
+
+def _hyperelastic(
+    tables: Sequence[MaterialTable], laws: Sequence[str] | None, scale: float, loading: Loading | None
+) -> _Outcome:
+    from palpate_reference.fit_figure import draw_curves
+
+    fits, curves = curve_fits(tables, laws, scale, loading), stress_curves(tables, loading)
+    return _Outcome(fits, curve_document(fits, tables), lambda path: draw_curves(supported_fits(fits), curves, path))
 
 
 def _share(scale: str | None) -> float:

@@ -23,14 +23,17 @@ class LawDescription(Protocol):
     @property
     def name(self) -> str:
         """As it is chosen."""
+        ...
 
     @property
     def formula(self) -> str:
         """In letters."""
+        ...
 
     @property
     def parameters(self) -> tuple[tuple[str, str], ...]:
         """Names and SI units."""
+        ...
 
 
 Law = TypeVar("Law", bound=LawDescription)

@@ -63,15 +63,23 @@ def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableCo
     time = filled & set(_TIMES)
     if {"storage", "loss"} <= filled:
         return "oscillation" if filled & {"frequency", "angular_frequency"} else None
-    for kind in ("relaxation", "creep"):
+    over_time: tuple[Kind, ...] = ("relaxation", "creep")
+    for kind in over_time:
         if time and _VALUES[kind][0] in filled:
             return kind
     if not {"strain", "stress"} <= filled or "flow" in filled:
         return None
-    held = [kind for role, kind in _HELD.items() if time and _held(text, block, columns[role]).any()]
-    if held:
-        return held[0]
-    return None if len(block.rows) == 1 and len(columns) > len(("strain", "stress")) else "stress-strain"
+    spreads = {role: _spread(si_values(text, block, columns[role])) for role in _HELD}
+    steadier = min(spreads, key=spreads.__getitem__)  # of a stiff solid both are steady: the held one is so by control
+    if time and _held(text, block, columns[steadier]).any():
+        return _HELD[steadier]
+    return "stress-strain" if len(block.rows) > 1 else None
+
+
+def _spread(values: Floats) -> float:
+    """The usual distance from the median over that; infinite where there is none."""
+    middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
+    return float(np.nanmean(np.abs(values - middle))) / abs(middle) if middle else math.inf
 
 
 def _held(text: InstrumentText, block: TableBlock, column: TableColumn) -> NDArray[np.bool_]:
@@ -139,8 +147,9 @@ def _positive(
     """Columns of which all values are above zero; a time may be zero, too."""
     axes = ("frequency", "angular_frequency") if kind == "oscillation" else _TIMES
     names = _VALUES[kind]
-    found = [(next(columns[role] for role in axes if role in columns), x if kind == "oscillation" else x + (x == 0.0))]
-    found += [(columns.get(role, columns.get("stress")), y[:, k]) for k, role in enumerate(names)]  # type: ignore[misc]
+    axis = next(columns[role] for role in axes if role in columns)
+    found = [(axis, x if kind == "oscillation" else x + (x == 0.0))]
+    found += [(columns[role if role in columns else "stress"], y[:, k]) for k, role in enumerate(names)]
     found += [(columns[f"{role}_std"], std[:, k]) for k, role in enumerate(names) if std is not None]
     return found
 

@@ -75,7 +75,8 @@ def fit_curves(law: HyperelasticLaw, curves: Sequence[StressCurve], scale: float
 
     def residual(x: Floats) -> Floats:
         parts = [curve.predicted(law, (x * units).tolist()) - curve.stress for curve in curves]
-        return np.nan_to_num(np.concatenate([part / top for part, top in zip(parts, tops, strict=True)]), posinf=1e9)
+        scaled = np.concatenate([part / top for part, top in zip(parts, tops, strict=True)])
+        return np.asarray(np.nan_to_num(scaled, posinf=1e9), np.float64)
 
     high = np.full(count, _FAR)
     normal = normal_by_differences(residual, high)

@@ -106,7 +106,7 @@ class _Rows:
 
     x: Floats  # (r,)
     y: Floats  # (r, c), such that ln b_T is added
-    sweep: Floats  # (r,) whose each is, as whole numbers
+    sweep: NDArray[np.intp]  # (r,) whose each is
 
 
 def _rows_of(sweeps: Sequence[TemperatureSweep]) -> _Rows:

@@ -53,7 +53,7 @@ def _free(curve: MasterCurve) -> tuple[Floats, Floats, Floats]:
     covariance = curve.covariance[: len(free), : len(free)][np.ix_(free, free)]
     floor = 1e-12 * float(np.trace(covariance)) + 1e-24
     whitening = np.linalg.inv(np.linalg.cholesky(covariance + floor * np.eye(len(covariance))))
-    return curve.temperatures[free], curve.shifts[free, 0], whitening
+    return curve.temperatures[free], curve.shifts[free, 0], np.asarray(whitening, np.float64)
 
 
 def _arrhenius(curve: MasterCurve) -> ShiftLaw | None:
