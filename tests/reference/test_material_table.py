@@ -118,6 +118,16 @@ def test_a_relaxation_is_stress_over_the_strain_that_is_held(tmp_path):
     np.testing.assert_allclose(table.x, [0.2, 0.4, 0.8, 1.6])
     np.testing.assert_allclose(table.y[:, 0], [4000, 3800, 3700, 3650])
     assert table.notes == ("stress over the strain that is held",)
+    flowing = "time [s],shear strain [%],shear stress [Pa],shear rate [1/s]\n1,10,4,0\n2,10,3,0\n3,10,2,0\n"
+    assert read_tables(written(tmp_path, flowing), NOTHING)[0].kind == "relaxation"
+    with pytest.raises(LogError, match="no table of a material"):  # a steady flow under a steady stress
+        read_tables(
+            written(
+                tmp_path,
+                flowing.replace("1,10,4,0", "1,11,2,5").replace("2,10,3,0", "2,15,2,5").replace("3,10,2,0", "3,19,2,5"),
+            ),
+            NOTHING,
+        )
 
 
 def test_a_creep_is_strain_over_the_stress_that_is_held(tmp_path):

@@ -88,6 +88,27 @@ def test_master_curves_of_reptate(sample, weight, most):
     assert wlf.deviation < 0.035
 
 
+def test_master_curve_of_pyvisco():
+    """Shifts by E' of a DMA's sweeps from -50 to 100 °C, in one table, beside those that pyvisco's example states.
+
+    From -5 °C on they follow within one decade of 19, and from 40 °C on step by step within 0.2; below -5 °C E' hardly
+    changes with the frequency, and theirs are drawn by hand.
+    """
+    (path,) = public("freq_user_raw.csv")
+    curve = curve_at(read_tables(path, TableSettings({})), "-5 °C", False, storage=True)
+    known = dict(zip(range(21), PYVISCO_SHIFTS, strict=True))
+    assert len(curve.temperatures) == 21
+    shifts = curve.shifts[:, 0] / math.log(10)
+    for k in range(6, 21):
+        assert shifts[k] == pytest.approx(known[k], abs=0.95)
+    steps = np.diff(shifts[12:]) - np.diff([known[k] for k in range(12, 21)])
+    assert np.abs(steps).max() < 0.2
+
+
+PYVISCO_SHIFTS = (11.1, 9.12, 6.96, 5.1, 3.54, 1.62, 0, -1.68, -3.18, -4.62, -6.12, -7.74, -9.72, -11.64, -13.14, -14.4,
+                  -15.48, -16.5, -17.4, -18.24, -19.02)  # fmt: skip
+
+
 def test_silicone_of_the_soft_robotics_database(palpate, tmp_path):
     """An Instron's tension of RTV615 to 190 %: it asks for what is not said; a Yeoh solid describes it within 1 %."""
     path = public("RTV615*.csv")[0]

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,6 +90,16 @@ def test_moduli_that_depend_on_temperature_are_named():
     curve = curve_at(tables, "10 °C", True)
     assert not curve.strange
     np.testing.assert_allclose(curve.shifts[:, 1], [-0.005 * (t - 10) for t in TEMPERATURES], atol=0.02)
+
+
+def test_a_loss_that_is_that_of_the_instrument():
+    """A loss that grows with the frequency at every temperature; the storage modulus alone has the shifts."""
+    tables = [sweep(t, wlf(t), noise=1e-3) for t in TEMPERATURES]
+    tables = [replace(one, y=one.y + np.outer(one.x, [0.0, 2e3])) for one in tables]
+    assert curve_at(tables, "10 °C", False).strange
+    curve = curve_at(tables, "10 °C", False, storage=True)
+    assert not curve.strange
+    np.testing.assert_allclose(curve.shifts[:, 0], [wlf(t) for t in TEMPERATURES], atol=0.05)
 
 
 def test_one_table_is_parted_by_its_temperatures():

@@ -23,7 +23,7 @@ from palpate_reference.hyperelastic.strain_energies import HYPERELASTIC, Hyperel
 from palpate_reference.law_fit import AnyFit, TableFit, law_document, law_table, remarks, supported_fits, value_table
 from palpate_reference.material_laws import LAWS, LinearLaw
 from palpate_reference.material_table import MaterialTable
-from palpate_reference.superposition.master_command import ReferenceOption, VerticalOption, curve_at
+from palpate_reference.superposition.master_command import ByOption, ReferenceOption, VerticalOption, curve_at
 from palpate_reference.table_fit import FitProblem, fit_law
 from palpate_reference.table_options import ModulusOption, UnitOption, table_settings
 
@@ -46,6 +46,7 @@ def fit_material(
     ] = None,
     reference: ReferenceOption = None,
     vertical: VerticalOption = False,
+    by: ByOption = "moduli",
     units: UnitOption = None,
     modulus: ModulusOption = None,
     out: FolderOption = None,
@@ -68,7 +69,7 @@ def fit_material(
         root = None
         if reference is not None or vertical:
             runs = [table for table in tables if table.format == "run"]
-            curve = curve_at([table for table in tables if table.format != "run"], reference, vertical)
+            curve = curve_at([table for table in tables if table.format != "run"], reference, vertical, by == "storage")
             tables, root = [curve.table(), *runs], curve.shift_root()
         outcome = _linear(tables, laws, _share(scale), poisson, root)
     folder = make_folder("material", out, datetime.now(UTC).astimezone())

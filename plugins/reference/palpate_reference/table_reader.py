@@ -67,13 +67,14 @@ def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableCo
     for kind in over_time:
         if time and _VALUES[kind][0] in filled:
             return kind
-    if not {"strain", "stress"} <= filled or "flow" in filled:
+    if not {"strain", "stress"} <= filled:
         return None
     spreads = {role: _spread(si_values(text, block, columns[role])) for role in _HELD}
     steadier = min(spreads, key=spreads.__getitem__)  # of a stiff solid both are steady: the held one is so by control
-    if time and _held(text, block, columns[steadier]).any():
+    flows = "flow" in filled
+    if time and _held(text, block, columns[steadier]).any() and not (flows and steadier == "stress"):
         return _HELD[steadier]
-    return "stress-strain" if len(block.rows) > 1 else None
+    return "stress-strain" if len(block.rows) > 1 and not flows else None
 
 
 def _spread(values: Floats) -> float:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -31,11 +31,17 @@ ReferenceOption = Annotated[
 ]
 VerticalOption = Annotated[bool, typer.Option("--vertical", help="Shift moduli, too (b_T); needs G'' or a curved G'.")]
 
+ByOption = Annotated[
+    Literal["moduli", "storage"],
+    typer.Option(help="What is laid on one another: both moduli, or G' where the loss is that of the instrument."),
+]
+
 
 def master(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Tables of sweeps at several temperatures.")],
     reference: ReferenceOption = None,
     vertical: VerticalOption = False,
+    by: ByOption = "moduli",
     units: UnitOption = None,
     modulus: ModulusOption = None,
     out: FolderOption = None,
@@ -49,7 +55,7 @@ def master(
     """
     settings = table_settings(units, modulus)
     tables = [table for path in files for table in read_tables(path, settings) if table.kind != "stress-strain"]
-    curve = curve_at(tables, reference, vertical)
+    curve = curve_at(tables, reference, vertical, by == "storage")
     laws = shift_laws(curve)
     folder = make_folder("master", out, datetime.now(UTC).astimezone())
     write_new(folder / "master.csv", csv_of(curve))
@@ -65,7 +71,9 @@ def master(
     typer.echo(f"written to {folder}: master.csv, shifts.json, master.png", err=layout != "table")
 
 
-def curve_at(tables: Sequence[MaterialTable], reference: str | None, vertical: bool) -> MasterCurve:
+def curve_at(
+    tables: Sequence[MaterialTable], reference: str | None, vertical: bool, storage: bool = False
+) -> MasterCurve:
     """The master curve at the temperature that is asked for, else at the middle one; raises ConfigurationError."""
     wanted = None if reference is None else temperature_of(reference)
     if not tables:
@@ -78,7 +86,7 @@ def curve_at(tables: Sequence[MaterialTable], reference: str | None, vertical: b
             f"--reference-temperature {reference!r}: no sweep is at it; there are sweeps at "
             f"{', '.join(f'{one:.1f}' for one in there)} °C"
         )
-    return master_curve(sweeps, at, vertical)
+    return master_curve(sweeps, at, vertical, storage)
 
 
 def csv_of(curve: MasterCurve) -> str:
@@ -135,8 +143,13 @@ def remarks(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> list[str]:
     found = []
     if curve.strange:
         at = ", ".join(f"{curve.sweeps[k].temperature:.1f}" for k in curve.strange)
-        hint = "" if curve.vertical else "; --vertical shifts the moduli, too"
-        found.append(f"sweeps at {at} °C do not superpose: they miss the common curve by more than they scatter{hint}")
+        hint = (
+            "" if curve.vertical else "; --vertical shifts the moduli, too, --by storage leaves the loss out of account"
+        )
+        found.append(
+            f"sweeps at {at} °C do not superpose: they miss the common curve by more than they scatter, so that their "
+            f"shifts are doubtful{hint}"
+        )
     if laws and all(law.p < _REFUTED for law in laws):
         found.append(
             "no law describes the shifts within their uncertainties: do not go beyond the temperatures measured"

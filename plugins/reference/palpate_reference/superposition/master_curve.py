@@ -109,24 +109,29 @@ class _Rows:
     sweep: NDArray[np.intp]  # (r,) whose each is
 
 
-def _rows_of(sweeps: Sequence[TemperatureSweep]) -> _Rows:
+def _rows_of(sweeps: Sequence[TemperatureSweep], columns: int) -> _Rows:
     parts = []
     for k, sweep in enumerate(sweeps):
         for table in sweep.tables:
             along, up = _signs(table)
             order = np.argsort(table.x)
-            parts.append((along * np.log(table.x[order]), up * np.log(table.y[order]), np.full(len(order), k)))
+            parts.append(
+                (along * np.log(table.x[order]), up * np.log(table.y[order, :columns]), np.full(len(order), k))
+            )
     return _Rows(*(np.concatenate(one) for one in zip(*parts, strict=True)))
 
 
-def master_curve(sweeps: Sequence[TemperatureSweep], reference: int, vertical: bool) -> MasterCurve:
+def master_curve(
+    sweeps: Sequence[TemperatureSweep], reference: int, vertical: bool, storage: bool = False
+) -> MasterCurve:
     """Shifts (n, 2) that bring all sweeps onto one smooth curve, by least squares of logarithms.
 
     The curve is a cubic spline of each modulus, determined with the shifts, so that no law is presumed; the covariance
-    is that of what is left, widened where it is correlated. Raises ConfigurationError where neighbours do not meet.
-    Source: Ferry 1980, chapter 11.
+    is that of what is left, widened where it is correlated. With `storage` the loss modulus does not count. Raises
+    ConfigurationError where neighbours do not meet. Source: Ferry 1980, chapter 11.
     """
-    rows = _rows_of(sweeps)
+    columns = 1 if storage else sweeps[0].tables[0].y.shape[1]
+    rows = _rows_of(sweeps, columns)
     start = _first_shifts(rows, sweeps, reference)
     shifts = np.column_stack([start, np.zeros(len(sweeps))])
     free = [k for k in range(len(sweeps)) if k != reference]
@@ -147,7 +152,7 @@ def master_curve(sweeps: Sequence[TemperatureSweep], reference: int, vertical: b
     at = [*free, *((len(sweeps) + k for k in free) if vertical else ())]
     covariance[np.ix_(at, at)] = inverse
     scatter = np.array([np.sqrt(np.mean(residual[rows.sweep == k] ** 2)) for k in range(len(sweeps))])
-    own = np.array([_own_scatter(sweep) for sweep in sweeps])
+    own = np.array([_own_scatter(sweep, columns) for sweep in sweeps])
     return MasterCurve(tuple(sweeps), reference, shifts, covariance, vertical, scatter, own)
 
 
@@ -226,7 +231,7 @@ def _inflation(residual: Floats, rows: _Rows) -> float:
     return (1.0 + correlation) / (1.0 - correlation)
 
 
-def _own_scatter(sweep: TemperatureSweep) -> float:
+def _own_scatter(sweep: TemperatureSweep, columns: int) -> float:
     """The rms of logarithms about cubics through two neighbours on either side: the noise of a smooth sweep.
 
     Source: Gasser, Sroka and Jennen-Steinmetz 1986, for cubics.
@@ -234,7 +239,7 @@ def _own_scatter(sweep: TemperatureSweep) -> float:
     found: list[Floats] = []
     for table in sweep.tables:
         x, first = np.unique(np.log(table.x), return_index=True)
-        y = np.log(table.y[first])
+        y = np.log(table.y[first, :columns])
         for i in range(2, len(x) - 2):
             beside = [i - 2, i - 1, i + 1, i + 2]
             weight = [math.prod((x[i] - x[k]) / (x[j] - x[k]) for k in beside if k != j) for j in beside]
