@@ -163,9 +163,10 @@ def _first_shifts(rows: _Rows, sweeps: Sequence[TemperatureSweep], reference: in
         one, other = ((rows.x[rows.sweep == i], rows.y[rows.sweep == i]) for i in (k, k + 1))
         shift, rms = _beside(*_ordered(*one), *_ordered(*other))
         if rms > _ASIDE:
+            hint = " (or --by storage, if the loss is that of the instrument)" if rows.y.shape[1] > 1 else ""
             raise ConfigurationError(
                 f"the sweeps at {cold.temperature:.4g} °C and {warm.temperature:.4g} °C do not meet, wherever one is "
-                f"shifted along the other ({100 * rms:.2g} % apart at best): measure a temperature in between"
+                f"shifted along the other ({100 * rms:.2g} % apart at best): measure a temperature in between{hint}"
             )
         steps.append(shift)
     found = np.cumsum(steps)
