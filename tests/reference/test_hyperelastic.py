@@ -133,8 +133,20 @@ def test_a_compression_in_either_sign(palpate, tmp_path, sign, words):
     assert abs(c10["value"] - 2e4) < 4 * c10["std"]
 
 
-def test_a_compression_to_nothing(palpate, tmp_path):
-    (tmp_path / "pull.csv").write_text("strain [%],stress [Pa]\n10,1\n50,2\n100,3\n")
-    done = palpate("material", "fit", "pull.csv", "--loading", "compression")
+@pytest.mark.parametrize(
+    ("rows", "loading", "said"),
+    [
+        ("10,1\n50,2\n100,3\n", "compression", "a compression by 100 % is none"),
+        ("1,-1\n2,-2\n3,-3\n4,-4\n5,-5\n", "tension", "the stress does not rise with the strain, in tension"),
+        ("0,0\n0,0\n0,0\n0,0\n0,0\n", "tension", "the stress does not rise with the strain, in tension"),
+        ("1,1\n2,nan\n", "tension", "pull.csv:3, column 2 'stress [Pa]': 'nan' is not a finite number"),
+        ("1,1\n2\n", "tension", "pull.csv:3, column 2 'stress [Pa]': the line ends before it"),
+        ("1,1\n2,2\n", "tension", "2 readings are too few for every law"),
+    ],
+)
+def test_curves_that_no_solid_has(palpate, tmp_path, rows, loading, said):
+    (tmp_path / "pull.csv").write_text(f"strain [%],stress [Pa]\n{rows}")
+    done = palpate("material", "fit", "pull.csv", "--loading", loading)
     assert done.returncode == 2
-    assert "a compression by 100 % is none" in done.stderr
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr

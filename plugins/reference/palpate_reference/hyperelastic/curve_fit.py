@@ -57,6 +57,12 @@ def stress_curves(tables: Sequence[MaterialTable], loading: Loading | None) -> l
         if float(stretch.min()) <= 0.0:
             raise ConfigurationError(f"{table.name}: a compression by {100 * (1 - float(stretch.min())):.4g} % is none")
         found.append(StressCurve(table.name, kind, stretch, stress))
+    for curve in found:
+        strained = curve.x if curve.loading == "shear" else curve.x - 1.0
+        if not float(strained @ curve.stress) > 0.0:
+            raise ConfigurationError(
+                f"{curve.name}: the stress does not rise with the strain, in {curve.loading}: check signs and --loading"
+            )
     return found
 
 
