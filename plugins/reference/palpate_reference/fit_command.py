@@ -143,12 +143,12 @@ def material_fits(
     series = decade_series(problem) if not names or DECADES in names else None
     laws = [law for law in LAWS if not names or law.name in names] + ([series] if series else [])
     fits = [fit_law(law, problem) for law in laws]
-    found = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)
-    if not found:
+    ordered = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)
+    if not ordered:
         raise ConfigurationError(
             f"{problem.count} readings are too few for every law, or of a kind that it cannot have"
         )
-    return found
+    return ordered
 
 
 def curve_fits(
@@ -161,11 +161,11 @@ def curve_fits(
             raise ConfigurationError(f"--law: there is no law {name!r} of stress over strain{suggest(name, known)}")
     curves = stress_curves(tables, loading)
     fits = [fit_curves(law, curves, scale) for law in HYPERELASTIC if not names or law.name in names]
-    found = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)
-    if not found:
+    ordered = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)
+    if not ordered:
         count = sum(len(curve.x) for curve in curves)
         raise ConfigurationError(f"{count} readings are too few for every law, or of a kind that it cannot have")
-    return found
+    return ordered
 
 
 def _show(fits: Sequence[AnyFit], doubts: Sequence[str]) -> None:

@@ -104,14 +104,14 @@ def value_table(fit: AnyFit) -> Table:
 def remarks(fits: Sequence[AnyFit]) -> list[str]:
     """What is to be doubted of the best law."""
     best, standing = fits[0], supported_fits(fits)
-    found = []
+    doubts = []
     if best.undetermined:
-        found.append(f"{best.law.name}: the tables do not determine {', '.join(best.undetermined)}")
+        doubts.append(f"{best.law.name}: the tables do not determine {', '.join(best.undetermined)}")
     if not standing:
-        found.append(f"no law describes the tables within their stated uncertainties (best: p = {best.p:.1g})")
+        doubts.append(f"no law describes the tables within their stated uncertainties (best: p = {best.p:.1g})")
     if len(standing) > 1:
-        found.append(f"the tables do not choose between {' and '.join(fit.law.name for fit in standing)}")
-    return found
+        doubts.append(f"the tables do not choose between {' and '.join(fit.law.name for fit in standing)}")
+    return doubts
 
 
 def law_document(fit: AnyFit, supported: bool) -> dict[str, Any]:

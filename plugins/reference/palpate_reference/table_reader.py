@@ -39,13 +39,13 @@ def read_tables(path: Path, settings: TableSettings) -> list[MaterialTable]:
     text = read_text(path)
     blocks = table_blocks(text)
     demand_names(text, {name for block in blocks for name in block.names}, settings.units)
-    found: list[MaterialTable] = []
+    tables: list[MaterialTable] = []
     for block in blocks:
         columns = columns_of(text, block, settings.units)
         kind = _kind(text, block, columns)
         if kind is not None:
-            found.append(_table(text, block, columns, kind, settings))
-    if not found:
+            tables.append(_table(text, block, columns, kind, settings))
+    if not tables:
         first = blocks[0]
         names = ", ".join(name for name in first.names if name)
         raise LogError(
@@ -53,7 +53,7 @@ def read_tables(path: Path, settings: TableSettings) -> list[MaterialTable]:
             "columns named frequency, G' and G''; time and relaxation modulus or creep compliance; or strain and "
             f"stress (there are: {names})"
         )
-    return found
+    return tables
 
 
 def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableColumn]) -> Kind | None:
@@ -149,10 +149,10 @@ def _positive(
     axes = ("frequency", "angular_frequency") if kind == "oscillation" else _TIMES
     names = _VALUES[kind]
     axis = next(columns[role] for role in axes if role in columns)
-    found = [(axis, x if kind == "oscillation" else x + (x == 0.0))]
-    found += [(columns[role if role in columns else "stress"], y[:, k]) for k, role in enumerate(names)]
-    found += [(columns[f"{role}_std"], std[:, k]) for k, role in enumerate(names) if std is not None]
-    return found
+    checked = [(axis, x if kind == "oscillation" else x + (x == 0.0))]
+    checked += [(columns[role if role in columns else "stress"], y[:, k]) for k, role in enumerate(names)]
+    checked += [(columns[f"{role}_std"], std[:, k]) for k, role in enumerate(names) if std is not None]
+    return checked
 
 
 def _abscissa(

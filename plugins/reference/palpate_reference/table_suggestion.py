@@ -52,15 +52,15 @@ def _commands(source: str, tables: Sequence[MaterialTable]) -> list[str]:
     """What can be done with tables, or with any where they are not known yet."""
     kinds = {table.kind for table in tables}
     temperatures = [one for table in tables if table.temperature is not None for one in table.temperature]
-    found = [f"palpate material {source}"]
+    commands = [f"palpate material {source}"]
     if temperatures and max(temperatures) - min(temperatures) > _STEP:
-        found.append(f"palpate material master {source}")
-    found.append(
+        commands.append(f"palpate material master {source}")
+    commands.append(
         f"palpate material fit {source} --scale '2 %'" + (" --loading ..." if kinds == {"stress-strain"} else "")
     )
     if not kinds or kinds & {"oscillation", "stress-strain"}:
-        found.append(f"palpate agree RUN --reference {source} --uncertainty '2 %'")
-    return found
+        commands.append(f"palpate agree RUN --reference {source} --uncertainty '2 %'")
+    return commands
 
 
 def _is_of_material(block: TableBlock, columns: dict[str, TableColumn]) -> bool:
@@ -77,13 +77,13 @@ def _is_of_material(block: TableBlock, columns: dict[str, TableColumn]) -> bool:
 
 def _units_to_state(columns: Sequence[dict[str, TableColumn]]) -> dict[str, tuple[str, ...]]:
     """Columns without a unit that the tables need, and what it can be."""
-    found: dict[str, tuple[str, ...]] = {}
+    units: dict[str, tuple[str, ...]] = {}
     for mine in columns:
         for column in mine.values():
             examples = example_unit(column.role)
             if not column.unit and examples:
-                found.setdefault(column.name, examples)
-    return found
+                units.setdefault(column.name, examples)
+    return units
 
 
 def _words(table: MaterialTable) -> str:

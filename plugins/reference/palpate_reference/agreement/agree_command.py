@@ -62,14 +62,14 @@ def agree(
     else:
         known = _reference(reference, uncertainty, quantity, stated, table_settings(units, modulus))
         pairs = run_pairs(runs, quantity, track, known)
-    found = agreement_of(pairs, quantity)
+    agreement = agreement_of(pairs, quantity)
     folder = make_folder("agreement", out, datetime.now(UTC).astimezone())
-    _write(found, folder)
+    _write(agreement, folder)
     if as_json:
-        print_json({"folder": folder, **document(found)})
+        print_json({"folder": folder, **document(agreement)})
         return
     with print_aside(False):
-        show_agreement(found)
+        show_agreement(agreement)
     typer.echo(f"written to {folder}: {AGREEMENT}, agreement.png", err=layout != "table")
 
 
@@ -110,12 +110,12 @@ def _reference(
     return stated_reference(text, uncertainty, QUANTITIES[quantity], stated)
 
 
-def _write(found: Agreement, folder: Path) -> None:
+def _write(agreement: Agreement, folder: Path) -> None:
     from palpate_reference.agreement.agreement_figure import draw_agreement
 
-    write_new(folder / AGREEMENT, json_text(document(found)))
-    draw_agreement(found.pairs, found.limits, found.line, found.quantity, folder / "agreement.png")
-    for pair in found.pairs:
+    write_new(folder / AGREEMENT, json_text(document(agreement)))
+    draw_agreement(agreement.pairs, agreement.limits, agreement.line, agreement.quantity, folder / "agreement.png")
+    for pair in agreement.pairs:
         if pair.run is not None:
-            own = {"quantity": found.quantity, "unit": found.unit, **pair_document(pair)}
+            own = {"quantity": agreement.quantity, "unit": agreement.unit, **pair_document(pair)}
             write_whole(pair.run / AGREEMENT, json_text(own))

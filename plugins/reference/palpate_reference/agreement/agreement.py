@@ -65,5 +65,5 @@ def _precisions(pairs: Sequence[ValuePair]) -> Iterator[tuple[str, Precision]]:
             own = [pair for pair in pairs if pair.specimen == specimen]
             labels = [pair.factors.get(factor, "") for pair in own]
             levels.append(list(grouped([pair.value for pair in own], labels).values()))
-        if any(len(groups) > 1 for groups in levels) and (found := precision(levels)) is not None:
-            yield factor, found
+        if any(len(groups) > 1 for groups in levels) and (spread := precision(levels)) is not None:
+            yield factor, spread

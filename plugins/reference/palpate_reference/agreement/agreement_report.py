@@ -19,42 +19,42 @@ from palpate_reference.agreement.value_pairs import ValuePair
 _TREND = 0.05  # p-value below which differences are said to grow with the mean
 
 
-def show_agreement(found: Agreement) -> None:
+def show_agreement(agreement: Agreement) -> None:
     """Print pairs, what they say together, and what is to be doubted."""
     screen = console()
-    screen.print(pair_table(found).view(), highlight=False)
-    rows = list(_statistics(found))
+    screen.print(pair_table(agreement).view(), highlight=False)
+    rows = list(_statistics(agreement))
     if rows:
         table = Table.of("together", ("statistic", "value", "95 % interval"), rows, ("statistic",))
         screen.print(table.view(), highlight=False)
-    for remark in dict.fromkeys(remark for pair in found.pairs for remark in pair.remarks):
+    for remark in dict.fromkeys(remark for pair in agreement.pairs for remark in pair.remarks):
         screen.print(printable(f"not the same: {remark}"), style="yellow", highlight=False)
-    if found.limits is not None and found.limits.trend_p < _TREND:
+    if agreement.limits is not None and agreement.limits.trend_p < _TREND:
         text = "differences change with the mean: limits of agreement hold for the middle of the range alone"
         screen.print(text, style="yellow", highlight=False)
-    if found.limits is None:
+    if agreement.limits is None:
         screen.print("limits of agreement and Deming's line need three specimens", highlight=False)
 
 
-def pair_table(found: Agreement) -> Table:
+def pair_table(agreement: Agreement) -> Table:
     """One row for each pair."""
-    word, factor = display_unit(found.unit)
+    word, factor = display_unit(agreement.unit)
     rows = []
-    for pair in found.pairs:
+    for pair in agreement.pairs:
         score = normalised_error(pair.value, pair.std, pair.reference, pair.reference_std)
         both = [(pair.value, pair.std), (pair.reference, pair.reference_std), (pair.difference, pair.difference_std)]
         cells = [value_with_uncertainty(factor * value, factor * std) for value, std in both]
         of = ", ".join(pair.factors.values())
         name = pair.specimen if pair.specimen == pair.label else f"{pair.specimen}, {of or pair.label}"
         rows.append((printable(name), *cells, f"{100 * pair.difference / pair.reference:+.1f}", f"{score:+.2f}"))
-    headings = ("specimen", f"{found.quantity}\n{word}", f"reference\n{word}", f"difference\n{word}", "%", "E_n")
+    headings = ("specimen", f"{agreement.quantity}\n{word}", f"reference\n{word}", f"difference\n{word}", "%", "E_n")
     return Table.of("palpation and reference", headings, rows, ("specimen",))
 
 
-def _statistics(found: Agreement) -> Iterator[tuple[str, str, str]]:
+def _statistics(agreement: Agreement) -> Iterator[tuple[str, str, str]]:
     """Rows of what pairs say together."""
-    word, factor = display_unit(found.unit)
-    limits, line = found.limits, found.line
+    word, factor = display_unit(agreement.unit)
+    limits, line = agreement.limits, agreement.line
 
     def row(name: str, one: Interval, scale: float, unit: str) -> tuple[str, str, str]:
         return (name, f"{scale * one.value:.4g}{unit}", f"{scale * one.low:.4g} to {scale * one.high:.4g}{unit}")
@@ -66,15 +66,15 @@ def _statistics(found: Agreement) -> Iterator[tuple[str, str, str]]:
     if line is not None:
         yield row("Deming slope", line.slope, 1.0, "")
         yield row("Deming intercept", line.intercept, factor, f" {word}")
-    if np.isfinite(found.correlation):
-        yield ("ICC(2,1) of palpation and reference", f"{found.correlation:.4f}", "")
-    if (repeats := found.repeats) is not None:
+    if np.isfinite(agreement.correlation):
+        yield ("ICC(2,1) of palpation and reference", f"{agreement.correlation:.4f}", "")
+    if (repeats := agreement.repeats) is not None:
         yield (
             "ICC(1,1) of palpation over specimens",
             f"{repeats.value:.4f}",
             f"{repeats.low:.4f} to {repeats.high:.4f}",
         )
-    for name, one in found.precision.items():
+    for name, one in agreement.precision.items():
         if name:
             yield (f"reproducibility over {name} s_R", f"{factor * one.reproducibility:.4g} {word}", "")
         else:
@@ -92,10 +92,11 @@ def pair_document(pair: ValuePair) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def document(found: Agreement) -> dict[str, Any]:
+def document(agreement: Agreement) -> dict[str, Any]:
     """Everything as plain data [SI]."""
+    spreads = {name or "repeats": one for name, one in agreement.precision.items()}
     return {
-        "quantity": found.quantity, "unit": found.unit, "pairs": [pair_document(pair) for pair in found.pairs],
-        "limits_of_agreement": found.limits, "deming": found.line, "icc_2_1": found.correlation,
-        "icc_1_1": found.repeats, "precision": {name or "repeats": one for name, one in found.precision.items()},
+        "quantity": agreement.quantity, "unit": agreement.unit,
+        "pairs": [pair_document(pair) for pair in agreement.pairs], "limits_of_agreement": agreement.limits,
+        "deming": agreement.line, "icc_2_1": agreement.correlation, "icc_1_1": agreement.repeats, "precision": spreads,
     }  # fmt: skip

@@ -41,7 +41,7 @@ def stress_curves(tables: Sequence[MaterialTable], loading: Loading | None) -> l
 
     Strain and stress are nominal: over the first length and area. Tables of a compression may have either sign.
     """
-    found = []
+    curves = []
     for table in tables:
         kind: Loading | None = "shear" if table.shear else loading
         if kind is None and float(np.nanmin(table.x)) < 0.0 < -float(np.nanmin(table.y)):
@@ -49,21 +49,21 @@ def stress_curves(tables: Sequence[MaterialTable], loading: Loading | None) -> l
         if kind is None:
             raise ConfigurationError(f"{table.name}: tension or compression? State --loading tension or compression")
         if kind == "shear":
-            found.append(StressCurve(table.name, kind, table.x, table.y[:, 0]))
+            curves.append(StressCurve(table.name, kind, table.x, table.y[:, 0]))
             continue
         sign = -1.0 if kind == "compression" else 1.0
         stretch = 1.0 + sign * np.abs(table.x) if kind == "compression" else 1.0 + table.x
         stress = sign * np.abs(table.y[:, 0]) if kind == "compression" else table.y[:, 0]
         if float(stretch.min()) <= 0.0:
             raise ConfigurationError(f"{table.name}: a compression by {100 * (1 - float(stretch.min())):.4g} % is none")
-        found.append(StressCurve(table.name, kind, stretch, stress))
-    for curve in found:
+        curves.append(StressCurve(table.name, kind, stretch, stress))
+    for curve in curves:
         strained = curve.x if curve.loading == "shear" else curve.x - 1.0
         if not float(strained @ curve.stress) > 0.0:
             raise ConfigurationError(
                 f"{curve.name}: the stress does not rise with the strain, in {curve.loading}: check signs and --loading"
             )
-    return found
+    return curves
 
 
 def fit_curves(law: HyperelasticLaw, curves: Sequence[StressCurve], scale: float) -> TableFit[HyperelasticLaw] | None:

@@ -118,7 +118,7 @@ def shift_table(curve: MasterCurve) -> Table:
         up = value_with_uncertainty(math.exp(b), math.exp(b) * u_b) if curve.vertical else ""
         count = str(sum(len(table.x) for table in sweep.tables))
         rows.append((unsigned(f"{sweep.temperature:.1f}"), count, shift, up, f"{100 * curve.scatter[k]:.2g}",
-                     f"{100 * curve.own_scatter[k]:.2g}"))  # fmt: skip
+                     f"{100 * curve.own_scatter[k]:.2g}" if math.isfinite(curve.own_scatter[k]) else ""))  # fmt: skip
     heads = ("T\n°C", "rows", "log10 a_T", "b_T", "residual\n%", "by itself\n%")
     return Table.of(f"master curve at {curve.temperatures[curve.reference]:.1f} °C", heads, rows, ("T\n°C",))
 
@@ -140,21 +140,21 @@ def law_table(laws: Sequence[ShiftLaw]) -> Table:
 
 def remarks(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> list[str]:
     """What is to be doubted."""
-    found = []
+    doubts = []
     if curve.strange:
         at = ", ".join(f"{curve.sweeps[k].temperature:.1f}" for k in curve.strange)
         hint = (
             "" if curve.vertical else "; --vertical shifts the moduli, too, --by storage leaves the loss out of account"
         )
-        found.append(
+        doubts.append(
             f"sweeps at {at} °C do not superpose: they miss the common curve by more than they scatter, so that their "
             f"shifts are doubtful{hint}"
         )
     if laws and all(law.p < _REFUTED for law in laws):
-        found.append(
+        doubts.append(
             "no law describes the shifts within their uncertainties: do not go beyond the temperatures measured"
         )
-    return found
+    return doubts
 
 
 def document(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> dict[str, Any]:

@@ -146,7 +146,9 @@ def master_curve(
     _, residual, information = _step(rows, shifts, knots, free, vertical)
     count = (2 if vertical else 1) * len(free)
     freedom = residual.size - information.shape[0]
-    scale = float((residual**2).sum()) / max(freedom, 1) * _inflation(residual, rows)
+    if freedom < _OVERLAP:
+        raise ConfigurationError(f"{len(rows.x)} rows at {len(sweeps)} temperatures are too few for a master curve")
+    scale = float((residual**2).sum()) / freedom * _inflation(residual, rows)
     inverse = scale * np.linalg.pinv(information, rcond=1e-13, hermitian=True)[:count, :count]
     covariance = np.zeros((2 * len(sweeps),) * 2)
     at = [*free, *((len(sweeps) + k for k in free) if vertical else ())]
@@ -169,8 +171,8 @@ def _first_shifts(rows: _Rows, sweeps: Sequence[TemperatureSweep], reference: in
                 f"shifted along the other ({100 * rms:.2g} % apart at best): measure a temperature in between{hint}"
             )
         steps.append(shift)
-    found = np.cumsum(steps)
-    return np.asarray(found - found[reference], np.float64)
+    shifts = np.cumsum(steps)
+    return np.asarray(shifts - shifts[reference], np.float64)
 
 
 def _ordered(x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -237,12 +239,12 @@ def _own_scatter(sweep: TemperatureSweep, columns: int) -> float:
 
     Source: Gasser, Sroka and Jennen-Steinmetz 1986, for cubics.
     """
-    found: list[Floats] = []
+    misses: list[Floats] = []
     for table in sweep.tables:
         x, first = np.unique(np.log(table.x), return_index=True)
         y = np.log(table.y[first, :columns])
         for i in range(2, len(x) - 2):
             beside = [i - 2, i - 1, i + 1, i + 2]
             weight = [math.prod((x[i] - x[k]) / (x[j] - x[k]) for k in beside if k != j) for j in beside]
-            found.append((y[i] - np.array(weight) @ y[beside]) / math.sqrt(1.0 + math.hypot(*weight) ** 2))
-    return float(np.sqrt(np.mean(np.square(found)))) if found else math.nan
+            misses.append((y[i] - np.array(weight) @ y[beside]) / math.sqrt(1.0 + math.hypot(*weight) ** 2))
+    return float(np.sqrt(np.mean(np.square(misses)))) if misses else math.nan

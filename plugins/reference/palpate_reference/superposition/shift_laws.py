@@ -43,8 +43,8 @@ def shift_laws(curve: MasterCurve) -> list[ShiftLaw]:
     Uncertainties are those of the shifts, and widened by sqrt(chi^2/freedom) where a law misses them by more. Sources:
     Williams, Landel and Ferry 1955; Ferry 1980, chapter 11.
     """
-    found = [_wlf(curve), _arrhenius(curve)]
-    return sorted((law for law in found if law is not None), key=lambda law: law.chi2 / law.freedom)
+    laws = [_wlf(curve), _arrhenius(curve)]
+    return sorted((law for law in laws if law is not None), key=lambda law: law.chi2 / law.freedom)
 
 
 def _free(curve: MasterCurve) -> tuple[Floats, Floats, Floats]:

@@ -43,17 +43,17 @@ def temperature_sweeps(tables: Sequence[MaterialTable]) -> list[TemperatureSweep
     parts = [part for table in tables for part in _parts(table)]
     if not parts:
         raise ConfigurationError(f"{tables[0].name}: no sweep of {_ROWS} rows at one temperature")
-    found: list[list[MaterialTable]] = []
+    groups: list[list[MaterialTable]] = []
     for part in sorted(parts, key=_temperature):
-        if found and _temperature(part) - _temperature(found[-1][0]) <= _SAME:
-            found[-1].append(part)
+        if groups and _temperature(part) - _temperature(groups[-1][0]) <= _SAME:
+            groups[-1].append(part)
         else:
-            found.append([part])
-    if len(found) < 2:
+            groups.append([part])
+    if len(groups) < 2:
         raise ConfigurationError(
             f"{tables[0].name}: all sweeps are at {_temperature(parts[0]):.4g} °C: nothing to shift"
         )
-    return [TemperatureSweep(float(np.mean([_temperature(one) for one in group])), tuple(group)) for group in found]
+    return [TemperatureSweep(float(np.mean([_temperature(one) for one in group])), tuple(group)) for group in groups]
 
 
 def _temperature(table: MaterialTable) -> float:
