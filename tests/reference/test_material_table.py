@@ -130,6 +130,27 @@ def test_a_relaxation_is_stress_over_the_strain_that_is_held(tmp_path):
         )
 
 
+# In the form of a public creep by TRIOS: compliance and modulus of every row, nothing yet at the instant of the step.
+CREEP = """Instrument type\tDiscovery HR2
+[step]
+Creep - 1
+Step time\tTemperature\tTime\tStress\tShear rate\tStrain\tViscosity\tDate and time\tCompliance\tModulus
+min\t°C\tmin\tMPa\t1/s\t%\tPa.s\t\t1/MPa\tMPa
+0\t44.98\t0\t0.0005\t-0.0085\t0\t-58388.7\t10/17/2022 10:27:02 AM\t0\t0
+0.05\t44.98\t0.05\t0.0005\t0.08\t5\t5667.0\t10/17/2022 10:27:05 AM\t100\t0.01
+0.1\t44.98\t0.1\t0.0005\t0.27\t10\t1835.2\t10/17/2022 10:27:08 AM\t200\t0.005
+0.2\t44.98\t0.2\t0.0005\t0.55\t15\t893.5\t10/17/2022 10:27:14 AM\t300\t0.00333
+"""
+
+
+def test_a_creep_by_trios(tmp_path):
+    """By the stress that is held, though the modulus stands there, too; the row of the step itself is left out."""
+    (table,) = read_tables(written(tmp_path, CREEP, "creep.txt"), NOTHING)
+    assert (table.kind, table.title, table.shear) == ("creep", "Creep - 1", True)
+    np.testing.assert_allclose(table.x, [3.0, 6.0, 12.0])
+    np.testing.assert_allclose(table.y[:, 0], [1e-4, 2e-4, 3e-4])
+
+
 def test_a_creep_is_strain_over_the_stress_that_is_held(tmp_path):
     """The first row, in which the stress still rises, is left out; a ramp of both remains stress over strain."""
     text = "time [s],shear strain [%],shear stress [Pa]\n0.1,0.5,80\n"

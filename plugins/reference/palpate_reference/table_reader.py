@@ -63,14 +63,15 @@ def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableCo
     time = filled & set(_TIMES)
     if {"storage", "loss"} <= filled:
         return "oscillation" if filled & {"frequency", "angular_frequency"} else None
-    over_time: tuple[Kind, ...] = ("relaxation", "creep")
-    for kind in over_time:
-        if time and _VALUES[kind][0] in filled:
-            return kind
+    over_time: list[Kind] = [kind for kind in _HELD.values() if time and _VALUES[kind][0] in filled]
+    if len(over_time) == 1 or (over_time and not {"strain", "stress"} <= filled):
+        return over_time[0]
     if not {"strain", "stress"} <= filled:
         return None
     spreads = {role: _spread(si_values(text, block, columns[role])) for role in _HELD}
     steadier = min(spreads, key=spreads.__getitem__)  # of a stiff solid both are steady: the held one is so by control
+    if over_time:  # programs write stress over strain and its inverse of every step
+        return _HELD[steadier]
     flows = "flow" in filled
     if time and _held(text, block, columns[steadier]).any() and not (flows and steadier == "stress"):
         return _HELD[steadier]
@@ -110,7 +111,7 @@ def _table(
     if not complete.any():
         raise LogError(f"{place(text, block, value)}: no row has all numbers")
     if kind != "stress-strain":
-        demand_positive(text, block, _positive(columns, kind, x, y, std))
+        demand_positive(text, block, _positive(columns, kind, x, np.where(complete[:, None], y, np.nan), std))
     if kind == "stress-strain" or (others["strain"] is not None and "strain" in columns):
         checked = x if kind == "stress-strain" else others["strain"]
         ask_for_per_cent(text, block, columns["strain"], checked, settings)
@@ -186,7 +187,7 @@ def _shear(text: InstrumentText, block: TableBlock, column: TableColumn, kind: K
     said = [settings.shear, column.shear, block.shear]
     shear = next((one for one in said if one is not None), None)
     if shear is None:
-        sheared = any(name.lower().startswith(("shear strain", "shear stress")) for name in block.names)
+        sheared = any(name.lower().startswith(("shear strain", "shear stress", "shear rate")) for name in block.names)
         shear = True if sheared else None
     if shear is None:
         raise LogError(
