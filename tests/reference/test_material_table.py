@@ -149,6 +149,9 @@ def test_a_creep_by_trios(tmp_path):
     assert (table.kind, table.title, table.shear) == ("creep", "Creep - 1", True)
     np.testing.assert_allclose(table.x, [3.0, 6.0, 12.0])
     np.testing.assert_allclose(table.y[:, 0], [1e-4, 2e-4, 3e-4])
+    for title in ("Peak hold - 1", "Flow ramp - 1"):
+        with pytest.raises(LogError, match="no table of a material"):
+            read_tables(written(tmp_path, CREEP.replace("Creep - 1", title), "flow.txt"), NOTHING)
 
 
 def test_a_creep_is_strain_over_the_stress_that_is_held(tmp_path):

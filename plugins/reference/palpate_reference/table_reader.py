@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -28,6 +29,7 @@ _VALUES: Mapping[Kind, tuple[str, ...]] = {
     "stress-strain": ("stress",),
 }
 _HELD: Mapping[str, Kind] = {"strain": "relaxation", "stress": "creep"}  # what is held constant over time
+_FLOWS = re.compile(r"\bflow\b|peak hold", re.IGNORECASE)  # steps that no solid is put to
 _TIMES = ("step_time", "time", "test_time")  # the first that there is counts
 _CONSTANT = 0.02  # relative difference from the median, within which it counts as constant
 _SHARE = 0.8  # of the rows in which it must be
@@ -58,6 +60,8 @@ def read_tables(path: Path, settings: TableSettings) -> list[MaterialTable]:
 
 def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableColumn]) -> Kind | None:
     """What a table is by the columns that it fills; a flow curve, or a modulus over time in oscillation, is none."""
+    if _FLOWS.search(block.title):
+        return None
     filled = {role for role, column in columns.items() if any(line.cell(column.index) for line in block.rows)}
     filled = filled or set(columns)
     time = filled & set(_TIMES)
@@ -70,10 +74,9 @@ def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableCo
         return None
     spreads = {role: _spread(si_values(text, block, columns[role])) for role in _HELD}
     steadier = min(spreads, key=spreads.__getitem__)  # of a stiff solid both are steady: the held one is so by control
-    if over_time:  # programs write stress over strain and its inverse of every step
-        return _HELD[steadier]
     flows = "flow" in filled
-    if time and _held(text, block, columns[steadier]).any() and not (flows and steadier == "stress"):
+    held = bool(time) and bool(_held(text, block, columns[steadier]).any())
+    if held and (over_time or not (flows and steadier == "stress")):  # of any step some programs write J and G(t)
         return _HELD[steadier]
     return "stress-strain" if len(block.rows) > 1 and not flows else None
 
