@@ -64,26 +64,26 @@ def fit_material(
     if tables[0].kind == "stress-strain":
         if reference is not None or vertical:
             raise ConfigurationError("--reference-temperature: stress over strain has no time that could be shifted")
-        outcome = _hyperelastic(tables, laws, _share(scale), loading)
+        report = _hyperelastic(tables, laws, _share(scale), loading)
     else:
         root = None
         if reference is not None or vertical:
             runs = [table for table in tables if table.format == "run"]
             curve = curve_at([table for table in tables if table.format != "run"], reference, vertical, by == "storage")
             tables, root = [curve.table(), *runs], curve.shift_root()
-        outcome = _linear(tables, laws, _share(scale), poisson, root)
+        report = _linear(tables, laws, _share(scale), poisson, root)
     folder = make_folder("material", out, datetime.now(UTC).astimezone())
-    write_new(folder / MATERIAL, json_text(outcome.findings))
-    outcome.draw(folder / "fit.png")
+    write_new(folder / MATERIAL, json_text(report.findings))
+    report.draw(folder / "fit.png")
     if as_json:
-        print_json({"folder": folder, **outcome.findings})
+        print_json({"folder": folder, **report.findings})
         return
     with print_aside(False):
-        _show(outcome.fits, outcome.findings["remarks"])
+        _show(report.fits, report.findings["remarks"])
     typer.echo(f"written to {folder}: {MATERIAL}, fit.png", err=layout != "table")
 
 
-class _Outcome(NamedTuple):
+class _FitReport(NamedTuple):
     """Fits, the best first, what is written of them, and their figure."""
 
     fits: Sequence[AnyFit]
@@ -93,21 +93,21 @@ class _Outcome(NamedTuple):
 
 def _linear(
     tables: Sequence[MaterialTable], laws: Sequence[str] | None, scale: float, poisson: float, root: Floats | None
-) -> _Outcome:
+) -> _FitReport:
     from palpate_reference.fit_figure import draw_fits
 
     fits = material_fits(tables, laws, scale, poisson, root)
     shown = supported_fits(fits) or fits[:1]
-    return _Outcome(fits, document(fits, tables, poisson), lambda path: draw_fits(shown, tables, poisson, path))
+    return _FitReport(fits, document(fits, tables, poisson), lambda path: draw_fits(shown, tables, poisson, path))
 
 
 def _hyperelastic(
     tables: Sequence[MaterialTable], laws: Sequence[str] | None, scale: float, loading: Loading | None
-) -> _Outcome:
+) -> _FitReport:
     from palpate_reference.fit_figure import draw_curves
 
     fits, curves = curve_fits(tables, laws, scale, loading), stress_curves(tables, loading)
-    return _Outcome(fits, curve_document(fits, tables), lambda path: draw_curves(supported_fits(fits), curves, path))
+    return _FitReport(fits, curve_document(fits, tables), lambda path: draw_curves(supported_fits(fits), curves, path))
 
 
 def _share(scale: str | None) -> float:
