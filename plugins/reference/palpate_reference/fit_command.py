@@ -83,7 +83,7 @@ def fit_material(
     typer.echo(f"written to {folder}: {MATERIAL}, fit.png", err=layout != "table")
 
 
-class _FitReport(NamedTuple):
+class _FitsOfTables(NamedTuple):
     """Fits, the best first, what is written of them, and their figure."""
 
     fits: Sequence[AnyFit]
@@ -93,21 +93,23 @@ class _FitReport(NamedTuple):
 
 def _linear(
     tables: Sequence[MaterialTable], laws: Sequence[str] | None, scale: float, poisson: float, root: Floats | None
-) -> _FitReport:
+) -> _FitsOfTables:
     from palpate_reference.fit_figure import draw_fits
 
     fits = material_fits(tables, laws, scale, poisson, root)
     shown = supported_fits(fits) or fits[:1]
-    return _FitReport(fits, document(fits, tables, poisson), lambda path: draw_fits(shown, tables, poisson, path))
+    return _FitsOfTables(fits, document(fits, tables, poisson), lambda path: draw_fits(shown, tables, poisson, path))
 
 
 def _hyperelastic(
     tables: Sequence[MaterialTable], laws: Sequence[str] | None, scale: float, loading: Loading | None
-) -> _FitReport:
+) -> _FitsOfTables:
     from palpate_reference.fit_figure import draw_curves
 
     fits, curves = curve_fits(tables, laws, scale, loading), stress_curves(tables, loading)
-    return _FitReport(fits, curve_document(fits, tables), lambda path: draw_curves(supported_fits(fits), curves, path))
+    return _FitsOfTables(
+        fits, curve_document(fits, tables), lambda path: draw_curves(supported_fits(fits), curves, path)
+    )
 
 
 def _share(scale: str | None) -> float:
