@@ -138,9 +138,9 @@ def test_neighbours_that_do_not_meet():
         curve_at(tables, None, False)
 
 
-def written(folder, temperatures=TEMPERATURES):
+def written(folder, temperatures=TEMPERATURES, up=0.0):
     for t in temperatures:
-        one = sweep(t, wlf(t))
+        one = sweep(t, wlf(t), up=up * (t - 10))
         rows = [f"{f:.8g},{a:.8g},{b:.8g},{t}" for f, (a, b) in zip(one.x, one.y, strict=True)]
         (folder / f"{t:g}.csv").write_text("\n".join(["f [Hz],G' [Pa],G'' [Pa],T [°C]", *rows]) + "\n")
     return [f"{t:g}.csv" for t in temperatures]
@@ -169,6 +169,15 @@ def test_a_law_of_several_temperatures(palpate, tmp_path):
     for name, truth in zip(found, SOLID, strict=True):
         assert abs(found[name]["value"] - truth) < 4 * found[name]["std"], name
     assert found["arm_time_2"]["budget"]["time-temperature shift"] > 0
+
+
+@pytest.mark.slow
+def test_a_law_of_sweeps_that_do_not_superpose(palpate, tmp_path):
+    """It is said with the law, too."""
+    names = written(tmp_path, up=-0.01)
+    words = ("--law", "kelvin-voigt", "--reference-temperature", "10 °C", "-o", "m", "--json")
+    found = json.loads(palpate("material", "fit", *(f"./{name}" for name in names), *words).stdout)
+    assert any("do not superpose" in remark for remark in found["remarks"])
 
 
 @pytest.mark.parametrize(

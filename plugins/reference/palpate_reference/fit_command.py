@@ -23,7 +23,13 @@ from palpate_reference.hyperelastic.strain_energies import HYPERELASTIC, Hyperel
 from palpate_reference.law_fit import AnyFit, TableFit, law_document, law_table, remarks, supported_fits, value_table
 from palpate_reference.material_laws import LAWS, LinearLaw
 from palpate_reference.material_table import MaterialTable
-from palpate_reference.superposition.master_command import ByOption, ReferenceOption, VerticalOption, curve_at
+from palpate_reference.superposition.master_command import (
+    ByOption,
+    ReferenceOption,
+    VerticalOption,
+    curve_at,
+    curve_doubts,
+)
 from palpate_reference.table_fit import FitProblem, fit_law
 from palpate_reference.table_options import ModulusOption, UnitOption, table_settings
 
@@ -66,12 +72,13 @@ def fit_material(
             raise ConfigurationError("--reference-temperature: stress over strain has no time that could be shifted")
         report = _hyperelastic(tables, laws, _share(scale), loading)
     else:
-        root = None
+        root, doubts = None, []
         if reference is not None or vertical:
             runs = [table for table in tables if table.format == "run"]
             curve = curve_at([table for table in tables if table.format != "run"], reference, vertical, by == "storage")
-            tables, root = [curve.table(), *runs], curve.shift_root()
+            tables, root, doubts = [curve.table(), *runs], curve.shift_root(), curve_doubts(curve, ())
         report = _linear(tables, laws, _share(scale), poisson, root)
+        report.findings["remarks"] += doubts
     folder = make_folder("material", out, datetime.now(UTC).astimezone())
     write_new(folder / MATERIAL, json_text(report.findings))
     report.draw(folder / "fit.png")
