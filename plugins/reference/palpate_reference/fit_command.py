@@ -28,7 +28,7 @@ from palpate_reference.superposition.master_command import (
     ReferenceOption,
     VerticalOption,
     curve_at,
-    curve_doubts,
+    superposition_remarks,
 )
 from palpate_reference.table_fit import FitProblem, fit_law
 from palpate_reference.table_options import ModulusOption, UnitOption, table_settings
@@ -76,7 +76,7 @@ def fit_material(
         if reference is not None or vertical:
             runs = [table for table in tables if table.format == "run"]
             curve = curve_at([table for table in tables if table.format != "run"], reference, vertical, by == "storage")
-            tables, root, doubts = [curve.table(), *runs], curve.shift_root(), curve_doubts(curve, ())
+            tables, root, doubts = [curve.table(), *runs], curve.shift_root(), superposition_remarks(curve, ())
         report = _linear(tables, laws, _share(scale), poisson, root)
         report.findings["remarks"] += doubts
     folder = make_folder("material", out, datetime.now(UTC).astimezone())

@@ -106,7 +106,7 @@ def _show(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> None:
     screen.print(shift_table(curve).view(), highlight=False)
     if laws:
         screen.print(law_table(laws).view(), highlight=False)
-    for line in curve_doubts(curve, laws):
+    for line in superposition_remarks(curve, laws):
         screen.print(printable(line), style="yellow", highlight=False)
 
 
@@ -138,7 +138,7 @@ def law_table(laws: Sequence[ShiftLaw]) -> Table:
     return Table.of("laws of the shift", ("law", "values", "rms of\nlog10 a_T", "chi^2 / freedom"), rows, ("law",))
 
 
-def curve_doubts(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> list[str]:
+def superposition_remarks(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> list[str]:
     """What is to be doubted."""
     doubts = []
     if curve.strange:
@@ -180,5 +180,5 @@ def document(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> dict[str, Any]:
             }
             for law in laws
         ],
-        "remarks": curve_doubts(curve, laws),
+        "remarks": superposition_remarks(curve, laws),
     }  # fmt: skip
