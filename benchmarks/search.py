@@ -150,7 +150,7 @@ def ours(rig: Rig, settings: SearchSettings, end: list[AreaSearch]) -> Iterator[
         places = search.next_round()
         if rig.seconds >= BUDGET:
             return
-        if not places or search.ended(places):
+        if not places or search.ended():
             break
         sites = rig.palpate(motion.along(places))
         search.observe(sites, visited=True)

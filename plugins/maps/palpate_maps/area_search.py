@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,19 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats
 
-from palpate_maps.clearance import Clearance
+from palpate_maps.clearance import Clearance, PatchGrid
+from palpate_maps.field_gain import FieldGain
 from palpate_maps.hidden_patches import Hiding, Patch, hidden_patches
 from palpate_maps.lumps import find_lumps
-from palpate_maps.next_places import Aim, Knowledge, Proposal, near, propose
+from palpate_maps.next_places import Aim, Knowledge, Proposal, near, passes
+from palpate_maps.search_actions import ActionGrid, Gain, SearchAction
 from palpate_maps.search_area import Area
 from palpate_maps.search_motion import SearchMotion
-from palpate_maps.search_progress import SUSPICIOUS, LumpProgress, footprint, off_limits, update_progress
+from palpate_maps.search_progress import CHECKS, SUSPICIOUS, LumpProgress, footprint, update_progress
 from palpate_maps.sites import Sites, merge_sites
 
 _APART = 4e-3  # [m] between places
+_ABOUT = 12e-3  # [m] about the highest place of a lump that has to be known, for its middle to be
 _WIDTH = 4e-3  # [m] of a sweep's site
 _SURELY = 20.0  # expected patches about a place, that is the odds that one is there, which make one known
-_CHECKS = 2  # points about it
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,8 @@ class AreaSearch:
     _std: float = 0.01
 
     @cached_property
-    def middles(self) -> Floats:
-        """Places (m, 2) [m] of the area, 0.6 of a patch's radius apart, at which a patch may hide."""
+    def _rows(self) -> NDArray[np.intp]:
+        """Of the area's nodes those of a grid 0.6 of a patch's radius apart."""
         nodes = self.area.nodes
         kept = np.ones(len(nodes), bool)
         for axis in (0, 1):
@@ -75,22 +76,26 @@ class AreaSearch:
             stride = max(int(0.6 * self.settings.radius / step + 1e-6), 1)
             begin = (len(values) - 1) % stride // 2
             kept &= np.isin(np.round(nodes[:, axis], 7), values[begin::stride])
-        return nodes[kept]
+        return np.flatnonzero(kept)
+
+    @cached_property
+    def middles(self) -> Floats:
+        """Places (m, 2) [m] at which a patch may hide, and from and to which the tip goes."""
+        return self.area.nodes[self._rows]
 
     def observe(self, sites: Sites, visited: bool) -> None:
         """Take up all sites of the run so far; `visited` where the latest came of a round of this search."""
         if visited:
             self.lumps = update_progress(find_lumps(sites), self.lumps, sites, self.area, self.settings.sure)
         self._knowledge = Knowledge.of(sites, self.area.nodes, self._knowledge)
+        self.__dict__.pop("_doubtful", None)
         coarse = merge_sites(sites, _WIDTH)
-        visited_places = coarse.place[coarse.standing]
         self.patches = []
         while True:
             covered, on_lumps = (self._on_lumps(places) for places in (coarse.place, self.middles))
             self.hiding = hidden_patches(coarse[~covered], self.middles, self.settings.patch, on_lumps)
             place, number = self.hiding.likely
-            checks = np.count_nonzero(np.hypot(*(visited_places - place).T) <= self.settings.radius)
-            if number < _SURELY or checks < _CHECKS:
+            if number < _SURELY or passes(coarse, place[None], self.settings.radius)[0] < CHECKS:
                 break
             self.patches.append((float(place[0]), float(place[1])))
         self._std = self.hiding.scatter * float(np.median(sites.std))
@@ -103,54 +108,67 @@ class AreaSearch:
 
     def next_round(self) -> list[Proposal]:
         """Where to go next: up to so many points, or one line; nothing where every place is known."""
-        assert self._knowledge is not None
-        assert self.hiding is not None
-        settings, known = self.settings, self._knowledge
-        done = off_limits(known.field.nodes, self.lumps, settings.contrast, _APART)
-        taken = done if settings.aim == "find" else None
-        places = propose(known, settings.points, settings.aim, settings.contrast, _APART, taken, self.motion.seconds_to)
-        if settings.aim != "find" or settings.risk is None or any(p.suspicion >= SUSPICIOUS for p in places):
-            return places
-        return self._clearing() if self.hiding.risk > settings.risk else places
-
-    def _clearing(self) -> list[Proposal]:
-        """The line, or the points, that leave the fewest patches to hide."""
-        hiding, known, std = self.hiding, self._knowledge, self._std
-        assert hiding is not None
+        known, hiding = self._knowledge, self.hiding
         assert known is not None
-        chosen: list[Proposal] = []
-        expected = hiding.expected
+        assert hiding is not None
         visited = known.known.place[known.known.standing]
-        closed = self._on_lumps(self.middles) | near(self.middles, visited, _APART / 2)
-        for _ in range(self.settings.points):
-            action = self._clearance.best(expected, std, closed)
-            if action is None or (chosen and action.end is not None):
-                break
-            node = int(np.argmin(((known.field.nodes - self.middles[action.start]) ** 2).sum(axis=1)))
-            end = None if action.end is None else tuple(self.middles[action.end].tolist())
-            chosen.append(known.proposal(self.settings.contrast, node, end))
-            if end is not None:
-                break
-            expected = self._clearance.after(expected, action.start, std)
-            closed[action.start] = True
-        return chosen
+        closed = near(self.middles, visited, _APART / 2)
+        doubtful = self._doubtful
+        if self.settings.aim != "find" or doubtful.any():
+            gain: Gain = FieldGain.of(known, self._rows, self._weight(known, doubtful))
+        else:
+            gain = Clearance(self._patches_grid, hiding.expected, self._std)
+            closed = closed | self._on_lumps(self.middles)
+        actions = self._grid.next_round(gain, self.settings.points, closed, known.known.place[-1])
+        return [self._proposal(known, action) for action in actions]
 
     @cached_property
-    def _clearance(self) -> Clearance:
-        return Clearance(self.middles, self.settings.patch, self.motion)
+    def _doubtful(self) -> NDArray[np.bool_]:
+        """(m,) nodes about lumps that are not certain, and where a stiff place is likely that was not checked."""
+        known, settings = self._knowledge, self.settings
+        assert known is not None
+        nodes = known.field.nodes
+        lumps = [item.lump for item in self.lumps if not self._over(item)]
+        tops = [lump.place if lump.highest is None else lump.highest for lump in lumps]
+        found = near(nodes, np.array(tops).reshape(-1, 2), _ABOUT)
+        _, _, above = known.expectation(settings.contrast)
+        likely = np.flatnonzero((above >= SUSPICIOUS) & ~self._on_lumps(nodes))
+        likely = likely[passes(known.known, nodes[likely], _APART) < CHECKS]
+        return found | near(nodes, nodes[likely], _APART)
 
-    def ended(self, places: Sequence[Proposal]) -> str | None:
+    def _weight(self, known: Knowledge, doubtful: NDArray[np.bool_]) -> Floats:
+        """(m,) of the field's nodes: their variance, or how uncertain it is that they are above the contrast."""
+        if self.settings.aim == "map":
+            return np.asarray(known.field.std**2)
+        _, _, above = known.expectation(self.settings.contrast)
+        weight = above * (1 - above)
+        return np.asarray(weight if self.settings.aim == "outline" else np.where(doubtful, weight, 0.0))
+
+    def _proposal(self, known: Knowledge, action: SearchAction) -> Proposal:
+        end = None if action.end is None else tuple(self.middles[action.end].tolist())
+        return known.proposal(self.settings.contrast, int(self._rows[action.start]), end)
+
+    def _over(self, item: LumpProgress) -> bool:
+        """Whether nothing more has to be learned of a lump; what lies beyond a border is left to the risk, if given."""
+        return item.done if self.settings.risk is None else item.certain
+
+    @cached_property
+    def _grid(self) -> ActionGrid:
+        return ActionGrid(self.middles, self.motion)
+
+    @cached_property
+    def _patches_grid(self) -> PatchGrid:
+        return PatchGrid(self.middles, self.settings.patch)
+
+    def ended(self) -> str | None:
         """Why the search is over, where it is: every lump certain, no place suspicious, and the risk as low as asked.
 
         Without a risk it goes on until there is a lump; an outline or a map never ends by itself.
         """
         settings, hiding = self.settings, self.hiding
-        over = (item.done if settings.risk is None else item.certain for item in self.lumps)
-        if settings.aim != "find" or not all(over):
+        if settings.aim != "find" or self._doubtful.any():
             return None
-        if any(p.suspicion >= SUSPICIOUS for p in places) or (settings.risk is None and not self.lumps):
-            return None
-        if settings.risk is not None and (hiding is None or hiding.risk > settings.risk):
+        if not self.lumps if settings.risk is None else (hiding is None or hiding.risk > settings.risk):
             return None
         which = "there is no lump" if not self.lumps else f"every lump is certain at {settings.sure:g}"
         return f"{which}, and nothing else is suspicious"

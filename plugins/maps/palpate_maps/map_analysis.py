@@ -13,7 +13,7 @@ from palpate_maps.curve_sites import read_curve_sites
 from palpate_maps.lump_criteria import Findings, Lump, LumpSettings, SweepMethod
 from palpate_maps.lumps import find_lumps
 from palpate_maps.map_grid import StiffnessMap, make_map
-from palpate_maps.next_places import Knowledge, Proposal, is_placed, propose
+from palpate_maps.next_places import Knowledge, Proposal, is_placed
 from palpate_maps.path_reader import Path2D, read_path, rejected_runs, tracks_of
 from palpate_maps.search_area import Area, area_of
 from palpate_maps.search_progress import LumpProgress, off_limits, update_progress
@@ -43,7 +43,6 @@ __all__ = [
     "make_map",
     "off_limits",
     "prediction_p",
-    "propose",
     "read_curve_sites",
     "read_path",
     "rejected_runs",
