@@ -96,17 +96,18 @@ class LevelSet:
     """Level-set estimation (Gotovos 2013): intersected intervals of 2 standard deviations, largest ambiguity."""
 
     def __init__(self) -> None:
+        self.field: object = None
         self.low: Floats | float = -np.inf
         self.high: Floats | float = np.inf
 
-    def __call__(self, known: Knowledge) -> int | None:
-        mean, std = known.field.mean(0.0), known.field.std
-        mean = known.field.mean(known.base.mean)
+    def __call__(self, known: Knowledge) -> int:
+        mean, std = known.field.mean(known.base.mean), known.field.std
+        if known.field is not self.field:  # of another kernel
+            self.field, self.low, self.high = known.field, -np.inf, np.inf
         self.low, self.high = np.maximum(self.low, mean - 2 * std), np.minimum(self.high, mean + 2 * std)
         level = known.base.mean + np.log1p(CONTRAST)
         ambiguity = np.minimum(self.high - level, level - self.low)
-        best = int(np.argmax(np.where(_open(known), ambiguity, -np.inf)))
-        return best if ambiguity[best] > 0.01 else None
+        return int(np.argmax(np.where(_open(known), ambiguity, -np.inf)))
 
 
 class Grid:
@@ -166,7 +167,7 @@ def rivals(seeds: Sequence[int], rig_of: type[Rig]) -> None:
     for seed in seeds:
         given = scene(seed, 2, (0.15, 0.35), LEAST)
         for name in names:
-            moments = list(_moments(name, rig_of(given)))
+            moments = list(_watched(name, _moments(name, rig_of(given))))
             first = next((m for m in moments if not m.missed and not m.false), None)
             found[name].append((first.seconds, first.palpations) if first else (math.inf, 0))
             outlined[name].append(next((m.seconds for m in moments if m.overlap >= 0.8), math.inf))
@@ -181,6 +182,16 @@ def rivals(seeds: Sequence[int], rig_of: type[Rig]) -> None:
             f"| {np.median(outlined[name]):.0f} | {np.median([m.seconds for m in end]):.0f} "
             f"| {sum(m.missed for m in end)} | {sum(m.false for m in end)} | {np.median([m.overlap for m in end]):.2f} |"
         )
+
+
+def _watched(name: str, moments: Iterator[Moment]) -> Iterator[Moment]:
+    """The moments of a search until the judge has seen all: of `find` until its own end, of the raster all."""
+    found = outlined = False
+    for now in moments:
+        yield now
+        found, outlined = found or not (now.missed or now.false), outlined or now.overlap >= 0.8
+        if found and outlined and name not in ("find", "raster"):
+            return
 
 
 def _moments(name: str, rig: Rig) -> Iterator[Moment]:

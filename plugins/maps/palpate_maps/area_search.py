@@ -23,6 +23,7 @@ from palpate_maps.sites import Sites, merge_sites
 _APART = 4e-3  # [m] between places
 _ABOUT = 12e-3  # [m] about the highest place of a lump that has to be known, for its middle to be
 _WIDTH = 4e-3  # [m] of a sweep's site
+_RISK = 0.05  # that a search goes towards where none is given
 _SURELY = 20.0  # expected patches about a place, that is the odds that one is there, which make one known
 
 
@@ -113,36 +114,39 @@ class AreaSearch:
         assert hiding is not None
         visited = known.known.place[known.known.standing]
         closed = near(self.middles, visited, _APART / 2)
-        doubtful = self._doubtful
-        if self.settings.aim != "find" or doubtful.any():
-            gain: Gain = FieldGain.of(known, self._rows, self._weight(known, doubtful))
+        through = np.ones(len(self.middles), bool)
+        if self.settings.aim != "find" or len(self._doubtful):
+            gain: Gain = FieldGain.of(known, self._rows, self._weight(known))
+            if self.settings.aim == "find":
+                through = near(self.middles, self._doubtful, 0.6 * self.settings.radius)
         else:
-            gain = Clearance(self._patches_grid, hiding.expected, self._std)
+            gain = Clearance.of(self._patches_grid, hiding.expected, self.settings.risk or _RISK, self._std)
             closed = closed | self._on_lumps(self.middles)
-        actions = self._grid.next_round(gain, self.settings.points, closed, known.known.place[-1])
+        actions = self._grid.next_round(gain, self.settings.points, known.known.place[-1], closed, through)
         return [self._proposal(known, action) for action in actions]
 
     @cached_property
-    def _doubtful(self) -> NDArray[np.bool_]:
-        """(m,) nodes about lumps that are not certain, and where a stiff place is likely that was not checked."""
+    def _doubtful(self) -> Floats:
+        """Places (k, 2) [m] to go through: of lumps that are not certain, and likely stiff ones that were not checked."""
         known, settings = self._knowledge, self.settings
         assert known is not None
         nodes = known.field.nodes
         lumps = [item.lump for item in self.lumps if not self._over(item)]
-        tops = [lump.place if lump.highest is None else lump.highest for lump in lumps]
-        found = near(nodes, np.array(tops).reshape(-1, 2), _ABOUT)
+        if lumps:
+            return np.array([lump.place if lump.highest is None else lump.highest for lump in lumps])
         _, _, above = known.expectation(settings.contrast)
         likely = np.flatnonzero((above >= SUSPICIOUS) & ~self._on_lumps(nodes))
-        likely = likely[passes(known.known, nodes[likely], _APART) < CHECKS]
-        return found | near(nodes, nodes[likely], _APART)
+        return nodes[likely[passes(known.known, nodes[likely], _APART) < CHECKS]]
 
-    def _weight(self, known: Knowledge, doubtful: NDArray[np.bool_]) -> Floats:
+    def _weight(self, known: Knowledge) -> Floats:
         """(m,) of the field's nodes: their variance, or how uncertain it is that they are above the contrast."""
         if self.settings.aim == "map":
             return np.asarray(known.field.std**2)
         _, _, above = known.expectation(self.settings.contrast)
         weight = above * (1 - above)
-        return np.asarray(weight if self.settings.aim == "outline" else np.where(doubtful, weight, 0.0))
+        if self.settings.aim == "find":
+            weight = np.where(near(known.field.nodes, self._doubtful, _ABOUT), weight, 0.0)
+        return np.asarray(weight)
 
     def _proposal(self, known: Knowledge, action: SearchAction) -> Proposal:
         end = None if action.end is None else tuple(self.middles[action.end].tolist())
@@ -166,7 +170,7 @@ class AreaSearch:
         Without a risk it goes on until there is a lump; an outline or a map never ends by itself.
         """
         settings, hiding = self.settings, self.hiding
-        if settings.aim != "find" or self._doubtful.any():
+        if settings.aim != "find" or len(self._doubtful):
             return None
         if not self.lumps if settings.risk is None else (hiding is None or hiding.risk > settings.risk):
             return None

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.hidden_patches import Patch
-from palpate_maps.stiffness_field import distances
 
 _SITE = 4e-3  # [m] of a line that is one observation
 
@@ -27,42 +26,40 @@ class PatchGrid:
         """(m, m) rise of the logarithm at nodes by patches at nodes, squared."""
         return np.asarray(self.patch.profile(self.nodes, self.nodes) ** 2)
 
-    @cached_property
-    def near(self) -> Floats:
-        """(m, m) 1 where nodes are nearer than the patch's radius."""
-        return np.asarray(distances(self.nodes, self.nodes) < self.patch.radius, float)
-
 
 @dataclass(frozen=True)
 class Clearance:
-    """What palpations of nodes clear of the patches that are expected there.
+    """How far palpations of nodes go towards a number of patches that may remain.
 
     A palpation with the variance v at x multiplies the odds of the least patch at z, where there is none, by
-    exp(-h(x - z)^2/(2 v)) in the average of their logarithm. So palpations clear sum_z n(z) (1 - exp(-sum h^2/(2 v)))
-    of the expected numbers n; nodes that would explain the same patch count as one patch at most.
+    exp(-h(x - z)^2/(2 v)) in the average of their logarithm. The logarithm of an expected number n(z) over the number
+    that may remain there is what is left to do at z; it is done in any order, so that it counts the same for all
+    places: palpations gain sum_z min(log n(z)/allowed, sum h^2/(2 v)).
     """
 
     grid: PatchGrid
-    expected: Floats  # (m,) patches
+    left: Floats  # (m,) logarithm of the expected over the allowed number, 0 where that is lower
     std: float  # of a palpation
 
-    @cached_property
-    def _left(self) -> Floats:
-        return np.asarray(self.expected / (1 + self.grid.near @ self.expected))
+    @classmethod
+    def of(cls, grid: PatchGrid, expected: Floats, risk: float, std: float) -> Clearance:
+        """Where patches (m,) are expected, until their number is a risk."""
+        allowed = risk / max(np.count_nonzero(expected), 1)
+        return cls(grid, np.log(np.maximum(expected / allowed, 1.0)), std)
 
     @cached_property
     def _told(self) -> Floats:
         return np.asarray(self.grid.squares / (2 * self.std**2))
 
     def points(self) -> Floats:
-        """(m,) cleared by a point at each node."""
-        return np.asarray(-np.expm1(-self._told) @ self._left)
+        """(m,) gained by a point at each node."""
+        return np.asarray(np.minimum(self._told, self.left).sum(axis=1))
 
     def lines(self, row: NDArray[np.intp]) -> Floats:
-        """(k,) cleared by lines from the first node of a row (k,) to each."""
+        """(k,) gained by lines from the first node of a row (k,) to each."""
         step = float(np.hypot(*(self.grid.nodes[row[1]] - self.grid.nodes[row[0]])))
-        return np.asarray(-np.expm1(-np.cumsum(self._told[row], axis=0) * (step / _SITE)) @ self._left)
+        return np.asarray(np.minimum(np.cumsum(self._told[row], axis=0) * (step / _SITE), self.left).sum(axis=1))
 
     def after(self, node: int) -> Clearance:
-        """What is left to clear once a point at a node was palpated, if no patch is near."""
-        return replace(self, expected=self.expected * np.exp(-self._told[node]))
+        """What is left to gain once a point at a node was palpated, if no patch is near."""
+        return replace(self, left=np.maximum(self.left - self._told[node], 0.0))
