@@ -94,7 +94,7 @@ class AreaSearch:
         self.patches = []
         while True:
             covered, on_lumps = (self._on_lumps(places) for places in (coarse.place, self.middles))
-            self.hiding = hidden_patches(coarse[~covered], self.middles, self.settings.patch, on_lumps)
+            self.hiding = hidden_patches(coarse[~covered], self.middles, self.settings.patch, on_lumps, self.hiding)
             place, number = self.hiding.likely
             if number < _SURELY or passes(coarse, place[None], self.settings.radius)[0] < CHECKS:
                 break

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,9 @@ from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.populations import is_one, lowest_mode
+from palpate_maps.sites import Sites
 
+_SQUARE = 10e-3  # [m] side of the squares in which sites are counted: as wide as most lumps
 _LEAST = 4  # baseline sites; with fewer nothing can be said
 _SOFTER = 0.15  # share of sites that are no soft outliers any more, but surroundings of a large stiff part
 
@@ -44,31 +47,52 @@ def find_baseline(log: Floats, level: float = 0.05, share: float = 0.5, floor: f
     return Baseline(mode.mean, mode.spread, mode.spread_from, members, single=False)
 
 
+def background_sites(sites: Sites, floor: float = 0.0) -> Baseline:
+    """The baseline of an area, for which places that were palpated more often than others count no more than these.
+
+    A search goes where it is stiff, so that most of its sites may lie on lumps. Of the sites in a square of 10 mm, the
+    earliest count, at most half as many again as in most squares that were palpated (cell declustering, Deutsch 1989).
+    """
+    square = np.floor(sites.place / _SQUARE).astype(np.int64)
+    _, which, count = np.unique(square, axis=0, return_inverse=True, return_counts=True)
+    which = which.ravel()
+    order = np.argsort(which, kind="stable")
+    place_in_square = np.empty(len(sites), int)
+    place_in_square[order] = np.arange(len(sites)) - np.repeat(np.cumsum(count) - count, count)
+    rows = np.flatnonzero(place_in_square < math.ceil(1.5 * float(np.median(count))))
+    found = find_baseline(sites.log[rows], floor=floor)
+    members = np.zeros(len(sites), bool)
+    members[rows] = found.members
+    return replace(found, members=members)
+
+
 def _without_outliers(log: Floats, level: float, share: float, floor: float) -> Baseline:
     """The generalised extreme studentised deviate test (Rosner 1983), for independent normal baseline sites."""
     from scipy import stats
 
     n, most = len(log), int(share * len(log))
-    left = np.arange(n)
-    removed: list[int] = []
-    outliers = 0
+    order = np.argsort(log, kind="stable")
+    values = (log - np.median(log))[order]
+    first, last, outliers = 0, n, (0, n)  # of the ordered sites that are left: the farthest is at one of the ends
     still = n - np.arange(most)  # sites at each step
-    limits = stats.t.ppf(1 - level / (2 * still), np.maximum(still - 2, 1))
-    for i in range(1, most + 1):
-        rest = log[left]
-        spread = max(float(rest.std(ddof=1)), floor, 1e-12)
-        worst = int(np.argmax(np.abs(rest - rest.mean())))
-        excess = abs(float(rest[worst] - rest.mean())) / spread
-        m = n - i + 1  # sites still there
-        if m < _LEAST:
-            break
-        t = float(limits[i - 1])
-        if excess > (m - 1) * t / np.sqrt((m - 2 + t * t) * m):
-            outliers = i
-        removed.append(int(left[worst]))
-        left = np.delete(left, worst)
-    members = np.ones(n, bool)
-    members[removed[:outliers]] = False
+    t = stats.t.ppf(1 - level / (2 * still), np.maximum(still - 2, 1))
+    limits = (still - 1) * t / np.sqrt((still - 2 + t * t) * still)
+    total, square = float(values.sum()), float((values**2).sum())
+    for limit in limits[: max(n - _LEAST + 1, 0)].tolist():
+        m = last - first
+        mean = total / m
+        spread = max(math.sqrt(max(square - total * mean, 0.0) / (m - 1)), floor, 1e-12)
+        low, high = float(values[first]), float(values[last - 1])
+        if lower := mean - low >= high - mean:
+            first += 1
+        else:
+            last -= 1
+        worst = low if lower else high
+        if abs(worst - mean) / spread > limit:
+            outliers = first, last
+        total, square = total - worst, square - worst**2
+    members = np.zeros(n, bool)
+    members[order[slice(*outliers)]] = True
     inner = log[members]
     spread = float(inner.std(ddof=1)) if len(inner) > 1 else 0.0
     return Baseline(float(inner.mean()), max(spread, floor), int(members.sum()), members)

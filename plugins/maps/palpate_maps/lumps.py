@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, LogError
 
-from palpate_maps.baseline_sites import Baseline, discoveries, find_baseline, prediction_p
+from palpate_maps.baseline_sites import Baseline, background_sites, discoveries, prediction_p
 from palpate_maps.cusum import by_cusum
 from palpate_maps.line_peaks import by_prominence, curve_along
 from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
@@ -37,7 +37,7 @@ def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
 def _over(sites: Sites, settings: LumpSettings) -> Findings:
     """Sites outside the prediction interval of the baseline sites, with false-discovery control, joined to lumps."""
     coarse = merge_sites(sites, settings.width)
-    baseline = find_baseline(coarse.log, floor=settings.spread)
+    baseline = background_sites(coarse, settings.spread)
     p = prediction_p(coarse.log, baseline)
     height = coarse.log - baseline.mean
     stiff = discoveries(p, settings.rate) & (height >= np.log1p(settings.contrast))
@@ -50,8 +50,10 @@ def _over(sites: Sites, settings: LumpSettings) -> Findings:
 
 def _reach(place: Floats) -> float:
     """How far apart neighbours may be [m]: 1.6 times the distance to the fourth nearest, of most sites."""
-    distance = np.sort(np.linalg.norm(place[:, None] - place[None], axis=2), axis=1)
-    return 1.6 * float(np.median(distance[:, min(4, len(place) - 1)]))
+    from scipy.spatial import KDTree
+
+    distance, _ = KDTree(place).query(place, k=min(5, len(place)))
+    return 1.6 * float(np.median(distance[:, -1]))
 
 
 def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDArray[np.intp]]:

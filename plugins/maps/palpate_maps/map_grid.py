@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, LogError
 
-from palpate_maps.baseline_sites import discoveries, find_baseline
+from palpate_maps.baseline_sites import background_sites, discoveries
 from palpate_maps.lump_criteria import LumpSettings
 from palpate_maps.sites import Sites, merge_sites
 
@@ -82,7 +82,7 @@ def _significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.b
     from scipy import stats
 
     settings = LumpSettings()
-    baseline = find_baseline(merge_sites(sites, settings.width).log, floor=settings.spread)
+    baseline = background_sites(merge_sites(sites, settings.width), settings.spread)
     p, stiff = np.where(covered, 1.0, np.nan), np.zeros(len(mean), bool)
     if baseline.count >= 4:
         noise = np.sqrt(baseline.spread**2 * (1 + 1 / baseline.count) + std**2)

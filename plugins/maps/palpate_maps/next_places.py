@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-from palpate_maps.baseline_sites import Baseline, find_baseline
+from palpate_maps.baseline_sites import Baseline, background_sites
 from palpate_maps.lump_criteria import Lump
 from palpate_maps.sites import Sites, merge_sites
 from palpate_maps.stiffness_field import StiffnessField, distances
@@ -52,7 +52,7 @@ class Knowledge:
     def of(cls, sites: Sites, nodes: Floats | None = None, before: Knowledge | None = None) -> Knowledge:
         """From the sites of a path; `before` is what was known before the latest of them."""
         known = merge_sites(sites, _SITE)
-        base = find_baseline(known.log, floor=0.005)
+        base = background_sites(known, 0.005)
         if before is not None:
             return cls(known, base, before.field.update(known, base.mean))
         nodes = _nodes(known.place) if nodes is None else nodes

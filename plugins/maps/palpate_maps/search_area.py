@@ -14,8 +14,8 @@ from palpate.host import Pipeline, ask_devices
 Box = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
 
 _BEYOND = 30e-3  # [m] that a search goes beyond what is known, at the most, where only the rig knows the specimen
-_STEP = 1e-3  # [m] between places that are asked for
-_MOST = 80  # of them along each side
+_STEP = 1.5e-3  # [m] between places that are asked for
+_MOST = 54  # of them along each side
 _FEW = 8  # places that are asked for one by one, where one of them is refused
 
 

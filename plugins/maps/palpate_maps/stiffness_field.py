@@ -120,12 +120,11 @@ class StiffnessField:
         return type(self).of(sites, self.nodes, level, self.kernel) if self._is_surprised() else self
 
     def _is_surprised(self) -> bool:
-        """Whether the innovations since the fit are larger or smaller than the kernel lets expect."""
+        """Whether the innovations since the fit are larger than the kernel lets expect."""
         from scipy.stats import chi2
 
         square = float(np.square(self.surprise).sum())
-        chance = chi2.sf(square, len(self.surprise)) if self.surprise else 1.0
-        return bool(min(chance, 1 - chance) < _SURPRISE)
+        return bool(self.surprise and chi2.sf(square, len(self.surprise)) < _SURPRISE)
 
     def add(self, place: Floats, log: float, own: float, level: float) -> float:
         """Add a site; how many standard deviations it is from what was expected."""
