@@ -57,7 +57,11 @@ def _reach(place: Floats) -> float:
 
 
 def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDArray[np.intp]]:
-    """Chosen sites joined where a chain of them has no step longer than `reach` [m]."""
+    """Chosen sites joined where a chain of them has no step longer than `reach` [m], nor one past a site between.
+
+    A site that is not chosen is between two where it lies in the circle about their middle (Gabriel and Sokal 1969).
+    """
+    others = place[~chosen]
     left = set(np.flatnonzero(chosen).tolist())
     found = []
     while left:
@@ -66,11 +70,16 @@ def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDA
         while open_ends:
             i = open_ends.pop()
             group.append(i)
-            near = [j for j in sorted(left) if np.hypot(*(place[j] - place[i])) <= reach]
+            near = [j for j in sorted(left) if _are_joined(place[i], place[j], others, reach)]
             left.difference_update(near)
             open_ends += near
         found.append(np.array(sorted(group)))
     return found
+
+
+def _are_joined(a: Floats, b: Floats, others: Floats, reach: float) -> bool:
+    apart = float(np.hypot(*(b - a)))
+    return apart <= reach and not bool((np.hypot(*(others - (a + b) / 2).T) < 0.499 * apart).any())
 
 
 def _visits(sites: Sites) -> NDArray[np.bool_]:
