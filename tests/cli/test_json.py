@@ -77,8 +77,6 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_the_output_is_one_document(palpate, folder, case):
     arguments, holds = CASES[case]
-    if "search" in arguments:
-        pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
     done = palpate(*arguments, "--json", cwd=folder)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))

@@ -82,7 +82,6 @@ def test_the_papers_filter_finds_no_lump_in_the_same_sweep(sweep_run):
 
 @pytest.mark.slow
 def test_a_raster_gives_a_map(palpate, raster_run):
-    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
     done = palpate("map", raster_run, "--cell", "2 mm", "--svg")
     assert done.returncode == 0, done.stderr
     with np.load(raster_run / "maps" / "map.npz") as arrays:
@@ -403,7 +402,6 @@ def searched(palpate, lines, folder, *more):
 @pytest.mark.slow
 def test_a_search_goes_on_beyond_the_border_of_the_sites(palpate, beside_a_sphere, tmp_path):
     """The sphere's middle lies 6 mm outside of the box that the lines cover."""
-    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
     text = searched(palpate, beside_a_sphere, tmp_path / "run", "--budget", 60)
     end = text.partition("stopped: ")[2]
     x, y = re.search(r"the lump at (-?[\d.]+) mm, (-?[\d.]+) mm: p = \S+, certain$", end, re.MULTILINE).groups()
@@ -416,7 +414,6 @@ def test_a_search_goes_on_beyond_the_border_of_the_sites(palpate, beside_a_spher
 @pytest.mark.slow
 def test_a_search_says_where_it_may_not_go_on(palpate, beside_a_sphere, tmp_path):
     """The same sphere, and an area that ends before it: nothing is visited beyond, and that is said."""
-    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
     area = "-15 mm, 16 mm, -8 mm, 8 mm"
     text = searched(palpate, beside_a_sphere, tmp_path / "run", "--budget", 25, "--area", area)
     assert "it reaches the border of --area, so its middle may lie beyond" in text

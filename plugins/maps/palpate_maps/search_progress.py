@@ -80,12 +80,3 @@ def footprint(places: Floats, lump: Lump, contrast: float, apart: float) -> NDAr
     wide = np.maximum(lump.extent, 2 * apart) / 2.355
     half = wide * np.sqrt(2 * np.log(max(lump.contrast / contrast, 1.5))) + apart
     return np.asarray((((places - np.array(lump.place)) / half) ** 2).sum(axis=1) < 1)
-
-
-def off_limits(nodes: Floats, lumps: Sequence[LumpProgress], contrast: float, apart: float) -> NDArray[np.bool_]:
-    """(m,) nodes [m] on lumps of which all is known, and on their flanks down to a contrast."""
-    taken = np.zeros(len(nodes), bool)
-    for item in lumps:
-        if item.done:
-            taken |= footprint(nodes, item.lump, contrast, apart)
-    return taken
