@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from palpate import Floats
 from palpate_maps.area_search import AreaSearch, SearchSettings
 from palpate_maps.map_analysis import Knowledge, Sites, area_of, find_lumps
-from palpate_maps.next_places import Aim
 from palpate_maps.search_motion import SearchMotion
 from search_scenes import BOX, LEAST, Rig, Scene, SiteRig, first_line, judged, scene, wilson
 
@@ -101,6 +100,7 @@ class LevelSet:
         self.high: Floats | float = np.inf
 
     def __call__(self, known: Knowledge) -> int:
+        """The most ambiguous node."""
         mean, std = known.field.mean(known.base.mean), known.field.std
         if known.field is not self.field:  # of another kernel
             self.field, self.low, self.high = known.field, -np.inf, np.inf
@@ -119,6 +119,7 @@ class Grid:
         self.left = iter(rows)
 
     def __call__(self, known: Knowledge) -> int | None:
+        """The next node of the grid."""
         place = next(self.left, None)
         return None if place is None else int(np.argmin(np.linalg.norm(known.field.nodes - place, axis=1)))
 
@@ -172,16 +173,18 @@ def rivals(seeds: Sequence[int], rig_of: type[Rig]) -> None:
             found[name].append((first.seconds, first.palpations) if first else (math.inf, 0))
             outlined[name].append(next((m.seconds for m in moments if m.overlap >= 0.8), math.inf))
             last[name].append(moments[-1])
-        print(f"seed {seed}: " + ", ".join(f"{n} {found[n][-1][0]:.0f}/{outlined[n][-1]:.0f}" for n in names), flush=True)
+        print(
+            f"seed {seed}: " + ", ".join(f"{n} {found[n][-1][0]:.0f}/{outlined[n][-1]:.0f}" for n in names), flush=True
+        )
     print("| search | found: s | palpations | outlined: s | at the end: s | missed | false | overlap |")
     print("|---|---|---|---|---|---|---|---|")
     for name in names:
         end = last[name]
-        print(
-            f"| {name} | {np.median([s for s, _ in found[name]]):.0f} | {np.median([p for _, p in found[name]]):.0f} "
-            f"| {np.median(outlined[name]):.0f} | {np.median([m.seconds for m in end]):.0f} "
-            f"| {sum(m.missed for m in end)} | {sum(m.false for m in end)} | {np.median([m.overlap for m in end]):.2f} |"
-        )
+        medians = [np.median(column) for column in (*zip(*found[name], strict=True), outlined[name])]
+        seconds, shared = (np.median([getattr(m, key) for m in end]) for key in ("seconds", "overlap"))
+        missed, false = sum(m.missed for m in end), sum(m.false for m in end)
+        cells = [*(f"{value:.0f}" for value in (*medians, seconds)), str(missed), str(false), f"{shared:.2f}"]
+        print(f"| {name} | {' | '.join(cells)} |")
 
 
 def _watched(name: str, moments: Iterator[Moment]) -> Iterator[Moment]:
@@ -218,7 +221,10 @@ def risk(seeds: Sequence[int], rig_of: type[Rig], stated: float = 0.05) -> None:
         for _ in ours(rig, SearchSettings(contrast=CONTRAST, risk=stated), end):
             pass
         peaks = ", ".join(f"{peak:.2f}" for peak in given.peaks)
-        print(f"seed {seed}: {len(given.middles)} patches of {peaks}; {rig.seconds:.0f} s, {rig.palpations} palpations", end="")
+        print(
+            f"seed {seed}: {len(given.middles)} patches of {peaks}; {rig.seconds:.0f} s, {rig.palpations} palpations",
+            end="",
+        )
         for search in end:
             assert search.hiding is not None
             missed, wrong = judged(given, [*(item.lump.place for item in search.lumps), *search.patches])

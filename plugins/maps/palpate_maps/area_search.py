@@ -24,6 +24,8 @@ _APART = 4e-3  # [m] between places
 _ABOUT = 12e-3  # [m] about the highest place of a lump that has to be known, for its middle to be
 _WIDTH = 4e-3  # [m] of a sweep's site
 _RISK = 0.05  # that a search goes towards where none is given
+_UNLIKELY = 0.3  # risk below which lumps are outlined before more of them are looked for
+_OUTLINED = 0.9  # intersection over union of a lump's outline that is good enough
 _SURELY = 20.0  # expected patches about a place, that is the odds that one is there, which make one known
 
 
@@ -109,52 +111,74 @@ class AreaSearch:
 
     def next_round(self) -> list[Proposal]:
         """Where to go next: up to so many points, or one line; nothing where every place is known."""
-        known, hiding = self._knowledge, self.hiding
+        known = self._knowledge
         assert known is not None
-        assert hiding is not None
-        visited = known.known.place[known.known.standing]
-        closed = near(self.middles, visited, _APART / 2)
+        closed = near(self.middles, known.known.place[known.known.standing], _APART / 2)
         through = np.ones(len(self.middles), bool)
-        if self.settings.aim != "find" or len(self._doubtful):
-            gain: Gain = FieldGain.of(known, self._rows, self._weight(known))
-            if self.settings.aim == "find":
-                through = near(self.middles, self._doubtful, 0.6 * self.settings.radius)
+        if self.settings.aim == "map":
+            gain: Gain = FieldGain.of(known, self._rows, known.field.std**2)
+        elif len(self._doubtful):
+            gain = FieldGain.of(known, self._rows, self._unclear(known, self._doubtful))
+            through = near(self.middles, self._doubtful, 0.6 * self.settings.radius)
+        elif self.settings.aim == "outline" and self._is_outlining(known):
+            gain = FieldGain.of(known, self._rows, self._unclear(known, self._tops))
         else:
-            gain = Clearance.of(self._patches_grid, hiding.expected, self.settings.risk or _RISK, self._std)
+            assert self.hiding is not None
+            gain = Clearance.of(self._patches_grid, self.hiding.expected, self._allowed, self._std)
             closed = closed | self._on_lumps(self.middles)
         actions = self._grid.next_round(gain, self.settings.points, known.known.place[-1], closed, through)
         return [self._proposal(known, action) for action in actions]
 
+    @property
+    def _allowed(self) -> float:
+        """Risk that a search goes towards."""
+        return _RISK if self.settings.risk is None else self.settings.risk
+
+    @property
+    def _tops(self) -> Floats:
+        """Highest places (k, 2) [m] of all lumps."""
+        lumps = [item.lump for item in self.lumps]
+        return np.array([lump.highest or lump.place for lump in lumps]).reshape(-1, 2)
+
     @cached_property
     def _doubtful(self) -> Floats:
-        """Places (k, 2) [m] to go through: of lumps that are not certain, and likely stiff ones that were not checked."""
+        """Places (k, 2) [m] to go through: lumps that are not certain, and likely ones that were not checked."""
         known, settings = self._knowledge, self.settings
         assert known is not None
         nodes = known.field.nodes
-        lumps = [item.lump for item in self.lumps if not self._over(item)]
-        if lumps:
-            return np.array([lump.place if lump.highest is None else lump.highest for lump in lumps])
+        unsure = np.array([not self._over(item) for item in self.lumps], bool)
+        if unsure.any():
+            return self._tops[unsure]
         _, _, above = known.expectation(settings.contrast)
         likely = np.flatnonzero((above >= SUSPICIOUS) & ~self._on_lumps(nodes))
         return nodes[likely[passes(known.known, nodes[likely], _APART) < CHECKS]]
 
-    def _weight(self, known: Knowledge) -> Floats:
-        """(m,) of the field's nodes: their variance, or how uncertain it is that they are above the contrast."""
-        if self.settings.aim == "map":
-            return np.asarray(known.field.std**2)
+    def _unclear(self, known: Knowledge, places: Floats) -> Floats:
+        """(m,) how uncertain it is that the field's nodes about some places (k, 2) [m] are above the contrast."""
         _, _, above = known.expectation(self.settings.contrast)
-        weight = above * (1 - above)
-        if self.settings.aim == "find":
-            weight = np.where(near(known.field.nodes, self._doubtful, _ABOUT), weight, 0.0)
-        return np.asarray(weight)
+        return np.where(near(known.field.nodes, places, _ABOUT), above * (1 - above), 0.0)
+
+    def _is_outlining(self, known: Knowledge) -> bool:
+        """Whether the lumps are to be outlined next, and not more of them to be looked for.
+
+        That is while more of them are unlikely and the intersection over union that is expected of their outline is
+        below 0.9, and once a search for more would end.
+        """
+        assert self.hiding is not None
+        above = known.expectation(self.settings.contrast)[2][near(known.field.nodes, self._tops, _ABOUT)]
+        seen = above > 0.5
+        both, either = float(above[seen].sum()), float(np.count_nonzero(seen) + above[~seen].sum())
+        rough = both < _OUTLINED * either and self.hiding.risk <= _UNLIKELY
+        return bool(self.lumps) and (rough or self.hiding.risk <= self._allowed)
 
     def _proposal(self, known: Knowledge, action: SearchAction) -> Proposal:
         end = None if action.end is None else tuple(self.middles[action.end].tolist())
         return known.proposal(self.settings.contrast, int(self._rows[action.start]), end)
 
     def _over(self, item: LumpProgress) -> bool:
-        """Whether nothing more has to be learned of a lump; what lies beyond a border is left to the risk, if given."""
-        return item.done if self.settings.risk is None else item.certain
+        """Whether nothing more has to be learned of a lump; what lies beyond a border is left to a risk or an outline."""
+        alone = self.settings.risk is None and self.settings.aim == "find"
+        return item.done if alone else item.certain
 
     @cached_property
     def _grid(self) -> ActionGrid:

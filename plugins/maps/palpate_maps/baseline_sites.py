@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-from palpate_maps.populations import is_one, lowest_mode
+from palpate_maps.populations import SINGLE, is_one, lowest_mode
 from palpate_maps.sites import Sites
 
-_SQUARE = 10e-3  # [m] side of the squares in which sites are counted: as wide as most lumps
+_CROWDED = 0.2  # share of sites at places that were palpated before
+_SINGLE_OF_CROWDED = 0.2  # level of the test of normality, where more of them are
 _LEAST = 4  # baseline sites; with fewer nothing can be said
 _SOFTER = 0.15  # share of sites that are no soft outliers any more, but surroundings of a large stiff part
 
@@ -29,38 +30,39 @@ class Baseline:
     single: bool = True  # but for outliers, the sites are one population; else it is the lowest of several
 
 
-def find_baseline(log: Floats, level: float = 0.05, share: float = 0.5, floor: float = 0.0) -> Baseline:
+def find_baseline(
+    log: Floats, level: float = 0.05, share: float = 0.5, floor: float = 0.0, single: float = SINGLE
+) -> Baseline:
     """The baseline among sites (n,): those without outliers, or the lowest of several populations.
 
     Up to a `share` of the sites may be outliers, on either side; Rosner's test (1983) finds their number at a level.
     Where what it leaves is not one normal population, or what it takes away is a softer one, so many sites are stiff
     that they hide each other: then the baseline is the lowest mode, determined by what lies below it. `floor` is the
-    least spread assumed.
+    least spread assumed, `single` the level of the test of one population.
     """
     found = _without_outliers(log, level, share, floor)
     inner = log[found.members]
     softer = int(((log < inner.mean()) & ~found.members).sum())
-    if softer < _SOFTER * len(log) and (is_one(inner) or float(inner.std()) <= floor):
+    if softer < _SOFTER * len(log) and (is_one(inner, single) or float(inner.std()) <= floor):
         return found
     mode = lowest_mode(log, floor)
     members = np.abs(log - mode.mean) <= 3 * mode.spread
     return Baseline(mode.mean, mode.spread, mode.spread_from, members, single=False)
 
 
-def background_sites(sites: Sites, floor: float = 0.0) -> Baseline:
-    """The baseline of an area, for which places that were palpated more often than others count no more than these.
+def background_sites(sites: Sites, floor: float = 0.0, width: float = 4e-3) -> Baseline:
+    """The baseline of an area where more than a fifth of the sites may lie at places [m wide] that others are at, too.
 
-    A search goes where it is stiff, so that most of its sites may lie on lumps. Of the sites in a square of 10 mm, the
-    earliest count, at most half as many again as in most squares that were palpated (cell declustering, Deutsch 1989).
+    A search goes where it is stiff, so that most of its sites may lie on lumps: then each place counts once, by the
+    earliest of its sites, and since several populations are expected, less evidence is asked for them.
     """
-    square = np.floor(sites.place / _SQUARE).astype(np.int64)
-    _, which, count = np.unique(square, axis=0, return_inverse=True, return_counts=True)
-    which = which.ravel()
-    order = np.argsort(which, kind="stable")
-    place_in_square = np.empty(len(sites), int)
-    place_in_square[order] = np.arange(len(sites)) - np.repeat(np.cumsum(count) - count, count)
-    rows = np.flatnonzero(place_in_square < math.ceil(1.5 * float(np.median(count))))
-    found = find_baseline(sites.log[rows], floor=floor)
+    rows: list[int] = []
+    for i, place in enumerate(sites.place):
+        if not rows or float(((sites.place[rows] - place) ** 2).sum(axis=1).min()) >= (0.97 * width) ** 2:
+            rows.append(i)
+    if len(rows) >= len(sites) * (1 - _CROWDED):
+        return find_baseline(sites.log, floor=floor)
+    found = find_baseline(sites.log[rows], floor=floor, single=_SINGLE_OF_CROWDED)
     members = np.zeros(len(sites), bool)
     members[rows] = found.members
     return replace(found, members=members)

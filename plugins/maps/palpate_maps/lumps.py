@@ -37,11 +37,11 @@ def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
 def _over(sites: Sites, settings: LumpSettings) -> Findings:
     """Sites outside the prediction interval of the baseline sites, with false-discovery control, joined to lumps."""
     coarse = merge_sites(sites, settings.width)
-    baseline = background_sites(coarse, settings.spread)
+    baseline = background_sites(coarse, settings.spread, settings.width)
     p = prediction_p(coarse.log, baseline)
     height = coarse.log - baseline.mean
     stiff = discoveries(p, settings.rate) & (height >= np.log1p(settings.contrast))
-    reach = _reach(coarse.place)
+    reach = max(_reach(coarse.place), 1.6 * settings.width)
     lumps = [_lump(coarse, group, baseline, p) for group in clusters(coarse.place, stiff, reach)]
     name = f"prediction interval of {baseline.count} baseline sites"
     several = None if baseline.single else float(baseline.members.mean())

@@ -79,7 +79,7 @@ def _significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.b
     from scipy import stats
 
     settings = LumpSettings()
-    baseline = background_sites(merge_sites(sites, settings.width), settings.spread)
+    baseline = background_sites(merge_sites(sites, settings.width), settings.spread, settings.width)
     p, stiff = np.where(covered, 1.0, np.nan), np.zeros(len(mean), bool)
     if baseline.count >= 4:
         noise = np.sqrt(baseline.spread**2 * (1 + 1 / baseline.count) + std**2)

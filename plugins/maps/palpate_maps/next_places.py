@@ -19,6 +19,7 @@ Aim = Literal["find", "outline", "map"]
 SETTLED = 4e-3  # [m]: the width of a site
 _SITE = 3e-3  # [m] of a sweep that is one observation of the field
 
+
 @dataclass(frozen=True)
 class Proposal:
     """A place to palpate next, or a line from there to its end, and why."""

@@ -73,7 +73,7 @@ class ActionGrid:
     ) -> list[SearchAction]:
         """One line, or up to `count` points, from the tip's place (2,) [m].
 
-        No point is at a closed node (m,), and each line goes through one of some nodes (m,), at one of which points are.
+        No point is at a closed node (m,); each line goes through one of some nodes (m,), and points are at these.
         """
         closed, chosen = closed | ~through, list[SearchAction]()
         while len(chosen) < count:

@@ -42,7 +42,7 @@ def update_progress(
     for lump in sorted(findings.lumps, key=lambda lump: lump.p):
         old = min((w.lump for w in before), key=lambda other: _apart(other, lump), default=None)
         open_, cut = borders(sites, lump, area)
-        top = np.array([lump.place if lump.highest is None else lump.highest])
+        top = np.array([lump.highest or lump.place])
         checked = lump.checked or passes(sites, top, SETTLED)[0] >= CHECKS
         certain = checked and is_placed(old, lump, sure)
         found.append(LumpProgress(lump, certain, beyond=open_, cut=cut))
