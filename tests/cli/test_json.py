@@ -51,7 +51,7 @@ CASES = {
     "curves": (["map", "curves", "line"], lambda found: len(found["dr/kinematic"]["along"]) > 10),
     "search": (
         ["map", "search", "line", "--area", "-4 mm, 4 mm, -24 mm, -6 mm"],
-        lambda found: len(found["rounds"][0]) == 3 and found["stopped"] is None,
+        lambda found: found["rounds"][0][0]["place"] and found["stopped"] is None,
     ),
     "lumps": (["map", "lumps", "line"], lambda found: found["track"] == "dr/kinematic"),
     "run": (["run", "point.toml", *options(*SHORT)], lambda found: found["tracks"]["dr/ekf"]["verdict"]),

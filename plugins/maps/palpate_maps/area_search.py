@@ -12,13 +12,13 @@ from palpate import ConfigurationError, Floats
 from palpate_maps.clearance import Clearance, PatchGrid
 from palpate_maps.field_gain import FieldGain
 from palpate_maps.hidden_patches import Hiding, Patch, hidden_patches
-from palpate_maps.lumps import find_lumps
+from palpate_maps.lumps import FEWEST, find_lumps
 from palpate_maps.next_places import Aim, Knowledge, Proposal, near, passes
 from palpate_maps.search_actions import ActionGrid, Gain, SearchAction
 from palpate_maps.search_area import Area
 from palpate_maps.search_motion import SearchMotion
 from palpate_maps.search_progress import CHECKS, SUSPICIOUS, LumpProgress, footprint, update_progress
-from palpate_maps.sites import Sites, merge_sites
+from palpate_maps.sites import Sites, line_coordinate, merge_sites
 
 _APART = 4e-3  # [m] between places
 _ABOUT = 12e-3  # [m] about the highest place of a lump that has to be known, for its middle to be
@@ -44,6 +44,8 @@ class SearchSettings:
         """Raise ConfigurationError for what cannot be searched for."""
         if self.risk is not None and not 0 < self.risk < 1:
             raise ConfigurationError(f"--risk: {self.risk:g} is not a probability between 0 and 1, such as 0.05")
+        if not 0 < self.sure < 1:
+            raise ConfigurationError(f"--sure: {self.sure:g} is not a p-value between 0 and 1, such as 0.001")
         if not 0 < self.contrast < 100:
             raise ConfigurationError(f"--contrast: {self.contrast:g} must be above 0, such as 0.05")
         if not 0 < self.radius < 1:
@@ -66,6 +68,7 @@ class AreaSearch:
     patches: list[tuple[float, float]] = field(default_factory=list)  # [m] that are likely, and no lump by its p-value
     hiding: Hiding | None = None
     _knowledge: Knowledge | None = None
+    _visited: bool = False
     _std: float = 0.01
 
     @cached_property
@@ -87,9 +90,14 @@ class AreaSearch:
         return self.area.nodes[self._rows]
 
     def observe(self, sites: Sites, visited: bool) -> None:
-        """Take up all sites of the run so far; `visited` where the latest came of a round of this search."""
-        if visited:
-            self.lumps = update_progress(find_lumps(sites), self.lumps, sites, self.area, self.settings.sure)
+        """Take up all sites of the run so far; `visited` where the latest came of a round of this search.
+
+        Of a single line there are no lumps before the first round, which goes beside it.
+        """
+        if visited or (line_coordinate(sites) is None and len(sites) >= FEWEST):
+            before = self.lumps if self._visited else []
+            self.lumps = update_progress(find_lumps(sites), before, sites, self.area, self.settings.sure)
+        self._visited = visited
         self._knowledge = Knowledge.of(sites, self.area.nodes, self._knowledge)
         self.__dict__.pop("_doubtful", None)
         coarse = merge_sites(sites, _WIDTH)
@@ -120,6 +128,8 @@ class AreaSearch:
         elif len(self._doubtful):
             gain = FieldGain.of(known, self._rows, self._unclear(known, self._doubtful))
             through = near(self.middles, self._doubtful, 0.6 * self.settings.radius)
+            if self.motion.line_speed is None and not (through & ~closed).any():
+                through = near(self.middles, self._doubtful, _ABOUT)
         elif self.settings.aim == "outline" and self._is_outlining(known):
             gain = FieldGain.of(known, self._rows, self._unclear(known, self._tops))
         else:
@@ -176,7 +186,7 @@ class AreaSearch:
         return known.proposal(self.settings.contrast, int(self._rows[action.start]), end)
 
     def _over(self, item: LumpProgress) -> bool:
-        """Whether nothing more has to be learned of a lump; what lies beyond a border is left to a risk or an outline."""
+        """Whether a lump is known well enough: by itself also beyond the border of what was palpated."""
         alone = self.settings.risk is None and self.settings.aim == "find"
         return item.done if alone else item.certain
 

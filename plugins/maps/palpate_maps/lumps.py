@@ -14,7 +14,7 @@ from palpate_maps.line_peaks import by_prominence, curve_along
 from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
 from palpate_maps.sites import Sites, line_coordinate, merge_sites
 
-_FEWEST = 8  # sites; with fewer there are no surroundings
+FEWEST = 8  # sites; with fewer there are no surroundings
 _TELLING = 3  # points on a lump that place it without the sweeps
 _WIDTH = 5e-3  # [m] from a stay to the first site of the sweep that goes on from it
 
@@ -23,9 +23,9 @@ def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
     """Lumps along a sweep where the sites lie on a line, else on the area that they cover; raises LogError."""
     settings = settings or LumpSettings()
     settings = replace(settings, spread=max(settings.spread, sites.relief))
-    if len(sites) < _FEWEST:
+    if len(sites) < FEWEST:
         raise LogError(
-            f"{len(sites)} sites are too few to distinguish a lump from its surroundings; {_FEWEST} are needed"
+            f"{len(sites)} sites are too few to distinguish a lump from its surroundings; {FEWEST} are needed"
         )
     along = line_coordinate(sites)
     if along is not None and not sites.standing.all():

@@ -65,7 +65,7 @@ class ActionGrid:
                 row = np.flatnonzero(across == key)
                 row = row[np.argsort(self.nodes[row, axis], kind="stable")]
                 gaps = np.diff(self.nodes[row, axis])
-                pieces += np.split(row, np.flatnonzero(gaps > 1.5 * steps.min()) + 1)
+                pieces += np.split(row, np.flatnonzero(gaps > 1.5 * np.median(steps)) + 1)
         return [piece for piece in pieces if len(piece) > 1]
 
     def next_round(
