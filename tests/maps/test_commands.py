@@ -415,7 +415,7 @@ def test_a_search_goes_on_beyond_the_border_of_the_sites(palpate, beside_a_spher
 def test_a_search_says_where_it_may_not_go_on(palpate, beside_a_sphere, tmp_path):
     """The same sphere, and an area that ends before it: nothing is visited beyond, and that is said."""
     area = "-15 mm, 16 mm, -8 mm, 8 mm"
-    text = searched(palpate, beside_a_sphere, tmp_path / "run", "--budget", 25, "--area", area)
+    text = searched(palpate, beside_a_sphere, tmp_path / "run", "--budget", 30, "--area", area)
     assert "it reaches the border of --area, so its middle may lie beyond" in text
     places = np.concatenate([sites_along(read_path(part)).place for part in (tmp_path / "run").glob("part-*")])
     assert places[:, 0].max() < 16.1e-3
