@@ -30,6 +30,7 @@ RECORDED = [  # what makes the simulated rig agree with the recording
     "device.rig.force_std=0.064 N",
     "device.rig.position_std=7.1 um",
     "device.rig.velocity_std=0.47 mm/s",
+    "device.rig.unrest=40 um",
     "trajectory.sweep.settle=1 s",
 ]
 RELIEF = 'device.rig.specimen.relief={{roughness="0.05 mm", length="3 mm", tilt_y="-0.9 deg", seed={}}}'
