@@ -5,9 +5,9 @@ those of the planned motions, not of the computer. Without --rig the errors of s
 rig's smoother were measured. Settings were chosen on seeds below 7000.
 
 rivals: two lumps of 15 to 35 % in 60 mm x 40 mm. All begin with one line at 6 mm/s through the middle but the raster,
-whose lines are all; "found" is when the lumps that `palpate map lumps` finds are both and no others, "outlined" when
-the mean of the field, above 10 %, has an intersection over union of 0.8 with the truth: a judge that knows the truth
-ends the rivals, which have no rule to end by; `find` is charged with the motion until its own rule ends it, too.
+whose lines are all; "find by points" makes no others. "found" is when the lumps that `palpate map lumps` finds are both
+and no others, "outlined" when the mean of the field, above 10 %, has an intersection over union of 0.8 with the truth:
+a judge that knows the truth ends the rivals, which have no rule to end by; `find` goes on until its own rule ends it.
 """
 
 from __future__ import annotations
@@ -139,11 +139,22 @@ def raster(rig: Rig) -> Iterator[Moment]:
         yield now
 
 
-def ours(rig: Rig, settings: SearchSettings, end: list[AreaSearch]) -> Iterator[Moment]:
+class PointMotion(SearchMotion):
+    """Motions without lines."""
+
+    @property
+    def line_speed(self) -> float | None:
+        """None."""
+        return None
+
+
+def ours(
+    rig: Rig, settings: SearchSettings, end: list[AreaSearch], motions: type[SearchMotion] = SearchMotion
+) -> Iterator[Moment]:
     """A search by `palpate map search`, until it ends by itself, which is added to `end`."""
     given = rig.scene.pipeline
     sites = rig.palpate(first_line(given))
-    motion = SearchMotion(given, "raster", 2.0)
+    motion = motions(given, "raster", 2.0)
     search = AreaSearch(area_of(given, motion.own, sites.place, BOX), motion, settings)
     search.observe(sites, visited=False)
     while True:
@@ -159,9 +170,11 @@ def ours(rig: Rig, settings: SearchSettings, end: list[AreaSearch]) -> Iterator[
     end.append(search)
 
 
-def rivals(seeds: Sequence[int], rig_of: type[Rig]) -> None:
+NAMES = ("grid", "raster", "GP-UCB", "expected improvement", "level set", "find by points", "find", "outline")
+
+
+def rivals(seeds: Sequence[int], rig_of: type[Rig], names: Sequence[str] = NAMES) -> None:
     """Ours and others on the same scenes of two lumps."""
-    names = ["grid", "raster", "GP-UCB", "expected improvement", "level set", "find", "outline"]
     found: dict[str, list[tuple[float, int]]] = {name: [] for name in names}
     outlined: dict[str, list[float]] = {name: [] for name in names}
     last: dict[str, list[Moment]] = {name: [] for name in names}
@@ -193,7 +206,7 @@ def _watched(name: str, moments: Iterator[Moment]) -> Iterator[Moment]:
     for now in moments:
         yield now
         found, outlined = found or not (now.missed or now.false), outlined or now.overlap >= 0.8
-        if found and outlined and name not in ("find", "raster"):
+        if found and outlined and not name.startswith(("find", "raster")):
             return
 
 
@@ -208,8 +221,10 @@ def _moments(name: str, rig: Rig) -> Iterator[Moment]:
         return raster(rig)
     if name in choosers:
         return points(rig, choosers[name]())
-    risk = 0.05 if name == "find" else None
-    return ours(rig, SearchSettings(aim=name, contrast=CONTRAST, risk=risk), [])  # type: ignore[arg-type]
+    if name == "outline":
+        return ours(rig, SearchSettings("outline", contrast=CONTRAST), [])
+    motions = PointMotion if name == "find by points" else SearchMotion
+    return ours(rig, SearchSettings(contrast=CONTRAST, risk=0.05), [], motions)
 
 
 def risk(seeds: Sequence[int], rig_of: type[Rig], stated: float = 0.05) -> None:
@@ -247,9 +262,13 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--first", type=int, default=7000)
     parser.add_argument("--rig", action="store_true", help="the simulated rig and its filter, not errors of sites")
+    parser.add_argument("--names", nargs="+", default=NAMES, choices=NAMES, help="of the rivals")
     given = parser.parse_args()
-    what = {"rivals": rivals, "risk": risk}[given.what]
-    what(range(given.first, given.first + given.count), Rig if given.rig else SiteRig)
+    seeds, rig = range(given.first, given.first + given.count), Rig if given.rig else SiteRig
+    if given.what == "rivals":
+        rivals(seeds, rig, given.names)
+    else:
+        risk(seeds, rig)
 
 
 if __name__ == "__main__":
