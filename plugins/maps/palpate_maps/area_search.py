@@ -166,7 +166,7 @@ class AreaSearch:
     def _unclear(self, known: Knowledge, places: Floats) -> Floats:
         """(m,) how uncertain it is that the field's nodes about some places (k, 2) [m] are above the contrast."""
         _, _, above = known.expectation(self.settings.contrast)
-        return np.where(near(known.field.nodes, places, _ABOUT), above * (1 - above), 0.0)
+        return np.asarray(np.where(near(known.field.nodes, places, _ABOUT), above * (1 - above), 0.0))
 
     def _is_outlining(self, known: Knowledge) -> bool:
         """Whether the lumps are to be outlined next, and not more of them to be looked for.

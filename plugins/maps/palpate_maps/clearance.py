@@ -44,7 +44,7 @@ class Clearance:
     @classmethod
     def of(cls, grid: PatchGrid, expected: Floats, risk: float, std: float) -> Clearance:
         """Where patches (m,) are expected, until their number is a risk."""
-        allowed = risk / max(np.count_nonzero(expected), 1)
+        allowed = risk / max(int(np.count_nonzero(expected)), 1)
         return cls(grid, np.log(np.maximum(expected / allowed, 1.0)), std)
 
     @cached_property
@@ -54,6 +54,10 @@ class Clearance:
     def points(self) -> Floats:
         """(m,) gained by a point at each node."""
         return np.asarray(np.minimum(self._told, self.left).sum(axis=1))
+
+    def sites(self) -> Floats:
+        """(m,) gained by one site of a line at each node, which is no more than by a point."""
+        return self.points()
 
     def lines(self, row: NDArray[np.intp]) -> Floats:
         """(k,) gained by lines from the first node of a row (k,) to each."""

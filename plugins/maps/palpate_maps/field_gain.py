@@ -42,6 +42,10 @@ class FieldGain:
         """(m,) of a point at each node."""
         return np.asarray(self.cross**2 @ self.weight / (np.diag(self.own) + self.point))
 
+    def sites(self) -> Floats:
+        """(m,) of one site of a line at each node."""
+        return np.asarray(self.cross**2 @ self.weight / (np.diag(self.own) + self.line))
+
     def lines(self, row: NDArray[np.intp]) -> Floats:
         """(k,) of lines from the first node of a row (k,) to each."""
         from scipy.linalg import cholesky, solve_triangular

@@ -23,6 +23,10 @@ class Gain(Protocol):
         """(m,) of a point at each node."""
         ...
 
+    def sites(self) -> Floats:
+        """(m,) of one site of a line at each node: of several sites together at most the sum."""
+        ...
+
     def lines(self, row: NDArray[np.intp]) -> Floats:
         """(k,) of lines from the first node of a row (k,) to each."""
         ...
@@ -98,12 +102,25 @@ class ActionGrid:
         worth = np.where(closed, -np.inf, points / seconds)
         k = int(np.argmax(worth))
         actions = [] if closed.all() else [SearchAction(k, None, float(points[k]), float(seconds[k]))]
-        if self.motion.line_speed is not None:
-            least = _WORTH * float(points.sum())
-            rows = (row for row in self._rows if through[row].any() and float(points[row].sum()) >= least)
-            lines = (self._line(row, gain, travel - idle, through) for row in rows)
-            actions += [line for line in lines if line is not None]
-        return max(actions, key=lambda action: action.worth, default=None)
+        best = max(actions, key=lambda action: action.worth, default=None)
+        if self.motion.line_speed is None:
+            return best
+        sites, least = gain.sites(), _WORTH * float(points.sum())
+        rows = [row for row in self._rows if through[row].any() and float(points[row].sum()) >= least]
+        for most, row in sorted(((self._most(row, sites), row) for row in rows), key=lambda item: -item[0]):
+            if best is not None and best.worth >= most:
+                break
+            line = self._line(row, gain, travel - idle, through)
+            best = line if line is not None and (best is None or line.worth > best.worth) else best
+        return best
+
+    def _most(self, row: NDArray[np.intp], sites: Floats) -> float:
+        """What a line along a row gains in a second at the most: as if each of its sites stood alone."""
+        along = np.hypot(*(self.nodes[row] - self.nodes[row[0]]).T)
+        sums = np.r_[0.0, np.cumsum(sites[row])]
+        first, last = np.triu_indices(len(row), 1)
+        seconds = self.motion.seconds_along(np.maximum(along[last] - along[first], self.motion.shortest))
+        return float(((sums[last + 1] - sums[first]) / seconds).max())
 
     def _line(
         self, row: NDArray[np.intp], gain: Gain, travel: Floats, through: NDArray[np.bool_]

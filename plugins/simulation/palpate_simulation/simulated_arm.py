@@ -53,7 +53,7 @@ class TrackedMotion:
 
         Its speed u' and acceleration u'' are those of a command that is higher by u' + lag u''.
         """
-        omega = 2 * np.pi * np.exp(dice.uniform(*np.log(_UNREST), _SINES))
+        omega = 2 * np.pi * np.exp(dice.uniform(math.log(_UNREST[0]), math.log(_UNREST[1]), _SINES))
         phase = 1j * (
             omega * (np.arange(len(self.position)) * self.period)[:, None] + dice.uniform(0, 2 * np.pi, _SINES)
         )
