@@ -1,7 +1,7 @@
 """Processor time that a search takes for its next place after hundreds of palpations.
 
-Run it with: OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/search_speed.py [--sites 500] [--rounds 12]. Points
-lie at random in a scene of two lumps; each round adds three of them. Times are of the process, in one thread.
+Run it with: OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/search_speed.py [--sites 500] [--rounds 12].
+Points lie at random in a scene of two lumps; each round adds three. Times are of the process, in one thread.
 """
 
 from __future__ import annotations
