@@ -439,6 +439,23 @@ def test_an_impossible_area_is_refused(palpate, raster_run, area, message):
     assert message in " ".join(done.stderr.split())
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("--risk", "1.5", "is not a probability between 0 and 1"),
+        ("--budget", "-5", "is not a time above 0"),
+        ("--budget", "nan", "is not a time above 0"),
+        ("--palpation", "0", "is not a time above 0"),
+        ("--aim", "fnd", "is not one of find, outline, map"),
+    ],
+)
+def test_an_impossible_search_is_refused(palpate, raster_run, option, value, message):
+    done = palpate("map", "search", raster_run, option, value)
+    assert done.returncode == 2
+    assert option in done.stderr
+    assert message in " ".join(done.stderr.split())
+
+
 @pytest.mark.slow
 def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(palpate, root, shared, tmp_path):
     """Default settings from the command line to the lumps; y of the record begins at 450 mm."""

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from palpate import ConfigurationError
+from palpate.host import load_pipeline
 from palpate_maps.area_search import AreaSearch, SearchSettings
 from palpate_maps.clearance import Clearance, PatchGrid
 from palpate_maps.field_gain import FieldGain
 from palpate_maps.hidden_patches import EXPECTED, Patch, hidden_patches
-from palpate_maps.map_analysis import Area, Knowledge, Sites, find_lumps
+from palpate_maps.map_analysis import Area, Knowledge, Sites, area_of, find_lumps
 from palpate_maps.next_places import passes
 from palpate_maps.search_actions import ActionGrid
 from palpate_maps.stiffness_field import FieldKernel, StiffnessField, interpolated
@@ -257,12 +258,33 @@ def test_an_outline_goes_to_the_flanks_and_a_map_to_the_unknown():
 
 
 @pytest.mark.parametrize(
+    ("box", "words"),
+    [
+        ((0.03, 0.04, 0.0, 0.01), "lies outside of the workspace of \\[safety\\], x -25 to 25 mm"),
+        ((0.0, 0.0, 0.0, 0.01), "is empty"),
+    ],
+)
+def test_an_area_that_the_limits_do_not_reach_is_named(root, box, words):
+    pipeline = load_pipeline(root / "pipelines" / "raster_ur3e.toml")
+    with pytest.raises(ConfigurationError, match=f"--area.*{words}"):
+        area_of(pipeline, pipeline.trajectories["raster"], np.zeros((1, 2)), box)
+
+
+def test_of_an_area_only_what_the_limits_reach_is_searched(root):
+    pipeline = load_pipeline(root / "pipelines" / "raster_ur3e.toml")
+    area = area_of(pipeline, pipeline.trajectories["raster"], np.zeros((1, 2)), (0.0, 0.05, -0.01, 0.01))
+    assert area.nodes[:, 0].max() <= 0.025 + 1e-9
+    assert area.share == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize(
     ("wrong", "word"),
     [
         ({"risk": 0.0}, "--risk"),
         ({"risk": 1.0}, "--risk"),
         ({"risk": float("nan")}, "--risk"),
         ({"contrast": 0.0}, "--contrast"),
+        ({"sure": 1.0}, "--sure"),
         ({"radius": -1e-3}, "--radius"),
     ],
 )

@@ -158,7 +158,7 @@ class AreaSearch:
         nodes = known.field.nodes
         unsure = np.array([not self._over(item) for item in self.lumps], bool)
         if unsure.any():
-            return self._tops[unsure]
+            return np.asarray(self._tops[unsure])
         _, _, above = known.expectation(settings.contrast)
         likely = np.flatnonzero((above >= SUSPICIOUS) & ~self._on_lumps(nodes))
         return nodes[likely[passes(known.known, nodes[likely], _APART) < CHECKS]]
