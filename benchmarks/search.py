@@ -1,217 +1,253 @@
-"""How often a patch remains where a search says that none does, on simulated scenes of 0 to 3 patches.
+"""Searches side by side on simulated scenes, and how often a patch remains where a search says that none does.
 
-Run it with: python benchmarks/search.py [--count 100] [--first 7000] [--contrast 0.1] [--risk 0.05] [--sites]. One
-process; seconds are those of the planned motions, not of the computer. Settings were chosen on seeds below 7000.
+Run it with: python benchmarks/search.py rivals|risk [--count 100] [--first 7000] [--rig]. One process; seconds are
+those of the planned motions, not of the computer. Without --rig the errors of sites are drawn as those of the simulated
+rig's smoother were measured. Settings were chosen on seeds below 7000.
+
+rivals: two lumps of 15 to 35 % in 60 mm x 40 mm. All begin with one line at 6 mm/s through the middle but the raster,
+whose lines are all; "find by points" makes no others. "found" is when the lumps that `palpate map lumps` finds are both
+and no others, "outlined" when the mean of the field, above 10 %, has an intersection over union of 0.8 with the truth:
+a judge that knows the truth ends the rivals, which have no rule to end by; `find` goes on until its own rule ends it.
 """
 
 from __future__ import annotations
 
 import argparse
-import functools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from palpate import Floats, Trajectory
-from palpate.config import Pipeline, load_pipeline
+from numpy.typing import NDArray
+from palpate import Floats
 from palpate_maps.area_search import AreaSearch, SearchSettings
-from palpate_maps.map_analysis import Path2D, Sites, area_of, sites_along
-from palpate_maps.path_reader import join_paths
+from palpate_maps.map_analysis import Knowledge, Sites, area_of, find_lumps
 from palpate_maps.search_motion import SearchMotion
-from sweeps import paths
+from search_scenes import BOX, LEAST, Rig, Scene, SiteRig, first_line, judged, scene, wilson
 
-RASTER = Path(__file__).parent.parent / "pipelines" / "raster.toml"
-BOX = (-0.03, 0.03, -0.02, 0.02)  # [m] that is searched
-TRAVEL = 0.05  # [m/s] from the end of one part to the beginning of the next
-SPEED = 6.0  # [mm/s] along lines
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What a specimen hides, and its rig."""
-
-    seed: int
-    middles: list[tuple[float, float]]  # [m]
-    peaks: list[float]  # contrasts
-    settings: list[str]
-
-    @functools.cached_property
-    def pipeline(self) -> Pipeline:
-        """The raster over the scene."""
-        return replace(load_pipeline(RASTER, self.settings), sinks={})
-
-    def contrast(self, places: Floats) -> Floats:
-        """The true contrast (n,) over the specimen's own stiffness that the tip feels at places (n, 2) [m]."""
-        specimen = self.pipeline.devices["rig"].specimen  # type: ignore[attr-defined]
-        plain = specimen.model_copy(update={"inclusions": ()})
-        return specimen.theta(*places.T)[0] / plain.theta(*places.T)[0] - 1
-
-
-def scene(seed: int, count: int, peaks: tuple[float, float], body: str) -> Scene:
-    """Spheres 20 mm or more apart anywhere in the box, with contrasts up to a factor between them, on a rough skin."""
-    dice = np.random.default_rng(seed)
-    middles: list[tuple[float, float]] = []
-    while len(middles) < count:
-        new = tuple(dice.uniform((BOX[0], BOX[2]), (BOX[1], BOX[3])).tolist())
-        if all(math.dist(new, old) >= 0.02 for old in middles):
-            middles.append(new)
-    heights = [float(np.exp(dice.uniform(*np.log(peaks)))) for _ in middles]
-    bodies = ",".join(
-        f'{{shape="sphere", place=["{1e3 * x} mm","{1e3 * y} mm"], {body}, peak={peak}}}'
-        for (x, y), peak in zip(middles, heights, strict=True)
-    )
-    rough, tilt = dice.uniform(0.02, 0.1), dice.uniform(-0.5, 0.5, 2)
-    relief = f'{{roughness="{rough} mm", length="10 mm", tilt_x="{tilt[0]} deg", tilt_y="{tilt[1]} deg", seed={seed}}}'
-    settings = [
-        f"run.seed={seed}",
-        'run.tracks=["dr/smoother"]',
-        f"device.rig.specimen.relief={relief}",
-        f'device.rig.specimen.scatter={{std=0.005, length="20 mm", seed={seed}}}',
-        f"device.rig.specimen.inclusions=[{bodies}]",
-        f"device.rig.drift={dice.uniform(-5, 5) / 3600} N/s",
-        "device.rig.sensor_rate=500 Hz",
-        f"trajectory.raster.speed={SPEED} mm/s",
-        f"estimator.smoother.sweep_speed={SPEED} mm/s",
-        "trajectory.raster.settle=1 s",
-    ]
-    return Scene(seed, middles, heights, settings)
+BUDGET = 600.0  # [s]
+CONTRAST = 0.1
 
 
 @dataclass
-class Rig:
-    """The rig of a scene, and what it was told so far."""
+class Moment:
+    """How far a search has come after one of its motions."""
 
-    scene: Scene
-    seconds: float = 0.0
-    palpations: int = 0
-    found: list[Path2D] = field(default_factory=list)
-    tip: Floats | None = None
-
-    def palpate(self, motion: Trajectory) -> Sites:
-        """Make a motion; all sites so far."""
-        given = self.scene.pipeline
-        run = given.run.model_copy(update={"seed": given.run.seed + 1000 * len(self.found)})
-        self.found += list(paths(replace(given, run=run, trajectories={"raster": motion})))
-        ends = motion.at(np.array([0.0, motion.total_duration])).position[:, :2]
-        if self.tip is not None:
-            self.seconds += float(np.hypot(*(ends[0] - self.tip))) / TRAVEL
-        self.tip = ends[1]
-        self.seconds += motion.total_duration
-        self.palpations += len(getattr(motion, "visits", [0]))
-        return sites_along(join_paths(self.found))
+    seconds: float
+    palpations: int
+    missed: int
+    false: int
+    overlap: float  # intersection over union of the regions above the contrast
 
 
-@dataclass
-class SiteRig(Rig):
-    """A rig without a filter: what it says at each site is the true contrast with the errors of the simulated rig.
-
-    Those of the smoother at 6 mm/s on rough skins, seeds 50 to 53: points scatter by 0.6 %, a line by 0.25 % over 3 mm
-    and 0.4 % over 15 mm, all of a motion together by 0.4 %; a drift of the tare adds its force over 3.5 N.
-    """
-
-    sites: list[Sites] = field(default_factory=list)
-
-    def palpate(self, motion: Trajectory) -> Sites:
-        """Make a motion; all sites so far."""
-        dice = np.random.default_rng([self.scene.seed, len(self.sites)])
-        visits = getattr(motion, "visits", None)
-        if visits is not None:
-            place, standing, own = (
-                np.array(visits),
-                np.ones(len(visits), bool),
-                0.006 * dice.standard_normal(len(visits)),
-            )
-        else:
-            begin, end = np.array(motion.start), np.array(motion.end)  # type: ignore[attr-defined]
-            count = int(1e3 * math.dist(begin, end)) + 1
-            place, standing = begin + np.linspace(0, 1, count)[:, None] * (end - begin), np.zeros(count, bool)
-            own = 0.0025 * _smooth(dice, count, 3) + 0.004 * _smooth(dice, count, 15)
-        time = np.linspace(2.0, motion.total_duration - 1.0, len(place))
-        drift = float(self.scene.settings[5].split("=")[1].split()[0]) * (time - 1.0) / 3.5
-        log = np.log1p(self.scene.contrast(place)) + own + drift + 0.004 * dice.standard_normal() + 11.6
-        late = 1.0 + (self.sites[-1].time[-1] if self.sites else 0.0)
-        self.sites.append(Sites(place, log, np.where(standing, 0.013, 0.0077), late + time, standing))
-        self.count(motion, place)
-        columns = zip(*((s.place, s.log, s.std, s.time, s.standing) for s in self.sites), strict=True)
-        return Sites(*(np.concatenate(column) for column in columns))
-
-    def count(self, motion: Trajectory, place: Floats) -> None:
-        """Seconds and palpations of a motion over places."""
-        if self.tip is not None:
-            self.seconds += float(np.hypot(*(place[0] - self.tip))) / TRAVEL
-        self.tip = place[-1]
-        self.seconds += motion.total_duration
-        self.palpations += len(getattr(motion, "visits", [0]))
+Chooser = Callable[[Knowledge], int | None]
 
 
-def _smooth(dice: np.random.Generator, count: int, width: int) -> Floats:
-    """Noise (n,) of unit variance that is alike over a width [mm]."""
-    kernel = np.hanning(2 * width + 1)
-    return np.convolve(dice.standard_normal(count + 2 * width), kernel / np.sqrt((kernel**2).sum()), "valid")
+def overlap(scene: Scene, known: Knowledge) -> float:
+    """Intersection over union of the true region above the contrast and the field's."""
+    true = scene.contrast(known.field.nodes) >= CONTRAST
+    seen = known.field.mean(known.base.mean) - known.base.mean >= np.log1p(CONTRAST)
+    return float(np.count_nonzero(true & seen) / max(np.count_nonzero(true | seen), 1))
 
 
-def first_line(given: Pipeline, y: float = 0.0) -> Trajectory:
-    """One line through the middle of the box."""
-    motion = given.trajectories["raster"]
-    part = given.registry.find("trajectory", "line-sweep")
-    return part(  # type: ignore[no-any-return, operator]
-        start=(BOX[0], y),
-        end=(BOX[1], y),
-        speed=motion.speed,
-        settle=motion.settle,
-        press=motion.press,  # type: ignore[attr-defined]
-    )
+def moment(rig: Rig, sites: Sites, known: Knowledge) -> Moment:
+    """After a motion: its lumps against the truth, and its field."""
+    missed, false = judged(rig.scene, (lump.place for lump in find_lumps(sites).lumps))
+    return Moment(rig.seconds, rig.palpations, missed, false, overlap(rig.scene, known))
 
 
-def searched(rig: Rig, settings: SearchSettings, budget: float, lines: bool = True) -> AreaSearch:
-    """A search until it ends or its budget [s] is spent."""
+def points(rig: Rig, choose: Chooser) -> Iterator[Moment]:
+    """One point after the other, each at the node that is chosen."""
     given = rig.scene.pipeline
     sites = rig.palpate(first_line(given))
     motion = SearchMotion(given, "raster", 2.0)
+    known = Knowledge.of(sites, area_of(given, motion.own, sites.place, BOX).nodes)
+    yield moment(rig, sites, known)
+    while rig.seconds < BUDGET and (node := choose(known)) is not None:
+        sites = rig.palpate(motion.along([known.proposal(CONTRAST, node)]))
+        known = Knowledge.of(sites, before=known)
+        yield moment(rig, sites, known)
+
+
+def _open(known: Knowledge) -> NDArray[np.bool_]:
+    """Nodes that are not palpated yet."""
+    visited = known.known.place[known.known.standing]
+    return np.asarray((np.linalg.norm(known.field.nodes[:, None] - visited[None], axis=2) > 2e-3).all(axis=1))
+
+
+def upper_bound(known: Knowledge) -> int:
+    """GP-UCB (Srinivas 2010) with a factor of 2."""
+    score = known.field.mean(known.base.mean) + 2 * known.field.std
+    return int(np.argmax(np.where(_open(known), score, -np.inf)))
+
+
+def improvement(known: Knowledge) -> int:
+    """Expected improvement (Jones 1998) over the largest mean."""
+    from scipy.stats import norm
+
+    mean, std = known.field.mean(known.base.mean), known.field.std
+    z = (mean - mean.max()) / std
+    return int(np.argmax(np.where(_open(known), std * (z * norm.cdf(z) + norm.pdf(z)), -np.inf)))
+
+
+class LevelSet:
+    """Level-set estimation (Gotovos 2013): intersected intervals of 2 standard deviations, largest ambiguity."""
+
+    def __init__(self) -> None:
+        self.field: object = None
+        self.low: Floats | float = -np.inf
+        self.high: Floats | float = np.inf
+
+    def __call__(self, known: Knowledge) -> int:
+        """The most ambiguous node."""
+        mean, std = known.field.mean(known.base.mean), known.field.std
+        if known.field is not self.field:  # of another kernel
+            self.field, self.low, self.high = known.field, -np.inf, np.inf
+        self.low, self.high = np.maximum(self.low, mean - 2 * std), np.minimum(self.high, mean + 2 * std)
+        level = known.base.mean + np.log1p(CONTRAST)
+        ambiguity = np.minimum(self.high - level, level - self.low)
+        return int(np.argmax(np.where(_open(known), ambiguity, -np.inf)))
+
+
+class Grid:
+    """Points of a grid, 5 mm apart, row after row."""
+
+    def __init__(self) -> None:
+        x, y = np.arange(BOX[0], BOX[1] + 1e-6, 5e-3), np.arange(BOX[2], BOX[3] + 1e-6, 5e-3)
+        rows = [(a, b) for k, b in enumerate(y) for a in (x if k % 2 == 0 else x[::-1])]
+        self.left = iter(rows)
+
+    def __call__(self, known: Knowledge) -> int | None:
+        """The next node of the grid."""
+        place = next(self.left, None)
+        return None if place is None else int(np.argmin(np.linalg.norm(known.field.nodes - place, axis=1)))
+
+
+def raster(rig: Rig) -> Iterator[Moment]:
+    """The lines of the raster, 5 mm apart; interrupted after each."""
+    given = rig.scene.pipeline
+    motion: Any = given.trajectories["raster"]
+    sites = rig.palpate(motion)
+    nodes = area_of(given, motion, sites.place, BOX).nodes
+    rows = np.round((sites.place[:, 1] - BOX[2]) / motion.pitch)
+    for line in range(2, motion.lines):
+        part = sites[np.maximum.accumulate(rows) <= line]
+        now = moment(rig, part, Knowledge.of(part, nodes))
+        now.seconds = rig.seconds * (line + 1) / motion.lines
+        now.palpations = line + 1
+        yield now
+
+
+class PointMotion(SearchMotion):
+    """Motions without lines."""
+
+    @property
+    def line_speed(self) -> float | None:
+        """None."""
+        return None
+
+
+def ours(
+    rig: Rig, settings: SearchSettings, end: list[AreaSearch], motions: type[SearchMotion] = SearchMotion
+) -> Iterator[Moment]:
+    """A search by `palpate map search`, until it ends by itself, which is added to `end`."""
+    given = rig.scene.pipeline
+    sites = rig.palpate(first_line(given))
+    motion = motions(given, "raster", 2.0)
     search = AreaSearch(area_of(given, motion.own, sites.place, BOX), motion, settings)
     search.observe(sites, visited=False)
-    while rig.seconds < budget:
+    while True:
+        assert search._knowledge is not None
+        yield moment(rig, sites, search._knowledge)
         places = search.next_round()
-        if not places or search.ended(places):
+        if rig.seconds >= BUDGET:
+            return
+        if not places or search.ended():
             break
-        search.observe(rig.palpate(motion.along(places)), visited=True)
-    return search
+        sites = rig.palpate(motion.along(places))
+        search.observe(sites, visited=True)
+    end.append(search)
 
 
-def judged(scene: Scene, lumps: Sequence[Floats], within: float = 8e-3) -> tuple[int, int]:
-    """True lumps that were missed, and lumps that are none."""
-    missed = sum(all(math.dist(m, at) > within for at in lumps) for m in scene.middles)
-    false = sum(all(math.dist(m, at) > within for m in scene.middles) for at in lumps)
-    return missed, false
+NAMES = ("grid", "raster", "GP-UCB", "expected improvement", "level set", "find by points", "find", "outline")
 
 
-LEAST = 'depth="3.2 mm", radius="4.2 mm"'  # half as stiff 5 mm beside its middle
+def rivals(seeds: Sequence[int], rig_of: type[Rig], names: Sequence[str] = NAMES) -> None:
+    """Ours and others on the same scenes of two lumps."""
+    found: dict[str, list[tuple[float, int]]] = {name: [] for name in names}
+    outlined: dict[str, list[float]] = {name: [] for name in names}
+    last: dict[str, list[Moment]] = {name: [] for name in names}
+    for seed in seeds:
+        given = scene(seed, 2, (0.15, 0.35), LEAST)
+        for name in names:
+            moments = list(_watched(name, _moments(name, rig_of(given))))
+            first = next((m for m in moments if not m.missed and not m.false), None)
+            found[name].append((first.seconds, first.palpations) if first else (math.inf, 0))
+            outlined[name].append(next((m.seconds for m in moments if m.overlap >= 0.8), math.inf))
+            last[name].append(moments[-1])
+        print(
+            f"seed {seed}: " + ", ".join(f"{n} {found[n][-1][0]:.0f}/{outlined[n][-1]:.0f}" for n in names), flush=True
+        )
+    print("| search | found: s | palpations | outlined: s | at the end: s | missed | false | overlap |")
+    print("|---|---|---|---|---|---|---|---|")
+    for name in names:
+        end = last[name]
+        medians = [np.median(column) for column in (*zip(*found[name], strict=True), outlined[name])]
+        seconds, shared = (np.median([getattr(m, key) for m in end]) for key in ("seconds", "overlap"))
+        missed, false = sum(m.missed for m in end), sum(m.false for m in end)
+        cells = [*(f"{value:.0f}" for value in (*medians, seconds)), str(missed), str(false), f"{shared:.2f}"]
+        print(f"| {name} | {' | '.join(cells)} |")
 
 
-def risk(seeds: Sequence[int], contrast: float, stated: float, sites: bool) -> None:
+def _watched(name: str, moments: Iterator[Moment]) -> Iterator[Moment]:
+    """The moments of a search until the judge has seen all: of `find` until its own end, of the raster all."""
+    found = outlined = False
+    for now in moments:
+        yield now
+        found, outlined = found or not (now.missed or now.false), outlined or now.overlap >= 0.8
+        if found and outlined and not name.startswith(("find", "raster")):
+            return
+
+
+def _moments(name: str, rig: Rig) -> Iterator[Moment]:
+    choosers: dict[str, Callable[[], Chooser]] = {
+        "grid": Grid,
+        "GP-UCB": lambda: upper_bound,
+        "expected improvement": lambda: improvement,
+        "level set": LevelSet,
+    }
+    if name == "raster":
+        return raster(rig)
+    if name in choosers:
+        return points(rig, choosers[name]())
+    if name == "outline":
+        return ours(rig, SearchSettings("outline", contrast=CONTRAST), [])
+    motions = PointMotion if name == "find by points" else SearchMotion
+    return ours(rig, SearchSettings(contrast=CONTRAST, risk=0.05), [], motions)
+
+
+def risk(seeds: Sequence[int], rig_of: type[Rig], stated: float = 0.05) -> None:
     """How often a patch remains where the search says that none does: 0 to 3 patches of the least contrast, or more."""
     remaining, ended, times, told, false = 0, 0, [], [], 0
     for seed in seeds:
-        given = scene(seed, seed % 4, (contrast, contrast if seed // 4 % 2 else 3 * contrast), LEAST)
-        rig = SiteRig(given) if sites else Rig(given)
-        search = searched(rig, SearchSettings(contrast=contrast, risk=stated), 600.0)
-        assert search.hiding is not None
-        missed, wrong = judged(given, [*(item.lump.place for item in search.lumps), *search.patches])
-        over = search.hiding.risk <= stated and rig.seconds < 600
-        if over:
-            ended, remaining = ended + 1, remaining + bool(missed)
-            told.append(search.hiding.risk)
-            times.append(rig.seconds)
-        false += wrong
+        given = scene(seed, seed % 4, (CONTRAST, CONTRAST if seed // 4 % 2 else 3 * CONTRAST), LEAST)
+        rig, end = rig_of(given), list[AreaSearch]()
+        for _ in ours(rig, SearchSettings(contrast=CONTRAST, risk=stated), end):
+            pass
         peaks = ", ".join(f"{peak:.2f}" for peak in given.peaks)
         print(
-            f"seed {seed}: {len(given.middles)} patches of {peaks}, {missed} missed, {wrong} false; "
-            f"{rig.seconds:.0f} s, {rig.palpations} palpations, risk {search.hiding.risk:.3f}, "
-            f"{'ended' if over else 'not ended'}",
-            flush=True,
+            f"seed {seed}: {len(given.middles)} patches of {peaks}; {rig.seconds:.0f} s, {rig.palpations} palpations",
+            end="",
         )
+        for search in end:
+            assert search.hiding is not None
+            missed, wrong = judged(given, [*(item.lump.place for item in search.lumps), *search.patches])
+            ended, remaining, false = ended + 1, remaining + bool(missed), false + wrong
+            told.append(search.hiding.risk)
+            times.append(rig.seconds)
+            print(f"; {missed} missed, {wrong} false, risk {search.hiding.risk:.3f}", end="")
+        print(flush=True)
     low, high = wilson(remaining, ended)
     print(
         f"{ended} of {len(seeds)} ended, stated {np.mean(told):.3f} on average; in {remaining} a patch remains: "
@@ -219,24 +255,20 @@ def risk(seeds: Sequence[int], contrast: float, stated: float, sites: bool) -> N
     )
 
 
-def wilson(hits: int, count: int) -> tuple[float, float]:
-    """Wilson's interval of a frequency, 95 %."""
-    z, share = 1.96, hits / count
-    middle, half = share + z**2 / (2 * count), z * math.sqrt(share * (1 - share) / count + z**2 / (4 * count**2))
-    return (middle - half) / (1 + z**2 / count), (middle + half) / (1 + z**2 / count)
-
-
 def main() -> None:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["rivals", "risk"])
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--first", type=int, default=7000)
-    parser.add_argument("--contrast", type=float, default=0.1)
-    parser.add_argument("--risk", type=float, default=0.05)
-    parser.add_argument("--sites", action="store_true", help="errors of sites in place of the rig and its filter")
+    parser.add_argument("--rig", action="store_true", help="the simulated rig and its filter, not errors of sites")
+    parser.add_argument("--names", nargs="+", default=NAMES, choices=NAMES, help="of the rivals")
     given = parser.parse_args()
-    seeds = range(given.first, given.first + given.count)
-    risk(seeds, given.contrast, given.risk, given.sites)
+    seeds, rig = range(given.first, given.first + given.count), Rig if given.rig else SiteRig
+    if given.what == "rivals":
+        rivals(seeds, rig, given.names)
+    else:
+        risk(seeds, rig)
 
 
 if __name__ == "__main__":

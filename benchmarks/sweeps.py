@@ -12,7 +12,7 @@ import io
 import math
 import re
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -52,12 +52,24 @@ def pipeline(seed: int, speed: float, *more: str) -> Pipeline:
 
 def samples_of(given: Pipeline) -> Samples:
     """All samples of a simulated run in one block: the same numbers as in a run, which cuts them into many."""
-    ((name, rig),) = given.devices.items()
-    batches: dict[str, list[Batch]] = {}
+    ((_, rig),) = given.devices.items()
     with rig.connect(given.run.seed) as link:
         link.follow(single_trajectory(given))  # type: ignore[attr-defined]
-        for batch in link.batches():
-            batches.setdefault(batch.stream, []).append(batch)
+        return _aligned(given, link.batches())
+
+
+def aligned(given: Pipeline) -> Samples:
+    """All samples of a recording in one block."""
+    ((_, log),) = given.devices.items()
+    with log.connect(given.run.seed) as link:
+        return _aligned(given, link.batches())
+
+
+def _aligned(given: Pipeline, arriving: Iterable[Batch]) -> Samples:
+    (name,) = given.devices
+    batches: dict[str, list[Batch]] = {}
+    for batch in arriving:
+        batches.setdefault(batch.stream, []).append(batch)
     aligner = Aligner(given.alignment, given.ports)
     for stream, group in batches.items():
         time, received, values = (
@@ -68,18 +80,22 @@ def samples_of(given: Pipeline) -> Samples:
 
 
 def paths(given: Pipeline) -> Iterator[Path2D]:
-    """What each track says along the way, from the same samples for all; as `read_path` reads it from a run.
+    """What each track says along the way of a simulated run, from the same samples for all."""
+    return paths_of(given, samples_of(given))
+
+
+def paths_of(given: Pipeline, samples: Samples) -> Iterator[Path2D]:
+    """What each track says along the way; as `read_path` reads it from a run.
 
     Every fifth sample of 500 Hz, as in a run's table of estimates.
     """
-    samples = samples_of(given)
     fifth = np.arange(len(samples)) % 5 == 0
     for running in start_tracks(given):
         found = running.tracker.run(samples)
         value, std = found.values[:, 0], found.std[:, 0]
         used = fifth & ((found.status & int(UNUSABLE)) == 0) & np.isfinite(value) & (value > 0) & np.isfinite(std)
         nis = float(np.nanmean(found.nis[used]))
-        place = samples.lateral[used]
+        place = np.nan_to_num(samples.lateral[used])  # a sweep may know one coordinate only
         told = float(found.details.get("relief_sensitivity", 0.0))
         yield Path2D(
             running.track.name, "elasticity", samples.time[used], place, value[used], std[used], nis,

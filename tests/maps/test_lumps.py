@@ -8,17 +8,15 @@ from palpate import LogError
 from palpate_maps import map_grid
 from palpate_maps.map_analysis import (
     Area,
-    Knowledge,
     Lump,
     LumpSettings,
     Path2D,
     Sites,
     find_lumps,
+    footprint,
     is_placed,
     line_coordinate,
     make_map,
-    off_limits,
-    propose,
     sites_along,
     update_progress,
 )
@@ -170,8 +168,6 @@ def test_a_line_is_told_from_an_area():
 
 @pytest.mark.parametrize("method", ["gaussian-process", "average"])
 def test_a_map_is_right_within_its_uncertainty(method):
-    if method == "gaussian-process":
-        pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
     sites = area(np.random.default_rng(3), [(-0.01, 0.005, 0.006, 0.3)])
     field = make_map(sites, 1e-3, method)
     x, y = np.meshgrid(field.x, field.y)
@@ -197,7 +193,6 @@ def test_distances_in_portions_give_the_same_map(monkeypatch):
 
 
 def test_the_significant_cells_are_those_of_the_lump():
-    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
     field = make_map(area(np.random.default_rng(3), [(-0.01, 0.005, 0.005, 0.3)]), 1e-3)
     x, y = np.meshgrid(field.x, field.y)
     from_lump = np.hypot(x + 0.01, y - 0.005)
@@ -214,7 +209,6 @@ def test_homogeneous_maps_have_no_significant_cell():
 
 
 def test_what_was_not_palpated_is_not_covered():
-    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
     sites = area(np.random.default_rng(3), [])
     hole = np.abs(sites.place[:, 1]) > 6e-3
     field = make_map(sites[hole], 1e-3)
@@ -222,19 +216,6 @@ def test_what_was_not_palpated_is_not_covered():
     assert not field.covered[(np.abs(y) < 2e-3) & (np.abs(x) < 0.02)].any()
     assert np.isnan(field.value[~field.covered]).all()
     assert field.covered[np.abs(y) > 1e-2].all()
-
-
-def test_proposals_go_to_the_suspicious_place_and_to_the_unknown_one():
-    sites = area(np.random.default_rng(5), [(-0.015, 0.0075, 0.005, 0.3)])
-    best = propose(Knowledge.of(sites), 2)
-    assert np.hypot(best[0].place[0] + 0.015, best[0].place[1] - 0.0075) < 5e-3
-    assert best[0].suspicion > 0.9
-    apart = [np.hypot(a.place[0] - b.place[0], a.place[1] - b.place[1]) for a in best for b in best if a is not b]
-    assert min(apart) >= 4e-3
-    right = sites[sites.place[:, 0] < 0.01]
-    nodes = np.stack(np.meshgrid(np.linspace(-0.03, 0.03, 61), np.linspace(-0.02, 0.02, 41)), axis=-1).reshape(-1, 2)
-    (unknown,) = propose(Knowledge.of(right, nodes), 1, "map")
-    assert unknown.place[0] > 0.02
 
 
 def test_a_path_becomes_sites_of_sweep_and_stay():
@@ -302,7 +283,7 @@ def test_a_lump_is_done_once_points_confirm_it_and_leave_it_in_place():
     assert not second.certain  # nothing is known of where it was before
     (third,) = searching(confirmed, [second])
     assert third.done
-    taken = off_limits(sites.place, [third], 0.05, 4e-3)
+    taken = footprint(sites.place, third.lump, 0.05, 4e-3)
     assert taken[np.hypot(*sites.place.T) < 8e-3].all()
     assert not taken[np.hypot(*sites.place.T) > 2.2e-2].any()
 

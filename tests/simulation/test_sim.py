@@ -49,6 +49,18 @@ def test_rates_and_stamps():
     assert np.array_equal(streams["tip"][0], streams["twist"][0])
 
 
+def test_an_arm_that_is_not_steady_moves_as_it_says_and_the_force_feels_it():
+    """The tip's own motion has the stated size, its speed is its derivative, and what it does not feel is unchanged."""
+    steady, uneasy = (readings(rig(**QUIET, unrest=unrest)) for unrest in (0.0, 20e-6))
+    own, speed = uneasy["tip"][1][:, 2] - steady["tip"][1][:, 2], uneasy["twist"][1][:, 2] - steady["twist"][1][:, 2]
+    assert own.std() == pytest.approx(20e-6, rel=0.35)
+    assert np.cumsum(speed) * 0.002 == pytest.approx(own - own[0], abs=8e-6)
+    assert np.array_equal(uneasy["tip"][1][:, :2], steady["tip"][1][:, :2])
+    felt = uneasy["wrench"][1][:, 2] - steady["wrench"][1][:, 2]
+    assert 0.01 < felt.std() < 0.1
+    assert np.array_equal(uneasy["setpoint"][1], steady["setpoint"][1])
+
+
 def test_the_loop_passes_four_fifths_of_two_hertz():
     _, tip = readings(rig(**QUIET), Point(bias=0.004, duration=10.0))["tip"]
     t = np.arange(len(tip)) * 0.002

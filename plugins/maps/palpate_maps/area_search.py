@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,19 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats
 
-from palpate_maps.clearance import Clearance
+from palpate_maps.clearance import Clearance, PatchGrid
+from palpate_maps.field_gain import FieldGain
 from palpate_maps.hidden_patches import Hiding, Patch, hidden_patches
-from palpate_maps.lumps import find_lumps
-from palpate_maps.next_places import Aim, Knowledge, Proposal, near, propose
+from palpate_maps.lumps import FEWEST, find_lumps
+from palpate_maps.next_places import Aim, Knowledge, Proposal, near, passes
+from palpate_maps.search_actions import ActionGrid, Gain, SearchAction
 from palpate_maps.search_area import Area
 from palpate_maps.search_motion import SearchMotion
-from palpate_maps.search_progress import SUSPICIOUS, LumpProgress, footprint, off_limits, update_progress
-from palpate_maps.sites import Sites, merge_sites
+from palpate_maps.search_progress import CHECKS, SUSPICIOUS, LumpProgress, footprint, update_progress
+from palpate_maps.sites import Sites, line_coordinate, merge_sites
 
 _APART = 4e-3  # [m] between places
+_ABOUT = 12e-3  # [m] about the highest place of a lump that has to be known, for its middle to be
 _WIDTH = 4e-3  # [m] of a sweep's site
+_RISK = 0.05  # that a search goes towards where none is given
+_UNLIKELY = 0.3  # risk below which lumps are outlined before more of them are looked for
+_OUTLINED = 0.9  # intersection over union of a lump's outline that is good enough
 _SURELY = 20.0  # expected patches about a place, that is the odds that one is there, which make one known
-_CHECKS = 2  # points about it
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,8 @@ class SearchSettings:
         """Raise ConfigurationError for what cannot be searched for."""
         if self.risk is not None and not 0 < self.risk < 1:
             raise ConfigurationError(f"--risk: {self.risk:g} is not a probability between 0 and 1, such as 0.05")
+        if not 0 < self.sure < 1:
+            raise ConfigurationError(f"--sure: {self.sure:g} is not a p-value between 0 and 1, such as 0.001")
         if not 0 < self.contrast < 100:
             raise ConfigurationError(f"--contrast: {self.contrast:g} must be above 0, such as 0.05")
         if not 0 < self.radius < 1:
@@ -62,11 +68,12 @@ class AreaSearch:
     patches: list[tuple[float, float]] = field(default_factory=list)  # [m] that are likely, and no lump by its p-value
     hiding: Hiding | None = None
     _knowledge: Knowledge | None = None
+    _visited: bool = False
     _std: float = 0.01
 
     @cached_property
-    def middles(self) -> Floats:
-        """Places (m, 2) [m] of the area, 0.6 of a patch's radius apart, at which a patch may hide."""
+    def _rows(self) -> NDArray[np.intp]:
+        """Of the area's nodes those of a grid 0.6 of a patch's radius apart."""
         nodes = self.area.nodes
         kept = np.ones(len(nodes), bool)
         for axis in (0, 1):
@@ -75,22 +82,31 @@ class AreaSearch:
             stride = max(int(0.6 * self.settings.radius / step + 1e-6), 1)
             begin = (len(values) - 1) % stride // 2
             kept &= np.isin(np.round(nodes[:, axis], 7), values[begin::stride])
-        return nodes[kept]
+        return np.flatnonzero(kept)
+
+    @cached_property
+    def middles(self) -> Floats:
+        """Places (m, 2) [m] at which a patch may hide, and from and to which the tip goes."""
+        return self.area.nodes[self._rows]
 
     def observe(self, sites: Sites, visited: bool) -> None:
-        """Take up all sites of the run so far; `visited` where the latest came of a round of this search."""
-        if visited:
-            self.lumps = update_progress(find_lumps(sites), self.lumps, sites, self.area, self.settings.sure)
+        """Take up all sites of the run so far; `visited` where the latest came of a round of this search.
+
+        Of a single line there are no lumps before the first round, which goes beside it.
+        """
+        if visited or (line_coordinate(sites) is None and len(sites) >= FEWEST):
+            before = self.lumps if self._visited else []
+            self.lumps = update_progress(find_lumps(sites), before, sites, self.area, self.settings.sure)
+        self._visited = visited
         self._knowledge = Knowledge.of(sites, self.area.nodes, self._knowledge)
+        self.__dict__.pop("_doubtful", None)
         coarse = merge_sites(sites, _WIDTH)
-        visited_places = coarse.place[coarse.standing]
         self.patches = []
         while True:
             covered, on_lumps = (self._on_lumps(places) for places in (coarse.place, self.middles))
-            self.hiding = hidden_patches(coarse[~covered], self.middles, self.settings.patch, on_lumps)
+            self.hiding = hidden_patches(coarse[~covered], self.middles, self.settings.patch, on_lumps, self.hiding)
             place, number = self.hiding.likely
-            checks = np.count_nonzero(np.hypot(*(visited_places - place).T) <= self.settings.radius)
-            if number < _SURELY or checks < _CHECKS:
+            if number < _SURELY or passes(coarse, place[None], self.settings.radius)[0] < CHECKS:
                 break
             self.patches.append((float(place[0]), float(place[1])))
         self._std = self.hiding.scatter * float(np.median(sites.std))
@@ -103,54 +119,94 @@ class AreaSearch:
 
     def next_round(self) -> list[Proposal]:
         """Where to go next: up to so many points, or one line; nothing where every place is known."""
-        assert self._knowledge is not None
-        assert self.hiding is not None
-        settings, known = self.settings, self._knowledge
-        done = off_limits(known.field.nodes, self.lumps, settings.contrast, _APART)
-        taken = done if settings.aim == "find" else None
-        places = propose(known, settings.points, settings.aim, settings.contrast, _APART, taken, self.motion.seconds_to)
-        if settings.aim != "find" or settings.risk is None or any(p.suspicion >= SUSPICIOUS for p in places):
-            return places
-        return self._clearing() if self.hiding.risk > settings.risk else places
-
-    def _clearing(self) -> list[Proposal]:
-        """The line, or the points, that leave the fewest patches to hide."""
-        hiding, known, std = self.hiding, self._knowledge, self._std
-        assert hiding is not None
+        known = self._knowledge
         assert known is not None
-        chosen: list[Proposal] = []
-        expected = hiding.expected
-        visited = known.known.place[known.known.standing]
-        closed = self._on_lumps(self.middles) | near(self.middles, visited, _APART / 2)
-        for _ in range(self.settings.points):
-            action = self._clearance.best(expected, std, closed)
-            if action is None or (chosen and action.end is not None):
-                break
-            node = int(np.argmin(((known.field.nodes - self.middles[action.start]) ** 2).sum(axis=1)))
-            end = None if action.end is None else tuple(self.middles[action.end].tolist())
-            chosen.append(known.proposal(self.settings.contrast, node, end))
-            if end is not None:
-                break
-            expected = self._clearance.after(expected, action.start, std)
-            closed[action.start] = True
-        return chosen
+        closed = near(self.middles, known.known.place[known.known.standing], _APART / 2)
+        through = np.ones(len(self.middles), bool)
+        if self.settings.aim == "map":
+            gain: Gain = FieldGain.of(known, self._rows, known.field.std**2)
+        elif len(self._doubtful):
+            gain = FieldGain.of(known, self._rows, self._unclear(known, self._doubtful))
+            through = near(self.middles, self._doubtful, 0.6 * self.settings.radius)
+            if self.motion.line_speed is None and not (through & ~closed).any():
+                through = near(self.middles, self._doubtful, _ABOUT)
+        elif self.settings.aim == "outline" and self._is_outlining(known):
+            gain = FieldGain.of(known, self._rows, self._unclear(known, self._tops))
+        else:
+            assert self.hiding is not None
+            gain = Clearance.of(self._patches_grid, self.hiding.expected, self._allowed, self._std)
+            closed = closed | self._on_lumps(self.middles)
+        actions = self._grid.next_round(gain, self.settings.points, known.known.place[-1], closed, through)
+        return [self._proposal(known, action) for action in actions]
+
+    @property
+    def _allowed(self) -> float:
+        """Risk that a search goes towards."""
+        return _RISK if self.settings.risk is None else self.settings.risk
+
+    @property
+    def _tops(self) -> Floats:
+        """Highest places (k, 2) [m] of all lumps."""
+        lumps = [item.lump for item in self.lumps]
+        return np.array([lump.highest or lump.place for lump in lumps]).reshape(-1, 2)
 
     @cached_property
-    def _clearance(self) -> Clearance:
-        return Clearance(self.middles, self.settings.patch, self.motion)
+    def _doubtful(self) -> Floats:
+        """Places (k, 2) [m] to go through: lumps that are not certain, and likely ones that were not checked."""
+        known, settings = self._knowledge, self.settings
+        assert known is not None
+        nodes = known.field.nodes
+        unsure = np.array([not self._over(item) for item in self.lumps], bool)
+        if unsure.any():
+            return np.asarray(self._tops[unsure])
+        _, _, above = known.expectation(settings.contrast)
+        likely = np.flatnonzero((above >= SUSPICIOUS) & ~self._on_lumps(nodes))
+        return nodes[likely[passes(known.known, nodes[likely], _APART) < CHECKS]]
 
-    def ended(self, places: Sequence[Proposal]) -> str | None:
+    def _unclear(self, known: Knowledge, places: Floats) -> Floats:
+        """(m,) how uncertain it is that the field's nodes about some places (k, 2) [m] are above the contrast."""
+        _, _, above = known.expectation(self.settings.contrast)
+        return np.asarray(np.where(near(known.field.nodes, places, _ABOUT), above * (1 - above), 0.0))
+
+    def _is_outlining(self, known: Knowledge) -> bool:
+        """Whether the lumps are to be outlined next, and not more of them to be looked for.
+
+        That is while more of them are unlikely and the intersection over union that is expected of their outline is
+        below 0.9, and once a search for more would end.
+        """
+        assert self.hiding is not None
+        above = known.expectation(self.settings.contrast)[2][near(known.field.nodes, self._tops, _ABOUT)]
+        seen = above > 0.5
+        both, either = float(above[seen].sum()), float(np.count_nonzero(seen) + above[~seen].sum())
+        rough = both < _OUTLINED * either and self.hiding.risk <= _UNLIKELY
+        return bool(self.lumps) and (rough or self.hiding.risk <= self._allowed)
+
+    def _proposal(self, known: Knowledge, action: SearchAction) -> Proposal:
+        end = None if action.end is None else tuple(self.middles[action.end].tolist())
+        return known.proposal(self.settings.contrast, int(self._rows[action.start]), end)
+
+    def _over(self, item: LumpProgress) -> bool:
+        """Whether a lump is known well enough: by itself also beyond the border of what was palpated."""
+        alone = self.settings.risk is None and self.settings.aim == "find"
+        return item.done if alone else item.certain
+
+    @cached_property
+    def _grid(self) -> ActionGrid:
+        return ActionGrid(self.middles, self.motion)
+
+    @cached_property
+    def _patches_grid(self) -> PatchGrid:
+        return PatchGrid(self.middles, self.settings.patch)
+
+    def ended(self) -> str | None:
         """Why the search is over, where it is: every lump certain, no place suspicious, and the risk as low as asked.
 
         Without a risk it goes on until there is a lump; an outline or a map never ends by itself.
         """
         settings, hiding = self.settings, self.hiding
-        over = (item.done if settings.risk is None else item.certain for item in self.lumps)
-        if settings.aim != "find" or not all(over):
+        if settings.aim != "find" or len(self._doubtful):
             return None
-        if any(p.suspicion >= SUSPICIOUS for p in places) or (settings.risk is None and not self.lumps):
-            return None
-        if settings.risk is not None and (hiding is None or hiding.risk > settings.risk):
+        if not self.lumps if settings.risk is None else (hiding is None or hiding.risk > settings.risk):
             return None
         which = "there is no lump" if not self.lumps else f"every lump is certain at {settings.sure:g}"
         return f"{which}, and nothing else is suspicious"

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-from palpate_maps.populations import is_one, lowest_mode
+from palpate_maps.populations import SINGLE, is_one, lowest_mode
+from palpate_maps.sites import Sites
 
+_CROWDED = 0.2  # share of sites at places that were palpated before
+_SINGLE_OF_CROWDED = 0.2  # level of the test of normality, where more of them are
 _LEAST = 4  # baseline sites; with fewer nothing can be said
 _SOFTER = 0.15  # share of sites that are no soft outliers any more, but surroundings of a large stiff part
 
@@ -26,22 +30,42 @@ class Baseline:
     single: bool = True  # but for outliers, the sites are one population; else it is the lowest of several
 
 
-def find_baseline(log: Floats, level: float = 0.05, share: float = 0.5, floor: float = 0.0) -> Baseline:
+def find_baseline(
+    log: Floats, level: float = 0.05, share: float = 0.5, floor: float = 0.0, single: float = SINGLE
+) -> Baseline:
     """The baseline among sites (n,): those without outliers, or the lowest of several populations.
 
     Up to a `share` of the sites may be outliers, on either side; Rosner's test (1983) finds their number at a level.
     Where what it leaves is not one normal population, or what it takes away is a softer one, so many sites are stiff
     that they hide each other: then the baseline is the lowest mode, determined by what lies below it. `floor` is the
-    least spread assumed.
+    least spread assumed, `single` the level of the test of one population.
     """
     found = _without_outliers(log, level, share, floor)
     inner = log[found.members]
     softer = int(((log < inner.mean()) & ~found.members).sum())
-    if softer < _SOFTER * len(log) and (is_one(inner) or float(inner.std()) <= floor):
+    if softer < _SOFTER * len(log) and (is_one(inner, single) or float(inner.std()) <= floor):
         return found
     mode = lowest_mode(log, floor)
     members = np.abs(log - mode.mean) <= 3 * mode.spread
     return Baseline(mode.mean, mode.spread, mode.spread_from, members, single=False)
+
+
+def background_sites(sites: Sites, floor: float = 0.0, width: float = 4e-3) -> Baseline:
+    """The baseline of an area where more than a fifth of the sites may lie at places [m wide] that others are at, too.
+
+    A search goes where it is stiff, so that most of its sites may lie on lumps: then each place counts once, by the
+    earliest of its sites, and since several populations are expected, less evidence is asked for them.
+    """
+    rows: list[int] = []
+    for i, place in enumerate(sites.place):
+        if not rows or float(((sites.place[rows] - place) ** 2).sum(axis=1).min()) >= (0.97 * width) ** 2:
+            rows.append(i)
+    if len(rows) >= len(sites) * (1 - _CROWDED):
+        return find_baseline(sites.log, floor=floor)
+    found = find_baseline(sites.log[rows], floor=floor, single=_SINGLE_OF_CROWDED)
+    members = np.zeros(len(sites), bool)
+    members[rows] = found.members
+    return replace(found, members=members)
 
 
 def _without_outliers(log: Floats, level: float, share: float, floor: float) -> Baseline:
@@ -49,26 +73,28 @@ def _without_outliers(log: Floats, level: float, share: float, floor: float) -> 
     from scipy import stats
 
     n, most = len(log), int(share * len(log))
-    left = np.arange(n)
-    removed: list[int] = []
-    outliers = 0
+    order = np.argsort(log, kind="stable")
+    values = (log - np.median(log))[order]
+    first, last, outliers = 0, n, (0, n)  # of the ordered sites that are left: the farthest is at one of the ends
     still = n - np.arange(most)  # sites at each step
-    limits = stats.t.ppf(1 - level / (2 * still), np.maximum(still - 2, 1))
-    for i in range(1, most + 1):
-        rest = log[left]
-        spread = max(float(rest.std(ddof=1)), floor, 1e-12)
-        worst = int(np.argmax(np.abs(rest - rest.mean())))
-        excess = abs(float(rest[worst] - rest.mean())) / spread
-        m = n - i + 1  # sites still there
-        if m < _LEAST:
-            break
-        t = float(limits[i - 1])
-        if excess > (m - 1) * t / np.sqrt((m - 2 + t * t) * m):
-            outliers = i
-        removed.append(int(left[worst]))
-        left = np.delete(left, worst)
-    members = np.ones(n, bool)
-    members[removed[:outliers]] = False
+    t = stats.t.ppf(1 - level / (2 * still), np.maximum(still - 2, 1))
+    limits = (still - 1) * t / np.sqrt((still - 2 + t * t) * still)
+    total, square = float(values.sum()), float((values**2).sum())
+    for limit in limits[: max(n - _LEAST + 1, 0)].tolist():
+        m = last - first
+        mean = total / m
+        spread = max(math.sqrt(max(square - total * mean, 0.0) / (m - 1)), floor, 1e-12)
+        low, high = float(values[first]), float(values[last - 1])
+        if lower := mean - low >= high - mean:
+            first += 1
+        else:
+            last -= 1
+        worst = low if lower else high
+        if abs(worst - mean) / spread > limit:
+            outliers = first, last
+        total, square = total - worst, square - worst**2
+    members = np.zeros(n, bool)
+    members[order[slice(*outliers)]] = True
     inner = log[members]
     spread = float(inner.std(ddof=1)) if len(inner) > 1 else 0.0
     return Baseline(float(inner.mean()), max(spread, floor), int(members.sum()), members)

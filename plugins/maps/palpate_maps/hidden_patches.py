@@ -17,11 +17,14 @@ EXPECTED = 1.5  # patches in the area, before anything is palpated
 _NOISE = (0.35, 0.6, 1.0, 1.7)  # share of a site's standard deviation that is scatter
 _BACKGROUND = (0.003, 0.01, 0.03)  # standard deviation of the background's own change
 _DRIFT = (0.001, 0.01)  # standard deviation of the change with time
+_SIZES = tuple(itertools.product(_NOISE, _BACKGROUND, _DRIFT))
 _LENGTH = 25e-3  # [m] over which the background changes: far wider than a patch
 _DRIFT_TIME = 60.0  # [s] over which the tare drifts
 _FLOOR = 2e-3  # scatter between sites that is always there
 _COUNTS = 0.02  # weight below which a combination is left out, relative to the largest
 _MOST = 400  # sites
+_MANY = 200  # of them from which on the sizes that count are not chosen each time
+_GROWTH = 1.25  # times the sites of the latest choice, from which on it is repeated
 _FEWEST = 3  # of them that say something
 
 
@@ -56,6 +59,8 @@ class Hiding:
     expected: Floats  # (m,) patches that remain there; their sum is that of the area
     reach: float  # [m] radius of the least patch
     scatter: float = 1.0  # of a site, over its standard deviation
+    sizes: tuple[tuple[float, float, float], ...] = ()  # of the covariance, that count
+    weighed_on: int = 0  # sites by which they were chosen
 
     @property
     def likely(self) -> tuple[Floats, float]:
@@ -71,7 +76,13 @@ class Hiding:
         return float(-np.expm1(-self.expected.sum()))
 
 
-def hidden_patches(sites: Sites, middles: Floats, patch: Patch, on_lumps: NDArray[np.bool_] | None = None) -> Hiding:
+def hidden_patches(
+    sites: Sites,
+    middles: Floats,
+    patch: Patch,
+    on_lumps: NDArray[np.bool_] | None = None,
+    before: Hiding | None = None,
+) -> Hiding:
     """The posterior number of patches at middles (m, 2) [m], by sites that lie on no known lump.
 
     Beforehand patches are a Poisson process with 1.5 of them in the area, so that each of the middles has 1.5/m, and
@@ -80,7 +91,8 @@ def hidden_patches(sites: Sites, middles: Floats, patch: Patch, on_lumps: NDArra
     the least patch and P the precision of the logarithms y about an unknown level. A larger or a stiffer patch raises y
     and thus L: the least patch is the one that is missed most easily. The covariance is not known: scatter between
     sites, a background that changes over 25 mm, and a drift with time have a size each on a grid, and every combination
-    has the weight of its restricted likelihood.
+    has the weight of its restricted likelihood; of many sites only those that counted `before`, until there are a
+    quarter more.
     """
     expected = np.full(len(middles), EXPECTED / max(len(middles), 1))
     if on_lumps is not None:
@@ -88,16 +100,52 @@ def hidden_patches(sites: Sites, middles: Floats, patch: Patch, on_lumps: NDArra
     if len(sites) < _FEWEST:
         return Hiding(middles, expected, patch.radius)
     used = sites[np.unique(np.linspace(0, len(sites) - 1, min(len(sites), _MOST)).round().astype(int))]
-    rise = patch.profile(used.place, middles)
-    sizes = list(itertools.product(_NOISE, _BACKGROUND, _DRIFT))
-    found = [_Covariance.of(used, *each) for each in sizes]
+    again = before is None or len(sites) < _MANY or len(sites) > _GROWTH * before.weighed_on
+    sizes = _SIZES if again or before is None else before.sizes
+    shared = _SharedTerms.of(used)
+    found = [shared.covariance(*each) for each in sizes]
     evidence = np.array([each.evidence for each in found])
     weights = np.exp(evidence - evidence.max())
     weights[weights < _COUNTS] = 0.0
     weights /= weights.sum()
+    rise = patch.profile(used.place, middles)
     odds = sum(w * each.odds(rise) for w, each in zip(weights, found, strict=True) if w)
     scatter = float(np.sqrt(weights @ np.square([noise for noise, _, _ in sizes])))
-    return Hiding(middles, expected * np.asarray(odds), patch.radius, scatter)
+    counting = tuple(each for each, w in zip(sizes, weights, strict=True) if w)
+    weighed_on = len(sites) if again or before is None else before.weighed_on
+    return Hiding(middles, expected * np.asarray(odds), patch.radius, scatter, counting, weighed_on)
+
+
+@dataclass(frozen=True)
+class _SharedTerms:
+    """What the covariances of some sites have in common."""
+
+    log: Floats  # (n,) about its mean
+    own: Floats  # (n,) variances that scale
+    relief: Floats  # (n,) variances that are known
+    smooth: Floats  # (n, n) correlation of the background
+    late: Floats  # (n, n) of the drift
+
+    @classmethod
+    def of(cls, sites: Sites) -> _SharedTerms:
+        relief = np.where(sites.standing, 0.0, sites.relief**2) + _FLOOR**2
+        smooth = np.exp(-0.5 * (distances(sites.place, sites.place) / _LENGTH) ** 2)
+        late = np.exp(-np.abs(sites.time[:, None] - sites.time[None]) / _DRIFT_TIME)
+        return cls(sites.log - sites.log.mean(), np.maximum(sites.std, LEAST_STD) ** 2, relief, smooth, late)
+
+    def covariance(self, noise: float, background: float, drift: float) -> _Covariance:
+        """The covariance of one combination of sizes, factorised."""
+        from scipy.linalg import cholesky, solve_triangular
+
+        whole = background**2 * self.smooth + drift**2 * self.late
+        whole[np.diag_indices_from(whole)] += noise**2 * self.own + self.relief
+        lower = cholesky(whole, lower=True, overwrite_a=True, check_finite=False)
+        right = np.column_stack([self.log, np.ones(len(self.log))])
+        values, ones = solve_triangular(lower, right, lower=True, check_finite=False).T
+        size = float(np.sqrt(ones @ ones))
+        residual = values - ones * (ones @ values) / size**2
+        evidence = -0.5 * residual @ residual - np.log(np.diag(lower)).sum() - np.log(size)
+        return _Covariance(lower, residual, ones / size, float(evidence))
 
 
 @dataclass(frozen=True)
@@ -108,23 +156,6 @@ class _Covariance:
     residual: Floats  # (n,) L^-1 of the logarithms about their level
     level: Floats  # (n,) L^-1 of ones, of length 1
     evidence: float  # restricted log-likelihood
-
-    @classmethod
-    def of(cls, sites: Sites, noise: float, background: float, drift: float) -> _Covariance:
-        from scipy.linalg import cholesky, solve_triangular
-
-        own = (noise * np.maximum(sites.std, LEAST_STD)) ** 2 + _FLOOR**2
-        own = own + np.where(sites.standing, 0.0, sites.relief**2)
-        apart = distances(sites.place, sites.place) / _LENGTH
-        late = np.abs(sites.time[:, None] - sites.time[None]) / _DRIFT_TIME
-        smooth = background**2 * np.exp(-0.5 * apart**2) + drift**2 * np.exp(-late)
-        lower = cholesky(smooth + np.diag(own), lower=True)
-        right = np.column_stack([sites.log - sites.log.mean(), np.ones(len(sites))])
-        values, ones = solve_triangular(lower, right, lower=True, check_finite=False).T
-        size = float(np.sqrt(ones @ ones))
-        residual = values - ones * (ones @ values) / size**2
-        evidence = -0.5 * residual @ residual - np.log(np.diag(lower)).sum() - np.log(size)
-        return cls(lower, residual, ones / size, float(evidence))
 
     def odds(self, rise: Floats) -> Floats:
         """Likelihood (m,) of each rise (n, m) over that of none."""

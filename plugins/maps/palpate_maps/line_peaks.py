@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from palpate import Floats, LogError
 
 from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
+from palpate_maps.lump_power import sweep_power
 from palpate_maps.sites import Sites
 
 STEP = 2.5e-4  # [m] between points of a sweep's curve
@@ -74,4 +75,6 @@ def by_prominence(curve: LineCurve, settings: LumpSettings) -> Findings:
             middle = float(np.interp((left[k] + right[k]) / 2, np.arange(len(curve.at)), curve.at))
             extent = float(widths[k]) * STEP
             lumps.append(Lump(curve.place(middle), (extent, 0.0), float(np.expm1(height)), std, p, middle))
-    return curve.findings(lumps, "prominence along the sweep")
+    std = float(np.median(curve.noise)) * np.sqrt(2.0)
+    power = sweep_power(std, float(curve.at[-1] - curve.at[0]), settings)
+    return replace(curve.findings(lumps, "prominence along the sweep"), power=power)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from palpate import Floats
+
+if TYPE_CHECKING:
+    from palpate_maps.lump_power import LumpPower
 
 SweepMethod = Literal["prominence", "cusum"]
 
@@ -45,6 +48,7 @@ class Findings:
     method: str
     coordinate: Floats | None = None  # (m,) [m] along a sweep
     curve: Floats | None = None  # (m,) [SI] smoothed along it
+    power: LumpPower | None = None  # of a sweep, where it is known
     several: float | None = None  # share of the sites that the background is, where they are not one population
 
     @property

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, LogError
 
-from palpate_maps.baseline_sites import Baseline, discoveries, find_baseline, prediction_p
+from palpate_maps.baseline_sites import Baseline, background_sites, discoveries, prediction_p
 from palpate_maps.cusum import by_cusum
 from palpate_maps.line_peaks import by_prominence, curve_along
 from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
 from palpate_maps.sites import Sites, line_coordinate, merge_sites
 
-_FEWEST = 8  # sites; with fewer there are no surroundings
+FEWEST = 8  # sites; with fewer there are no surroundings
 _TELLING = 3  # points on a lump that place it without the sweeps
 _WIDTH = 5e-3  # [m] from a stay to the first site of the sweep that goes on from it
 
@@ -23,9 +23,9 @@ def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
     """Lumps along a sweep where the sites lie on a line, else on the area that they cover; raises LogError."""
     settings = settings or LumpSettings()
     settings = replace(settings, spread=max(settings.spread, sites.relief))
-    if len(sites) < _FEWEST:
+    if len(sites) < FEWEST:
         raise LogError(
-            f"{len(sites)} sites are too few to distinguish a lump from its surroundings; {_FEWEST} are needed"
+            f"{len(sites)} sites are too few to distinguish a lump from its surroundings; {FEWEST} are needed"
         )
     along = line_coordinate(sites)
     if along is not None and not sites.standing.all():
@@ -37,11 +37,11 @@ def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
 def _over(sites: Sites, settings: LumpSettings) -> Findings:
     """Sites outside the prediction interval of the baseline sites, with false-discovery control, joined to lumps."""
     coarse = merge_sites(sites, settings.width)
-    baseline = find_baseline(coarse.log, floor=settings.spread)
+    baseline = background_sites(coarse, settings.spread, settings.width)
     p = prediction_p(coarse.log, baseline)
     height = coarse.log - baseline.mean
     stiff = discoveries(p, settings.rate) & (height >= np.log1p(settings.contrast))
-    reach = _reach(coarse.place)
+    reach = max(_reach(coarse.place), 1.6 * settings.width)
     lumps = [_lump(coarse, group, baseline, p) for group in clusters(coarse.place, stiff, reach)]
     name = f"prediction interval of {baseline.count} baseline sites"
     several = None if baseline.single else float(baseline.members.mean())
@@ -50,12 +50,18 @@ def _over(sites: Sites, settings: LumpSettings) -> Findings:
 
 def _reach(place: Floats) -> float:
     """How far apart neighbours may be [m]: 1.6 times the distance to the fourth nearest, of most sites."""
-    distance = np.sort(np.linalg.norm(place[:, None] - place[None], axis=2), axis=1)
-    return 1.6 * float(np.median(distance[:, min(4, len(place) - 1)]))
+    from scipy.spatial import KDTree
+
+    distance, _ = KDTree(place).query(place, k=min(5, len(place)))
+    return 1.6 * float(np.median(distance[:, -1]))
 
 
 def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDArray[np.intp]]:
-    """Chosen sites joined where a chain of them has no step longer than `reach` [m]."""
+    """Chosen sites joined where a chain of them has no step longer than `reach` [m], nor one past a site between.
+
+    A site that is not chosen is between two where it lies in the circle about their middle (Gabriel and Sokal 1969).
+    """
+    others = place[~chosen]
     left = set(np.flatnonzero(chosen).tolist())
     found = []
     while left:
@@ -64,11 +70,16 @@ def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDA
         while open_ends:
             i = open_ends.pop()
             group.append(i)
-            near = [j for j in sorted(left) if np.hypot(*(place[j] - place[i])) <= reach]
+            near = [j for j in sorted(left) if _are_joined(place[i], place[j], others, reach)]
             left.difference_update(near)
             open_ends += near
         found.append(np.array(sorted(group)))
     return found
+
+
+def _are_joined(a: Floats, b: Floats, others: Floats, reach: float) -> bool:
+    apart = float(np.hypot(*(b - a)))
+    return apart <= reach and not bool((np.hypot(*(others - (a + b) / 2).T) < 0.499 * apart).any())
 
 
 def _visits(sites: Sites) -> NDArray[np.bool_]:

@@ -13,10 +13,10 @@ from palpate_maps.curve_sites import read_curve_sites
 from palpate_maps.lump_criteria import Findings, Lump, LumpSettings, SweepMethod
 from palpate_maps.lumps import find_lumps
 from palpate_maps.map_grid import StiffnessMap, make_map
-from palpate_maps.next_places import Knowledge, Proposal, is_placed, propose
+from palpate_maps.next_places import Knowledge, Proposal, is_placed
 from palpate_maps.path_reader import Path2D, read_path, rejected_runs, tracks_of
 from palpate_maps.search_area import Area, area_of
-from palpate_maps.search_progress import LumpProgress, off_limits, update_progress
+from palpate_maps.search_progress import LumpProgress, footprint, update_progress
 from palpate_maps.sites import Sites, line_coordinate, sites_along
 
 __all__ = [
@@ -38,12 +38,11 @@ __all__ = [
     "discoveries",
     "find_baseline",
     "find_lumps",
+    "footprint",
     "is_placed",
     "line_coordinate",
     "make_map",
-    "off_limits",
     "prediction_p",
-    "propose",
     "read_curve_sites",
     "read_path",
     "rejected_runs",

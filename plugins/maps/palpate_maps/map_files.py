@@ -73,6 +73,7 @@ def lumps_json(findings: Findings, path: Path2D) -> str:
         "background": findings.background,
         "spread": findings.spread,
         "warning": findings.warning,
+        "power": None if findings.power is None else vars(findings.power),
         "lumps": [
             {
                 "x": lump.place[0],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -10,16 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, LogError
 
-from palpate_maps.baseline_sites import discoveries, find_baseline
+from palpate_maps.baseline_sites import background_sites, discoveries
 from palpate_maps.lump_criteria import LumpSettings
 from palpate_maps.sites import Sites, merge_sites
+from palpate_maps.stiffness_field import interpolated
 
 Method = Literal["gaussian-process", "average"]
 
-_MOST_FITTED = 250  # sites that the length scale is fitted on; more cost time, not accuracy
-_MOST_USED = 1500
 _MOST_CELLS = 250_000
-_LEAST_STD = 1e-3  # of a site's logarithm
 _TOGETHER = 4_000_000  # distances that are held at once
 
 
@@ -59,7 +56,7 @@ def make_map(sites: Sites, cell: float = 1e-3, method: Method = "gaussian-proces
     pitch = line_distance(sites)
     used = merge_sites(sites, max(pitch / 3, 1e-3))
     if method == "gaussian-process":
-        mean, std, length = gaussian_process(used, nodes)
+        mean, std, length = interpolated(used, nodes, float(np.median(used.log)))
     else:
         mean, std, length = _average(used, nodes, 0.6 * pitch)
     shape = len(y), len(x)
@@ -82,7 +79,7 @@ def _significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.b
     from scipy import stats
 
     settings = LumpSettings()
-    baseline = find_baseline(merge_sites(sites, settings.width).log, floor=settings.spread)
+    baseline = background_sites(merge_sites(sites, settings.width), settings.spread, settings.width)
     p, stiff = np.where(covered, 1.0, np.nan), np.zeros(len(mean), bool)
     if baseline.count >= 4:
         noise = np.sqrt(baseline.spread**2 * (1 + 1 / baseline.count) + std**2)
@@ -148,46 +145,3 @@ def _average(sites: Sites, nodes: Floats, length: float) -> tuple[Floats, Floats
 
     mean, std = zip(*(around(rows) for rows in _portions(len(nodes), len(sites))), strict=True)
     return np.concatenate(mean), np.concatenate(std), length
-
-
-def gaussian_process(sites: Sites, nodes: Floats, level: float | None = None) -> tuple[Floats, Floats, float]:
-    """Posterior mean and standard deviation of the logarithm at nodes (m, 2), and the length scale [m].
-
-    Far from every site it goes back to `level`, by default the median.
-
-    Kernel: variance x Matern 3/2, whose length is fitted by likelihood, plus white noise between sites; each site has
-    its own variance on top (Rasmussen and Williams 2006, by scikit-learn).
-    """
-    try:
-        from sklearn.exceptions import ConvergenceWarning
-        from sklearn.gaussian_process import GaussianProcessRegressor as Regressor
-        from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
-        from threadpoolctl import threadpool_limits
-    except ImportError as error:
-        raise ConfigurationError(
-            'method "gaussian-process" needs scikit-learn: pip install scikit-learn, or choose "average"'
-        ) from error
-    level = float(np.median(sites.log)) if level is None else level
-    spread = max(float(sites.log.std()), 1e-3)
-    kernel: Any = ConstantKernel(spread**2, (1e-8, 1e2)) * Matern(6e-3, (2e-3, 5e-2), nu=1.5)
-    kernel = kernel + WhiteKernel(1e-4, (1e-8, 1e-1))
-    regressor: Any = Regressor
-    rows = _thinned(len(sites), _MOST_FITTED)
-    own = np.maximum(sites.std, _LEAST_STD) ** 2
-    # One thread: a few hundred sites are too few for several, which wait for one another on a busy machine.
-    with warnings.catch_warnings(), threadpool_limits(1, user_api="blas"):
-        warnings.simplefilter("ignore", ConvergenceWarning)  # a length at its bound is what a level map asks for
-        fitted = regressor(kernel, alpha=own[rows]).fit(sites.place[rows], sites.log[rows] - level)
-        rows = _thinned(len(sites), _MOST_USED)
-        process = regressor(fitted.kernel_, alpha=own[rows], optimizer=None)
-        process.fit(sites.place[rows], sites.log[rows] - level)
-    # The white noise is that of a site, not of the field that is asked for.
-    process.kernel_.k2.noise_level = 1e-12
-    blocks = [process.predict(block, return_std=True) for block in np.array_split(nodes, max(len(nodes) // 2000, 1))]
-    mean, std = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
-    return mean + level, np.maximum(std, _LEAST_STD), float(fitted.kernel_.k1.k2.length_scale)
-
-
-def _thinned(count: int, most: int) -> NDArray[np.intp]:
-    """Indices of at most so many of `count`, evenly."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats
 
-_LEVEL = 1e-3  # of the test of normality: how often one population is taken for several
+SINGLE = 1e-3  # of the test of normality: how often one population is taken for several
 _WINDOW = 0.2  # of all sites: what a mode has at least
 _FEWEST = 4  # sites in a mode
 _DENSE = 0.2  # of the highest density that a lower mode has at least
@@ -25,11 +25,11 @@ class Mode:
     spread_from: int  # number of values that determine the spread
 
 
-def is_one(log: Floats) -> bool:
+def is_one(log: Floats, level: float = SINGLE) -> bool:
     """Whether values (n,) are compatible with one normal population, by Shapiro and Wilk's test (1965)."""
     from scipy import stats
 
-    return len(log) < 2 * _FEWEST or float(np.ptp(log)) == 0.0 or float(stats.shapiro(log).pvalue) >= _LEVEL
+    return len(log) < 2 * _FEWEST or float(np.ptp(log)) == 0.0 or float(stats.shapiro(log).pvalue) >= level
 
 
 def lowest_mode(log: Floats, floor: float) -> Mode:
@@ -69,7 +69,8 @@ def _spread_below(mean: float, values: Floats, floor: float) -> tuple[float, int
     """Root mean square distance of the values below a mean, without those farther than three times that."""
     below = mean - values[values <= mean]
     if len(below) < _FIRST_BELOW:
-        return max(floor, float(np.median(below)) / 0.6745 if len(below) else 0.0), max(len(below), 2)
+        own = float(np.median(below)) / 0.6745 if len(below) else 0.0
+        return max(floor, own), max(len(below), _FEWEST)  # so many are in the window, in any case
     spread, spread_from = float(np.quantile(below, 0.25)) / 0.3186, len(below)
     for _ in range(_ROUNDS):
         kept = below[below <= 3 * max(spread, 0.2 * floor)]

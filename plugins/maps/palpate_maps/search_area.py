@@ -14,8 +14,9 @@ from palpate.host import Pipeline, ask_devices
 Box = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
 
 _BEYOND = 30e-3  # [m] that a search goes beyond what is known, at the most, where only the rig knows the specimen
-_STEP = 1e-3  # [m] between places that are asked for
-_MOST = 80  # of them along each side
+_SPECIMEN = "the specimen"
+_STEP = 1.5e-3  # [m] between places that are asked for
+_MOST = 54  # of them along each side
 _FEW = 8  # places that are asked for one by one, where one of them is refused
 
 
@@ -46,7 +47,7 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
         box, bounded_by = given, "--area"
     elif simulated:
         box = (low[0] - _BEYOND, high[0] + _BEYOND, low[1] - _BEYOND, high[1] + _BEYOND)
-        bounded_by = "the specimen"
+        bounded_by = _SPECIMEN
     elif limits is not None:
         box, bounded_by = (limits.low[0], limits.high[0], limits.low[1], limits.high[1]), "the workspace"
     else:
@@ -71,8 +72,26 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     grid = _grid(box)
     nodes = grid[allows(grid)]
     if not len(nodes):
-        raise ConfigurationError(f"nothing may be palpated within {bounded_by}: the rig refuses every place in it")
-    return Area(nodes, bounded_by, allows, len(nodes) / len(grid))
+        raise ConfigurationError(_why_nothing(pipeline, box, bounded_by, float(motion.surface.at(*known[:1].T)[0][0])))
+    share = 1.0 if bounded_by == _SPECIMEN else len(nodes) / len(grid)  # beyond a specimen there is nothing to visit
+    return Area(nodes, bounded_by, allows, share)
+
+
+def _why_nothing(pipeline: Pipeline, box: Box, bounded_by: str, height: float) -> str:
+    """Why no place of a box may be palpated: the limits, or what the device says of its middle."""
+    x0, x1, y0, y1 = box
+    text = f"{1e3 * x0:g} to {1e3 * x1:g} mm, {1e3 * y0:g} to {1e3 * y1:g} mm"
+    name, limits = ("--area" if bounded_by == "--area" else f"the area, {bounded_by}"), pipeline.safety
+    if limits is not None and (x1 < limits.low[0] or x0 > limits.high[0] or y1 < limits.low[1] or y0 > limits.high[1]):
+        low, high = 1e3 * np.array(limits.low), 1e3 * np.array(limits.high)
+        within = f"x {low[0]:g} to {high[0]:g} mm, y {low[1]:g} to {high[1]:g} mm"
+        return f"{name}: {text} lies outside of the workspace of [safety], {within}"
+    middle = np.array([[(x0 + x1) / 2, (y0 + y1) / 2, height]])
+    try:
+        ask_devices(pipeline.devices, Setpoint(middle, np.zeros((1, 3)), np.ones(1, bool)))
+    except ConfigurationError as error:
+        return f"{name}: {text}: nothing in it may be palpated: {error}"
+    return f"{name}: {text}: nothing in it may be palpated as deep as the press goes"
 
 
 def _refused(pipeline: Pipeline, places: Floats, rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
@@ -90,6 +109,7 @@ def _refused(pipeline: Pipeline, places: Floats, rows: NDArray[np.intp]) -> Iter
 
 
 def _grid(box: Box) -> Floats:
+    """Nodes (m, 2) [m] of a box, with an even number of steps, so that every second node reaches its borders, too."""
     x0, x1, y0, y1 = box
-    x, y = (np.linspace(a, b, max(min(round((b - a) / _STEP) + 1, _MOST), 1)) for a, b in ((x0, x1), (y0, y1)))
+    x, y = (np.linspace(a, b, 2 * min(round((b - a) / _STEP / 2), _MOST // 2) + 1) for a, b in ((x0, x1), (y0, y1)))
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

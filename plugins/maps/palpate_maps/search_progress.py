@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.lump_criteria import Findings, Lump
-from palpate_maps.next_places import SETTLED, is_placed
+from palpate_maps.next_places import SETTLED, is_placed, passes
 from palpate_maps.search_area import Area
 from palpate_maps.sites import Sites, line_coordinate
 
+CHECKS = 2  # points at a place, or lines across it, from which on it is checked
 SUSPICIOUS = 0.5  # probability of a contrast above the threshold that calls for a visit
 _RING = 4e-3  # [m] around the stiffest place of a lump that has to be known, for its middle to be inside
 
@@ -23,7 +24,7 @@ class LumpProgress:
     """One lump in a search."""
 
     lump: Lump
-    certain: bool  # checked by points, significant, and in place since the round before
+    certain: bool  # checked by a point or two lines, significant, and in place since the round before
     beyond: bool  # its stiffest place lies at the border of what was palpated, and more may be palpated there
     cut: bool  # its stiffest place lies at the border of what may be palpated
 
@@ -41,7 +42,9 @@ def update_progress(
     for lump in sorted(findings.lumps, key=lambda lump: lump.p):
         old = min((w.lump for w in before), key=lambda other: _apart(other, lump), default=None)
         open_, cut = borders(sites, lump, area)
-        certain = lump.checked and is_placed(old, lump, sure)
+        top = np.array([lump.highest or lump.place])
+        checked = lump.checked or passes(sites, top, SETTLED)[0] >= CHECKS
+        certain = checked and is_placed(old, lump, sure)
         found.append(LumpProgress(lump, certain, beyond=open_, cut=cut))
     return found
 
@@ -77,12 +80,3 @@ def footprint(places: Floats, lump: Lump, contrast: float, apart: float) -> NDAr
     wide = np.maximum(lump.extent, 2 * apart) / 2.355
     half = wide * np.sqrt(2 * np.log(max(lump.contrast / contrast, 1.5))) + apart
     return np.asarray((((places - np.array(lump.place)) / half) ** 2).sum(axis=1) < 1)
-
-
-def off_limits(nodes: Floats, lumps: Sequence[LumpProgress], contrast: float, apart: float) -> NDArray[np.bool_]:
-    """(m,) nodes [m] on lumps of which all is known, and on their flanks down to a contrast."""
-    taken = np.zeros(len(nodes), bool)
-    for item in lumps:
-        if item.done:
-            taken |= footprint(nodes, item.lump, contrast, apart)
-    return taken

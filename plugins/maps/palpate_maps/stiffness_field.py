@@ -13,6 +13,8 @@ from palpate_maps.sites import Sites
 
 LEAST_STD = 1e-3  # of a site's logarithm
 _MOST_FITTED = 250  # sites that the kernel is fitted on; more cost time, not accuracy
+_MOST_USED = 1500  # sites that a whole map is made of
+_TOGETHER = 2000  # nodes that are solved for at once
 _BOUNDS = np.log([[1e-8, 1e2], [2e-3, 5e-2], [1e-8, 1e-1]])  # of variance, length [m], noise
 _GROWTH = 1.5  # times the sites of the latest fit, from which on it is repeated
 _SURPRISE = 1e-3  # chance of innovations as large as those since the latest fit, below which it is repeated
@@ -31,6 +33,13 @@ class FieldKernel:
         ratio = np.sqrt(3.0) / self.length * distances(a, b)
         return np.asarray(self.variance * (1 + ratio) * np.exp(-ratio))
 
+    def factor(self, sites: Sites) -> Floats:
+        """Lower Cholesky factor (n, n) of the covariance of sites."""
+        from scipy.linalg import cholesky
+
+        noisy = self.between(sites.place, sites.place) + np.diag(_own(sites) + self.noise + 1e-12)
+        return np.asarray(cholesky(noisy, lower=True, overwrite_a=True, check_finite=False))
+
 
 def distances(a: Floats, b: Floats) -> Floats:
     """Distances (n, m) [m] of places a (n, 2) from places b (m, 2)."""
@@ -46,7 +55,7 @@ def fit_kernel(place: Floats, log: Floats, own: Floats, start: FieldKernel | Non
     from scipy.linalg import cho_factor, cho_solve
     from scipy.optimize import minimize
 
-    rows = np.unique(np.linspace(0, len(log) - 1, min(len(log), _MOST_FITTED)).round().astype(int))
+    rows = _thinned(len(log), _MOST_FITTED)
     place, log, own = place[rows], log[rows], own[rows]
     apart, unit = distances(place, place), np.eye(len(log))
 
@@ -67,6 +76,27 @@ def fit_kernel(place: Floats, log: Floats, own: Floats, start: FieldKernel | Non
     found = minimize(loss, point, jac=True, method="L-BFGS-B", bounds=_BOUNDS)
     variance, length, noise = np.exp(found.x).tolist()
     return FieldKernel(variance, length, noise)
+
+
+def interpolated(sites: Sites, nodes: Floats, level: float) -> tuple[Floats, Floats, float]:
+    """Posterior mean and standard deviation (m,) of the logarithm at nodes (m, 2) [m], and the kernel's length [m].
+
+    The field of `StiffnessField`, for more nodes than it can hold covariances of; far from every site it goes back to
+    the level.
+    """
+    from scipy.linalg import cho_solve, solve_triangular
+
+    kernel = fit_kernel(sites.place, sites.log - level, _own(sites))
+    used = sites[_thinned(len(sites), _MOST_USED)]
+    lower = kernel.factor(used)
+    solved = cho_solve((lower, True), used.log - level, check_finite=False)
+    mean, variance = np.empty(len(nodes)), np.empty(len(nodes))
+    for rows in np.array_split(np.arange(len(nodes)), len(nodes) // _TOGETHER + 1):
+        cross = kernel.between(used.place, nodes[rows])
+        mean[rows] = level + solved @ cross
+        white = solve_triangular(lower, cross, lower=True, overwrite_b=True, check_finite=False)
+        variance[rows] = kernel.variance - (white**2).sum(axis=0)
+    return mean, np.sqrt(np.maximum(variance, LEAST_STD**2)), kernel.length
 
 
 @dataclass
@@ -94,14 +124,13 @@ class StiffnessField:
 
     def factorise(self, sites: Sites) -> None:
         """Take sites in place of those known so far."""
-        from scipy.linalg import cholesky, solve_triangular
+        from scipy.linalg import solve_triangular
 
         self.place, self.log, self.own = sites.place.copy(), sites.log.copy(), _own(sites)
         n = len(self.log)
         room = n + max(n // 2, 64)
         self._lower, self._cross = np.zeros((room, room)), np.zeros((room, len(self.nodes)))
-        noisy = self.kernel.between(self.place, self.place) + np.diag(self.own + self.kernel.noise + 1e-12)
-        self._lower[:n, :n] = cholesky(noisy, lower=True)
+        self._lower[:n, :n] = self.kernel.factor(sites)
         right = np.column_stack([self.log, np.ones(n), self.kernel.between(self.place, self.nodes)])
         solved = solve_triangular(self._lower[:n, :n], right, lower=True, check_finite=False)
         self._white = np.zeros((room, 2))  # L^-1 of the logarithms, and of ones
@@ -120,12 +149,11 @@ class StiffnessField:
         return type(self).of(sites, self.nodes, level, self.kernel) if self._is_surprised() else self
 
     def _is_surprised(self) -> bool:
-        """Whether the innovations since the fit are larger or smaller than the kernel lets expect."""
+        """Whether the innovations since the fit are larger than the kernel lets expect."""
         from scipy.stats import chi2
 
         square = float(np.square(self.surprise).sum())
-        chance = chi2.sf(square, len(self.surprise)) if self.surprise else 1.0
-        return bool(min(chance, 1 - chance) < _SURPRISE)
+        return bool(self.surprise and chi2.sf(square, len(self.surprise)) < _SURPRISE)
 
     def add(self, place: Floats, log: float, own: float, level: float) -> float:
         """Add a site; how many standard deviations it is from what was expected."""
@@ -150,14 +178,6 @@ class StiffnessField:
         self.own = np.append(self.own, own)
         return float(white[0] - level * white[1])
 
-    def drop(self, count: int) -> None:
-        """Take back the latest sites that were added."""
-        for _ in range(count):
-            n = len(self.log) - 1
-            self._sums -= np.outer(self._white[n], self._cross[n])
-            self._left += self._cross[n] ** 2
-            self.place, self.log, self.own = self.place[:n], self.log[:n], self.own[:n]
-
     def mean(self, level: float) -> Floats:
         """(m,) posterior mean at the nodes, about a level."""
         return np.asarray(level + self._sums[0] - level * self._sums[1])
@@ -176,3 +196,8 @@ class StiffnessField:
 
 def _own(sites: Sites) -> Floats:
     return np.maximum(sites.std, LEAST_STD) ** 2
+
+
+def _thinned(count: int, most: int) -> NDArray[np.intp]:
+    """Indices of at most so many of `count`, evenly."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))

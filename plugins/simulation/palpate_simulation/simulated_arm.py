@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
+
+_UNREST = (0.5, 20.0)  # [Hz] between which an arm deviates: a UR3e in a slow sweep, as recorded by others
+_SINES = 64
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,27 @@ class TrackedMotion:
         """
         after, before = (self.velocity_at(instants + shift) for shift in (width / 2, -width / 2))
         return (after - before) / width
+
+    def with_unrest(self, std: float, dice: np.random.Generator) -> TrackedMotion:
+        """The motion with one up and down of a standard deviation [m] besides: sines from 0.5 to 20 Hz, as many
+        in each octave.
+
+        Its speed u' and acceleration u'' are those of a command that is higher by u' + lag u''.
+        """
+        omega = 2 * np.pi * np.exp(dice.uniform(math.log(_UNREST[0]), math.log(_UNREST[1]), _SINES))
+        phase = 1j * (
+            omega * (np.arange(len(self.position)) * self.period)[:, None] + dice.uniform(0, 2 * np.pi, _SINES)
+        )
+        wave = std * np.sqrt(2 / _SINES) * np.exp(phase)
+        way, speed, change = (((1j * omega) ** order * wave).sum(axis=1).real for order in range(3))
+        up = np.array([0.0, 0.0, 1.0])
+        command = self.command + np.outer(speed + self.lag * change, up)
+        return replace(
+            self,
+            position=self.position + np.outer(way, up),
+            velocity=self.velocity + np.outer(speed, up),
+            command=command,
+        )
 
 
 def _advance(

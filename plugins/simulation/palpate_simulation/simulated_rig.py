@@ -74,6 +74,9 @@ class SimulatedRig(Device):
     )
     damping: float = Field(default=0.5, ge=0, lt=10, description="derivative gain of the position loop")
     lag: Time = Field(default=0.01, gt=0, description="time constant of the robot's inner speed loop")
+    unrest: Length = Field(
+        default=0.0, ge=0, description="standard deviation of the arm's own motion up and down, 0.5 to 20 Hz"
+    )
     position_std: Length = Field(default=5e-6, ge=0, description="noise of the measured position")
     velocity_std: Speed = Field(default=0.67e-3, ge=0, description="noise of the measured velocity")
     sensor_rate: Frequency = Field(default=800.0, gt=0, description="sampling rate of the sensor")
@@ -161,8 +164,8 @@ class _RigLink:
 
     def __init__(self, settings: SimulatedRig, seed: int) -> None:
         self._settings = settings
-        streams = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(4))
-        self._force_noise, self._position_noise, self._velocity_noise, self._led_noise = streams
+        streams = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(5))
+        self._force_noise, self._position_noise, self._velocity_noise, self._led_noise, self._unrest = streams
         self._stopped = clock().event()
         self._trajectory: Trajectory | None = None
 
@@ -202,6 +205,8 @@ class _RigLink:
             motion, setpoint = force_controlled_motion(settings.specimen, loop, ticks, setpoint, law, noise)
         else:
             motion = loop.track(setpoint.position, setpoint.velocity)
+            if settings.unrest > 0:
+                motion = motion.with_unrest(settings.unrest, self._unrest)
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
         contact = self._contact(readings, motion)
         origin = host_time_ns() if settings.pace == "real-time" else 0

@@ -58,13 +58,16 @@ def _view(findings: Findings, source: str, unit: str) -> str:
 
     name, factor = display_unit(unit)
     head = f"{source}: background {findings.background * factor:.4g} {name}, by {findings.method}"
-    if not findings.lumps:
-        return f"{head}\nno lumps"
-    lines = [head, "    x mm    y mm   extent mm   contrast %         p"]
+    lines = [head, "    x mm    y mm   extent mm   contrast %         p"] if findings.lumps else [head, "no lumps"]
     for lump in findings.lumps:
         extent = " x ".join(f"{1e3 * size:.1f}" for size in lump.extent if size > 0)
         stiffer = f"{100 * lump.contrast:.1f} ± {100 * lump.contrast_std:.1f}"
         lines.append(f"{1e3 * lump.place[0]:8.1f}{1e3 * lump.place[1]:8.1f}{extent:>12}{stiffer:>13}{lump.p:10.2g}")
+    if (power := findings.power) is not None:
+        lines.append(
+            f"a lump {100 * power.contrast:.2g} % stiffer and {1e3 * power.width:.0f} mm wide would be seen with a "
+            f"probability of {power.probability:g}"
+        )
     return "\n".join(lines)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
@@ -17,7 +18,7 @@ from palpate_kit.terminal.progress import progress, report_progress
 from palpate_maps.commands.map_command import Parameter, Run, length
 
 if TYPE_CHECKING:
-    from palpate_maps.area_search import AreaSearch
+    from palpate_maps.area_search import AreaSearch, SearchSettings
     from palpate_maps.map_analysis import LumpProgress, Proposal
     from palpate_maps.search_area import Box
     from palpate_maps.search_motion import SearchMotion
@@ -54,69 +55,105 @@ def search(
     With --go it ends once every lump is certain, no other place is suspicious, and no patch remains with more than the
     risk, where one is given; or when the budget is spent. It prints how likely a patch remains, and draws where.
     """
-    from palpate_kit.runs.continuation import recorded_pipeline
-
-    from palpate_maps import map_analysis as maps
-    from palpate_maps.area_search import AreaSearch, SearchSettings
+    from palpate_maps.area_search import SearchSettings
     from palpate_maps.next_places import Aim
-    from palpate_maps.search_motion import search_motion
 
     if aim not in get_args(Aim):
         raise ConfigurationError(f"--aim: {aim!r} is not one of {', '.join(get_args(Aim))}")
+    _demand_positive({"--budget": budget, "--palpation": palpation})
     settings = SearchSettings(aim, points, contrast, length(radius, "--radius"), risk, sure)  # type: ignore[arg-type]
-    motion = search_motion(recorded_pipeline(run), run, palpation)
-    sites = maps.sites_along(maps.read_path(run, track, parameter))
-    state = AreaSearch(maps.area_of(motion.pipeline, motion.own, sites.place, box_of(area)), motion, settings)
-    made = _SearchRounds()
     with print_aside(as_json):
-        state.observe(sites, visited=False)
-        places = state.next_round()
-        while not (go and (ended := state.ended(places))):
-            made.rounds.append(places)
-            _show(places)
-            made.stopped = made.over(budget) if go else None
-            if not go or made.stopped is not None:
-                break
-            made.motion += visit(run, motion, places)
-            state.observe(maps.sites_along(maps.read_path(run, track, parameter)), visited=True)
-            _report(state, made.motion)
-            places = state.next_round()
+        rounds = _begin(run, track, parameter, settings, box_of(area), palpation)
+        if go:
+            rounds.visit_all(budget)
         else:
-            made.stopped = ended
-        made.take(state)
-        if made.stopped is not None:
-            _end(state, made.stopped)
-        _tell_hiding(state, run)
+            _show(rounds.propose())
+        _tell_hiding(rounds.state, run)
     if as_json:
-        print_json(vars(made))
+        print_json(rounds.document)
+
+
+def _demand_positive(seconds: dict[str, float]) -> None:
+    for option, value in seconds.items():
+        if not 0 < value < math.inf:
+            raise ConfigurationError(f"{option}: {value:g} s is not a time above 0")
 
 
 @dataclass
 class _SearchRounds:
-    """What a search has done and found so far."""
+    """A search of a run, and what it has done so far."""
 
+    run: Path
+    track: str | None
+    parameter: str | None
+    state: AreaSearch
     rounds: list[list[Proposal]] = field(default_factory=list)  # of places
     motion: float = 0.0  # [s] of visits
-    stopped: str | None = None  # why, where --go has come to an end
-    lumps: list[LumpProgress] = field(default_factory=list)
-    patches: list[tuple[float, float]] = field(default_factory=list)  # [m] that are likely besides
-    risk: float | None = None  # that a patch remains
-    patch: dict[str, float] = field(default_factory=dict)  # the least one: radius [m], contrast
+    stopped: str | None = None  # why, where it visited places
 
-    def take(self, state: AreaSearch) -> None:
-        """Take up what a search knows in the end."""
-        patch = state.settings.patch
-        self.lumps, self.patches = state.lumps, state.patches
-        self.patch = {"radius": patch.radius, "contrast": patch.contrast}
-        self.risk = state.hiding.risk if state.hiding is not None else None
+    def propose(self) -> list[Proposal]:
+        """The places of the next round."""
+        self.rounds.append(self.state.next_round())
+        return self.rounds[-1]
 
-    def over(self, budget: float) -> str | None:
+    def visit_all(self, budget: float) -> None:
+        """Visit places until the search ends, or a budget of motion [s] is spent."""
+        from palpate_maps import map_analysis as maps
+
+        while (ended := self.state.ended()) is None:
+            _show(places := self.propose())
+            if (ended := self._why_not(budget)) is not None:
+                break
+            self.motion += visit(self.run, self.state.motion, places)
+            sites = maps.sites_along(maps.read_path(self.run, self.track, self.parameter))
+            self.state.observe(sites, visited=True)
+            _report(self.state, self.motion)
+        self.stopped = ended
+        _end(self.state, ended)
+
+    def _why_not(self, budget: float) -> str | None:
         """Why no place of the latest round is visited; None where one is."""
         if not self.rounds[-1]:
             return "every place that may be visited is known"
         if self.motion >= budget:
             return f"{budget:g} s of motion are spent"
         return f"{_ROUNDS} rounds are made" if len(self.rounds) > _ROUNDS else None
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """For --json: what was done, what is known in the end, and the least patch that --risk is of."""
+        state, patch = self.state, self.state.settings.patch
+        return {
+            "rounds": self.rounds,
+            "motion": self.motion,
+            "stopped": self.stopped,
+            "lumps": state.lumps,
+            "patches": state.patches,
+            "risk": state.hiding.risk if state.hiding is not None else None,
+            "patch": {"radius": patch.radius, "contrast": patch.contrast},
+        }
+
+
+def _begin(
+    run: Path,
+    track: str | None,
+    parameter: str | None,
+    settings: SearchSettings,
+    box: Box | None,
+    palpation: float,
+) -> _SearchRounds:
+    """A search of a run that knows what was palpated; raises ConfigurationError."""
+    from palpate_kit.runs.continuation import recorded_pipeline
+
+    from palpate_maps import map_analysis as maps
+    from palpate_maps.area_search import AreaSearch
+    from palpate_maps.search_motion import search_motion
+
+    motion = search_motion(recorded_pipeline(run), run, palpation)
+    sites = maps.sites_along(maps.read_path(run, track, parameter))
+    state = AreaSearch(maps.area_of(motion.pipeline, motion.own, sites.place, box), motion, settings)
+    state.observe(sites, visited=False)
+    return _SearchRounds(run, track, parameter, state)
 
 
 def box_of(text: str | None) -> Box | None:

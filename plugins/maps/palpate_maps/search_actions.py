@@ -1,0 +1,146 @@
+"""What a search may do next: points, and lines along the rows of a grid, by what they gain in a second."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats
+
+from palpate_maps.search_motion import SearchMotion
+
+_LONG = 12  # nodes of a row from which on lines begin and end at every second one: as good, and a quarter as many
+_WORTH = 0.02  # of the gain of all points, below which no line is taken along a row
+
+
+class Gain(Protocol):
+    """What palpations of nodes of a grid gain, in any unit."""
+
+    def points(self) -> Floats:
+        """(m,) of a point at each node."""
+        ...
+
+    def sites(self) -> Floats:
+        """(m,) of one site of a line at each node: of several sites together at most the sum."""
+        ...
+
+    def lines(self, row: NDArray[np.intp]) -> Floats:
+        """(k,) of lines from the first node of a row (k,) to each."""
+        ...
+
+    def after(self, node: int) -> Gain:
+        """What is gained once a point was palpated at a node."""
+        ...
+
+
+@dataclass(frozen=True)
+class SearchAction:
+    """A point, or a line: what it gains, and what it takes."""
+
+    start: int  # node
+    end: int | None
+    gain: float
+    seconds: float
+
+    @property
+    def worth(self) -> float:
+        """Gain in a second."""
+        return self.gain / self.seconds
+
+
+@dataclass(frozen=True)
+class ActionGrid:
+    """Points at nodes and lines along their rows, with the motions of a rig."""
+
+    nodes: Floats  # (m, 2) [m], of a grid
+    motion: SearchMotion
+
+    @cached_property
+    def _rows(self) -> list[NDArray[np.intp]]:
+        """Nodes beside one another along each axis, in their order."""
+        pieces = []
+        for axis in (0, 1):
+            steps = np.diff(np.unique(np.round(self.nodes[:, axis], 7)))
+            across = np.round(self.nodes[:, 1 - axis], 7)
+            for key in np.unique(across) if len(steps) else ():
+                row = np.flatnonzero(across == key)
+                row = row[np.argsort(self.nodes[row, axis], kind="stable")]
+                gaps = np.diff(self.nodes[row, axis])
+                pieces += np.split(row, np.flatnonzero(gaps > 1.5 * np.median(steps)) + 1)
+        return [piece for piece in pieces if len(piece) > 1]
+
+    def next_round(
+        self, gain: Gain, count: int, tip: Floats, closed: NDArray[np.bool_], through: NDArray[np.bool_]
+    ) -> list[SearchAction]:
+        """One line, or up to `count` points, from the tip's place (2,) [m].
+
+        No point is at a closed node (m,); each line goes through one of some nodes (m,), and points are at these.
+        """
+        closed, chosen = closed | ~through, list[SearchAction]()
+        while len(chosen) < count:
+            action = self._best(gain, tip, closed, through, bool(chosen))
+            if action is None or (chosen and action.end is not None):
+                break
+            chosen.append(action)
+            if action.end is not None:
+                break
+            closed[action.start], tip = True, self.nodes[action.start]
+            gain = gain.after(action.start)
+        return chosen
+
+    def _best(
+        self, gain: Gain, tip: Floats, closed: NDArray[np.bool_], through: NDArray[np.bool_], further: bool
+    ) -> SearchAction | None:
+        """The point or line that gains most in a second; `further` where points go on without a pause."""
+        points = gain.points()
+        travel = self.motion.seconds_to(np.hypot(*(self.nodes - tip).T))
+        idle = float(self.motion.seconds_to(np.zeros(1))[0])
+        seconds = travel if further else self.motion.first_point + travel - idle
+        worth = np.where(closed, -np.inf, points / seconds)
+        k = int(np.argmax(worth))
+        actions = [] if closed.all() else [SearchAction(k, None, float(points[k]), float(seconds[k]))]
+        best = max(actions, key=lambda action: action.worth, default=None)
+        if self.motion.line_speed is None:
+            return best
+        sites, least = gain.sites(), _WORTH * float(points.sum())
+        rows = [row for row in self._rows if through[row].any() and float(points[row].sum()) >= least]
+        for most, row in sorted(((self._most(row, sites), row) for row in rows), key=lambda item: -item[0]):
+            if best is not None and best.worth >= most:
+                break
+            line = self._line(row, gain, travel - idle, through)
+            best = line if line is not None and (best is None or line.worth > best.worth) else best
+        return best
+
+    def _most(self, row: NDArray[np.intp], sites: Floats) -> float:
+        """What a line along a row gains in a second at the most: as if each of its sites stood alone."""
+        along = np.hypot(*(self.nodes[row] - self.nodes[row[0]]).T)
+        sums = np.r_[0.0, np.cumsum(sites[row])]
+        first, last = np.triu_indices(len(row), 1)
+        seconds = self.motion.seconds_along(np.maximum(along[last] - along[first], self.motion.shortest))
+        return float(((sums[last + 1] - sums[first]) / seconds).max())
+
+    def _line(
+        self, row: NDArray[np.intp], gain: Gain, travel: Floats, through: NDArray[np.bool_]
+    ) -> SearchAction | None:
+        """The best line along a row."""
+        along = np.hypot(*(self.nodes[row] - self.nodes[row[0]]).T)
+        fewest = max(int(np.ceil(self.motion.shortest / along[1] - 1e-6)), 1)
+        stride = 2 if len(row) > _LONG else 1
+        best: SearchAction | None = None
+        for first in range(0, len(row) - fewest, stride):
+            crosses = np.logical_or.accumulate(through[row[first:]])[fewest::stride]
+            if not crosses.any():
+                continue
+            gains = np.where(crosses, gain.lines(row[first:])[fewest::stride], -np.inf)
+            last = np.arange(first + fewest, len(row), stride)
+            there, back = travel[row[first]], travel[row[last]]
+            seconds = self.motion.seconds_along(along[last] - along[first]) + np.minimum(there, back)
+            k = int(np.argmax(gains / seconds))
+            ends = int(row[first]), int(row[last[k]])
+            start, end = ends if there <= back[k] else ends[::-1]
+            action = SearchAction(start, end, float(gains[k]), float(seconds[k]))
+            best = action if best is None or action.worth > best.worth else best
+        return best
