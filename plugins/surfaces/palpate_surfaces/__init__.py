@@ -8,14 +8,15 @@ import lazy_loader
 from palpate import plugin
 
 if TYPE_CHECKING:
+    from palpate_surfaces.mesh import Mesh
     from palpate_surfaces.plane import Plane
 
-__getattr__, _, _ = lazy_loader.attach(__name__, submod_attrs={"plane": ["Plane"]})
+__getattr__, _, _ = lazy_loader.attach(__name__, submod_attrs={"mesh": ["Mesh"], "plane": ["Plane"]})
 
-__all__ = ["Plane"]
+__all__ = ["Mesh", "Plane"]
 
 
 @plugin
 def palpate_surfaces() -> dict[str, str]:
     """Surfaces."""
-    return {"plane": "palpate_surfaces.plane:Plane"}
+    return {"plane": "palpate_surfaces.plane:Plane", "mesh": "palpate_surfaces.mesh:Mesh"}
