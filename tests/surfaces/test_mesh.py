@@ -41,7 +41,7 @@ def test_normals_and_curvatures_are_those_of_the_body(breast):
     mesh = Mesh(file=breast, position=(0.0, 0.0, -0.04), **SURE)
     points = surface_points(mesh, PLACES)
     own = points.position + np.array([0.0, 0.0, 0.04])
-    np.testing.assert_allclose(((own / AXES) ** 2).sum(axis=1), 1.0, atol=4e-4)
+    np.testing.assert_allclose(((own / AXES) ** 2).sum(axis=1), 1.0, atol=1e-4)
     normal, mean = ellipsoid_truth(own)
     angle = np.arccos(np.clip((normal * points.normal).sum(axis=1), -1.0, 1.0))
     assert (angle <= 3 * points.normal_std + 1e-6).all()

@@ -16,13 +16,14 @@ from palpate_surfaces.pose import UncertainPose
 from palpate_surfaces.registration_file import file_digest, read_registration
 
 _STEEP = math.cos(math.radians(80.0))
+_STEPS = 3
 
 
 class Mesh(Surface):
     """A surface of triangles in a file, in a frame of its own, that stands at a pose in the work frame.
 
     The body's point x' is at R x' + t. Below a place lies the nearest point of the triangles; the surface there, its
-    normal and its curvatures are those of a quadric fitted to the vertices around it, so that they are smooth where the
+    normal and its curvatures are those of a cubic fitted to the vertices around it, so that they are smooth where the
     body is, and the scatter of the vertices is in the uncertainty. The pose is uncertain by its covariance: that of
     `registration`, which `palpate calibrate surface` writes, or what is stated. A mesh is refused that has holes,
     separate pieces, triangles that are turned inwards, or the size of no specimen; one with a single open rim ends
@@ -94,14 +95,11 @@ class Mesh(Surface):
         down = self.pose.matrix.T @ [0.0, 0.0, -1.0]
         feet, faces = self.body.first_along(above, down)
         unknown = {int(row): "there is no mesh at this x and y" for row in np.flatnonzero(faces < 0)}
-        points = points_of(self, self.pose.outwards(feet), feet, faces, unknown)
-        # The quadric lies off the triangle: of its points the one on the vertical is meant.
-        with np.errstate(invalid="ignore", divide="ignore"):
-            slope = -points.normal[:, :2] / points.normal[:, 2:]
-            aside = lateral - points.position[:, :2]
-            points.position[:, 2] += (slope * aside).sum(axis=1)
-        points.position[:, :2] += aside
-        points.height[:] = 0.0
+        places = self.pose.outwards(feet)
+        for _ in range(_STEPS):  # the surface lies off the triangles, within which it curves
+            feet, faces = self.body.nearest(self.pose.inwards(places))
+            points = points_of(self, places, feet, faces, unknown)
+            places = places - np.column_stack([np.zeros((len(feet), 2)), points.height / points.normal[:, 2]])
         steep = np.flatnonzero(points.normal[:, 2] < _STEEP)
         unknown |= {int(row): "the mesh is too steep there to be looked at from above" for row in steep}
         return points
@@ -112,22 +110,22 @@ def points_of(mesh: Mesh, places: Floats, feet: Floats, faces: Faces, unknown: d
     pose, turn, count = mesh.pose, mesh.pose.matrix, len(feet)
     points = SurfacePoints(*[np.full(shape, np.nan) for shape in _shapes(count)], unknown)
     rows = np.array([row for row in range(count) if row not in unknown], np.int64)
-    quadrics = list(mesh.body.quadrics(feet[rows], faces[rows]))
-    if not quadrics:
+    patches = list(mesh.body.patches(feet[rows], faces[rows]))
+    if not patches:
         return points
-    position = pose.outwards(np.array([quadric.position for quadric in quadrics]))
-    normal = np.array([quadric.normal for quadric in quadrics]) @ turn.T
-    scatter = np.array([quadric.scatter for quadric in quadrics])
-    shape = turn @ np.array([quadric.shape for quadric in quadrics]) @ turn.T
+    position = pose.outwards(np.array([patch.position for patch in patches]))
+    normal = np.array([patch.normal for patch in patches]) @ turn.T
+    scatter = np.array([patch.scatter for patch in patches])
+    shape = turn @ np.array([patch.shape for patch in patches]) @ turn.T
     variance = pose.position_variance(position, normal) + mesh.shape_uncertainty**2 + scatter**2
     turned = pose.normal_covariance(position, normal, shape)
-    turned += turn @ np.array([quadric.normal_covariance for quadric in quadrics]) @ turn.T
+    turned += turn @ np.array([patch.normal_covariance for patch in patches]) @ turn.T
     points.position[rows], points.normal[rows] = position, normal
     points.height[rows] = np.einsum("ij,ij->i", places[rows] - position, normal)
     points.position_std[rows] = np.sqrt(variance)
     points.normal_std[rows] = np.sqrt(np.linalg.eigvalsh(turned)[:, -1])
-    points.curvature[rows] = [quadric.curvature for quadric in quadrics]
-    points.curvature_std[rows] = [quadric.curvature_std for quadric in quadrics]
+    points.curvature[rows] = [patch.curvature for patch in patches]
+    points.curvature_std[rows] = [patch.curvature_std for patch in patches]
     return points
 
 

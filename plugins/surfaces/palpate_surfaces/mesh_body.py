@@ -1,4 +1,4 @@
-"""A body of triangles in its own frame: nearest points, points along a ray, and the quadric around each."""
+"""A body of triangles in its own frame: nearest points, points along a ray, and the patch of surface around each."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-from palpate_surfaces.local_quadric import LocalQuadric, fit_quadric
+from palpate_surfaces.surface_patch import SurfacePatch, fit_patch
 
-_FEWEST = 12  # vertices to which a quadric is fitted
+_FEWEST = 20  # vertices to which a cubic is fitted
 _MOST = 300  # of more, every second, third, ... counts
 _FACING = 0.5  # cosine between the normals of a point and of what belongs to its side of the body
 _ON_AN_EDGE = 1e-7  # of a triangle
-_NEVER = 64  # vertices, among which there are enough on one side
+_ENOUGH = 64  # vertices, among which so many are on one side
+_MILLIMETRE = 1e-3  # [m]
 
 Faces = NDArray[np.int64]
 
@@ -45,15 +46,16 @@ class MeshBody:
 
         if not len(points):
             return points, np.zeros(0, np.int64)
-        feet, _, faces = closest_point(self.triangles, points)
-        return np.asarray(feet), np.asarray(faces)
+        feet, _, faces = closest_point(self._in_millimetres, points / _MILLIMETRE)
+        return np.asarray(feet) * _MILLIMETRE, np.asarray(faces)
 
     def first_along(self, origins: Floats, direction: Floats) -> tuple[Floats, Faces]:
         """Where rays from points (n, 3) along a unit vector (3,) first meet a triangle, and which; -1 where none."""
         feet, faces = origins.copy(), np.full(len(origins), -1, np.int64)
-        places, rays, hits = self.triangles.ray.intersects_location(
-            origins, np.tile(direction, (len(origins), 1)), multiple_hits=True
+        places, rays, hits = self._in_millimetres.ray.intersects_location(
+            origins / _MILLIMETRE, np.tile(direction, (len(origins), 1)), multiple_hits=True
         )
+        places = places * _MILLIMETRE
         way = (places - origins[rays]) @ direction if len(rays) else np.zeros(0)
         for row in np.argsort(-way, kind="stable"):  # the nearest is written last
             feet[rays[row]], faces[rays[row]] = places[row], hits[row]
@@ -78,23 +80,30 @@ class MeshBody:
         return np.asarray((counts[place.ravel()] == 1).reshape(-1, 3))
 
     @cached_property
+    def _in_millimetres(self) -> Any:
+        """The triangles; trimesh takes squared distances for equal that differ by 1e-8, which are 0.1 mm in metres."""
+        import trimesh
+
+        return trimesh.Trimesh(self.triangles.vertices / _MILLIMETRE, self.triangles.faces, process=False)
+
+    @cached_property
     def _tree(self) -> Any:
         from scipy.spatial import cKDTree
 
         return cKDTree(self.triangles.vertices)
 
-    def quadrics(self, feet: Floats, faces: Faces) -> Iterator[LocalQuadric]:
-        """The quadric around each of the points (n, 3) of triangles."""
+    def patches(self, feet: Floats, faces: Faces) -> Iterator[SurfacePatch]:
+        """The patch of surface around each of the points (n, 3) of triangles."""
         body = self.triangles
         around = self._tree.query_ball_point(feet, self.neighbourhood, return_sorted=True) if len(feet) else ()
         for foot, face, near in zip(feet, faces, around):
             outwards = body.face_normals[face]
             rows = self._facing(np.array(near, np.int64), outwards)
             wanted = _FEWEST
-            while len(rows) < _FEWEST and wanted < min(_NEVER, len(body.vertices)):
+            while len(rows) < _FEWEST and wanted < min(_ENOUGH, len(body.vertices)):
                 wanted *= 2
                 rows = self._facing(self._tree.query(foot, min(wanted, len(body.vertices)))[1], outwards)[:_FEWEST]
-            yield fit_quadric(foot, outwards, body.vertices[rows[:: -(-len(rows) // _MOST)]])
+            yield fit_patch(foot, outwards, body.vertices[rows[:: -(-len(rows) // _MOST)]])
 
     def _facing(self, rows: Faces, outwards: Floats) -> Faces:
         return rows[self.triangles.vertex_normals[rows] @ outwards > _FACING]

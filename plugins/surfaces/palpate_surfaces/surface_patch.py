@@ -1,4 +1,4 @@
-"""The quadric that fits the neighbourhood of a point: normal and curvatures, with what the scatter leaves open."""
+"""The patch of surface around a point, as a cubic: normal and curvatures, with what the scatter leaves open."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats
 
-_UNKNOWNS = 6
+_UNKNOWNS = 10
 _HIGHER = 2.0 / 3.0  # of k^3 r^2, r the root mean square distance: what a curvature k loses to terms of fourth order
 
 
 @dataclass(frozen=True)
-class LocalQuadric:
-    """z = f + d x + e y + (a x^2 + 2 b x y + c y^2)/2 in the tangent plane of a point."""
+class SurfacePatch:
+    """z = f + d x + e y + (a x^2 + 2 b x y + c y^2)/2 + terms of third order, in the tangent plane of a point."""
 
-    position: Floats  # (3,) [m] of the quadric, across from the point along `outwards`
+    position: Floats  # (3,) [m] of it, across from the point along `outwards`
     scatter: float  # [m] standard deviation of the neighbours about it
     normal: Floats  # (3,)
     normal_covariance: Floats  # (3, 3)
@@ -24,24 +24,24 @@ class LocalQuadric:
     curvature_std: Floats  # (2,)
 
 
-def fit_quadric(point: Floats, outwards: Floats, neighbours: Floats) -> LocalQuadric:
-    """The quadric through neighbours (n, 3) [m], n > 6, of a point (3,) by least squares; its z axis looks outwards.
+def fit_patch(point: Floats, outwards: Floats, neighbours: Floats) -> SurfacePatch:
+    """The patch around a point (3,) by least squares over neighbours (n, 3) [m], n > 10; its z axis looks outwards.
 
-    The curvatures are those of the quadric at the point, (g^-1 h) with the first and second fundamental forms g and h;
-    what it leaves out is taken for that of a sphere, on which a curvature is 2/3 k^3 r^2 off.
-    Source: do Carmo 1976, section 3.3.
+    Curvatures are eigenvalues of g^-1 h with the first and second fundamental forms g and h at x = y = 0. Terms of
+    third order keep the slope right where the curvature changes; those of fourth order are taken for those of a sphere,
+    which put a curvature k off by 2/3 k^3 r^2. Source: do Carmo 1976, section 3.3.
     """
     frame = tangent_frame(outwards)
     x, y, z = ((neighbours - point) @ frame.T).T
     scale = float(np.sqrt(np.mean(x * x + y * y)))
     u, v = x / scale, y / scale
-    design = np.column_stack([np.ones_like(u), u, v, u * u / 2, u * v, v * v / 2])
+    design = np.column_stack([np.ones_like(u), u, v, u * u / 2, u * v, v * v / 2, u**3, u * u * v, u * v * v, v**3])
     values, *_ = np.linalg.lstsq(design, z, rcond=None)
     residual = z - design @ values
     variance = float(residual @ residual) / (len(z) - _UNKNOWNS)
-    units = np.array([1.0, scale, scale, scale**2, scale**2, scale**2])
+    units = np.repeat([1.0, scale, scale**2, scale**3], [1, 2, 3, 4])
     covariance = variance * np.linalg.pinv(design.T @ design) / np.outer(units, units)
-    f, d, e, a, b, c = values / units
+    f, d, e, a, b, c, *_ = values / units
     slope = np.array([d, e])
     length = np.sqrt(1.0 + slope @ slope)
     metric = np.eye(2) + np.outer(slope, slope)
@@ -54,10 +54,10 @@ def fit_quadric(point: Floats, outwards: Floats, neighbours: Floats) -> LocalQua
     curvature, directions = np.linalg.eigh((shape + shape.T) / 2)
     # The eigenvalue of the normal itself is 0, and is left out by its direction.
     across = [i for i in np.argsort(-curvature) if i != np.argmax(np.abs(normal @ directions))]
-    spread = [_curvature_std(frame @ directions[:, i], covariance[3:, 3:]) for i in across]
+    spread = [_curvature_std(frame @ directions[:, i], covariance[3:6, 3:6]) for i in across]
     beyond = _HIGHER * np.abs(curvature).max() ** 3 * scale**2
     tilt = -axes @ inverse / length
-    return LocalQuadric(
+    return SurfacePatch(
         position=point + f * outwards,
         scatter=float(np.sqrt(variance)),
         normal=normal,
