@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import lazy_loader
-from palpate import plugin
+from palpate import Command, plugin
 
 if TYPE_CHECKING:
     from palpate_surfaces.mesh import Mesh
@@ -20,3 +20,13 @@ __all__ = ["Mesh", "Plane"]
 def palpate_surfaces() -> dict[str, str]:
     """Surfaces."""
     return {"plane": "palpate_surfaces.plane:Plane", "mesh": "palpate_surfaces.mesh:Mesh"}
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Registration of a mesh."""
+    return {
+        "calibrate surface": Command(
+            "palpate_surfaces.surface_command:surface", "Register a mesh by touches.", "hardware"
+        )
+    }
