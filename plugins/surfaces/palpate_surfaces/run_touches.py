@@ -18,7 +18,7 @@ _LAST = 0.5  # [s] of a palpation, in which its estimate has come to rest
 
 
 @dataclass(frozen=True)
-class Touch:
+class SkinTouch:
     """One of them."""
 
     position: tuple[float, float, float]  # [m] of the tip's end
@@ -27,7 +27,7 @@ class Touch:
     name: str
 
 
-def touches_of_run(folder: Path) -> Iterator[Touch]:
+def touches_of_run(folder: Path) -> Iterator[SkinTouch]:
     """Place and estimated surface of each palpation that stays at a place, in a run and its continuations.
 
     Of the first track that has both. Raises LogError where there is none, or where the tip is not a sphere.
@@ -44,11 +44,16 @@ def touches_of_run(folder: Path) -> Iterator[Touch]:
         )
 
 
-def _of_part(part: RunFolder) -> Iterator[Touch]:
+def _of_part(part: RunFolder) -> Iterator[SkinTouch]:
     for name, table in part.tracks.items():
         document = part.result["tracks"].get(name, {})
         if document.get("verdict") == "invalid" or not np.isfinite(table.place[table.usable]).all(axis=1).any():
             continue
+        if any(flag["code"] == "lack-of-fit" for flag in document["flags"]):
+            raise LogError(
+                f"{part.path}: {name} does not fit its record (lack-of-fit), so that its surface is not one: where the "
+                "skin is not level, palpate each place in a run of its own"
+            )
         radius = _radius(part, document["model"])
         believed = [document["surface"].get(key) for key in ("std", "combined")]
         # What a run knows beyond its estimator, such as tare and compliance, is common to its palpations.
@@ -57,7 +62,7 @@ def _of_part(part: RunFolder) -> Iterator[Touch]:
             place = table.place[rows].mean(axis=0)
             height, std = (float(np.mean(table.others[key][rows])) for key in ("surface", "surface_std"))
             label = f"{part.path.name}, palpation {number}"
-            yield Touch((float(place[0]), float(place[1]), height), radius, float(np.hypot(std, beyond)), label)
+            yield SkinTouch((float(place[0]), float(place[1]), height), radius, float(np.hypot(std, beyond)), label)
         return
 
 

@@ -14,7 +14,7 @@ from palpate import ConfigurationError, Floats, to_si
 from palpate.host import RESULT, suggest
 
 from palpate_surfaces.registration_file import file_digest
-from palpate_surfaces.run_touches import Touch, touches_of_run
+from palpate_surfaces.run_touches import SkinTouch, touches_of_run
 
 _COLUMN = re.compile(r"\s*([a-z]+)\s*(?:[\[(_ ,/]+\s*([a-zµ]+)\s*[\])]?)?\s*", re.IGNORECASE)
 _LENGTHS = ("x", "y", "z", "u", "radius")
@@ -40,7 +40,7 @@ class Touches:
         return self.position + np.column_stack([np.zeros((len(self), 2)), self.radius])
 
     @classmethod
-    def of(cls, touches: Iterable[Touch]) -> Touches:
+    def of(cls, touches: Iterable[SkinTouch]) -> Touches:
         """Touches one by one, as columns."""
         rows = list(touches)
         position = np.array([touch.position for touch in rows]).reshape(-1, 3)
@@ -53,7 +53,7 @@ def read_touches(paths: Iterable[Path], uncertainty: float | None = None) -> Tou
 
     `uncertainty` [m] is that of tables without a column u. Raises ConfigurationError, and LogError for damaged runs.
     """
-    found: list[Touch] = []
+    found: list[SkinTouch] = []
     for path in paths:
         is_run = path.is_dir() or path.suffix == ".json"
         found += touches_of_run(path if path.is_dir() else path.parent) if is_run else _table(path, uncertainty)
@@ -67,7 +67,7 @@ def digest_of(path: Path) -> str:
     return file_digest(path / RESULT if path.is_dir() else path)
 
 
-def _table(path: Path, uncertainty: float | None) -> Iterator[Touch]:
+def _table(path: Path, uncertainty: float | None) -> Iterator[SkinTouch]:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -89,7 +89,7 @@ def _table(path: Path, uncertainty: float | None) -> Iterator[Touch]:
             raise ConfigurationError(f"{path}, touch {number}: an uncertainty is above 0, a radius not below 0")
         name = row[columns["name"][0]].strip() if "name" in columns and len(row) > columns["name"][0] else ""
         place = (values["x"], values["y"], values["z"])
-        yield Touch(place, values.get("radius", 0.0), std, name or f"{path.name}, touch {number}")
+        yield SkinTouch(place, values.get("radius", 0.0), std, name or f"{path.name}, touch {number}")
 
 
 def _columns(path: Path, header: list[str]) -> dict[str, tuple[int, str]]:
