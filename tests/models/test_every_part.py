@@ -113,6 +113,8 @@ def test_material_says_what_it_can():
         "kelvin-voigt": both,
         "hunt-crossley": {"elasticity"},
         "hunt-crossley-free": {"elasticity"},
+        "two-layers": both,
+        "two-layers-free": both,
         "compression": {"elasticity"},
         "dmt": {"elasticity"},
         "jkr": {"elasticity"},

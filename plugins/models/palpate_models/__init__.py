@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from palpate_models.plate_compression import PlateCompression
     from palpate_models.poroelastic import Poroelastic
     from palpate_models.relaxing_models import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
+    from palpate_models.two_layers import FreeTwoLayers, TwoLayers
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
@@ -66,6 +67,7 @@ __getattr__, _, _ = lazy_loader.attach(
         ],
         "kelvin_voigt": ["KelvinVoigt"],
         "poroelastic": ["Poroelastic"],
+        "two_layers": ["FreeTwoLayers", "TwoLayers"],
         "relaxing_models": ["DimensionalityReductionMaxwell", "Maxwell", "StandardLinearSolid"],
     },
 )
@@ -82,6 +84,7 @@ __all__ = [
     "Flat",
     "FractionalKelvinVoigt",
     "FreeHuntCrossley",
+    "FreeTwoLayers",
     "GeneralisedMaxwell2",
     "GeneralisedMaxwell3",
     "GeneralisedMaxwell4",
@@ -101,6 +104,7 @@ __all__ = [
     "StandardLinearSolid",
     "TiltedFlat",
     "TruncatedCone",
+    "TwoLayers",
 ]
 
 
@@ -158,6 +162,8 @@ def palpate_models() -> dict[str, str]:
         "kelvin-voigt": "palpate_models.kelvin_voigt:KelvinVoigt",
         "hunt-crossley": "palpate_models.hunt_crossley:HuntCrossley",
         "hunt-crossley-free": "palpate_models.hunt_crossley:FreeHuntCrossley",
+        "two-layers": "palpate_models.two_layers:TwoLayers",
+        "two-layers-free": "palpate_models.two_layers:FreeTwoLayers",
         "compression": "palpate_models.plate_compression:PlateCompression",
         "dmt": "palpate_models.adhesion:DerjaguinMullerToporov",
         "jkr": "palpate_models.adhesion:JohnsonKendallRoberts",
