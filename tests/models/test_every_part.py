@@ -113,6 +113,7 @@ def test_material_says_what_it_can():
         "kelvin-voigt": both,
         "hunt-crossley": {"elasticity"},
         "hunt-crossley-free": {"elasticity"},
+        "fung": both,
         "two-layers": both,
         "two-layers-free": both,
         "compression": {"elasticity"},

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
     from palpate_models.dimensionality_reduction import DimensionalityReduction
     from palpate_models.fractional import FractionalKelvinVoigt, PowerLaw
+    from palpate_models.fung import Fung
     from palpate_models.generalised_maxwell import (
         Burgers,
         GeneralisedMaxwell2,
@@ -67,6 +68,7 @@ __getattr__, _, _ = lazy_loader.attach(
         ],
         "kelvin_voigt": ["KelvinVoigt"],
         "poroelastic": ["Poroelastic"],
+        "fung": ["Fung"],
         "two_layers": ["FreeTwoLayers", "TwoLayers"],
         "relaxing_models": ["DimensionalityReductionMaxwell", "Maxwell", "StandardLinearSolid"],
     },
@@ -85,6 +87,7 @@ __all__ = [
     "FractionalKelvinVoigt",
     "FreeHuntCrossley",
     "FreeTwoLayers",
+    "Fung",
     "GeneralisedMaxwell2",
     "GeneralisedMaxwell3",
     "GeneralisedMaxwell4",
@@ -162,6 +165,7 @@ def palpate_models() -> dict[str, str]:
         "kelvin-voigt": "palpate_models.kelvin_voigt:KelvinVoigt",
         "hunt-crossley": "palpate_models.hunt_crossley:HuntCrossley",
         "hunt-crossley-free": "palpate_models.hunt_crossley:FreeHuntCrossley",
+        "fung": "palpate_models.fung:Fung",
         "two-layers": "palpate_models.two_layers:TwoLayers",
         "two-layers-free": "palpate_models.two_layers:FreeTwoLayers",
         "compression": "palpate_models.plate_compression:PlateCompression",
