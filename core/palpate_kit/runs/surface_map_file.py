@@ -80,7 +80,8 @@ def _parsed(content: bytes) -> SurfaceMap:
     lines = head.decode("ascii").splitlines()
     if not mark or not head.startswith(_HEAD.encode()):
         raise ValueError("its header is another one")
-    counts = [int(line.split()[2]) for line in lines if line.startswith("element")]
+    number = {line.split()[1]: int(line.split()[2]) for line in lines if line.startswith("element")}
+    counts = number["vertex"], number["face"]
     columns = [line.split()[2] for line in lines if line.startswith("property double")]
     layout = np.dtype([(key, "<f8") for key in columns] + [(key, "u1") for key in _COLOURS])
     if len(body) != counts[0] * layout.itemsize + counts[1] * _FACE.itemsize:

@@ -23,12 +23,12 @@ _RISE, _SPREAD, _DEEPER = 0.25, 0.022, 0.097  # of e, b and b e; fitted to finit
 class Fung(ContactModel):
     """A sphere pressed far into tissue that stiffens with strain: energy E/(6 b) (exp(b (I_1 - 3)) - 1).
 
-    F = 16/9 E sqrt(R) d^1.5 (1 - 0.15 e) exp(g) + 8 eta a(d) d', e = d/R, with Young's modulus E at small strain and a(d)
-    of `neo-hookean-sphere`, which b = 0 is. g = 0.12 b e (1 + e/4)/(1 + 0.022 b + 0.097 b e): it begins as by the strain
-    0.2 sqrt(e) of Lin et al., and stays behind where what is strained most has stiffened and spreads the load. Finite
-    elements have it within 1.5 % for b to 10 and e to 0.8 (benchmarks/finite_elements.py). A press that is shallow
-    against R does not determine b, which its uncertainty says. Assumes a half-space, incompressible material, no
-    friction, and viscosity that does not stiffen.
+    F = 16/9 E sqrt(R) d^1.5 (1 - 0.15 e) exp(g) + 8 eta a(d) d', e = d/R, E being Young's modulus at small strain and
+    a(d) that of `neo-hookean-sphere`, which b = 0 is. g = 0.12 b e (1 + e/4)/(1 + 0.022 b + 0.097 b e): it begins as by
+    the strain 0.2 sqrt(e) of Lin et al., and stays behind where what is strained most has stiffened and spreads the
+    load. Finite elements have it within 1.5 % for b to 10 and e to 0.8 (benchmarks/finite_elements.py). A press that is
+    shallow against R does not determine b, which its uncertainty says. Assumes a half-space, incompressible material,
+    no friction, and viscosity that does not stiffen.
     Source: Fung 1967; Lin, Shreiber, Dimitriadis and Horkay 2009.
     """
 
