@@ -103,7 +103,7 @@ class TwoLayers(_LayeredMaterial):
 class FreeTwoLayers(_LayeredMaterial):
     """A layer of unknown thickness h_s, bonded to a half-space of another modulus, under a sphere.
 
-    The force is that of `two-layers` with its thickness among the unknowns, 8/3 E_s^w E^(1 - w) A(d) + 8 eta a(d) d'.
+    F = 8/3 E_s^w E^(1 - w) A(d) + 8 eta a(d) d' as in `two-layers`, with the thickness in w among the unknowns.
     A press has to reach from depths that feel the layer alone, sqrt(R d) well below h_s, to ones that feel what is
     below; else thickness and moduli stand for one another, which their uncertainties and correlations say.
     Source: Dhaliwal and Rau 1970; the fit by palpate.
