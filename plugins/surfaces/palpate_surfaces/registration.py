@@ -54,7 +54,7 @@ def register(mesh: Mesh, touches: Touches) -> RegisteredPose:
     """
     before = mesh.pose
     low = np.full(6, -np.inf)
-    root = np.linalg.cholesky(before.covariance)  # unknowns in standard deviations of the prior
+    root: Floats = np.asarray(np.linalg.cholesky(before.covariance))  # unknowns in standard deviations of the prior
     std = np.hypot(touches.std, mesh.shape_uncertainty)
 
     def scaled(unknowns: Floats) -> tuple[Floats, Floats]:
@@ -66,7 +66,7 @@ def register(mesh: Mesh, touches: Touches) -> RegisteredPose:
     def normal(unknowns: Floats) -> Floats:
         residual, slopes = scaled(unknowns)
         rows = np.vstack([np.column_stack([residual, slopes]), np.column_stack([unknowns, np.eye(6)])])
-        return rows.T @ rows
+        return np.asarray(rows.T @ rows)
 
     minimum = least_squares(normal, np.zeros(6), low, -low, most=100, gain=1e-8)
     if not minimum.converged:
@@ -74,7 +74,7 @@ def register(mesh: Mesh, touches: Touches) -> RegisteredPose:
     unknowns = minimum.x
     residual, slopes = scaled(unknowns)
     information = slopes.T @ slopes + np.eye(6)
-    inner = np.linalg.inv(information)
+    inner: Floats = np.asarray(np.linalg.inv(information))
     chi_square = float(residual @ residual + unknowns @ unknowns)
     probability = _chi_square_tail(chi_square, len(touches))
     scale = chi_square / len(touches) if probability < _UNLIKELY else 1.0
@@ -93,7 +93,7 @@ def register(mesh: Mesh, touches: Touches) -> RegisteredPose:
 
 def moved(pose: UncertainPose, by: Floats) -> UncertainPose:
     """A pose after a displacement and a turn (6,) of the body about its pivot, which goes along."""
-    turn = rotation_matrix(by[3:])
+    turn = rotation_matrix(by[3:].tolist())
     pivot = pose.pivot + by[:3]
     translation = pivot + turn @ (pose.translation - pose.pivot)
     return replace(pose, rotation=rotation_vector(turn @ pose.matrix), translation=translation, pivot=pivot)
@@ -114,7 +114,7 @@ def _turned_jacobian(before: UncertainPose, unknowns: Floats, root: Floats, poin
     pose = moved(before, by)
     small = pose.height_jacobian(points.position, points.normal)
     small[:, 3:] = small[:, 3:] @ _left_jacobian(by[3:])
-    return small @ root
+    return np.asarray(small @ root)
 
 
 def _left_jacobian(vector: Floats) -> Floats:
@@ -124,7 +124,7 @@ def _left_jacobian(vector: Floats) -> Floats:
     if angle < 1e-6:
         return np.eye(3) + cross / 2
     one, two = (1 - math.cos(angle)) / angle**2, (angle - math.sin(angle)) / angle**3
-    return np.eye(3) + one * cross + two * cross @ cross
+    return np.asarray(np.eye(3) + one * cross + two * cross @ cross)
 
 
 def _chi_square_tail(value: float, degrees: int) -> float:

@@ -107,7 +107,7 @@ class TouchedSurface(Surface):
         """Points nearest to places (n, 3) [m]."""
 
         def below(patch: SurfacePatch, place: Floats) -> Floats:
-            return place - ((place - patch.position) @ patch.normal) * patch.normal
+            return np.asarray(place - ((place - patch.position) @ patch.normal) * patch.normal)
 
         return self._points([self._place(place, below) for place in places], places)
 
@@ -132,7 +132,7 @@ class TouchedSurface(Surface):
         for _ in range(_STEPS):
             before, q = q, self._base.coordinates(on_the_tangent(self._patch(q, False), place)[None])[0][0]
             if float(np.abs(q - before).max()) < _STILL:
-                return q
+                return np.asarray(q)
         return np.full(len(q), np.nan)
 
     def _patch(self, q: Floats, uncertain: bool) -> SurfacePatch:

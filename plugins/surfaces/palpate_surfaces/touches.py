@@ -44,8 +44,8 @@ class Touches:
         """Touches one by one, as columns."""
         rows = list(touches)
         position = np.array([touch.position for touch in rows]).reshape(-1, 3)
-        columns = [np.array([getattr(touch, key) for touch in rows], float) for key in ("radius", "std")]
-        return cls(position, *columns, tuple(touch.name for touch in rows))
+        radius, std = (np.array([getattr(touch, key) for touch in rows], float) for key in ("radius", "std"))
+        return cls(position, radius, std, tuple(touch.name for touch in rows))
 
 
 def read_touches(paths: Iterable[Path], uncertainty: float | None = None) -> Touches:
