@@ -103,8 +103,7 @@ class Mesh(Surface):
             points = points_of(self.pose, self, places, feet, faces, unknown)
             places[:, 2] -= np.nan_to_num(points.height / points.normal[:, 2])
         steep = np.flatnonzero(points.normal[:, 2] < _STEEP)
-        unknown |= {int(row): "the mesh is too steep there to be looked at from above" for row in steep}
-        return points
+        return points.without({int(row): "the mesh is too steep there to be looked at from above" for row in steep})
 
 
 def points_of(

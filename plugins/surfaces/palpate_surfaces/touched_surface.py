@@ -120,7 +120,7 @@ class TouchedSurface(Surface):
 
         feet = [self._place(place, at) for place in self._base.above(lateral)]
         points = self._points(feet, np.column_stack([lateral, np.zeros(len(lateral))]))
-        points.height[:] = 0.0
+        points.height[:] *= 0.0
         return points
 
     def _place(self, place: Floats, on_the_tangent: Callable[[SurfacePatch, Floats], Floats]) -> Floats:
@@ -151,7 +151,7 @@ class TouchedSurface(Surface):
             np.array([getattr(patch, key) for patch in patches]).reshape(len(q), -1)
             for key in ("position", "normal", "curvature", "curvature_std")
         )
-        return SurfacePoints(
+        points = SurfacePoints(
             position=position,
             normal=normal,
             height=np.einsum("ij,ij->i", places - position, normal),
@@ -159,8 +159,8 @@ class TouchedSurface(Surface):
             position_std=np.array([patch.scatter for patch in patches]),
             normal_std=np.array([np.sqrt(np.linalg.eigvalsh(patch.normal_covariance)[-1]) for patch in patches]),
             curvature_std=curvature_std,
-            unknown=unknown,
         )
+        return points.without(unknown)
 
 
 def _patch(base: BaseShape, field: HeightField, size: float, q: Floats, uncertain: bool) -> SurfacePatch:
