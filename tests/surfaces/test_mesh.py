@@ -145,6 +145,8 @@ def test_files_that_are_no_mesh_are_named(breast, tmp_path):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(ConfigurationError, match=f"{name}.*(cannot be read as a mesh|triangles)"):
             Mesh(file=tmp_path / name)
+    with pytest.raises(ConfigurationError, match=r"no\.stl: there is no such file"):
+        Mesh(file=tmp_path / "no.stl")
     (tmp_path / "step.stp").write_text("x")
     with pytest.raises(ConfigurationError, match=r"a mesh is a file \.stl, \.ply, \.obj, not \.stp"):
         Mesh(file=tmp_path / "step.stp")

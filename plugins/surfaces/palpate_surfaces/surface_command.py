@@ -79,6 +79,8 @@ def _mesh(pipeline: Path, name: str | None) -> Mesh:
     if name is None and len(found) == 1:
         return next(iter(found.values()))
     names = ", ".join(found) or "none"
+    if not found:
+        raise ConfigurationError(f"{pipeline}: has no [surface.*] of type mesh; touches register a mesh")
     if name is None:
         raise ConfigurationError(f"{pipeline}: one mesh is wanted; choose by --surface (there are: {names})")
     if name not in found:
