@@ -16,7 +16,7 @@ from palpate_surfaces.pose import UncertainPose
 from palpate_surfaces.registration_file import file_digest, read_registration
 
 _STEEP = math.cos(math.radians(80.0))
-_STEPS = 3
+_STEPS = 2
 
 
 class Mesh(Surface):
@@ -90,6 +90,10 @@ class Mesh(Surface):
             self.pose, self, places, feet, faces, {int(row): "beyond the rim of the mesh" for row in beyond}
         )
 
+    def _below(self, places: Floats, unknown: dict[int, str]) -> SurfacePoints:
+        feet, faces = self.body.nearest(self.pose.inwards(places))
+        return points_of(self.pose, self, places, feet, faces, unknown)
+
     def uppermost(self, lateral: Floats) -> SurfacePoints:
         """Points of the triangles at x and y (n, 2) [m], looked at from above."""
         top = float(self.pose.outwards(self.body.triangles.vertices)[:, 2].max()) + self.body.size
@@ -99,9 +103,9 @@ class Mesh(Surface):
         unknown = {int(row): "there is no mesh at this x and y" for row in np.flatnonzero(faces < 0)}
         places = self.pose.outwards(feet)
         for _ in range(_STEPS):  # the surface lies off the triangles, within which it curves
-            feet, faces = self.body.nearest(self.pose.inwards(places))
-            points = points_of(self.pose, self, places, feet, faces, unknown)
+            points = self._below(places, unknown)
             places[:, 2] -= np.nan_to_num(points.height / points.normal[:, 2])
+        points = self._below(places, unknown)
         steep = np.flatnonzero(points.normal[:, 2] < _STEEP)
         return points.without({int(row): "the mesh is too steep there to be looked at from above" for row in steep})
 

@@ -90,9 +90,9 @@ class MeshBody:
 
     @cached_property
     def _tree(self) -> Any:
-        from scipy.spatial import cKDTree
+        from scipy.spatial import KDTree
 
-        return cKDTree(self.triangles.vertices)
+        return KDTree(self.triangles.vertices)
 
     def patches(self, feet: Floats, faces: Faces) -> Iterator[SurfacePatch]:
         """The patch of surface around each of the points (n, 3) of triangles."""

@@ -56,7 +56,7 @@ def register(mesh: Mesh, touches: Touches) -> RegisteredPose:
     search = _PoseSearch.of(mesh, touches)
     unknowns = search.minimum()
     residual, slopes = search.scaled(unknowns)
-    inner: Floats = np.asarray(np.linalg.inv(slopes.T @ slopes + np.eye(6)))
+    inner = np.asarray(np.linalg.inv(slopes.T @ slopes + np.eye(6)), np.float64)
     chi_square = float(residual @ residual + unknowns @ unknowns)
     probability = _chi_square_tail(chi_square, len(touches))
     scale = chi_square / len(touches) if probability < _UNLIKELY else 1.0
@@ -89,7 +89,7 @@ class _PoseSearch:
 
     @classmethod
     def of(cls, mesh: Mesh, touches: Touches) -> _PoseSearch:
-        root: Floats = np.asarray(np.linalg.cholesky(mesh.pose.covariance))
+        root = np.asarray(np.linalg.cholesky(mesh.pose.covariance), np.float64)
         return cls(mesh, touches, root, np.hypot(touches.std, mesh.shape_uncertainty))
 
     def scaled(self, unknowns: Floats) -> tuple[Floats, Floats]:

@@ -21,7 +21,7 @@ _LINE = 0.05  # of their extent, that they are across
 _STEEPEST = math.radians(70.0)  # of the skin against the plane or sphere
 _FARTHEST = math.radians(90.0)  # of touches from their middle, seen from the sphere's centre
 _ODD = 4.0  # standard deviations of a touch from what the others say
-_ROUNDS = 4  # in which the places where spheres touched are found
+_ROUNDS = 3  # in which the places where spheres touched are found
 _STEPS = 30  # towards the point that a place means
 _STILL = 1e-9  # [m]
 _STEEP = 0.1  # cosine between normal and z that a skin has at least
@@ -81,13 +81,14 @@ class TouchedSurface(Surface):
         given = self._given
         base = BaseShape.of(given.centre)
         normal = base.outwards(base.coordinates(given.centre)[0])
-        for _ in range(_ROUNDS if given.radius.any() else 1):
-            skin = given.centre - given.radius[:, None] * normal
-            base = BaseShape.of(skin)
-            q, height = base.coordinates(skin)
-            field = HeightField.of(q, height, given.std)
-            normal = np.array([_patch(base, field, self.neighbourhood, at, False).normal for at in q])
-        return base, field
+        for _ in range(_ROUNDS if given.radius.any() else 0):
+            base, field = self._over(given.centre - given.radius[:, None] * normal, given.std)
+            normal = np.array([_patch(base, field, self.neighbourhood, at, False).normal for at in field.q])
+        return self._over(given.centre - given.radius[:, None] * normal, given.std)
+
+    def _over(self, skin: Floats, std: Floats) -> tuple[BaseShape, HeightField]:
+        base = BaseShape.of(skin)
+        return base, HeightField.of(*base.coordinates(skin), std)
 
     @property
     def _base(self) -> BaseShape:
