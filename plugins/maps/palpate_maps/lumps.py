@@ -59,7 +59,8 @@ def _reach(place: Floats) -> float:
 def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDArray[np.intp]]:
     """Chosen sites joined where a chain of them has no step longer than `reach` [m], nor one past a site between.
 
-    A site that is not chosen is between two where it lies in the circle about their middle (Gabriel and Sokal 1969).
+    A site that is not chosen is between two where it lies in the circle, or over a surface the ball, about their middle
+    (Gabriel and Sokal 1969).
     """
     others = place[~chosen]
     left = set(np.flatnonzero(chosen).tolist())
@@ -78,8 +79,8 @@ def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDA
 
 
 def _are_joined(a: Floats, b: Floats, others: Floats, reach: float) -> bool:
-    apart = float(np.hypot(*(b - a)))
-    return apart <= reach and not bool((np.hypot(*(others - (a + b) / 2).T) < 0.499 * apart).any())
+    apart = float(np.linalg.norm(b - a))
+    return apart <= reach and not bool((np.linalg.norm(others - (a + b) / 2, axis=1) < 0.499 * apart).any())
 
 
 def _visits(sites: Sites) -> NDArray[np.bool_]:
@@ -105,6 +106,17 @@ def _lump(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: Floats) 
     extent = np.sqrt(12 * (weight @ (sites.place[body] - middle) ** 2) / weight.sum())
     std = float(np.hypot(baseline.spread, sites.std[peak]))
     contrast = float(np.expm1(height[peak]))
-    (x, y), (wide, high), (top_x, top_y) = middle.tolist(), extent.tolist(), sites.place[peak].tolist()
+    (x, y, *above), (wide, high, *_), (top_x, top_y, *_) = (
+        values.tolist() for values in (middle, extent, sites.place[peak])
+    )
     chance, checked = float(p[group].min()), bool(points.any())
-    return Lump((x, y), (wide, high), contrast, std, chance, checked=checked, highest=(top_x, top_y))
+    return Lump(
+        (x, y),
+        (wide, high),
+        contrast,
+        std,
+        chance,
+        checked=checked,
+        highest=(top_x, top_y),
+        height=above[0] if above else None,
+    )

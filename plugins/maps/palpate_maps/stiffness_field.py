@@ -29,7 +29,7 @@ class FieldKernel:
     noise: float  # variance of a site besides its own
 
     def between(self, a: Floats, b: Floats) -> Floats:
-        """Covariances (n, m) of the field at places a (n, 2) and b (m, 2) [m]."""
+        """Covariances (n, m) of the field at places a (n, k) and b (m, k) [m]."""
         ratio = np.sqrt(3.0) / self.length * distances(a, b)
         return np.asarray(self.variance * (1 + ratio) * np.exp(-ratio))
 
@@ -42,13 +42,13 @@ class FieldKernel:
 
 
 def distances(a: Floats, b: Floats) -> Floats:
-    """Distances (n, m) [m] of places a (n, 2) from places b (m, 2)."""
+    """Distances (n, m) [m] of places a (n, k) from places b (m, k)."""
     squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2 * a @ b.T
     return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
 
 
 def fit_kernel(place: Floats, log: Floats, own: Floats, start: FieldKernel | None = None) -> FieldKernel:
-    """The kernel of the largest likelihood of deviations log (n,) at places (n, 2) [m], with own variances (n,).
+    """The kernel of the largest likelihood of deviations log (n,) at places (n, k) [m], with own variances (n,).
 
     log p = -y' K^-1 y/2 - log|K|/2, with its gradient (Rasmussen and Williams 2006, section 5.4.1), by L-BFGS-B.
     """
@@ -79,7 +79,7 @@ def fit_kernel(place: Floats, log: Floats, own: Floats, start: FieldKernel | Non
 
 
 def interpolated(sites: Sites, nodes: Floats, level: float) -> tuple[Floats, Floats, float]:
-    """Posterior mean and standard deviation (m,) of the logarithm at nodes (m, 2) [m], and the kernel's length [m].
+    """Posterior mean and standard deviation (m,) of the logarithm at nodes (m, k) [m], and the kernel's length [m].
 
     The field of `StiffnessField`, for more nodes than it can hold covariances of; far from every site it goes back to
     the level.
