@@ -37,6 +37,7 @@ from .device import (
     Batch as Batch,
     Channel as Channel,
     Device as Device,
+    KnowsGravity as KnowsGravity,
     KnowsTruth as KnowsTruth,
     Link as Link,
     Observable as Observable,

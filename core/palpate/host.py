@@ -15,7 +15,9 @@ from palpate.alignment import (
     Ports,
     SidewaysShare,
     Signal,
+    TurnedWeight,
     hesitations,
+    mounting_of,
 )
 from palpate.atomic_files import whole_file, write_new, write_whole
 from palpate.config import (
@@ -137,6 +139,7 @@ __all__ = [
     "StoppedError",
     "Track",
     "TrackResult",
+    "TurnedWeight",
     "UncertainValue",
     "acceleration",
     "analysis",
@@ -166,6 +169,7 @@ __all__ = [
     "is_live",
     "load_pipeline",
     "make_folder",
+    "mounting_of",
     "nested_settings",
     "numbers_of",
     "own_motions",

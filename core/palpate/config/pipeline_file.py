@@ -20,7 +20,7 @@ from palpate.config.part_builder import Builder, unknown_tables
 from palpate.config.pipeline import Pipeline, RunSettings, Track
 from palpate.config.pipeline_source import Source
 from palpate.config.safety_wiring import contradictions, wire_safety
-from palpate.config.signal_wiring import check_wiring, ports_of, wrong_channels
+from palpate.config.signal_wiring import check_wiring, ports_of, with_gravity, wrong_channels
 from palpate.contact import ContactModel
 from palpate.device import Device
 from palpate.errors import suggest
@@ -64,6 +64,9 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     if use and stated:
         alignment = use.alignment(stated)
         kinds["estimator"] = {name: use.estimator(part) for name, part in kinds["estimator"].items()}
+    if alignment:
+        alignment = with_gravity(alignment, kinds["device"])
+        builder.mistakes += _weightless(alignment) if estimates else []
     tracks, lost = _tracks(run or RunSettings(), kinds["model"], kinds["estimator"])
     if estimates and not builder.mistakes:
         builder.mistakes += lost
@@ -157,6 +160,15 @@ def _wrong_signals(
     if not alignment or not isinstance(tables.get("device"), dict) or len(devices) != len(tables["device"]):
         return []
     return wrong_channels(alignment, devices) or check_wiring(ports_of(alignment, devices), safety)
+
+
+def _weightless(alignment: AlignmentSettings) -> list[Mistake]:
+    """A weight to subtract that is not known."""
+    if alignment.weight != "turning" or alignment.tip_mass is not None:
+        return []
+    return [
+        Mistake(("alignment", "tip_mass"), 'is needed for weight = "turning": weigh all that hangs behind the sensor')
+    ]
 
 
 def _wrong_uncertainties(run: RunSettings | None, models: Mapping[str, ContactModel]) -> list[Mistake]:

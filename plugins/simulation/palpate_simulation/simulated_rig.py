@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 from palpate import (
+    Angle,
     Batch,
     Channel,
     ConfigurationError,
@@ -36,6 +37,7 @@ from palpate import (
 )
 from palpate_kit.acquisition.prefetch import ahead
 from palpate_kit.force_control import refusal
+from palpate_kit.kinematics.ur_arm import quaternion, rotation_matrix, rotation_vector
 from pydantic import Field
 
 from palpate_simulation.sensor_wrench import sensed_wrench
@@ -44,6 +46,7 @@ from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
 from palpate_simulation.simulated_force_control import force_controlled_motion
 from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.specimen import Specimen
+from palpate_simulation.tool_axes import MOUNTING, TOOL, mounting_matrix, turn_between
 
 _SECOND = 1_000_000_000  # [ns]
 _AHEAD = 8  # batches that are made before they are asked for
@@ -66,8 +69,15 @@ class SimulatedRig(Device):
         default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="of that mass, in the sensor's frame"
     )
     down: tuple[float, ...] = Field(
-        default=(0.0, 0.0, -1.0), min_length=3, max_length=3, description="direction of gravity in the sensor's frame"
+        default=(0.0, 0.0, -1.0), min_length=3, max_length=3, description="direction of gravity in the work frame"
     )
+    tool_rotation: tuple[Angle, ...] = Field(
+        default=(0.0, 0.0, 0.0),
+        min_length=3,
+        max_length=3,
+        description="rotation vector of the tool from one that looks along the normal, in the tool's frame",
+    )
+    mounting: tuple[Angle, ...] | None = Field(default=None, min_length=3, max_length=3, description=MOUNTING)
     rate: Frequency = Field(default=500.0, gt=0, description="control and sampling rate of the robot")
     gain: float = Field(
         default=20.0, gt=0, allow_inf_nan=False, description="proportional gain of the position loop, in 1/s"
@@ -131,9 +141,25 @@ class SimulatedRig(Device):
         """Outlines of the specimen's inclusions."""
         return tuple(inclusion.outline for inclusion in self.specimen.inclusions)
 
+    @property
+    def gravity(self) -> tuple[float, ...]:
+        """In the work frame."""
+        return self.down
+
+    @property
+    def tool(self) -> Floats:
+        """Orientation (3, 3) of the tool in the work frame."""
+        return TOOL @ rotation_matrix(self.tool_rotation)
+
+    @property
+    def axes(self) -> Floats:
+        """Axes (3, 3) of the sensor in the work frame, as columns."""
+        return self.tool @ mounting_matrix(self.mounting)
+
     def turned(self, down: tuple[float, ...]) -> Device:
-        """The rig with its tool turned."""
-        return self.model_copy(update={"down": down})
+        """The rig with its tool turned, so that gravity points along `down` in the sensor's frame."""
+        turn = turn_between(mounting_matrix(self.mounting) @ np.array(down), TOOL.T @ np.array(self.down))
+        return self.model_copy(update={"tool_rotation": tuple(rotation_vector(turn).tolist())})
 
     def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Device:
         """The rig whose specimen was palpated before, at distances [m] and ages [s]."""
@@ -237,6 +263,9 @@ class _RigLink:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings = self._settings
         acceleration = motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
+        axes = settings.axes
+        if not np.array_equal(axes, np.eye(3)):
+            contact, acceleration = contact @ axes, acceleration @ axes
         offset = settings.bias + settings.drift * instants
         noise = self._force_noise.standard_normal((len(instants), 6))
         return sensed_wrench(
@@ -247,16 +276,16 @@ class _RigLink:
             noise,
             settings.force_std,
             settings.force_limit,
-            settings.down,
+            (np.array(settings.down) @ axes).tolist(),
             settings.centre_of_mass,
         )
 
     def _kinematics(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-        """Measured pose (n, 7) and twist (n, 6); the tool keeps its orientation."""
+        """Measured pose (n, 7) and twist (n, 6) of a tool that keeps its orientation."""
         n = len(position)
         pose, twist = np.zeros((n, 7)), np.zeros((n, 6))
         pose[:, :3] = position + self._position_noise.standard_normal((n, 3)) * self._settings.position_std
-        pose[:, 6] = 1.0
+        pose[:, 3:] = quaternion(self._settings.tool)
         twist[:, :3] = velocity + self._velocity_noise.standard_normal((n, 3)) * self._settings.velocity_std
         return pose, twist
 

@@ -1,0 +1,29 @@
+"""How tool and sensor stand in the work frame: one convention for the simulated rig and the twins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from palpate import Floats
+from palpate_kit.kinematics.ur_arm import rotation_matrix
+
+TOOL = np.diag([1.0, -1.0, -1.0])  # of a tool that looks at the skin, in the work frame
+MOUNTING = "rotation vector of the sensor on the tool, whose z looks at the skin; left out: its z looks out of the skin"
+
+
+def mounting_matrix(mounting: Sequence[float] | None) -> Floats:
+    """Rotation (3, 3) of a sensor on the tool: as stated, or half a turn about x, so that it looks out of the skin."""
+    return TOOL if mounting is None else rotation_matrix(mounting)
+
+
+def turn_between(one: Floats, other: Floats) -> Floats:
+    """The shortest rotation (3, 3) that turns one direction (3,) to another; about any axis at right angles to both."""
+    one, other = one / np.linalg.norm(one), other / np.linalg.norm(other)
+    axis, cosine = np.cross(one, other), float(one @ other)
+    if cosine < -1.0 + 1e-12:
+        side = np.cross(one, np.eye(3)[int(np.argmin(np.abs(one)))])
+        side /= np.linalg.norm(side)
+        return 2.0 * np.outer(side, side) - np.eye(3)
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    return np.eye(3) + cross + cross @ cross / (1.0 + cosine)
