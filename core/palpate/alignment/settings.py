@@ -56,15 +56,15 @@ class AlignmentSettings(Settings):
     tip_mass_uncertainty: TipMass | None = Field(default=None, ge=0, description="its standard uncertainty")
     weight: Literal["tared", "removed", "turning"] = Field(
         default="tared",
-        description='"tared": the tare or the recording took it; "removed": subtract tip_mass times gravity; "turning": '
-        "subtract it as it turns with the tool, by the orientation that the position's stream has",
+        description='"tared": the tare or the recording took it; "removed": subtract tip_mass times gravity; '
+        '"turning": subtract it as it turns with the tool, by the orientation in the stream of the position',
     )
     mounting: tuple[Angle, ...] | None = Field(
         default=None,
         min_length=3,
         max_length=3,
-        description="rotation vector of the sensor on the tool, whose z looks at the skin; left out: its z looks out of "
-        'the skin, ["180 deg", 0, 0], where the force has sign = 1, else as the tool',
+        description="rotation vector of the sensor on the tool, whose z looks at the skin; left out: its z looks out "
+        'of the skin, ["180 deg", 0, 0], where the force has sign = 1, else as the tool',
     )
     mounting_uncertainty: Angle | None = Field(
         default=None, ge=0, description="standard uncertainty of it about each axis; left out: 2 deg"
