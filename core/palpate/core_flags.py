@@ -104,6 +104,10 @@ _RECORD = {
         "The clock of a device strayed by more than the timing's declared uncertainty.",
         "Keep the machine for the rig, or declare a larger uncertainty in [alignment].",
     ),
+    "turned-weight": _structural(
+        "The tool turns in free air, and the readings do not follow its weight as mass, mounting and gravity say.",
+        "Find mounting and mass by `palpate calibrate` with orientations, and look at the sensor's cable.",
+    ),
     "payload": _note(
         "The payload that the robot counts on, or its centre of mass, is not what hangs on it.",
         "Set payload and payload_centre of the arm, or correct them on the pendant.",

@@ -15,7 +15,7 @@ from palpate.alignment import (
     Ports,
     SidewaysShare,
     Signal,
-    TurnedWeight,
+    TurnedTool,
     hesitations,
     mounting_of,
 )
@@ -139,7 +139,7 @@ __all__ = [
     "StoppedError",
     "Track",
     "TrackResult",
-    "TurnedWeight",
+    "TurnedTool",
     "UncertainValue",
     "acceleration",
     "analysis",

@@ -11,7 +11,7 @@ from palpate.alignment.ports import Port, Ports, channels, signals
 from palpate.alignment.settings import SIGNAL_UNITS, AlignmentSettings, Signal
 from palpate.alignment.signal_series import Health, Series
 from palpate.alignment.tool_frame import GRAVITY, mounting_of
-from palpate.alignment.turned_weight import TurnedWeight
+from palpate.alignment.turned_tool import TurnedTool
 
 __all__ = [
     "GRAVITY",
@@ -27,7 +27,7 @@ __all__ = [
     "Series",
     "SidewaysShare",
     "Signal",
-    "TurnedWeight",
+    "TurnedTool",
     "channels",
     "hesitations",
     "mounting_of",

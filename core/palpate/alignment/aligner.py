@@ -16,7 +16,7 @@ from palpate.alignment.ports import Ports
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.signal_series import Health
 from palpate.alignment.tare import Tare
-from palpate.alignment.turned_weight import TurnedWeight
+from palpate.alignment.turned_tool import TurnedTool
 from palpate.alignment.velocity_lag import VelocityCheck
 from palpate.device import Batch
 from palpate.estimation import Samples
@@ -44,7 +44,7 @@ class AlignmentReport:
     by_change_point: bool = False  # the first touch is where contact began; else where touch_force was passed
     pull: float = 0.0  # [N] how far below none the force stays for a few samples, at the most
     sideways: SidewaysShare | None = None  # of the force; None where its stream has one axis
-    turned: TurnedWeight | None = None  # the tool's weight where it turns
+    turned: TurnedTool | None = None  # of a tool whose orientation is read
 
 
 class Aligner:

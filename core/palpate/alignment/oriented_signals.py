@@ -12,7 +12,7 @@ from palpate.alignment.ports import Port
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.signal_series import Series
 from palpate.alignment.tool_frame import ToolFrame, Vector
-from palpate.alignment.turned_weight import TurnedWeight, WeightWatch
+from palpate.alignment.turned_tool import ToolWatch, TurnedTool
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 
@@ -28,7 +28,7 @@ class OrientedSignals:
         ]
         self._signs = [settings.force.sign if series is roles["force"] else 1 for series in self._axes]
         self._lateral = LateralForce((0, 1, 2))
-        self._watch = WeightWatch()
+        self._watch = ToolWatch()
 
     @property
     def is_projecting(self) -> bool:
@@ -41,8 +41,8 @@ class OrientedSignals:
         return self._lateral.share
 
     @property
-    def turned(self) -> TurnedWeight | None:
-        """What the weight did; None where there are no samples yet."""
+    def turned(self) -> TurnedTool | None:
+        """What the tool and its weight did; None where there are no samples yet."""
         return self._watch.turned
 
     def forces(self, stamps: NDArray[np.int64]) -> Floats:
@@ -51,7 +51,12 @@ class OrientedSignals:
         x, y, z, w = (self._roles[f"orientation {axis}"].at(stamps) for axis in "xyzw")
         load = self._frame.load((readings[0], readings[1], readings[2]), (x, y, z, w))
         self._lateral.add(np.column_stack([load.along, *load.across]))
-        self._watch.add(load)
+        if self.is_projecting:
+            place = self._vector("position", stamps)
+            self._watch.add(load, place, self._frame.height(place))
+        else:
+            nowhere = np.zeros(len(stamps))
+            self._watch.add(load, (nowhere, nowhere, nowhere), nowhere)
         return load.along
 
     def heights(self, stamps: NDArray[np.int64]) -> Floats:

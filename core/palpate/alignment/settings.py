@@ -13,6 +13,7 @@ from palpate.units import Angle, Delay, Force, ForceDrift, Quantity, Stiffness, 
 
 # What a role's channel must be in; a channel of undeclared unit ("1") is accepted as it is.
 SIGNAL_UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
+_ANGLE = math.radians(2.0)  # standard uncertainty of a direction of which none is declared
 
 
 class Signal(Settings):
@@ -82,6 +83,9 @@ class AlignmentSettings(Settings):
         description="outward normal of the skin in the frame of the tool's pose: force and motion along it are used, "
         "from all three axes; left out: the axes that force, position and velocity name",
     )
+    normal_uncertainty: Angle | None = Field(
+        default=None, ge=0, description="standard uncertainty of its direction, about each axis; left out: 2 deg"
+    )
     bias: tuple[Force, ...] | None = Field(
         default=None,
         min_length=3,
@@ -136,6 +140,13 @@ class AlignmentSettings(Settings):
         """Standard uncertainty [s] of the time between force and motion; None where neither side declares any."""
         force, motion = self.force.uncertainty, (self.velocity or self.position).uncertainty
         return None if force is None and motion is None else math.hypot(force or 0.0, motion or 0.0)
+
+    @property
+    def orientation_uncertainties(self) -> dict[str, tuple[float, bool]]:
+        """Standard uncertainty [rad] of mounting and normal, as far as they are used, and whether it is declared."""
+        stated = {"mounting": self.mounting_uncertainty} if self.is_oriented else {}
+        stated |= {"normal": self.normal_uncertainty} if self.normal is not None else {}
+        return {name: (_ANGLE if std is None else std, std is not None) for name, std in stated.items()}
 
     @property
     def is_oriented(self) -> bool:

@@ -66,7 +66,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         kinds["estimator"] = {name: use.estimator(part) for name, part in kinds["estimator"].items()}
     if alignment:
         alignment = with_gravity(alignment, kinds["device"])
-        builder.mistakes += _weightless(alignment) if estimates else []
+        builder.mistakes += _wrong_orientation(alignment, kinds["model"]) if estimates else []
     tracks, lost = _tracks(run or RunSettings(), kinds["model"], kinds["estimator"])
     if estimates and not builder.mistakes:
         builder.mistakes += lost
@@ -162,13 +162,17 @@ def _wrong_signals(
     return wrong_channels(alignment, devices) or check_wiring(ports_of(alignment, devices), safety)
 
 
-def _weightless(alignment: AlignmentSettings) -> list[Mistake]:
-    """A weight to subtract that is not known."""
-    if alignment.weight != "turning" or alignment.tip_mass is not None:
-        return []
-    return [
-        Mistake(("alignment", "tip_mass"), 'is needed for weight = "turning": weigh all that hangs behind the sensor')
-    ]
+def _wrong_orientation(alignment: AlignmentSettings, models: Mapping[str, ContactModel]) -> list[Mistake]:
+    """A weight to subtract that is not known, and an inclination that would count twice."""
+    mistakes = []
+    if alignment.weight == "turning" and alignment.tip_mass is None:
+        problem = 'is needed for weight = "turning": weigh all that hangs behind the sensor'
+        mistakes.append(Mistake(("alignment", "tip_mass"), problem))
+    inclined = [name for name, model in models.items() if getattr(getattr(model, "skin", None), "inclination", 0.0)]
+    if alignment.normal is not None and inclined:
+        problem = f"counts the inclination once more that [model.{inclined[0]}] skin states: leave one of them out"
+        mistakes.append(Mistake(("alignment", "normal"), problem))
+    return mistakes
 
 
 def _wrong_uncertainties(run: RunSettings | None, models: Mapping[str, ContactModel]) -> list[Mistake]:

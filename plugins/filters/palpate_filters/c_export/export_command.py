@@ -78,6 +78,11 @@ def _problem(pipeline: Pipeline, track: Track) -> Problem:
 
 
 def _refuse(pipeline: Pipeline, track: str) -> None:
+    if pipeline.alignment.is_oriented:
+        key = "normal" if pipeline.alignment.normal is not None else "weight"
+        raise ConfigurationError(
+            f"track {track}: [alignment] {key} reads the tool's orientation, and exported C takes one force: without it"
+        )
     if pipeline.alignment.tare == "calibrated":
         raise ConfigurationError(
             f'track {track}: tare = "calibrated" cannot be exported: set [alignment] tare to the force itself'
