@@ -10,14 +10,16 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
-from palpate import ConfigurationError, LogError
-from palpate.host import Reach, is_live, plain_settings
+import numpy as np
+from palpate import ConfigurationError, KnowsGravity, LogError
+from palpate.host import Reach, is_live, mounting_of, plain_settings
 from palpate_kit.runs.calibration_file import Calibration
 
 from palpate_calibration.calibrated_value import calibrated_value
 from palpate_calibration.calibration_record import CalibrationRecord
 from palpate_calibration.calibration_use import identity_of
-from palpate_calibration.orientations import weigh_tool
+from palpate_calibration.mounting import find_mounting
+from palpate_calibration.orientations import tools_of, weigh_tool
 from palpate_calibration.plan import CalibrationPlan
 from palpate_calibration.protocol import StepFindings, calibrate, join_steps
 from palpate_calibration.record_acquisition import (
@@ -175,7 +177,19 @@ def _oriented(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFi
                 text = f"  orientation {number + 1} of {len(step.down)}: gravity along ({along}) in the sensor's frame"
                 poses.append(one_pose(of_step, step, down, 100 * repeat + number, partial(guide.ask, text)))
             repeats.append(poses)
-    return StepFindings(weigh_tool(repeats, step.down, step.angle_std))
+    values, notes = weigh_tool(repeats, step.down, step.angle_std), tuple[str, ...]()
+    if (tools := tools_of(repeats)) is not None:
+        signal, arm = of_step.alignment.force, of_step.devices[of_step.ports["position"].device]
+        stated = of_step.alignment.gravity or (arm.gravity if isinstance(arm, KnowsGravity) else (0.0, 0.0, -1.0))
+        down, force = np.array(stated) / np.linalg.norm(stated), of_step.ports["force"]
+        near = mounting_of(of_step.alignment, force.components.index(force.column)) or (0.0, 0.0, 0.0)
+        try:
+            mounting, note = find_mounting(tools, down, step.angle_std, signal.sign, near)
+        except LogError as error:
+            mounting, note = {}, f"no mounting of the sensor on the tool: {error}"
+        values |= mounting
+        notes = () if note is None else (note,)
+    return StepFindings(values, notes=notes)
 
 
 def _shake(session: StepFindings) -> dict[str, Any]:
