@@ -42,9 +42,9 @@ def test_three_orientations_leave_open_whether_the_force_or_its_reaction_is_read
     fit = mounting_fit(forces, tools, DOWN, NOISE, 1)
     assert not fit.tells_reaction
     assert apart(HALF, fit.rotation) < 1e-7  # as `sign` says
-    values, note = find_mounting([(forces, tools, NOISE)], DOWN, 0.0, 1, HALF)
-    assert "reaction" in note
-    assert values["mounting_x"].value == pytest.approx(math.pi)
+    found = find_mounting([(forces, tools, NOISE)], DOWN, 0.0, 1, HALF)
+    assert "reaction" in found.note
+    assert found.values["mounting_x"].value == pytest.approx(math.pi)
 
 
 @pytest.mark.parametrize("turns", [[[0, 0, 0], [0, 40, 0], [0, 40, 0]], [[0, 0, 0], [0, 0, 40], [0, 0, -40]]])
@@ -68,7 +68,7 @@ def test_intervals_hold_the_truth_ninety_to_a_hundred_times_of_a_hundred():
         rng = np.random.default_rng(seed)
         down = rotation_matrix((angle * np.array([*rng.standard_normal(2), 0.0])).tolist()) @ DOWN
         repeats = [(*readings(mounting, noise=NOISE, down=down, seed=10 * seed + i), NOISE) for i in range(3)]
-        values, _ = find_mounting(repeats, DOWN, angle, 1, HALF)
+        values = find_mounting(repeats, DOWN, angle, 1, HALF).values
         for i, axis in enumerate("xyz"):
             low, high = values[f"mounting_{axis}"].interval
             inside[i] += low <= mounting[i] <= high

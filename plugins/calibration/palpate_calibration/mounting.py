@@ -71,18 +71,28 @@ def mounting_fit(
     return MountingFit(q * matrix.T, np.linalg.inv(information) * std**2, q, sure)
 
 
+@dataclass(frozen=True)
+class Mounting:
+    """What all repeats tell of a mounting."""
+
+    values: dict[str, MeasuredValue]  # its rotation vector
+    down: Floats  # (repeats, n, 3) directions in which the weight is read, in the sensor's axes
+    note: str | None
+
+
 def find_mounting(
     repeats: Sequence[tuple[Floats, Floats, float]], down: Floats, angle: float, sign: int, near: Sequence[float]
-) -> tuple[dict[str, MeasuredValue], str | None]:
-    """Rotation vector of the mounting from repeats of forces, orientations and noise [N]; and a note, if any.
+) -> Mounting:
+    """The mounting from repeats of forces, orientations and noise [N].
 
     Type B is what a base that is not level by `angle` [rad] would do. Of a half turn's two vectors the one `near`
     another is taken.
     """
-    vectors, stds, terms, sure = [], [], [], True
+    vectors, stds, terms, sure, downs = [], [], [], True, []
     for forces, tools, noise in repeats:
         fit = mounting_fit(forces, tools, down, noise, sign, angle)
         sure = sure and fit.tells_reaction
+        downs.append(fit.convention * np.einsum("nij,i->nj", tools @ fit.rotation, down))
         near = vectors[0] if vectors else near
         vectors.append(_vector(fit.rotation, near))
         turns = [_vector(rotation_matrix((_STEP * axis).tolist()) @ fit.rotation, near) for axis in np.eye(3)]
@@ -102,7 +112,7 @@ def find_mounting(
         for i, axis in enumerate("xyz")
     }
     note = None if sure else "mounting: these orientations do not tell a force on the tip from its reaction"
-    return values, note
+    return Mounting(values, np.array(downs), note)
 
 
 def _by_level(forces: Floats, tools: Floats, down: Floats, angle: float, convention: int, near: Floats) -> Floats:

@@ -126,16 +126,18 @@ def tools_of(repeats: Sequence[Sequence[Pose]]) -> list[tuple[Floats, Floats, fl
 
 
 def weigh_tool(
-    repeats: Sequence[Sequence[Pose]], down: Sequence[Sequence[float]], angle: float
+    repeats: Sequence[Sequence[Pose]], down: Floats | Sequence[Sequence[float]], angle: float
 ) -> dict[str, MeasuredValue]:
     """Mass, centre of mass and biases from all repeats, each with one pose for every direction of gravity.
+
+    The directions are the same in every repeat (n, 3), or of each repeat (repeats, n, 3).
 
     Type B is what directions that are off by `angle` [rad] about each of two axes would do. Raises LogError where the
     readings do not follow the directions.
     """
-    downs = np.array(down, np.float64)
+    every = np.broadcast_to(np.array(down, np.float64), (len(repeats), len(repeats[0]), 3))
     fits, shares = [], []
-    for poses in repeats:
+    for poses, downs in zip(repeats, every, strict=True):
         wrenches = np.array([pose.wrench for pose in poses])
         spread = np.sqrt(np.mean([pose.std**2 for pose in poses], axis=0))
         stds = float(np.sqrt((spread[:3] ** 2).mean())), float(np.sqrt((spread[3:] ** 2).mean()))

@@ -285,7 +285,7 @@ class _RigLink:
         n = len(position)
         pose, twist = np.zeros((n, 7)), np.zeros((n, 6))
         pose[:, :3] = position + self._position_noise.standard_normal((n, 3)) * self._settings.position_std
-        pose[:, 3:] = quaternion(self._settings.tool)
+        pose[:, 3:] = np.round(quaternion(self._settings.tool), 15) + 0.0
         twist[:, :3] = velocity + self._velocity_noise.standard_normal((n, 3)) * self._settings.velocity_std
         return pose, twist
 

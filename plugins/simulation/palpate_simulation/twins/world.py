@@ -26,6 +26,7 @@ from palpate_simulation.twins.sensor_faults import Electronics
 from palpate_simulation.twins.settings import BenchSettings
 
 _START = np.array([0.0, -1.3, -1.9, -1.5, 1.5708, 0.0])  # a posture with the tool downwards
+_TURN = 0.1  # [rad] between two postures, each found from the one before
 _ROUNDING = 1e-6  # of a tick: a clock counts nanoseconds
 _MOST_BEHIND = 0.5  # [s]; a longer stall of this process is not made up for
 
@@ -68,10 +69,12 @@ class World:
     def _start(self) -> Any:
         settings = self.settings
         goal = settings.work.tool_pose(np.array([*settings.place, settings.height]))
-        goal[:3, :3] = goal[:3, :3] @ rotation_matrix(settings.tool_rotation)
-        q = joints_at(goal, self._tool, _START, steps=100, model=MODELS[settings.robot])
-        if q is None:
-            raise DeviceError("the twin's arm cannot reach the work frame: move [twin.*] work")
+        turn, q, level = np.array(settings.tool_rotation), _START, goal[:3, :3].copy()
+        for share in np.linspace(0.0, 1.0, math.ceil(math.hypot(*turn) / _TURN) + 1):  # the arm turns as it would go
+            goal[:3, :3] = level @ rotation_matrix((share * turn).tolist())
+            q = joints_at(goal, self._tool, q, steps=100, model=MODELS[settings.robot])
+            if q is None:
+                raise DeviceError("the twin's arm cannot reach the work frame: move [twin.*] work")
         return q
 
     def restore(self) -> None:
