@@ -17,6 +17,7 @@ _KINDS = {
     "estimator": "Filters and fits",
     "device": "Devices and logs",
     "trajectory": "Motions",
+    "surface": "Surfaces",
     "sink": "Sinks",
     "twin": "Twins",
 }

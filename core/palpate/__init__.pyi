@@ -124,6 +124,7 @@ from .sink import (
     TakesResult as TakesResult,
     Writer as Writer,
 )
+from .surface import Surface as Surface, SurfacePoints as SurfacePoints, surface_points as surface_points
 from .table_migration import Migration as Migration
 from .track_name import TrackName as TrackName
 from .trajectory import (

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     )
     from palpate.parts import Part, Settings
     from palpate.sink import Sink
+    from palpate.surface import Surface
     from palpate.table_migration import Migration
     from palpate.trajectory import Trajectory
     from palpate.twin import Twin
@@ -76,6 +77,11 @@ def palpate_devices() -> Mapping[str, type[Device] | str]:  # type: ignore[empty
 @_hook
 def palpate_trajectories() -> Mapping[str, type[Trajectory] | str]:  # type: ignore[empty-body]
     """Motions, by the name that ``[trajectory.*] type = "..."`` gives them."""
+
+
+@_hook
+def palpate_surfaces() -> Mapping[str, type[Surface] | str]:  # type: ignore[empty-body]
+    """Skins of specimens, by the name that ``[surface.*] type = "..."`` gives them."""
 
 
 @_hook
@@ -191,6 +197,7 @@ _KINDS = {
     "estimator": ("palpate_estimators", "palpate.estimation:Estimator"),
     "device": ("palpate_devices", "palpate.device:Device"),
     "trajectory": ("palpate_trajectories", "palpate.trajectory:Trajectory"),
+    "surface": ("palpate_surfaces", "palpate.surface:Surface"),
     "sink": ("palpate_sinks", "palpate.sink:Sink"),
     "twin": ("palpate_twins", "palpate.twin:Twin"),
 }

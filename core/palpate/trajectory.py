@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import inspect
 import math
-import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
-from types import FrameType
-from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import PalpateError, PluginError, error_in
+from palpate.errors import PluginError
+from palpate.part_failure import answer_of
 from palpate.parts import Part
 from palpate.vectors import Floats
 
@@ -109,16 +106,13 @@ class Resumable(Protocol):
         ...
 
 
-_T = TypeVar("_T")
-
-
 def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
     """Setpoints of a trajectory at times (n,) [s] since its start.
 
     Raises PluginError naming the trajectory where it raises, or where what it returns is no finite setpoint for each.
     """
     span = f" at {time[0]:.3f} to {time[-1]:.3f} s" if len(time) else ""
-    found = _asked(trajectory, lambda: trajectory.at(time), span)
+    found = answer_of(trajectory, lambda: trajectory.at(time), span)
     name, count = _named(trajectory), len(time)
     if not isinstance(found, Setpoint):
         raise PluginError(f"{name}: its `at` returns {type(found).__name__}, not Setpoint")
@@ -138,7 +132,7 @@ def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
 
 def duration_of(trajectory: Trajectory) -> float:
     """Duration of a trajectory [s]; raises PluginError naming it where it raises, or returns none that is finite."""
-    found = _asked(trajectory, lambda: trajectory.total_duration, "")
+    found = answer_of(trajectory, lambda: trajectory.total_duration)
     if not isinstance(found, (int, float, np.floating)) or not math.isfinite(found) or found < 0:
         raise PluginError(
             f"{_named(trajectory)}: its total_duration is {found!r}; a finite number of seconds is wanted"
@@ -146,25 +140,5 @@ def duration_of(trajectory: Trajectory) -> float:
     return float(found)
 
 
-def _asked(trajectory: Trajectory, question: Callable[[], _T], when: str) -> _T:
-    try:
-        return question()
-    except PalpateError:
-        raise
-    except (Exception, SystemExit) as error:
-        place = _last_own_step(trajectory, error)
-        raise PluginError(f"{_named(trajectory)} failed{when}: {error_in(error, *place)}") from error
-
-
 def _named(trajectory: Any) -> str:
     return f"trajectory {type(trajectory).__name__}"
-
-
-def _last_own_step(trajectory: Trajectory, error: BaseException) -> tuple[FrameType, int]:
-    """Frame and line in the file of a trajectory's class that an error has passed last; else where it was raised."""
-    steps = list(traceback.walk_tb(error.__traceback__))
-    try:
-        own = inspect.getfile(type(trajectory))
-    except (TypeError, OSError):
-        own = ""
-    return next((step for step in reversed(steps) if step[0].f_code.co_filename == own), steps[-1])

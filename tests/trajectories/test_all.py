@@ -14,17 +14,17 @@ from palpate_trajectories.grid_points import GridPoints, short_order
 from palpate_trajectories.lifted_motion import LiftedTrajectory
 from palpate_trajectories.line_sweep import LineSweep
 from palpate_trajectories.load_unload import Compression, LoadUnload
+from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.point import Point
 from palpate_trajectories.ramp_hold import RampHold
 from palpate_trajectories.raster import Raster
 from palpate_trajectories.shake import Shake
 from palpate_trajectories.stay import Stay
-from palpate_trajectories.surface import Surface
 from palpate_trajectories.translation import TranslatedTrajectory
 from palpate_trajectories.waypoint_file import FromFile
 
 PRESS = PressShape(bias=0.004)
-TILTED = Surface(height=0.001, tilt_x=0.02, tilt_y=-0.01)
+TILTED = NominalHeight(height=0.001, tilt_x=0.02, tilt_y=-0.01)
 WAYPOINTS = "time,x,y,z\n0,0,0,0.005\n1,0,0,0.002\n2,0.001,0,-0.002\n4,0.02,0.01,-0.002\n5,0.02,0.01,0.005\n"
 
 
@@ -35,7 +35,7 @@ def bumpy(tmp_path):
     heights = 0.002 * np.sin(40 * x)[None, :] * np.cos(30 * y)[:, None]
     path = tmp_path / "heights.csv"
     np.savetxt(path, np.vstack([np.r_[0.0, x], np.column_stack([y, heights])]), delimiter=",")
-    return Surface(file=path)
+    return NominalHeight(file=path)
 
 
 EXAMPLES = {
@@ -104,7 +104,7 @@ def test_a_map_of_heights_is_followed(bumpy):
 
 
 def test_the_plane_through_three_touches():
-    plane = Surface(touches=((0.0, 0.0, 0.001), (0.01, 0.0, 0.002), (0.0, 0.02, 0.0)))
+    plane = NominalHeight(touches=((0.0, 0.0, 0.001), (0.01, 0.0, 0.002), (0.0, 0.02, 0.0)))
     height, along_x, along_y = plane.at(np.array([0.01, 0.005]), np.array([0.02, 0.0]))
     assert height == pytest.approx([0.001, 0.0015])
     assert along_x == pytest.approx([0.1, 0.1])
@@ -190,8 +190,8 @@ def test_a_short_way_is_short():
         (MultiSine, {"bias": 0.004, "amplitudes": (1e-3,), "frequencies": (1.0, 2.0)}, "amplitudes"),
         (MultiSine, {"bias": 0.001, "amplitudes": (1e-3,), "frequencies": (1.0,)}, "bias"),
         (Chirp, {"bias": 0.004, "last_frequency": 60.0}, "m/s"),
-        (Surface, {"touches": ((0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.02, 0.0, 0.0))}, "one line"),
-        (Surface, {"tilt_x": 1.0}, "tilt_x"),
+        (NominalHeight, {"touches": ((0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.02, 0.0, 0.0))}, "one line"),
+        (NominalHeight, {"tilt_x": 1.0}, "tilt_x"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_done_is_refused_by_name(part, settings, word):

@@ -137,8 +137,8 @@ class Builder:
         entry = table_of_parts(annotation)
         if entry is not None and isinstance(value, dict):
             return {name: self._inner(entry, item, (*location, name)) for name, item in value.items()}
-        if kind is None:
-            nested = nested_settings(annotation)
+        nested = nested_settings(annotation)
+        if kind is None or (nested and isinstance(value, dict) and "type" not in value):
             return self._validated(nested, value, location) if nested and isinstance(value, dict) else value
         if isinstance(value, dict):
             return self._part(kind, value, location)

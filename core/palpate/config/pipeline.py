@@ -21,6 +21,7 @@ from palpate.parts import File, InputFile, Settings
 from palpate.registry import Registry
 from palpate.safety import SafetySettings
 from palpate.sink import Sink
+from palpate.surface import Surface
 from palpate.track_name import TrackName
 from palpate.trajectory import Trajectory
 from palpate.twin import Twin
@@ -135,6 +136,7 @@ class Pipeline:
     estimators: Mapping[str, Estimator]
     devices: Mapping[str, Device]
     trajectories: Mapping[str, Trajectory]
+    surfaces: Mapping[str, Surface]
     sinks: Mapping[str, Sink]
     twins: Mapping[str, Twin]
     safety: SafetySettings | None

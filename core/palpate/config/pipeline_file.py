@@ -87,6 +87,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         estimators=kinds["estimator"],
         devices=kinds["device"],
         trajectories=kinds["trajectory"],
+        surfaces=kinds["surface"],
         sinks=kinds["sink"],
         twins=kinds["twin"],
         safety=safety,

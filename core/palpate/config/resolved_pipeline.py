@@ -18,8 +18,8 @@ from palpate.registry import Registry
 def resolved_text(pipeline: Pipeline) -> str:
     """The pipeline as a TOML text in SI units, with every default spelled out.
 
-    Tips and models are named where they are used, so that what changes one changes all that is made of it. Paths are
-    absolute, so that the text means the same wherever it is kept.
+    Tips, models and surfaces are named where they are used, so that what changes one changes all that is made of it.
+    Paths are absolute, so that the text means the same wherever it is kept.
     """
     tables: dict[str, Any] = {
         KEY: FORMAT,
@@ -30,6 +30,7 @@ def resolved_text(pipeline: Pipeline) -> str:
         tables["safety"] = plain_settings(pipeline.safety, pipeline.registry)
     kinds = {
         "device": pipeline.devices,
+        "surface": pipeline.surfaces,
         "trajectory": pipeline.trajectories,
         "indenter": pipeline.indenters,
         "model": pipeline.models,
@@ -39,8 +40,8 @@ def resolved_text(pipeline: Pipeline) -> str:
     }
     for kind, parts in kinds.items():
         tables[kind] = {name: plain_settings(part, pipeline.registry) for name, part in parts.items()}
-    named = {kind: dict(tables[kind]) for kind in ("indenter", "model")}
-    for kind in ("model", "device", "twin"):
+    named = {kind: dict(tables[kind]) for kind in ("indenter", "model", "surface")}
+    for kind in ("model", "device", "trajectory", "twin"):
         for name, part in tables[kind].items():
             tables[kind][name] = {key: _by_name(item, named) for key, item in part.items()}
     tables |= {name: plain_settings(table, pipeline.registry) for name, table in pipeline.tables.items()}

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from palpate_testing.device_checks import check_device
     from palpate_testing.estimator_checks import check_estimator, synthetic_samples
     from palpate_testing.simulated_time_checks import check_simulated_time
+    from palpate_testing.surface_checks import check_surface
     from palpate_testing.trajectory_checks import check_trajectory
 
 __getattr__, _, _ = lazy_loader.attach(
@@ -29,6 +30,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "device_checks": ["check_device"],
         "estimator_checks": ["check_estimator", "synthetic_samples"],
         "simulated_time_checks": ["check_simulated_time"],
+        "surface_checks": ["check_surface"],
         "trajectory_checks": ["check_trajectory"],
     },
 )
@@ -39,6 +41,7 @@ __all__ = [
     "check_indenter",
     "check_model",
     "check_simulated_time",
+    "check_surface",
     "check_trajectory",
     "synthetic_samples",
 ]

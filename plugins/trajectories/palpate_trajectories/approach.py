@@ -11,9 +11,9 @@ from palpate import Depth, Frequency, Settings, Speed, Time
 from pydantic import Field, model_validator
 
 from palpate_trajectories.motion_parts import PlannedMotion, through
+from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.oscillation import together
 from palpate_trajectories.smooth_profile import Knot, KnotProfile, profile
-from palpate_trajectories.surface import Surface
 
 _TOP_SPEED = 0.25  # [m/s], the usual limit beside people (ISO 10218-1)
 _PERIODS = 4.0  # of the sine that a line must last
@@ -60,7 +60,7 @@ def press_motion(
     x: list[Knot],
     y: list[Knot],
     measuring: Sequence[tuple[float, float]],
-    surface: Surface,
+    surface: NominalHeight,
 ) -> PlannedMotion:
     """The motion that touches the skin at given times while it goes a way over it."""
     last = touches[-1].end + press.transfer

@@ -9,9 +9,9 @@ from palpate import Depth, Floats, Frequency, Length, Setpoint, Speed, Time, Tra
 from pydantic import Field, model_validator
 
 from palpate_trajectories.motion_parts import PlannedMotion, Wave
+from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.oscillation import ChirpPhase, Oscillation, together
 from palpate_trajectories.smooth_profile import Knot, profile, rest_profile
-from palpate_trajectories.surface import Surface
 
 _TOP_SPEED = 0.25  # [m/s]
 
@@ -31,7 +31,7 @@ class MultiSine(Trajectory):
     standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before the approach, for the tare")
     speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
-    surface: Surface = Field(default=Surface(), description="nominal surface")
+    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
     def _possible(self) -> Any:
@@ -71,7 +71,7 @@ class Chirp(Trajectory):
     standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before the approach, for the tare")
     speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
-    surface: Surface = Field(default=Surface(), description="nominal surface")
+    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
     def _possible(self) -> Any:

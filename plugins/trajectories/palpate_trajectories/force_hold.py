@@ -9,8 +9,8 @@ from palpate import Acceleration, Depth, Floats, Force, ForceLaw, Length, Setpoi
 from pydantic import Field, model_validator
 
 from palpate_trajectories.motion_parts import PlannedMotion, through
+from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import Knot, rest_profile
-from palpate_trajectories.surface import Surface
 
 _PEAK = 2.0  # a turn takes at least so many times what constant acceleration would
 
@@ -37,7 +37,7 @@ class ForceHold(Trajectory):
     clearance: Depth = Field(default=0.002, gt=0, description="height above the nominal surface at both ends")
     standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before and after it")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
-    surface: Surface = Field(default=Surface(), description="nominal surface")
+    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
     def _possible(self) -> Any:

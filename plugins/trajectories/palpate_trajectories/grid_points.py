@@ -14,8 +14,8 @@ from pydantic import Field, model_validator
 
 from palpate_trajectories.approach import PressShape, Touch, press_motion
 from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time
+from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import Knot
-from palpate_trajectories.surface import Surface
 
 _MOST_POINTS = 2000
 _RAMP = 0.25  # [s]
@@ -41,7 +41,7 @@ class GridPoints(Trajectory):
     travel_speed: Speed = Field(default=0.05, gt=0, le=0.25, description="speed from point to point, in free air")
     first_point: int = Field(default=0, ge=0, description="first visit, counted from 0; to continue a run")
     press: PressShape = Field(description="depth, sine, approach")
-    surface: Surface = Field(default=Surface(), description="nominal surface that it follows")
+    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface that it follows")
 
     @model_validator(mode="after")
     def _possible(self) -> Any:

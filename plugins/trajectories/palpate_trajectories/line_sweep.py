@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from palpate_trajectories.approach import PressShape, Touch, press_motion, refuse_hasty
 from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time
-from palpate_trajectories.surface import Surface
+from palpate_trajectories.nominal_height import NominalHeight
 
 
 class LineSweep(Trajectory):
@@ -27,7 +27,7 @@ class LineSweep(Trajectory):
     settle: Time = Field(default=10.0, ge=0, description="palpation at the beginning, before it moves")
     ramp: Time = Field(default=0.25, gt=0, description="time of acceleration, and of deceleration")
     press: PressShape = Field(description="depth, sine, approach")
-    surface: Surface = Field(default=Surface(), description="nominal surface that it follows")
+    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface that it follows")
 
     @model_validator(mode="after")
     def _possible(self) -> Any:

@@ -9,8 +9,8 @@ from palpate import Depth, Floats, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
 from palpate_trajectories.motion_parts import PlannedMotion, through
+from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import TURN, Knot, rest_profile
-from palpate_trajectories.surface import Surface
 
 
 class LoadUnload(Trajectory):
@@ -29,7 +29,7 @@ class LoadUnload(Trajectory):
         default=1.0, ge=0, description="standstill in free air before the first cycle, for the tare"
     )
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
-    surface: Surface = Field(default=Surface(), description="nominal surface")
+    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
     def _possible(self) -> Any:
@@ -64,7 +64,7 @@ class Compression(Trajectory):
     clearance: Depth = Field(default=0.001, gt=0, description="height above the nominal surface at both ends")
     standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before it, for the tare")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
-    surface: Surface = Field(default=Surface(), description="nominal surface")
+    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
     def _possible(self) -> Any:

@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from palpate import Floats, Setpoint
 
+from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import Knot, KnotProfile, profile, rest_profile
-from palpate_trajectories.surface import Surface
 
 
 class Wave(Protocol):
@@ -33,7 +33,7 @@ class PlannedMotion:
     y: KnotProfile
     depth: KnotProfile  # [m] below the nominal surface
     measuring: tuple[tuple[float, float], ...]  # stretches of time [s]
-    surface: Surface = field(default_factory=Surface)
+    surface: NominalHeight = field(default_factory=NominalHeight)
     swell: KnotProfile = field(default_factory=lambda: rest_profile(0.0))
     wave: Wave | None = None
     wave_start: float = 0.0

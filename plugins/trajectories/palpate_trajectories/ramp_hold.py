@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 
 from palpate_trajectories.load_unload import refuse_speeds
 from palpate_trajectories.motion_parts import PlannedMotion, through
+from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import Knot, rest_profile
-from palpate_trajectories.surface import Surface
 
 
 class RampHold(Trajectory):
@@ -32,7 +32,7 @@ class RampHold(Trajectory):
         default=1.0, ge=0, description="standstill in free air before and after it, for tare and drift"
     )
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
-    surface: Surface = Field(default=Surface(), description="nominal surface")
+    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
     def _possible(self) -> Any:

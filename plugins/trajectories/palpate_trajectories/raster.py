@@ -12,8 +12,8 @@ from pydantic import Field, model_validator
 
 from palpate_trajectories.approach import PressShape, Touch, press_motion, refuse_hasty
 from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time
+from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import Knot
-from palpate_trajectories.surface import Surface
 
 _MOST_LINES = 2000
 
@@ -37,7 +37,7 @@ class Raster(Trajectory):
     ramp: Time = Field(default=0.25, gt=0, description="time of acceleration, and of deceleration")
     first_line: int = Field(default=0, ge=0, description="first line, counted from 0; to continue a raster")
     press: PressShape = Field(description="depth, sine, approach")
-    surface: Surface = Field(default=Surface(), description="nominal surface that it follows")
+    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface that it follows")
 
     @model_validator(mode="after")
     def _possible(self) -> Any:

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 _STEEPEST = np.deg2rad(30.0)
 
 
-class Surface(Settings):
+class NominalHeight(Settings):
     """Height of the skin over the work frame, as far as it is known beforehand.
 
     A plane z = height + x tan(tilt_x) + y tan(tilt_y), the plane through three touched places, or a map of heights that

@@ -1,0 +1,109 @@
+"""A body of triangles in its own frame: nearest points, points along a ray, and the patch of surface around each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats
+
+from palpate_surfaces.surface_patch import SurfacePatch, fit_patch
+
+_FEWEST = 20  # vertices to which a cubic is fitted
+_MOST = 300  # of more, every second, third, ... counts
+_FACING = 0.5  # cosine between the normals of a point and of what belongs to its side of the body
+_ON_AN_EDGE = 1e-7  # of a triangle
+_ENOUGH = 64  # vertices, among which so many are on one side
+_MILLIMETRE = 1e-3  # [m]
+
+Faces = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class MeshBody:
+    """Triangles, of which those within a distance of a point show its normal and curvatures."""
+
+    triangles: Any  # trimesh.Trimesh [m]
+    neighbourhood: float  # [m]
+
+    @property
+    def middle(self) -> Floats:
+        """(3,) [m] of its bounds."""
+        return np.asarray(self.triangles.bounds.mean(axis=0))
+
+    @property
+    def size(self) -> float:
+        """Largest extent [m]."""
+        return float(np.ptp(self.triangles.bounds, axis=0).max())
+
+    def nearest(self, points: Floats) -> tuple[Floats, Faces]:
+        """Points (n, 3) of the triangles nearest to points (n, 3) [m], and the triangle of each."""
+        from trimesh.proximity import closest_point
+
+        if not len(points):
+            return points, np.zeros(0, np.int64)
+        feet, _, faces = closest_point(self._in_millimetres, points / _MILLIMETRE)
+        return np.asarray(feet) * _MILLIMETRE, np.asarray(faces)
+
+    def first_along(self, origins: Floats, direction: Floats) -> tuple[Floats, Faces]:
+        """Where rays from points (n, 3) along a unit vector (3,) first meet a triangle, and which; -1 where none."""
+        feet, faces = origins.copy(), np.full(len(origins), -1, np.int64)
+        places, rays, hits = self._in_millimetres.ray.intersects_location(
+            origins / _MILLIMETRE, np.tile(direction, (len(origins), 1)), multiple_hits=True
+        )
+        places = places * _MILLIMETRE
+        way = (places - origins[rays]) @ direction if len(rays) else np.zeros(0)
+        for row in np.argsort(-way, kind="stable"):  # the nearest is written last
+            feet[rays[row]], faces[rays[row]] = places[row], hits[row]
+        return feet, faces
+
+    def on_the_rim(self, feet: Floats, faces: Faces) -> NDArray[np.bool_]:
+        """(n,) whether points (n, 3) of triangles lie on an edge that belongs to one triangle only."""
+        from trimesh.triangles import points_to_barycentric
+
+        if not len(feet) or self.triangles.is_watertight:
+            return np.zeros(len(feet), bool)
+        shares = points_to_barycentric(self.triangles.triangles[faces], feet)
+        # The edge across from a corner is the one where that corner has no share.
+        return np.asarray(((shares < _ON_AN_EDGE) & self._open_edges[faces]).any(axis=1))
+
+    @cached_property
+    def _open_edges(self) -> NDArray[np.bool_]:
+        """(faces, 3) whether the edge across from each corner belongs to no other triangle."""
+        faces = self.triangles.faces
+        across = np.sort(np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1))
+        _, place, counts = np.unique(across.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True)
+        return np.asarray((counts[place.ravel()] == 1).reshape(-1, 3))
+
+    @cached_property
+    def _in_millimetres(self) -> Any:
+        """The triangles; trimesh takes squared distances for equal that differ by 1e-8, which are 0.1 mm in metres."""
+        import trimesh
+
+        return trimesh.Trimesh(self.triangles.vertices / _MILLIMETRE, self.triangles.faces, process=False)
+
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.triangles.vertices)
+
+    def patches(self, feet: Floats, faces: Faces) -> Iterator[SurfacePatch]:
+        """The patch of surface around each of the points (n, 3) of triangles."""
+        body = self.triangles
+        around = self._tree.query_ball_point(feet, self.neighbourhood, return_sorted=True) if len(feet) else ()
+        for foot, face, near in zip(feet, faces, around):
+            outwards = body.face_normals[face]
+            rows = self._facing(np.array(near, np.int64), outwards)
+            wanted = _FEWEST
+            while len(rows) < _FEWEST and wanted < min(_ENOUGH, len(body.vertices)):
+                wanted *= 2
+                rows = self._facing(self._tree.query(foot, min(wanted, len(body.vertices)))[1], outwards)[:_FEWEST]
+            yield fit_patch(foot, outwards, body.vertices[rows[:: -(-len(rows) // _MOST)]])
+
+    def _facing(self, rows: Faces, outwards: Floats) -> Faces:
+        return rows[self.triangles.vertex_normals[rows] @ outwards > _FACING]

@@ -1,0 +1,74 @@
+"""The registration file: where touches have found a mesh to stand, with the covariance of its pose; TOML, SI inside."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from palpate import ConfigurationError, Settings
+from pydantic import Field, ValidationError
+
+from palpate_surfaces.pose import UncertainPose
+
+_FORMAT = 1
+_Vector = tuple[float, float, float]
+_Row = tuple[float, float, float, float, float, float]
+
+
+class Registration(Settings):
+    """A registration, as in its file."""
+
+    format: int = Field(default=_FORMAT, ge=1, le=_FORMAT, description="version of this format")
+    created: datetime = Field(description="when it was made, with time zone")
+    mesh: str = Field(description="SHA-256 of the mesh's file")
+    touches: int = Field(ge=0, description="touches that it is made of, those of former registrations included")
+    rotation: _Vector = Field(description="rotation vector from the mesh's frame to the work frame [rad]")
+    position: _Vector = Field(description="origin of the mesh's frame in the work frame [m]")
+    pivot: _Vector = Field(description="point of the work frame about which the covariance counts turns [m]")
+    covariance: tuple[_Row, _Row, _Row, _Row, _Row, _Row] = Field(description="of displacement [m] and turn [rad]")
+    residual: float = Field(ge=0, description="root mean square of the touches' distances from the surface [m]")
+    open: tuple[str, ...] = Field(default=(), description="directions that the touches leave as they were")
+
+    @property
+    def pose(self) -> UncertainPose:
+        """The pose."""
+        vectors = (np.array(self.rotation), np.array(self.position), np.array(self.pivot))
+        return UncertainPose(*vectors, np.array(self.covariance))
+
+    def text(self) -> str:
+        """The file's text."""
+        import tomli_w
+
+        return tomli_w.dumps(self.model_dump(mode="python"))
+
+
+def read_registration(path: Path, mesh: str) -> Registration:
+    """The registration of the mesh with a digest; raises ConfigurationError for what is none, or another mesh's."""
+    try:
+        registration = Registration.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot read the registration: {error.strerror}") from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigurationError(f"{path}: not a registration, which is TOML: {error}") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(step) for step in first["loc"])
+        raise ConfigurationError(f"{path}: not a registration: {where}: {first['msg']}") from error
+    covariance = registration.pose.covariance
+    numbers = np.concatenate([registration.pose.rotation, registration.pose.translation, covariance.ravel()])
+    if not np.isfinite(numbers).all() or np.linalg.eigvalsh((covariance + covariance.T) / 2)[0] < -1e-12:
+        raise ConfigurationError(f"{path}: not a registration: its pose or covariance is not one of finite numbers")
+    if registration.mesh != mesh:
+        raise ConfigurationError(f"{path}: it registers another mesh; touch this one and register it anew")
+    return registration
+
+
+def file_digest(file: Path) -> str:
+    """SHA-256 of a file; raises ConfigurationError where it cannot be read."""
+    try:
+        return hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError as error:
+        raise ConfigurationError(f"{file}: cannot read: {error.strerror}") from error
