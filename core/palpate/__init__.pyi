@@ -111,6 +111,7 @@ from .result.track_evidence import (
 from .result.track_result import TrackSummary as TrackSummary
 from .result.track_tail import Tail as Tail
 from .result.uncertain_value import Bias as Bias
+from .rotation_vectors import angular_velocities as angular_velocities
 from .simulated_clock import SimulatedClock as SimulatedClock
 from .simulated_turns import EndOfThread as EndOfThread, HoldUp as HoldUp
 from .sink import (
@@ -133,9 +134,11 @@ from .trajectory import (
     OwnMotion as OwnMotion,
     Resumable as Resumable,
     Setpoint as Setpoint,
+    SupportsSurface as SupportsSurface,
     Trajectory as Trajectory,
     duration_of as duration_of,
     setpoints_at as setpoints_at,
+    surface_of as surface_of,
 )
 from .twin import ArmTruth as ArmTruth, SimulatedTwin as SimulatedTwin, SupportsTwin as SupportsTwin, Twin as Twin
 from .units import (

@@ -30,6 +30,7 @@ from palpate import (
     Time,
     TipMass,
     Trajectory,
+    angular_velocities,
     clock,
     duration_of,
     host_time_ns,
@@ -38,6 +39,7 @@ from palpate import (
 from palpate_kit.acquisition.prefetch import ahead
 from palpate_kit.force_control import refusal
 from palpate_kit.kinematics.ur_arm import quaternion, rotation_matrix, rotation_vector
+from palpate_kit.logs.joint_kinematics import quaternions
 from pydantic import Field
 
 from palpate_simulation.sensor_wrench import sensed_wrench
@@ -46,7 +48,7 @@ from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
 from palpate_simulation.simulated_force_control import force_controlled_motion
 from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.specimen import Specimen
-from palpate_simulation.tool_axes import MOUNTING, TOOL, mounting_matrix, turn_between
+from palpate_simulation.tool_axes import MOUNTING, TOOL, mounting_matrix, rotation_matrices, turn_between
 
 _SECOND = 1_000_000_000  # [ns]
 _AHEAD = 8  # batches that are made before they are asked for
@@ -191,6 +193,7 @@ class _RigLink:
         self._force_noise, self._position_noise, self._velocity_noise, self._led_noise = streams
         self._stopped = clock().event()
         self._trajectory: Trajectory | None = None
+        self._turning: TrackedMotion | None = None  # rotation vectors [rad] of a tool that turns
 
     def refuse_law(self, law: ForceLaw) -> None:
         """Whether a force may lead; see `palpate.SupportsForceControl`."""
@@ -228,6 +231,9 @@ class _RigLink:
             motion, setpoint = force_controlled_motion(settings.specimen, loop, ticks, setpoint, law, noise)
         else:
             motion = loop.track(setpoint.position, setpoint.velocity)
+        self._turning = None
+        if setpoint.rotation is not None:
+            self._turning = loop.track(setpoint.rotation, np.gradient(setpoint.rotation, 1.0 / settings.rate, axis=0))
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
         contact = self._contact(readings, motion)
         origin = host_time_ns() if settings.pace == "real-time" else 0
@@ -243,7 +249,7 @@ class _RigLink:
             now = readings[felt]
             yield self._batch("wrench", now, settings.force_delay, self._wrench(now, motion, contact[felt]), origin)
             rows = slice(done_ticks, done_ticks := int(np.searchsorted(ticks, edge)))
-            pose, twist = self._kinematics(motion.position[rows], motion.velocity[rows])
+            pose, twist = self._kinematics(ticks[rows], motion.position[rows], motion.velocity[rows])
             yield self._batch("tip", ticks[rows], settings.motion_delay, pose, origin)
             yield self._batch("twist", ticks[rows], settings.motion_delay, twist, origin)
             commanded = [setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows][:, None]]
@@ -263,9 +269,13 @@ class _RigLink:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings = self._settings
         acceleration = motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
-        axes = settings.axes
-        if not np.array_equal(axes, np.eye(3)):
-            contact, acceleration = contact @ axes, acceleration @ axes
+        axes, down = settings.axes, np.array(settings.down)
+        if self._turning is not None:
+            each = self._turned(instants) @ axes
+            contact, acceleration = (np.einsum("nij,ni->nj", each, part) for part in (contact, acceleration))
+            down = np.einsum("nij,i->nj", each, down)
+        elif not np.array_equal(axes, np.eye(3)):
+            contact, acceleration, down = contact @ axes, acceleration @ axes, down @ axes
         offset = settings.bias + settings.drift * instants
         noise = self._force_noise.standard_normal((len(instants), 6))
         return sensed_wrench(
@@ -276,16 +286,26 @@ class _RigLink:
             noise,
             settings.force_std,
             settings.force_limit,
-            (np.array(settings.down) @ axes).tolist(),
+            down,
             settings.centre_of_mass,
         )
 
-    def _kinematics(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-        """Measured pose (n, 7) and twist (n, 6) of a tool that keeps its orientation."""
+    def _turned(self, instants: Floats) -> Floats:
+        """How the tool is turned (n, 3, 3) at true times (n,) [s], in the work frame."""
+        assert self._turning is not None
+        return rotation_matrices(self._turning.at(instants)[0])
+
+    def _kinematics(self, instants: Floats, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+        """Measured pose (n, 7) and twist (n, 6) of the tool at true times (n,) [s]."""
         n = len(position)
         pose, twist = np.zeros((n, 7)), np.zeros((n, 6))
         pose[:, :3] = position + self._position_noise.standard_normal((n, 3)) * self._settings.position_std
-        pose[:, 3:] = np.round(quaternion(self._settings.tool), 15) + 0.0
+        if self._turning is not None:
+            pose[:, 3:] = quaternions(self._turned(instants) @ self._settings.tool)
+            vector, rate, _ = self._turning.at(instants)
+            twist[:, 3:] = angular_velocities(vector, rate)
+        else:
+            pose[:, 3:] = np.round(quaternion(self._settings.tool), 15) + 0.0
         twist[:, :3] = velocity + self._velocity_noise.standard_normal((n, 3)) * self._settings.velocity_std
         return pose, twist
 

@@ -17,6 +17,17 @@ def mounting_matrix(mounting: Sequence[float] | None) -> Floats:
     return TOOL if mounting is None else rotation_matrix(mounting)
 
 
+def rotation_matrices(vectors: Floats) -> Floats:
+    """Rotations (n, 3, 3) of rotation vectors (n, 3) [rad] (Rodrigues)."""
+    angle = np.linalg.norm(vectors, axis=1)
+    unit = vectors / np.where(angle > 0, angle, 1.0)[:, None]
+    cross = np.zeros((len(vectors), 3, 3))
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -unit[:, 2], unit[:, 1], -unit[:, 0]
+    cross -= cross.transpose(0, 2, 1)
+    sine, versine = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
+    return np.eye(3) + sine * cross + versine * (cross @ cross)
+
+
 def turn_between(one: Floats, other: Floats) -> Floats:
     """The shortest rotation (3, 3) that turns one direction (3,) to another; about any axis at right angles to both."""
     one, other = one / np.linalg.norm(one), other / np.linalg.norm(other)
