@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -15,7 +16,7 @@ from palpate.vectors import Floats
 _PER_NEWTON, _PER_METRE = 1e4, 1e6
 _LARGEST = 1e7  # of such parts; what is beyond is no reading
 _FEWEST = 100  # samples
-_READING, _WEIGHT, _ALONG, _PLACE, _HEIGHT = slice(0, 3), slice(3, 6), 6, slice(7, 10), 10
+_WEIGHT, _ALONG = slice(3, 6), 6
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class ToolWatch:
 
     def __init__(self) -> None:
         self._waiting = np.zeros((0, 11), np.int64)
-        self._air, self._contact = _Sums(), _Sums()
+        self._air, self._contact, self._stays = _Sums(), _Sums(), _Stays()
 
     def add(self, load: Load, place: Vector, height: Floats) -> None:
         """Take in samples that are to be released: forces [N], and where the tip is [m]."""
@@ -53,6 +54,7 @@ class ToolWatch:
             before = np.cumsum(contact) == 0
             self._air.add(rows[before & usable])
         self._contact.add(rows[contact & usable])
+        self._stays.add(rows[:, 7:], contact & usable)
 
     @property
     def turned(self) -> TurnedTool | None:
@@ -63,7 +65,7 @@ class ToolWatch:
         now, before = (contact if contact.count else air).mean, (air if air.count else contact).mean
         spread, apart, std = air.disagreement() if air.count >= _FEWEST else (0.0, None, 0.0)
         turn, weight = float(np.linalg.norm(now[_WEIGHT] - before[_WEIGHT])), float(now[_ALONG])
-        slope = contact.slope() if contact.count >= _FEWEST else 0.0
+        slope = self._stays.slope if contact.count >= _FEWEST else 0.0
         return TurnedTool(turn, weight - float(before[_ALONG]), weight, spread, apart, std, slope)
 
 
@@ -80,8 +82,7 @@ class _Sums:
         self.count += len(rows)
         for i in range(11):
             self._sum[i] += int(rows[:, i].sum())
-        pairs = [(i, j) for i in range(6) for j in range(i, 6)] + [(i, i) for i in range(7, 11)]
-        for i, j in pairs:
+        for i, j in itertools.combinations_with_replacement(range(6), 2):
             self._products[i, j] = self._products.get((i, j), 0) + int((rows[:, i] * rows[:, j]).sum())
 
     def _moment(self, i: int, j: int) -> float:
@@ -93,12 +94,6 @@ class _Sums:
         """(11,) of forces [N] and places [m]."""
         return np.array(self._sum, float) / self.count / np.repeat([_PER_NEWTON, _PER_METRE], [7, 4])
 
-    def slope(self) -> float:
-        """Tangent of the angle between the normal and the motion; 0 where there is no motion along it."""
-        along = self._moment(_HEIGHT, _HEIGHT)
-        whole = sum(self._moment(i, i) for i in range(*_PLACE.indices(11)))
-        return math.sqrt(max(whole / along - 1.0, 0.0)) if along > 0 else 0.0
-
     def disagreement(self) -> tuple[float, float | None, float]:
         """Spread of the weight w [N]; |cov(f - w, w)| / |cov(w, w)| of readings f, and its uncertainty by noise."""
         moments = np.array([[self._moment(i, j) for j in range(6)] for i in range(6)]) / _PER_NEWTON**2
@@ -109,3 +104,38 @@ class _Sums:
         left = max(float(np.trace(read) - 2.0 * np.trace(mixed) + np.trace(own)) / 3.0, 0.0)
         noise = math.sqrt(3.0 * left / self.count) * spread / size
         return spread, float(np.linalg.norm(mixed - own)) / size, noise
+
+
+class _Stays:
+    """How far the tip went while in contact, about the mean place of each stay: x, y, z and height (n, 4)."""
+
+    def __init__(self) -> None:
+        self._count, self._sums, self._squares = 0, [0] * 4, [0] * 4  # of the present one
+        self._scatter = [0.0] * 4  # of all that are over
+
+    def add(self, rows: NDArray[np.int64], contact: NDArray[np.bool_]) -> None:
+        """Take in rows; a stay ends where one is not in contact."""
+        edges = [0, *(np.flatnonzero(np.diff(contact)) + 1).tolist(), len(contact)]
+        for begin, end in itertools.pairwise(edges if len(contact) else []):
+            if not contact[begin]:
+                self._scatter, self._count = self._whole, 0
+                self._sums, self._squares = [0] * 4, [0] * 4
+                continue
+            self._count += end - begin
+            for i in range(4):
+                column = rows[begin:end, i]
+                self._sums[i] += int(column.sum())
+                self._squares[i] += int((column * column).sum())
+
+    @property
+    def _whole(self) -> list[float]:
+        if not self._count:
+            return self._scatter
+        present = zip(self._scatter, self._sums, self._squares, strict=True)
+        return [old + (self._count * square - total * total) / self._count for old, total, square in present]
+
+    @property
+    def slope(self) -> float:
+        """Tangent of the angle between the normal and the motion; 0 where there is no motion along it."""
+        *place, height = self._whole
+        return math.sqrt(max(sum(place) / height - 1.0, 0.0)) if height > 0 else 0.0

@@ -261,9 +261,22 @@ class _RigLink:
         settings, sliding = self._settings, velocity
         if (stiffness := settings.series_stiffness) is not None:
             position, velocity = motion_behind_spring(settings.specimen, instants, position, velocity, stiffness)
+        if self._turning is not None or any(settings.tool_rotation):
+            out, rate = self._out(instants)
+            position, velocity = settings.specimen.upright_place(position, velocity, out, rate)
         if settings.specimen.form is not None:
             return SkinContact().force(settings.specimen, instants, position, velocity)
         return settings.specimen.with_friction(settings.specimen.push(instants, position, velocity), sliding)
+
+    def _out(self, instants: Floats) -> tuple[Floats, Floats]:
+        """Direction (n, 3) from the tip along the tool at true times (n,) [s], and how fast it changes."""
+        tool = self._settings.tool
+        if self._turning is None:
+            out = np.tile(-tool[:, 2], (len(instants), 1))
+            return out, np.zeros_like(out)
+        vector, rate, _ = self._turning.at(instants)
+        out = -(self._turned(instants) @ tool)[:, :, 2]
+        return out, np.cross(angular_velocities(vector, rate), out)
 
     def _wrench(self, instants: Floats, motion: TrackedMotion, contact: Floats) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""

@@ -27,6 +27,7 @@ from palpate_simulation.twins.settings import BenchSettings
 
 _START = np.array([0.0, -1.3, -1.9, -1.5, 1.5708, 0.0])  # a posture with the tool downwards
 _TURN = 0.1  # [rad] between two postures, each found from the one before
+_UPRIGHT = 1e-6  # of a cosine: a milliradian
 _ROUNDING = 1e-6  # of a tick: a clock counts nanoseconds
 _MOST_BEHIND = 0.5  # [s]; a longer stall of this process is not made up for
 
@@ -148,7 +149,8 @@ class World:
         arm = self.controller.arm
         pose, jacobian = arm.tip(self._tool)
         work = self.settings.work
-        self._turning = math.hypot(*(jacobian[3:] @ arm.qd).tolist())
+        self._pose, spin = pose, jacobian[3:] @ arm.qd
+        self._turning, self._spin = math.hypot(*spin.tolist()), self._rotation @ spin
         self._axes = self._rotation @ pose[:3, :3] @ self._mounting  # of the sensor in the work frame, as columns
         return self._rotation @ (pose[:3, 3] - work.matrix[:3, 3]), self._rotation @ (jacobian[:3] @ arm.qd)
 
@@ -170,6 +172,10 @@ class World:
         """The wrench (n, 6) that the sensor reports at times (n,): what it felt `force_delay` before."""
         settings = self.settings
         places, speeds, accelerations = self._motion(instants - settings.force_delay)
+        out = self._rotation @ self._pose[:3, :3]  # within a tick it hardly turns
+        if abs(out[2, 2] + 1.0) > _UPRIGHT:
+            away = np.tile(-out[:, 2], (len(instants), 1))
+            places, speeds = settings.specimen.upright_place(places, speeds, away, np.cross(self._spin, away))
         contact = self._contact.force(settings.specimen, instants, places, speeds)
         self._force = float(contact[:, 2].max())
         self.peak = max(self.peak, self._force)
