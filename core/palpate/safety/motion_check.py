@@ -49,9 +49,11 @@ def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport
     return _judged(((time, setpoints_at(trajectory, time)) for time in times), limits, surface)
 
 
-def check_setpoints(times: Floats, setpoint: Setpoint, limits: SafetySettings) -> MotionReport:
-    """Setpoints at times (n,) [s] against the limits."""
-    return _judged([(times, setpoint)], limits)
+def check_setpoints(
+    times: Floats, setpoint: Setpoint, limits: SafetySettings, surface: Surface | None = None
+) -> MotionReport:
+    """Setpoints at times (n,) [s], over a surface if one is given, against the limits."""
+    return _judged([(times, setpoint)], limits, surface)
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ _OWN = 0.85  # of the speed limit: two steps of that in one tick are still below
 _EXPLAIN = 10  # periods
 _MUTE = 25  # periods in which a stop has to reach the other connection, too
 _HEARD = 0.25  # [s] for a stop to be carried out
+_UNIT = 1e-6
 _LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
 _SAFETY_MODES = range(1, 14)  # that a controller has
 _LEAP = "no arm does that; was another TCP set meanwhile?"
@@ -139,6 +140,7 @@ class _Loop:
     def _advance(self, commander: Commander, seen: ArmState) -> None:
         before, leaving = (commander.command, commander.turn), commander.mode == "retract"
         commander.next(seen.position, seen.velocity, self._room())
+        self._fence.plane = commander.plane
         verdict = self._fence.command(commander.command, commander.turn, before, seen, leaving)
         if verdict is not None:
             commander.take_back()
@@ -279,6 +281,10 @@ class _Loop:
             case "retreat" | "follow" if self._fence.limits is None:
                 self._refuse("no limits were set: `link.limit` comes before a motion", commander)
             case "retreat":
+                plane = np.array(message["foot"]), np.array(message["normal"])
+                if abs(float(np.linalg.norm(plane[1])) - 1.0) > _UNIT or not np.isfinite(plane[0]).all():
+                    self._fail("the plane of the first station is none")
+                commander.plane = plane
                 self._begin(commander)
                 commander.retreat(message["way"], message["speed"])
             case "follow":
