@@ -17,7 +17,7 @@ from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_ti
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.stations import Stations
-from palpate_trajectories.surface_motion import StationFootway, SurfaceMotion, Trace
+from palpate_trajectories.surface_motion import StationFootway, SurfaceLine, SurfaceMotion
 
 _MOST_POINTS = 2000
 _RAMP = 0.25  # [s]
@@ -105,13 +105,13 @@ class GridPoints(Trajectory):
         return touches
 
     @cached_property
-    def _stations(self) -> tuple[Stations, list[Trace]] | None:
+    def _stations(self) -> tuple[Stations, list[SurfaceLine]] | None:
         """Stations of the visits and the lines between them; None where it follows a nominal height."""
         if isinstance(self.surface, NominalHeight):
             return None
         visits = self.visits[self.first_point :]
         stations = Stations.on(self.surface, np.array(visits))  # first: a place that is none is named
-        return stations, [Trace.on(self.surface, begin, end) for begin, end in itertools.pairwise(visits)]
+        return stations, [SurfaceLine.on(self.surface, begin, end) for begin, end in itertools.pairwise(visits)]
 
     @property
     def _travels(self) -> list[float]:

@@ -13,7 +13,7 @@ from palpate_trajectories.approach import PressShape, Touch, press_motion, refus
 from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time, through
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import Knot
-from palpate_trajectories.surface_motion import SurfaceMotion, Trace, traced
+from palpate_trajectories.surface_motion import SurfaceLine, SurfaceMotion, footway_along
 
 
 class LineSweep(Trajectory):
@@ -56,11 +56,13 @@ class LineSweep(Trajectory):
 
     def _surface_motion(self, surface: Surface) -> SurfaceMotion:
         """At its speed along the surface."""
-        begin, trace = self.press.standstill + self.press.transfer, Trace.on(surface, self.start, self.end)
+        begin, line = self.press.standstill + self.press.transfer, SurfaceLine.on(surface, self.start, self.end)
         leave = begin + self.settle
-        arrive = leave + line_time(trace.length, self.speed, self.ramp)
-        knots = [Knot(0.0, 0.0), *line_knots(leave, 0.0, 1.0, self.speed / trace.length, self.ramp)]
-        return surface_press(self.press, [Touch(begin, arrive)], traced([trace], through(knots)), [(begin, arrive)])
+        arrive = leave + line_time(line.length, self.speed, self.ramp)
+        knots = [Knot(0.0, 0.0), *line_knots(leave, 0.0, 1.0, self.speed / line.length, self.ramp)]
+        return surface_press(
+            self.press, [Touch(begin, arrive)], footway_along([line], through(knots)), [(begin, arrive)]
+        )
 
     @property
     def _level_motion(self) -> PlannedMotion:

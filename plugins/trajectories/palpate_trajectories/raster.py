@@ -15,7 +15,7 @@ from palpate_trajectories.approach import PressShape, Touch, press_motion, refus
 from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time, through
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import Knot
-from palpate_trajectories.surface_motion import SurfaceMotion, Trace, traced
+from palpate_trajectories.surface_motion import SurfaceLine, SurfaceMotion, footway_along
 
 _MOST_LINES = 2000
 
@@ -67,7 +67,7 @@ class Raster(Trajectory):
         """The way over the area, in coordinates along and across the lines."""
         way = _LinePath(self.press.standstill + self.press.transfer + self.settle)
         if (surface := self.followed) is not None:
-            way.trace = lambda begin, end: Trace.on(surface, self._place(*begin), self._place(*end))
+            way.line = lambda begin, end: SurfaceLine.on(surface, self._place(*begin), self._place(*end))
         half, lowest = self.size[0] / 2, -self.pitch * (self.lines - 1) / 2
         for line in range(self.first_line, self.lines):
             forwards = line % 2 == 0 or not self.boustrophedon
@@ -100,7 +100,7 @@ class Raster(Trajectory):
         measuring = list(zip(edges[::2], edges[1::2], strict=True))
         if isinstance(self.surface, NominalHeight):
             return self._level_motion(measuring)
-        footway = traced(way.traces, through([Knot(0.0, 0.0), *way.progress]))
+        footway = footway_along(way.surface_lines, through([Knot(0.0, 0.0), *way.progress]))
         return surface_press(self.press, [Touch(begin, way.now)], footway, measuring)
 
     def _level_motion(self, measuring: list[tuple[float, float]]) -> PlannedMotion:
@@ -153,8 +153,8 @@ class _LinePath:
     pauses: list[tuple[float, float]] = field(default_factory=list)  # [s] in contact, but not measuring
     along: float = 0.0
     across: float = 0.0
-    trace: Callable[[tuple[float, float], tuple[float, float]], Trace] | None = None  # of a line on a surface
-    traces: list[Trace] = field(default_factory=list)
+    line: Callable[[tuple[float, float], tuple[float, float]], SurfaceLine] | None = None  # of a line on a surface
+    surface_lines: list[SurfaceLine] = field(default_factory=list)
     progress: list[Knot] = field(default_factory=list)  # lines that are done
 
     def place(self, along: float, across: float) -> None:
@@ -165,9 +165,9 @@ class _LinePath:
     def go(self, along: float, across: float, speed: float, ramp: float, pausing: bool) -> None:
         """Straight to a place, from rest to rest."""
         way = math.hypot(along - self.along, across - self.across)
-        if self.trace is not None:
-            self.traces.append(self.trace((self.along, self.across), (along, across)))
-            length, done = self.traces[-1].length, len(self.traces)
+        if self.line is not None:
+            self.surface_lines.append(self.line((self.along, self.across), (along, across)))
+            length, done = self.surface_lines[-1].length, len(self.surface_lines)
             self.progress += line_knots(self.now, done - 1.0, done, speed / length, ramp)
             before, self.now = self.now, self.now + line_time(length, speed, ramp)
             self.pauses += [(before, self.now)] if pausing else []

@@ -59,7 +59,7 @@ class SurfaceMotion:
 
 
 @dataclass(frozen=True)
-class Trace:
+class SurfaceLine:
     """A straight line in x and y on a surface, in parts of its length there: cubic splines of foot and normal.
 
     A straight line through the air with the normal on a great circle from end to end (Shoemake 1985) would dip below
@@ -70,7 +70,7 @@ class Trace:
     _spline: Any  # of foot and normal (6,) over parts of the length
 
     @classmethod
-    def on(cls, surface: Surface, begin: tuple[float, float], end: tuple[float, float]) -> Trace:
+    def on(cls, surface: Surface, begin: tuple[float, float], end: tuple[float, float]) -> SurfaceLine:
         """The line between two places [x, y]; raises ConfigurationError where the surface is not known below it."""
         from scipy.interpolate import CubicSpline
 
@@ -103,7 +103,7 @@ class StationFootway:
     """From station to station; `progress` counts them from 0, with parts of the way between two."""
 
     stations: Stations
-    legs: Sequence[Trace]
+    legs: Sequence[SurfaceLine]
     progress: KnotProfile
 
     def at(self, time: Floats) -> Course:
@@ -120,10 +120,10 @@ class StationFootway:
         return foot, foot_rate, normal, normal_rate
 
 
-def traced(traces: Sequence[Trace], progress: KnotProfile) -> StationFootway:
+def footway_along(lines: Sequence[SurfaceLine], progress: KnotProfile) -> StationFootway:
     """The footway along lines that follow one another."""
-    ends = [trace.at(np.array([0.0, 1.0])) for trace in traces]
+    ends = [line.at(np.array([0.0, 1.0])) for line in lines]
     stations = Stations(
         np.array([ends[0][0][0], *(end[0][1] for end in ends)]), np.array([ends[0][2][0], *(end[2][1] for end in ends)])
     )
-    return StationFootway(stations, traces, progress)
+    return StationFootway(stations, lines, progress)
