@@ -8,6 +8,7 @@ import pytest
 from palpate import ConfigurationError, Surface, SurfacePoints, surface_points
 from palpate.safety import SafetySettings, check_motion
 from palpate_surfaces.plane import Plane
+from palpate_testing import check_trajectory
 from palpate_trajectories.grid_points import GridPoints
 from palpate_trajectories.line_sweep import LineSweep
 from palpate_trajectories.point import Point
@@ -60,6 +61,7 @@ def motions(surface):
 @pytest.mark.parametrize("name", motions(Dome()))
 def test_the_tool_goes_along_the_normals_of_a_dome_within_every_limit(name):
     motion = motions(Dome())[name]
+    check_trajectory(motion)
     assert check_motion(motion, LIMITS).problems == ()
     setpoint = motion.at(np.arange(0.0, motion.total_duration, 0.01))
     points = surface_points(Dome(), setpoint.position)
