@@ -180,6 +180,7 @@ class Aligner:
     def report(self) -> AlignmentReport:
         """What has been found out so far."""
         contact, counts = self._contact, self._counts
+        across = self._oriented or self._lateral
         streams = {".".join(part for part in key if part): health for key, health in self._intake.health.items()}
         return AlignmentReport(
             streams,
@@ -195,7 +196,7 @@ class Aligner:
             self._check.delay,
             contact.by_change_point,
             contact.pull,
-            (self._oriented or self._lateral).share if self._oriented or self._lateral else None,
+            across.share if across is not None else None,
             self._oriented.turned if self._oriented is not None else None,
             self._tilt.width,
         )
