@@ -175,7 +175,7 @@ def quiet(ticks):
     [
         (
             [('"-220 mm"', '"-310 mm"'), ('["8 mm", "4 mm"]', '["-14 mm", "4 mm"]')],
-            "out of the arm's reach|singular posture",
+            "elbow_joint would turn at .* deg/s, over 90 deg/s",
         ),
         ([('["8 mm", "4 mm"]', '["8 mm", "60 mm"]')], r"place 2 of 2 \(x 8.0, y 60.0 mm\): beside it"),
         ([('depth = "4 mm"', 'depth = "2 mm"')], r"2.50 mm below the surface, over the limit of 2.00 mm"),

@@ -158,8 +158,12 @@ class URLink:
     def _refuse_unreachable(self, trajectory: Trajectory) -> None:
         """Raise DeviceError where the arm cannot go through all of a motion on which the tool turns."""
         settings = self._settings
-        links = settings.links_low, settings.links_high
-        reach = ArmReach(self._model, self._tool, settings.work, settings.joint_speed, links, np.array(self._joints))
+        links, speed = (settings.links_low, settings.links_high), math.inf
+        if self._limits is not None:
+            speed = self._limits.speed
+        reach = ArmReach(
+            self._model, self._tool, settings.work, settings.joint_speed, speed, links, np.array(self._joints)
+        )
         try:
             reach.refuse(trajectory)
         except DeviceError as error:

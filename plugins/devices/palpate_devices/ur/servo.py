@@ -139,7 +139,8 @@ class Commander:
         start = plan[0]
         self.lead = None if law is None else ForceLead(law, float(start[_Z]), plan.lowest, PERIOD)
         self._plan, self._row, self._behind, self.mode = plan, 0.0, 0.0, "approach"
-        self._haste = min(max(self.law.most / max(plan.fastest, 1e-9) - 1.0, 0.0), _HASTE)
+        paces = self.law.most / max(plan.fastest, 1e-9), self.law.angular_speed / max(plan.fastest_turn, 1e-9)
+        self._haste = min(max(min(paces) - 1.0, 0.0), _HASTE)
         self.home, self.plane = self.command.copy(), StationPlane.of_row(start)
         self._set_out(start[SETPOINT["position"]], self.law, start[PLAN["turn"]])
 
