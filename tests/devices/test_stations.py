@@ -78,7 +78,8 @@ def dome(tmp_path, simulated):
     (tmp_path / "dome.py").write_text(DOME)
     text = PIPELINE.read_text().replace('origin = ["-300 mm"', 'origin = ["-220 mm"')
     begin, end = text.index("[safety]"), text.index("[alignment]")
-    text = text[:begin] + TABLES + text[end:]
+    oriented = '[alignment]\nsurface = "skin"\nweight = "turning"\nlateral_x = "arm.tip.x"\nlateral_y = "arm.tip.y"'
+    text = text[:begin] + TABLES + text[end:].replace("[alignment]", oriented, 1)
     first = normal_at(PLACES[0])
     start = RADIUS * first - [0.0, 0.0, RADIUS] + 0.004 * first
 
@@ -147,7 +148,11 @@ def test_the_arm_presses_along_the_normals_and_keeps_every_limit_at_every_tick(d
         assert np.linalg.norm(aside, axis=1).max() < 0.3e-3
     between = (np.abs(place[:, 0] - 0.001) < 0.004) & (height > 0)
     assert height[between].min() > 0.0028  # a clearance of 3 mm, and no shortcut through the dome
-    assert result.run["first_touch"] is not None
+    found = result.tracks["dr/kinematic"].parameters["elasticity"]
+    assert found.value / 112.5e3 == pytest.approx(0.9535, abs=0.03)  # of a dome of 50 mm that is read as flat
+    assert abs(found.value - 112.5e3) < 2.0 * found.combined
+    flags = {flag.code for flag in result.tracks["dr/kinematic"].flags}
+    assert not {"turned-weight", "turned-tool", "inclined-skin"} & flags
 
 
 @pytest.mark.slow
