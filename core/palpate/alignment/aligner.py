@@ -114,7 +114,7 @@ class Aligner:
         stamps, position = base.stamps[:count], base.values[:count]
         next_stamps, next_position = base.stamps[: count + 1], base.values[: count + 1]
         if self._oriented is not None and self._oriented.is_projecting:
-            next_position = self._oriented.heights(next_stamps)
+            next_position = self._oriented.heights(next_stamps, count)
             position = next_position[:count]
         block = self._block(stamps, position, next_stamps, next_position)
         if not count:

@@ -25,7 +25,6 @@ class OrientedSignals:
         self._frame = ToolFrame(settings, force)
         self._lookup = None if settings.surface is None else SurfaceLookup(settings.surface)
         self._planes: LocalPlanes | None = None  # of the samples that are being made
-        self._made = 0  # samples
         self.is_projecting = settings.is_projecting  # whether force and motion are those along a stated normal
         self._roles = roles
         self._axes = [
@@ -61,15 +60,17 @@ class OrientedSignals:
             planes = self._planes[: len(stamps)]
             height, curvature, known = planes.height, planes.curvature * planes.known, planes.known
         self._watch.add(load, place, height, curvature)
-        self._made += len(stamps)
         return np.asarray(load.along * known)
 
-    def heights(self, stamps: NDArray[np.int64]) -> Floats:
-        """Heights (n,) [m] of the tip along the normal: over the surface, or over the plane through the origin."""
+    def heights(self, stamps: NDArray[np.int64], count: int) -> Floats:
+        """Heights (n,) [m] of the tip along the normal: over the surface, or over the plane through the origin.
+
+        The first `count` of them become samples.
+        """
         place = self._vector("position", stamps)
         if self._lookup is None:
             return self._frame.along(place)
-        self._planes = self._lookup.planes(self._made, np.column_stack(place))
+        self._planes = self._lookup.planes(np.column_stack(place), count)
         return self._planes.height
 
     def velocities(self, stamps: NDArray[np.int64]) -> Floats:

@@ -10,7 +10,8 @@ from palpate.part_failure import answer_of
 from palpate.surface import Surface
 from palpate.vectors import Floats
 
-_BLOCK = 64  # places that are asked for at once, always: the bits of an answer may depend on how many there are
+_ASIDE = 50e-6  # [m] across the normal within which the plane that was found counts: a sag of 25 nm on 50 mm
+_HIGHER = 0.2  # of the height above it, in air, likewise
 
 
 @dataclass(frozen=True)
@@ -26,45 +27,52 @@ class LocalPlanes:
         return LocalPlanes(self.normal[rows], self.height[rows], self.curvature[rows], self.known[rows])
 
 
+@dataclass(frozen=True)
+class _Plane:
+    foot: tuple[float, ...] = (0.0, 0.0, 0.0)
+    normal: tuple[float, ...] = (0.0, 0.0, 1.0)
+    curvature: float = 0.0
+    known: float = np.nan
+
+    def height(self, place: tuple[float, ...]) -> tuple[float, float]:
+        """Height [m] of a place above it, and the square of how far aside of the foot that is [m^2]."""
+        away = [x - f for x, f in zip(place, self.foot, strict=True)]
+        height = sum(x * n for x, n in zip(away, self.normal, strict=True))
+        return height, sum(x * x for x in away) - height * height
+
+
 class SurfaceLookup:
-    """Asks a surface for places in their order; where it is not known the plane before goes on, and no force counts."""
+    """Asks a surface for places in their order, one by one, whenever the tip has gone aside of the last one.
+
+    So a sample's plane does not depend on how a record is cut, and a mesh is asked once for a press and not 500 times a
+    second. Where a surface is not known the plane before goes on, and no force counts.
+    """
 
     def __init__(self, surface: Surface) -> None:
         self._surface = surface
-        self._before = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # foot and normal, the latest that is known
+        self._plane = _Plane()
 
-    def planes(self, first: int, place: Floats) -> LocalPlanes:
-        """Of places (n, 3) [m], the first of which is that of so many samples before it."""
-        columns = np.full((len(place), 9), np.nan)  # foot, normal, height, curvature, known
-        blocks = (first + np.arange(len(place))) // _BLOCK
-        for block in np.unique(blocks).tolist():
-            rows = np.flatnonzero(blocks == block)
-            columns[rows] = self._asked(first + rows - block * _BLOCK, place[rows])
-        return self._with_gaps(columns, place)
+    def planes(self, place: Floats, count: int) -> LocalPlanes:
+        """Below places (n, 3) [m]; those after the first `count` are asked for again, as the first ones of the next."""
+        columns, kept = np.empty((len(place), 6)), self._plane
+        for i, where in enumerate(map(tuple, place.tolist())):
+            self._plane = self._below(where)
+            plane = self._plane
+            columns[i] = (*plane.normal, plane.height(where)[0], plane.curvature, plane.known)
+            if i == count - 1:
+                kept = plane
+        self._plane = kept
+        return LocalPlanes(columns[:, :3], columns[:, 3], columns[:, 4], columns[:, 5])
 
-    def _asked(self, slots: Floats, place: Floats) -> Floats:
-        """Columns (n, 9) of places in the given slots of a block."""
-        found = np.full((len(place), 9), np.nan)
-        usable = np.isfinite(place).all(axis=1)
-        if not usable.any():
-            return found
-        block = np.tile(place[usable][0], (_BLOCK, 1))
-        block[slots[usable]] = place[usable]
-        points = answer_of(self._surface, lambda: self._surface.nearest(block))
-        curvature = points.curvature.mean(axis=1)
-        values = np.column_stack([points.position, points.normal, points.height, curvature, np.ones(_BLOCK)])
-        unknown = [slot for slot in points.unknown if 0 <= slot < _BLOCK]
-        values[unknown] = np.nan
-        found[usable] = values[slots[usable]]
-        found[~np.isfinite(found).all(axis=1)] = np.nan
-        return found
-
-    def _with_gaps(self, columns: Floats, place: Floats) -> LocalPlanes:
-        for i in np.flatnonzero(np.isnan(columns[:, 8])).tolist():
-            foot, normal = np.split(self._before if i == 0 else columns[i - 1, :6], 2)
-            away = place[i] - foot
-            height = float(away[0] * normal[0] + away[1] * normal[1] + away[2] * normal[2])
-            columns[i, :8] = (*foot, *normal, height, 0.0)
-        if len(columns) > 1:  # the last one is asked for once more, as the first of what comes next
-            self._before = columns[-2, :6].copy()
-        return LocalPlanes(columns[:, 3:6], columns[:, 6], columns[:, 7], columns[:, 8])
+    def _below(self, place: tuple[float, ...]) -> _Plane:
+        plane = self._plane
+        if not all(np.isfinite(place)):
+            return plane
+        height, aside = plane.height(place)
+        if plane.known == 1.0 and aside <= (_ASIDE + _HIGHER * max(height, 0.0)) ** 2:
+            return plane
+        points = answer_of(self._surface, lambda: self._surface.nearest(np.array([place])))
+        if points.unknown or not np.isfinite(points.normal).all() or not np.isfinite(points.position).all():
+            return _Plane(plane.foot, plane.normal)
+        foot, normal = points.position[0].tolist(), points.normal[0].tolist()
+        return _Plane(tuple(foot), tuple(normal), float(points.curvature[0].mean()), 1.0)
