@@ -28,7 +28,7 @@ class LocalPlanes:
 
 
 @dataclass(frozen=True)
-class _Plane:
+class _TangentPlane:
     foot: tuple[float, ...] = (0.0, 0.0, 0.0)
     normal: tuple[float, ...] = (0.0, 0.0, 1.0)
     curvature: float = 0.0
@@ -50,7 +50,7 @@ class SurfaceLookup:
 
     def __init__(self, surface: Surface) -> None:
         self._surface = surface
-        self._plane = _Plane()
+        self._plane = _TangentPlane()
 
     def planes(self, place: Floats, count: int) -> LocalPlanes:
         """Below places (n, 3) [m]; those after the first `count` are asked for again, as the first ones of the next."""
@@ -64,7 +64,7 @@ class SurfaceLookup:
         self._plane = kept
         return LocalPlanes(columns[:, :3], columns[:, 3], columns[:, 4], columns[:, 5])
 
-    def _below(self, place: tuple[float, ...]) -> _Plane:
+    def _below(self, place: tuple[float, ...]) -> _TangentPlane:
         plane = self._plane
         if not all(np.isfinite(place)):
             return plane
@@ -73,6 +73,6 @@ class SurfaceLookup:
             return plane
         points = answer_of(self._surface, lambda: self._surface.nearest(np.array([place])))
         if points.unknown or not np.isfinite(points.normal).all() or not np.isfinite(points.position).all():
-            return _Plane(plane.foot, plane.normal)
+            return _TangentPlane(plane.foot, plane.normal)
         foot, normal = points.position[0].tolist(), points.normal[0].tolist()
-        return _Plane(tuple(foot), tuple(normal), float(points.curvature[0].mean()), 1.0)
+        return _TangentPlane(tuple(foot), tuple(normal), float(points.curvature[0].mean()), 1.0)
