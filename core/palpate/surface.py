@@ -31,6 +31,13 @@ class SurfacePoints:
     def __len__(self) -> int:
         return len(self.position)
 
+    def without(self, unknown: Mapping[int, str]) -> SurfacePoints:
+        """The same but for rows where nothing is known after all, with why."""
+        columns = {key: getattr(self, key).copy() for key in _COLUMNS}
+        for column in columns.values():
+            column[list(unknown)] = np.nan
+        return SurfacePoints(**columns, unknown={**self.unknown, **unknown})
+
 
 _COLUMNS = {"position": 3, "normal": 3, "height": 0, "curvature": 2}
 _COLUMNS |= {"position_std": 0, "normal_std": 0, "curvature_std": 2}

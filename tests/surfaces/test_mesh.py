@@ -5,6 +5,9 @@ import math
 import numpy as np
 import pytest
 from palpate import ConfigurationError, surface_points
+from palpate.host import load_pipeline
+from palpate.pipeline.provenance import run_facts
+from palpate_kit.jobs.staging import input_files
 from palpate_surfaces import Mesh, Plane
 from palpate_testing import check_surface
 
@@ -86,6 +89,12 @@ def test_what_is_beside_the_body_is_refused(breast, place, reason):
         surface_points(Mesh(file=breast, position=(0.0, 0.0, -0.04)), np.array([(0.0,) * len(place), place]))
 
 
+def test_a_run_knows_its_mesh_by_its_digest(breast, point_pipeline):
+    pipeline = load_pipeline(point_pipeline, [f'surface.breast={{type = "mesh", file = "{breast}"}}'])
+    assert f"file.{breast}.sha256" in run_facts(pipeline)["inputs"]
+    assert breast in list(input_files(pipeline))
+
+
 def without(faces, vertices, centre, count):
     """Faces but for those nearest to a place."""
     far = np.linalg.norm(vertices[faces].mean(axis=1) - centre, axis=1)
@@ -136,6 +145,8 @@ def test_files_that_are_no_mesh_are_named(breast, tmp_path):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(ConfigurationError, match=f"{name}.*(cannot be read as a mesh|triangles)"):
             Mesh(file=tmp_path / name)
+    with pytest.raises(ConfigurationError, match=r"no\.stl: there is no such file"):
+        Mesh(file=tmp_path / "no.stl")
     (tmp_path / "step.stp").write_text("x")
     with pytest.raises(ConfigurationError, match=r"a mesh is a file \.stl, \.ply, \.obj, not \.stp"):
         Mesh(file=tmp_path / "step.stp")

@@ -70,6 +70,13 @@ def test_what_is_not_known_is_refused_by_its_place():
         surface_points(hole, np.array([[0.0, 0.0, 0.0], [0.0, 0.04, 0.0], [0.1, 0.0, 0.0]]))
 
 
+def test_rows_without_knowledge_are_not_a_number():
+    points = Plane().nearest(np.zeros((3, 3))).without({1: "in a hole"}).without({2: "beside it"})
+    assert np.isnan(points.height).tolist() == [False, True, True]
+    assert np.isnan(points.normal).all(axis=1).tolist() == [False, True, True]
+    assert points.unknown == {1: "in a hole", 2: "beside it"}
+
+
 def test_a_pipeline_has_it_by_name(point_pipeline, tmp_path):
     table = 'surface.skin={type = "plane", tilt_x = "10 deg", height = "2 mm"}'
     pipeline = load_pipeline(point_pipeline, [table])

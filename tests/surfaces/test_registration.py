@@ -194,6 +194,20 @@ def test_a_touch_that_does_not_fit_is_named(mesh_and_touches, palpate):
     assert "do not fit the others: bad.csv, touch 7 is 0." in done.stderr
 
 
+def test_a_pipeline_without_its_mesh_is_refused(mesh_and_touches, palpate):
+    pipeline, folder, _ = mesh_and_touches
+    (folder / "flat.toml").write_text('[surface.table]\ntype = "plane"\n')
+    for file, option, words in [
+        (folder / "flat.toml", (), "has no [surface.*] of type mesh"),
+        (pipeline, ("--surface", "brest"), "has no mesh 'brest' (there are: breast)"),
+        (pipeline, ("--uncertainty", "0 mm"), "--uncertainty: 0 mm is not above 0"),
+        (pipeline, ("-o", folder / "no" / "where.toml"), "cannot write: No such file or directory"),
+    ]:
+        done = palpate("calibrate", "surface", file, folder / "first.csv", *option)
+        assert done.returncode == 2
+        assert words in done.stderr
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

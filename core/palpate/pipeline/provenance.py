@@ -55,8 +55,9 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
 
 def _input_files(pipeline: Pipeline) -> list[Path]:
     """The files, other than logs, that parts and tables take data from."""
-    parts = (pipeline.devices, pipeline.indenters, pipeline.models, pipeline.trajectories, pipeline.tables)
-    return list(dict.fromkeys(file for named in parts for part in named.values() for file in input_files(part)))
+    parts = (pipeline.devices, pipeline.indenters, pipeline.models, pipeline.surfaces, pipeline.trajectories)
+    every = [part for named in (*parts, pipeline.tables) for part in named.values()]
+    return list(dict.fromkeys(file for part in every for file in input_files(part)))
 
 
 def facts_beside(pipeline: Pipeline) -> Future[dict[str, Any]]:

@@ -33,11 +33,13 @@ def surface_map_figure(
     share = 100 * surface_map.std / surface_map.value
     rows = (value, (share, "standard deviation [%]", "magma", (float(share.min()), float(share.max()) * (1 + 1e-9))))
     for row, (values, title, colours, limits) in zip(axes, rows, strict=True):
+        shown = [
+            _draw(axis, surface_map, values, colours, limits, view) for axis, view in zip(row, _VIEWS, strict=True)
+        ]
         for axis, view in zip(row, _VIEWS, strict=True):
-            shown = _draw(axis, surface_map, values, colours, limits, view)
             for place, mark in ((sites, "."), (np.array(lumps).reshape(-1, 3), "+")):
                 _mark(axis, place, mark, view)
-        figure.colorbar(shown, ax=row[-1], shrink=0.8, label=title)
+        figure.colorbar(shown[-1], ax=row[-1], shrink=0.8, label=title)
     return figure
 
 
@@ -52,7 +54,8 @@ def _draw(
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     seen = np.flatnonzero(sign * normal[:, along] > 0)
     seen = seen[np.argsort(sign * corners[seen, :, along].mean(axis=1), kind="stable")]
-    shown = PolyCollection(
+    collection: Any = PolyCollection
+    shown = collection(
         1e3 * corners[seen][:, :, (across, up)],
         array=values[surface_map.faces[seen]].mean(axis=1),
         cmap=colours,

@@ -16,7 +16,7 @@ from palpate_surfaces.pose import UncertainPose
 from palpate_surfaces.registration_file import file_digest, read_registration
 
 _STEEP = math.cos(math.radians(80.0))
-_STEPS = 3
+_STEPS = 2
 
 
 class Mesh(Surface):
@@ -90,6 +90,10 @@ class Mesh(Surface):
             self.pose, self, places, feet, faces, {int(row): "beyond the rim of the mesh" for row in beyond}
         )
 
+    def _below(self, places: Floats, unknown: dict[int, str]) -> SurfacePoints:
+        feet, faces = self.body.nearest(self.pose.inwards(places))
+        return points_of(self.pose, self, places, feet, faces, unknown)
+
     def uppermost(self, lateral: Floats) -> SurfacePoints:
         """Points of the triangles at x and y (n, 2) [m], looked at from above."""
         top = float(self.pose.outwards(self.body.triangles.vertices)[:, 2].max()) + self.body.size
@@ -99,12 +103,11 @@ class Mesh(Surface):
         unknown = {int(row): "there is no mesh at this x and y" for row in np.flatnonzero(faces < 0)}
         places = self.pose.outwards(feet)
         for _ in range(_STEPS):  # the surface lies off the triangles, within which it curves
-            feet, faces = self.body.nearest(self.pose.inwards(places))
-            points = points_of(self.pose, self, places, feet, faces, unknown)
+            points = self._below(places, unknown)
             places[:, 2] -= np.nan_to_num(points.height / points.normal[:, 2])
+        points = self._below(places, unknown)
         steep = np.flatnonzero(points.normal[:, 2] < _STEEP)
-        unknown |= {int(row): "the mesh is too steep there to be looked at from above" for row in steep}
-        return points
+        return points.without({int(row): "the mesh is too steep there to be looked at from above" for row in steep})
 
 
 def points_of(
@@ -112,7 +115,7 @@ def points_of(
 ) -> SurfacePoints:
     """What is known of a mesh at a pose, below places (n, 3), at feet (n, 3) of its own frame; NaN in unknown rows."""
     turn, count = pose.matrix, len(feet)
-    points = SurfacePoints(*[np.full(shape, np.nan) for shape in _shapes(count)], unknown)
+    points = _nothing_known(count, unknown)
     rows = np.array([row for row in range(count) if row not in unknown], np.int64)
     patches = list(mesh.body.patches(feet[rows], faces[rows]))
     if not patches:
@@ -133,6 +136,6 @@ def points_of(
     return points
 
 
-def _shapes(count: int) -> tuple[tuple[int, ...], ...]:
-    """Of position, normal, height, curvature and the three uncertainties."""
-    return (count, 3), (count, 3), (count,), (count, 2), (count,), (count,), (count, 2)
+def _nothing_known(count: int, unknown: dict[int, str]) -> SurfacePoints:
+    vector, pair, one = (np.full(shape, np.nan) for shape in ((count, 3), (count, 2), (count,)))
+    return SurfacePoints(vector, vector.copy(), one, pair, one.copy(), one.copy(), pair.copy(), unknown)

@@ -22,6 +22,8 @@ def read_mesh(file: Path, unit: str) -> Any:
 
     if file.suffix.lower() not in FORMATS:
         raise ConfigurationError(f"{file}: a mesh is a file {', '.join(FORMATS)}, not {file.suffix or 'one without'}")
+    if not file.is_file():
+        raise ConfigurationError(f"{file}: there is no such file")
     try:
         mesh = trimesh.load_mesh(file, process=False)
     except Exception as error:  # whatever its readers raise on a damaged file

@@ -14,14 +14,14 @@ from pydantic import Field, model_validator
 from palpate_surfaces.base_shape import BaseShape
 from palpate_surfaces.height_field import HeightField
 from palpate_surfaces.surface_patch import SurfacePatch, fit_patch
-from palpate_surfaces.touches import Touches, read_touches
+from palpate_surfaces.touches import Touches, table_touches
 
 _FEWEST, _MOST = 6, 500  # touches
 _LINE = 0.05  # of their extent, that they are across
 _STEEPEST = math.radians(70.0)  # of the skin against the plane or sphere
 _FARTHEST = math.radians(90.0)  # of touches from their middle, seen from the sphere's centre
 _ODD = 4.0  # standard deviations of a touch from what the others say
-_ROUNDS = 4  # in which the places where spheres touched are found
+_ROUNDS = 3  # in which the places where spheres touched are found
 _STEPS = 30  # towards the point that a place means
 _STILL = 1e-9  # [m]
 _STEEP = 0.1  # cosine between normal and z that a skin has at least
@@ -37,7 +37,7 @@ class TouchedSurface(Surface):
     """
 
     touches: tuple[InputFile, ...] = Field(
-        min_length=1, description='tables "x [mm],y [mm],z [mm],u [mm]", and result.json of runs that touched it'
+        min_length=1, description='tables "x [mm],y [mm],z [mm],u [mm]"; `palpate calibrate touches` makes one of runs'
     )
     uncertainty: Depth | None = Field(
         default=None, gt=0, description="standard uncertainty of the touches in tables that do not state it"
@@ -73,7 +73,7 @@ class TouchedSurface(Surface):
 
     @cached_property
     def _given(self) -> Touches:
-        return read_touches(self.touches, self.uncertainty)
+        return Touches.of(touch for path in self.touches for touch in table_touches(path, self.uncertainty))
 
     @cached_property
     def _shape_and_field(self) -> tuple[BaseShape, HeightField]:
@@ -81,13 +81,14 @@ class TouchedSurface(Surface):
         given = self._given
         base = BaseShape.of(given.centre)
         normal = base.outwards(base.coordinates(given.centre)[0])
-        for _ in range(_ROUNDS if given.radius.any() else 1):
-            skin = given.centre - given.radius[:, None] * normal
-            base = BaseShape.of(skin)
-            q, height = base.coordinates(skin)
-            field = HeightField.of(q, height, given.std)
-            normal = np.array([_patch(base, field, self.neighbourhood, at, False).normal for at in q])
-        return base, field
+        for _ in range(_ROUNDS if given.radius.any() else 0):
+            base, field = self._over(given.centre - given.radius[:, None] * normal, given.std)
+            normal = np.array([_patch(base, field, self.neighbourhood, at, False).normal for at in field.q])
+        return self._over(given.centre - given.radius[:, None] * normal, given.std)
+
+    def _over(self, skin: Floats, std: Floats) -> tuple[BaseShape, HeightField]:
+        base = BaseShape.of(skin)
+        return base, HeightField.of(*base.coordinates(skin), std)
 
     @property
     def _base(self) -> BaseShape:
@@ -107,7 +108,7 @@ class TouchedSurface(Surface):
         """Points nearest to places (n, 3) [m]."""
 
         def below(patch: SurfacePatch, place: Floats) -> Floats:
-            return place - ((place - patch.position) @ patch.normal) * patch.normal
+            return np.asarray(place - ((place - patch.position) @ patch.normal) * patch.normal)
 
         return self._points([self._place(place, below) for place in places], places)
 
@@ -120,7 +121,7 @@ class TouchedSurface(Surface):
 
         feet = [self._place(place, at) for place in self._base.above(lateral)]
         points = self._points(feet, np.column_stack([lateral, np.zeros(len(lateral))]))
-        points.height[:] = 0.0
+        points.height[:] *= 0.0
         return points
 
     def _place(self, place: Floats, on_the_tangent: Callable[[SurfacePatch, Floats], Floats]) -> Floats:
@@ -132,7 +133,7 @@ class TouchedSurface(Surface):
         for _ in range(_STEPS):
             before, q = q, self._base.coordinates(on_the_tangent(self._patch(q, False), place)[None])[0][0]
             if float(np.abs(q - before).max()) < _STILL:
-                return q
+                return np.asarray(q)
         return np.full(len(q), np.nan)
 
     def _patch(self, q: Floats, uncertain: bool) -> SurfacePatch:
@@ -151,7 +152,7 @@ class TouchedSurface(Surface):
             np.array([getattr(patch, key) for patch in patches]).reshape(len(q), -1)
             for key in ("position", "normal", "curvature", "curvature_std")
         )
-        return SurfacePoints(
+        points = SurfacePoints(
             position=position,
             normal=normal,
             height=np.einsum("ij,ij->i", places - position, normal),
@@ -159,8 +160,8 @@ class TouchedSurface(Surface):
             position_std=np.array([patch.scatter for patch in patches]),
             normal_std=np.array([np.sqrt(np.linalg.eigvalsh(patch.normal_covariance)[-1]) for patch in patches]),
             curvature_std=curvature_std,
-            unknown=unknown,
         )
+        return points.without(unknown)
 
 
 def _patch(base: BaseShape, field: HeightField, size: float, q: Floats, uncertain: bool) -> SurfacePatch:

@@ -44,10 +44,11 @@ def _check_values(name: str, points: SurfacePoints) -> None:
 def _check_normals(name: str, surface: Surface, top: SurfacePoints) -> None:
     """Points 0.1 mm beside each other lie in one another's tangent plane, but for what curvature makes of it."""
     demand((top.normal[:, 2] > 0).all(), f"{name}: a normal of its upper side does not look upwards")
-    across = np.cross(top.normal, np.where(np.abs(top.normal[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+    other = np.where(np.abs(top.normal[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    across: Floats = np.asarray(np.cross(top.normal, other), np.float64)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     bulge = np.abs(top.curvature).max(axis=1) * _STEP**2
-    for direction in (across, np.cross(top.normal, across)):
+    for direction in (across, np.asarray(np.cross(top.normal, across), np.float64)):
         for sign in (1.0, -1.0):
             points = surface_points(surface, top.position + sign * _STEP * direction)
             rise = np.abs(np.einsum("ij,ij->i", points.position - top.position, top.normal))
