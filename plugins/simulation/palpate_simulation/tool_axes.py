@@ -35,6 +35,6 @@ def turn_between(one: Floats, other: Floats) -> Floats:
     if cosine < -1.0 + 1e-12:
         side = np.cross(one, np.eye(3)[int(np.argmin(np.abs(one)))])
         side /= np.linalg.norm(side)
-        return np.asarray(2.0 * np.outer(side, side) - np.eye(3))
+        return np.asarray(2.0 * np.outer(side, side) - np.eye(3), np.float64)
     cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
     return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))
