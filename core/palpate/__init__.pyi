@@ -37,6 +37,7 @@ from .device import (
     Batch as Batch,
     Channel as Channel,
     Device as Device,
+    KnowsGravity as KnowsGravity,
     KnowsTruth as KnowsTruth,
     Link as Link,
     Observable as Observable,
@@ -111,6 +112,7 @@ from .result.track_evidence import (
 from .result.track_result import TrackSummary as TrackSummary
 from .result.track_tail import Tail as Tail
 from .result.uncertain_value import Bias as Bias
+from .rotation_vectors import angular_velocities as angular_velocities, turned_axes as turned_axes
 from .simulated_clock import SimulatedClock as SimulatedClock
 from .simulated_turns import EndOfThread as EndOfThread, HoldUp as HoldUp
 from .sink import (
@@ -133,9 +135,11 @@ from .trajectory import (
     OwnMotion as OwnMotion,
     Resumable as Resumable,
     Setpoint as Setpoint,
+    SupportsSurface as SupportsSurface,
     Trajectory as Trajectory,
     duration_of as duration_of,
     setpoints_at as setpoints_at,
+    surface_of as surface_of,
 )
 from .twin import ArmTruth as ArmTruth, SimulatedTwin as SimulatedTwin, SupportsTwin as SupportsTwin, Twin as Twin
 from .units import (

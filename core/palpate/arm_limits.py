@@ -8,6 +8,8 @@ from typing import Protocol, runtime_checkable
 
 from palpate.repeated_readings import Repeats
 
+NO_DEPTH = 1e3  # [m]; the box alone counts
+
 
 @dataclass(frozen=True)
 class ArmLimits:
@@ -17,8 +19,9 @@ class ArmLimits:
     high: tuple[float, ...]  # (3,) [m]
     speed: float  # [m/s]
     acceleration: float  # [m/s^2]
-    orientation: float  # [rad] between the tool and the work frame, at most
+    orientation: float  # [rad] between the tool and the normal of the work frame or of a station, at most
     angular_speed: float  # [rad/s]
+    depth: float = NO_DEPTH  # [m] below the plane of a station, at most
 
 
 @dataclass(frozen=True)

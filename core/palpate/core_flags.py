@@ -104,6 +104,13 @@ _RECORD = {
         "The clock of a device strayed by more than the timing's declared uncertainty.",
         "Keep the machine for the rig, or declare a larger uncertainty in [alignment].",
     ),
+    "turned-weight": _structural(
+        "The tool turns, and its weight counts as constant, or is not what mass, mounting and gravity say.",
+        'Set [alignment] weight = "turning", and find mounting and mass by `palpate calibrate` with orientations.',
+    ),
+    "turned-tool": FlagMeaning.sign(
+        "turned-weight", "The tool turns within the record, and its weight counts as constant."
+    ),
     "payload": _note(
         "The payload that the robot counts on, or its centre of mass, is not what hangs on it.",
         "Set payload and payload_centre of the arm, or correct them on the pendant.",

@@ -189,6 +189,16 @@ class KnowsTruth(Protocol):
 
 
 @runtime_checkable
+class KnowsGravity(Protocol):
+    """A device that knows which way is down in the frame of its poses."""
+
+    @property
+    def gravity(self) -> tuple[float, ...]:
+        """Direction of gravity (3,)."""
+        ...
+
+
+@runtime_checkable
 class Turnable(Protocol):
     """A device whose tool can be turned without a person."""
 

@@ -16,6 +16,7 @@ from palpate.alignment import (
     SidewaysShare,
     Signal,
     hesitations,
+    mounting_of,
 )
 from palpate.atomic_files import whole_file, write_new, write_whole
 from palpate.config import (
@@ -166,6 +167,7 @@ __all__ = [
     "is_live",
     "load_pipeline",
     "make_folder",
+    "mounting_of",
     "nested_settings",
     "numbers_of",
     "own_motions",

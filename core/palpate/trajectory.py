@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from palpate.errors import PluginError
 from palpate.part_failure import answer_of
 from palpate.parts import Part
+from palpate.rotation_vectors import turned_axes
+from palpate.surface import Surface
 from palpate.vectors import Floats
 
 
@@ -23,13 +25,25 @@ class Setpoint:
     position: Floats  # (n, 3) [m]
     velocity: Floats  # (n, 3) [m/s]
     measuring: NDArray[np.bool_]  # (n,) in the part of the motion that is meant for estimation
-    turning: Floats | None = None  # (n,) [rad/s] of the tool; None: it keeps its orientation
+    # Rotation vectors (n, 3) [rad] of the tool from one that looks along -z, in the work frame's axes, and the angular
+    # velocity (n, 3) [rad/s] in them; None: it keeps that orientation.
+    rotation: Floats | None = None
+    angular_velocity: Floats | None = None
     lever: float = 0.0  # [m] from the tip to what moves farthest when the tool turns about its tip
 
     @property
     def fastest_turn(self) -> float:
         """[rad/s]."""
-        return float(np.abs(self.turning).max(initial=0.0)) if self.turning is not None else 0.0
+        if self.angular_velocity is None:
+            return 0.0
+        return float(np.linalg.norm(self.angular_velocity, axis=1).max(initial=0.0))
+
+    @property
+    def axes(self) -> Floats:
+        """Directions (n, 3) out of the skin along the tool."""
+        if self.rotation is None:
+            return np.broadcast_to(np.array([0.0, 0.0, 1.0]), self.position.shape)
+        return turned_axes(self.rotation)
 
 
 @dataclass(frozen=True)
@@ -80,6 +94,24 @@ class ForceControlled(Protocol):
 
 
 @runtime_checkable
+class SupportsSurface(Protocol):
+    """A trajectory whose depth is that below a surface, along its normal."""
+
+    @property
+    def followed(self) -> Surface | None:
+        """The surface; None where the skin is the work frame's plane."""
+        ...
+
+
+def surface_of(trajectory: Trajectory) -> Surface | None:
+    """The surface that a motion follows, also as part of another one; None where there is none."""
+    inner = getattr(trajectory, "of", None)
+    if isinstance(trajectory, SupportsSurface):
+        return trajectory.followed
+    return surface_of(inner) if isinstance(inner, Trajectory) else None
+
+
+@runtime_checkable
 class Lifted(Protocol):
     """A trajectory that is another one above the specimen: nothing is palpated with it."""
 
@@ -117,7 +149,9 @@ def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
     if not isinstance(found, Setpoint):
         raise PluginError(f"{name}: its `at` returns {type(found).__name__}, not Setpoint")
     forms: dict[str, tuple[int, ...]] = {"position": (count, 3), "velocity": (count, 3), "measuring": (count,)}
-    for field, wanted in forms.items() if found.turning is None else (*forms.items(), ("turning", (count,))):
+    if found.rotation is not None or found.angular_velocity is not None:
+        forms |= {"rotation": (count, 3), "angular_velocity": (count, 3)}
+    for field, wanted in forms.items():
         values = getattr(found, field)
         if not isinstance(values, np.ndarray) or values.shape != wanted or values.dtype.kind not in "fiub":
             what = (

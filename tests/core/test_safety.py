@@ -458,11 +458,16 @@ def test_positions_count_as_much_as_the_stated_velocity():
 
 def test_a_turn_of_the_tool_counts_as_speed():
     position, still = np.zeros((100, 3)), np.zeros((100, 3))
-    turning = np.full(100, np.radians(9.0))
-    slow = check_setpoints(*setpoints(position, still, turning=turning, lever=0.12), limits())
+    turning = np.outer(np.full(100, np.radians(9.0)), [0.0, 0.6, 0.8])
+
+    def turned(pace):
+        angles = np.outer(np.arange(100) * 0.002 - 0.1, pace * turning[0])
+        return {"rotation": angles, "angular_velocity": pace * turning}
+
+    slow = check_setpoints(*setpoints(position, still, **turned(1), lever=0.12), limits())
     assert slow.problems == ()
     assert slow.speed == pytest.approx(np.radians(9.0) * 0.12)
-    fast = check_setpoints(*setpoints(position, still, turning=2 * turning, lever=0.5), limits())
+    fast = check_setpoints(*setpoints(position, still, **turned(2), lever=0.5), limits())
     assert any("turns at 18.0 deg/s, over the limit of 10.0 deg/s" in problem for problem in fast.problems)
     assert any("the speed is" in problem for problem in fast.problems)
 

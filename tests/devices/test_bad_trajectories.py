@@ -31,7 +31,9 @@ def broken(found, how):
         case "texts":
             return Setpoint(found.position.astype(str), found.velocity, found.measuring)
         case "turning":
-            return Setpoint(found.position, found.velocity, found.measuring, np.zeros(1))
+            return Setpoint(found.position, found.velocity, found.measuring, np.zeros(1), np.zeros(1))
+        case "turned":
+            return Setpoint(found.position, found.velocity, found.measuring, np.zeros_like(found.position))
 
 
 WORDS = {
@@ -42,7 +44,8 @@ WORDS = {
     "flat": r"position for (\d+) times is float64 of shape \(\1,\)",
     "list": "trajectory Point: its `at` returns list, not Setpoint",
     "texts": r"position for \d+ times is <U\d+ of shape",
-    "turning": r"turning for 3 times is float64 of shape \(1,\); an array of numbers \(3,\) is wanted",
+    "turning": r"rotation for 3 times is float64 of shape \(1,\); an array of numbers \(3, 3\) is wanted",
+    "turned": r"angular_velocity for 3 times is NoneType; an array of numbers \(3, 3\) is wanted",
 }
 
 

@@ -6,6 +6,7 @@ from palpate_devices.ur.controller_states import complaint, slowdown
 from palpate_devices.ur.fence import ArmState, Fence
 from palpate_devices.ur.servo import Commander, ServoLaw, straight_path
 from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_devices.ur.station_plane import StationPlane
 from palpate_kit.acquisition.device_clock import ClockMap
 from palpate_kit.kinematics.ur_arm import (
     MODELS,
@@ -34,6 +35,13 @@ LAW = ServoLaw("servo", 20.0, 0.5, 0.02, 0.04, 1.0, np.radians(10.0), 0.12)
 STILL = np.zeros(3)
 
 
+DEEP = {**LIMITS, "depth": 0.002}
+NORMAL = np.array([0.0, np.sin(np.radians(15.0)), np.cos(np.radians(15.0))])
+TILTED = WORK.axes_in_tool @ [-np.radians(15.0), 0.0, 0.0]
+TURNING = TILTED + np.outer(np.arange(50) * 0.001 - 0.025, WORK.axes_in_tool[:, 0])
+STATION = (0.0, 0.0, 0.0, *NORMAL)
+
+
 def fence(limits=LIMITS, **own):
     made = Fence({**OWN, **own}, WORK, TOOL, UR3E, 1.0)
     made.limits = limits
@@ -49,10 +57,11 @@ def seen(position, velocity=STILL, turn=STILL, q=None, fresh=True):
     return ArmState(np.array(position, float), np.array(velocity, float), rotation, list(q), fresh)
 
 
-def table(position, velocity=None):
+def table(position, velocity=None, turn=(0.0, 0.0, 0.0), plane=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0)):
     position = np.array(position, float)
     velocity = np.gradient(position, PERIOD, axis=0) if velocity is None else velocity
-    return np.column_stack([position, velocity, np.zeros(len(position))])
+    turn, plane = np.broadcast_to(turn, position.shape), np.tile(plane, (len(position), 1))
+    return np.column_stack([position, velocity, np.zeros(len(position)), turn, plane])
 
 
 def straight(speed, count=50, start=(0.0, 0.0, 0.003)):
@@ -87,6 +96,42 @@ def stepped(late, early):
 def test_a_table_of_setpoints_is_judged_whole(rows, words):
     verdict = fence().table(rows)
     assert (verdict is None) if words is None else (words in verdict.text and verdict.trusted)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (table(straight(0.02), turn=TILTED, plane=STATION), None),
+        (table(straight(0.02), turn=TILTED), "15.0 deg off its normal, over 5 deg"),
+        (table(straight(0.02), plane=STATION), "15.0 deg off its normal, over 5 deg"),
+        (table(straight(0.02), turn=TURNING, plane=STATION), "turn the tool at 28.6 deg/s, over the limit of 10 deg/s"),
+        (
+            table(straight(0.02), turn=TILTED, plane=[0, 0, 0.0082, *NORMAL]),
+            "6.916 mm below the surface, over the limit",
+        ),
+        (table(straight(0.02), turn=TILTED, plane=[0, 0, 0, 0, 0, 2.0]), "not of length 1"),
+        (table(straight(0.02), turn=np.full(3, np.nan), plane=STATION), "not a finite number"),
+    ],
+)
+def test_turns_and_depths_are_judged_against_the_stations(rows, words):
+    verdict = fence(DEEP).table(rows)
+    assert (verdict is None) if words is None else (words in verdict.text and verdict.trusted)
+
+
+def test_a_command_and_the_arm_itself_are_judged_against_the_plane_of_the_station():
+    """A tool along the normal passes; one along the work frame's does not, nor a tip too deep below the plane."""
+    guard = fence(DEEP)
+    guard.plane = StationPlane(np.zeros(3), NORMAL)
+    place, below = 0.003 * NORMAL, -0.0035 * NORMAL
+    assert commanded(guard, [place] * 3, [TILTED] * 3) == (None, 3)
+    said, _ = commanded(guard, [place] * 3)
+    assert "15.0 deg off its station, over 5 deg" in said
+    said, _ = commanded(guard, [below] * 3, [TILTED] * 3)
+    assert "a command is 3.5 mm below the surface, over the limit of 2 mm" in said
+    guard.begin(place)
+    assert guard.in_motion(place, seen(place, turn=TILTED)) is None
+    assert "the tip is 3.5 mm below the surface" in guard.in_motion(place, seen(below, turn=TILTED)).text
+    assert "15.0 deg off the normal" in guard.in_motion(place, seen(place)).text
 
 
 def test_a_tool_is_not_turned_beyond_its_limit():
@@ -254,7 +299,7 @@ def test_an_arm_that_is_stuck_trembles_but_does_not_move():
     guard, rng = fence(), np.random.default_rng(0)
     commands = straight(0.02, 300, (0, 0, 0.006))
     guard.begin(commands[0])
-    shown = (ArmState(commands[0] + rng.normal(0, 5e-6, 3), STILL, np.eye(3), [], True) for _ in commands)
+    shown = (ArmState(commands[0] + rng.normal(0, 5e-6, 3), STILL, WORK.tool, [], True) for _ in commands)
     told = [guard.in_motion(command, look) for command, look in zip(commands, shown, strict=True)]
     assert any(verdict is not None and "has moved by" in verdict.text for verdict in told)
 
@@ -284,7 +329,7 @@ def test_place_and_speed_are_watched_in_motion(position, velocity, words, truste
     guard.begin(STILL)
     rng = np.random.default_rng(0)
     for _ in range(20):
-        look = ArmState(np.array(position) + rng.normal(0, 1e-6, 3), np.array(velocity), np.eye(3), [], True)
+        look = ArmState(np.array(position) + rng.normal(0, 1e-6, 3), np.array(velocity), WORK.tool, [], True)
         verdict = guard.in_motion(STILL, look)
     assert words in verdict.text
     assert verdict.trusted == trusted

@@ -52,7 +52,7 @@ def test_a_hand_leads_the_tip_to_a_place_and_turns_the_tool(hand):
     hand.fault("lead 3 -4 20 10 0 0")
     state = after(hand, 2.0)
     assert np.array(hand.world.position) == pytest.approx([3e-3, -4e-3, 20e-3], abs=1e-5)
-    angle = np.degrees(np.arccos((np.trace(hand.world._askew) - 1) / 2))
+    angle = np.degrees(np.arccos((np.trace(hand.world._axes) - 1) / 2))
     assert angle == pytest.approx(10.0, abs=0.05)
     assert state["fastest_joint"] < 0.21
     assert "cannot reach" in hand.say("lead 0 0 5000 0 0 0")

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from palpate.errors import ConfigurationError
 from palpate_calibration.calibration_use import identity_in
@@ -18,6 +19,7 @@ HIDDEN = (
     'twin.bench.centre_of_mass=["2 mm", "-1 mm", "35 mm"]',
     "twin.bench.height=30 mm",
 )
+NEAR = 'twin.bench.work.origin=["-220 mm", "-130 mm", "100 mm"]'  # where the arm can turn by 60 degrees
 QUICK = (
     "calibration.repeats=1",
     "calibration.standstill.trajectory.duration=2.5 s",
@@ -83,3 +85,30 @@ def test_the_noise_at_standstill_and_the_devices_are_found(simulated, tmp_path):
     assert session.values["force_std"].value == pytest.approx(0.05, rel=0.15)
     assert calibration.devices["arm"]["serial"] == "20233500001"
     assert "S/N: 000000" in calibration.devices["sensor"]["identity"]
+
+
+@pytest.mark.slow
+def test_how_the_sensor_is_mounted_is_found_where_the_arm_itself_is_turned(simulated, tmp_path):
+    """The sensor is turned by 30 degrees about the flange, and the arm leads it to four orientations."""
+    text = PIPELINE.read_text()
+    begin, end, after = (text.index(f"[{name}") for name in ("calibration]", "calibration.shake", "trajectory.press"))
+    step = text[begin:end].partition("[calibration.orientations]")[2]
+    steps = f"[calibration]\n[calibration.orientations]{step}"
+    near = (text[:begin] + steps + text[after:]).replace('origin = ["-300 mm"', 'origin = ["-220 mm"')
+    (tmp_path / "turned.toml").write_text(near)
+    mounting = np.array([np.pi * np.cos(np.pi / 12), np.pi * np.sin(np.pi / 12), 0.0])
+    hidden = f"twin.bench.mounting={mounting.tolist()}"
+    twin = simulated(*HIDDEN, hidden, NEAR)
+    turns = iter(["0 0 0", "0 -25 0", "-25 0 0", "0 25 0"])
+
+    def person(text):
+        twin.fault(f"start 0 0 30 {next(turns)}")
+        twin.fault("restore")
+
+    plan = load_plan(tmp_path / "turned.toml", ["calibration.orientations.duration=1 s"])
+    _, session, _ = run_calibration(plan, Guide(ask=person))
+    values = session.values
+    for axis, value in zip("xyz", mounting, strict=True):
+        assert abs(values[f"mounting_{axis}"].value - value) < 3.5 * values[f"mounting_{axis}"].combined
+        assert values[f"mounting_{axis}"].combined < 0.03
+    assert abs(values["mass_by_weight"].value - 0.181) < 3 * values["mass_by_weight"].combined

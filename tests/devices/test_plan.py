@@ -15,7 +15,8 @@ LONG = Point(bias=0.004, amplitude=0.001, frequency=2.0, duration=60.0)
 def rows_of(trajectory):
     times = np.arange(int(np.floor(trajectory.total_duration / PERIOD + 1e-9)) + 1) * PERIOD
     setpoint = trajectory.at(times)
-    return np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring])
+    level = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(times), 1))
+    return np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring, level])
 
 
 def test_a_file_gives_every_row_and_little_of_it_is_held():

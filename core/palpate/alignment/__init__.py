@@ -7,10 +7,11 @@ from palpate.alignment.aligner import Aligner, AlignmentReport
 from palpate.alignment.hesitation import Hesitations, hesitations
 from palpate.alignment.intake import Intake
 from palpate.alignment.lateral_force import SidewaysShare
-from palpate.alignment.load_compensation import GRAVITY
 from palpate.alignment.ports import Port, Ports, channels, signals
 from palpate.alignment.settings import SIGNAL_UNITS, AlignmentSettings, Signal
 from palpate.alignment.signal_series import Health, Series
+from palpate.alignment.tool_frame import GRAVITY, mounting_of
+from palpate.alignment.turned_tool import TurnedTool
 
 __all__ = [
     "GRAVITY",
@@ -26,7 +27,9 @@ __all__ = [
     "Series",
     "SidewaysShare",
     "Signal",
+    "TurnedTool",
     "channels",
     "hesitations",
+    "mounting_of",
     "signals",
 ]

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from palpate.alignment.contact_detector import ContactDetector
 from palpate.alignment.intake import Intake
 from palpate.alignment.lateral_force import LateralForce, SidewaysShare
+from palpate.alignment.oriented_signals import OrientedSignals
 from palpate.alignment.ports import Ports
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.signal_series import Health
 from palpate.alignment.tare import Tare
+from palpate.alignment.tilt_range import TiltRange
+from palpate.alignment.turned_tool import TurnedTool
 from palpate.alignment.velocity_lag import VelocityCheck
 from palpate.device import Batch
 from palpate.estimation import Samples
@@ -42,6 +45,8 @@ class AlignmentReport:
     by_change_point: bool = False  # the first touch is where contact began; else where touch_force was passed
     pull: float = 0.0  # [N] how far below none the force stays for a few samples, at the most
     sideways: SidewaysShare | None = None  # of the force; None where its stream has one axis
+    turned: TurnedTool | None = None  # of a tool whose orientation is read
+    tilt: float = 0.0  # range of the cosine between tool and z of its poses, where the weight counts as constant
 
 
 class Aligner:
@@ -57,15 +62,21 @@ class Aligner:
         self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served
         self._nothing: Samples | None = None  # a block without samples
         self._counts = {"samples": 0, "force": 0, "velocity": 0}
-        self._force = ports["force"]
+        self._force, self._position = ports["force"], ports["position"].key
         across = [column for column in self._force.components if column != self._force.column]
         self._lateral = LateralForce((self._force.column, across[0], across[1])) if len(across) == 2 else None
+        self._oriented: OrientedSignals | None = None
+        if settings.is_oriented:
+            self._oriented, self._lateral = OrientedSignals(settings, self._force, self._roles), None
+        self._tilt = TiltRange(ports["position"])
 
     def feed(self, device: str, batch: Batch) -> None:
         """Take in the readings of one of a device's streams."""
         self._intake.feed(device, batch)
         if self._lateral is not None and (device, batch.stream) == self._force.key:
             self._lateral.feed(batch)
+        if self._oriented is None and (device, batch.stream) == self._position:
+            self._tilt.feed(batch)
 
     def aligned(self, arrivals: Iterable[tuple[str, Batch]], final: bool = False) -> Samples:
         """The samples that some batches, each with its device, have made ready."""
@@ -80,7 +91,10 @@ class Aligner:
             return block
         if "velocity" in self._roles and len(block):
             self._check.feed(block)
-        return self._contact.feed(block, final)
+        samples = self._contact.feed(block, final)
+        if self._oriented is not None:
+            self._oriented.released(samples)
+        return samples
 
     def _paired(self, final: bool) -> Samples:
         base = self._roles["position"]
@@ -98,7 +112,11 @@ class Aligner:
         if not count and self._nothing is not None:  # as after most batches, where each stream has its own
             return self._nothing
         stamps, position = base.stamps[:count], base.values[:count]
-        block = self._block(stamps, position, base.stamps[: count + 1], base.values[: count + 1])
+        next_stamps, next_position = base.stamps[: count + 1], base.values[: count + 1]
+        if self._oriented is not None and self._oriented.is_projecting:
+            next_position = self._oriented.heights(next_stamps, count)
+            position = next_position[:count]
+        block = self._block(stamps, position, next_stamps, next_position)
         if not count:
             self._nothing = block
         else:
@@ -117,8 +135,10 @@ class Aligner:
     ) -> Samples:
         if self._origin is None and len(stamps):
             self._origin = int(stamps[0])
-        force = self._roles["force"].at(stamps)
-        if "velocity" in self._roles:
+        force = self._roles["force"].at(stamps) if self._oriented is None else self._oriented.forces(stamps)
+        if "velocity" in self._roles and self._oriented is not None and self._oriented.is_projecting:
+            velocity = self._oriented.velocities(stamps)
+        elif "velocity" in self._roles:
             velocity = self._roles["velocity"].at(stamps)
         else:
             velocity = self._central_difference(next_stamps, next_position)[: len(stamps)]
@@ -160,6 +180,7 @@ class Aligner:
     def report(self) -> AlignmentReport:
         """What has been found out so far."""
         contact, counts = self._contact, self._counts
+        across = self._oriented or self._lateral
         streams = {".".join(part for part in key if part): health for key, health in self._intake.health.items()}
         return AlignmentReport(
             streams,
@@ -175,5 +196,7 @@ class Aligner:
             self._check.delay,
             contact.by_change_point,
             contact.pull,
-            self._lateral.share if self._lateral is not None else None,
+            across.share if across is not None else None,
+            self._oriented.turned if self._oriented is not None else None,
+            self._tilt.width,
         )

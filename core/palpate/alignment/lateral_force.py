@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.device import Batch
+from palpate.vectors import Floats
 
 _PER_NEWTON = 1e3  # whole millinewtons: their sums do not depend on how a record is cut into batches
 _LARGEST = 1e6  # [mN]; what is beyond is no reading
@@ -39,7 +40,11 @@ class LateralForce:
 
     def feed(self, batch: Batch) -> None:
         """Take in readings of the force's stream."""
-        values = batch.values[:, self._columns] * _PER_NEWTON
+        self.add(batch.values[:, self._columns])
+
+    def add(self, forces: Floats) -> None:
+        """Take in forces (n, 3) [N]: the one along, and both across."""
+        values = forces * _PER_NEWTON
         values = values[(np.abs(values) < _LARGEST).all(axis=1)]
         whole = np.rint(values).astype(np.int64)
         self._count += len(whole)

@@ -9,9 +9,8 @@ import numpy as np
 from palpate.alignment.contact_threshold import SAMPLES_IN_A_ROW
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.tare import Tare
+from palpate.alignment.tool_frame import GRAVITY
 from palpate.estimation import Samples
-
-GRAVITY = 9.80665  # [m/s^2], standard
 
 
 class LoadCompensation:

@@ -38,6 +38,18 @@ class Port:
             return (self.column,)
         return tuple(i for i, channel in enumerate(self.stream.channels) if channel.unit == self.unit)
 
+    def beside(self, column: int) -> Port:
+        """Another column of the stream, at the same times; the range is that of the force."""
+        limits = self.limits if column in self.components else None
+        return Port(self.signal.model_copy(update={"sign": 1}), self.device, self.stream, column, limits)
+
+    def named(self, channel: str) -> Port:
+        """The column of the stream that has a name; raises KeyError where none has."""
+        names = [one.name for one in self.stream.channels]
+        if channel not in names:
+            raise KeyError(channel)
+        return self.beside(names.index(channel))
+
 
 @dataclass(frozen=True)
 class Ports:
@@ -57,6 +69,8 @@ class Ports:
             if role == "force" and settings.force_limit is not None:
                 limits = -settings.force_limit, settings.force_limit
             roles[role] = Port(signal, device, stream, column, limits)
+        if settings.is_oriented:
+            roles |= _local_ports(settings, roles)
         return cls(streams, roles)
 
     def __getitem__(self, role: str) -> Port:
@@ -76,3 +90,16 @@ def channels(streams: Streams) -> Iterator[tuple[str, str, Stream, int]]:
         for stream in group:
             for column, channel in enumerate(stream.channels):
                 yield address(device, stream, channel), device, stream, column
+
+
+def _local_ports(settings: AlignmentSettings, roles: Mapping[str, Port]) -> dict[str, Port]:
+    """What is read besides force, position and velocity where the tool turns or the skin is inclined, by role."""
+    force, position = roles["force"], roles["position"]
+    axes = zip("xyz", force.components, strict=False)
+    found = {f"force {axis}": force.beside(column) for axis, column in axes if column != force.column}
+    found |= {f"orientation {axis}": position.named(f"q{axis}") for axis in "xyzw"}
+    if settings.is_projecting:
+        found |= {f"position {axis}": position.named(axis) for axis in "xyz"}
+        if "velocity" in roles:
+            found |= {f"velocity {axis}": roles["velocity"].named(axis) for axis in "xyz"}
+    return found

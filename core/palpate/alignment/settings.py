@@ -9,10 +9,12 @@ from pydantic import Field, WithJsonSchema, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from palpate.parts import Settings
-from palpate.units import Delay, Force, ForceDrift, Quantity, Stiffness, Time, TipMass, quantity_schema, to_si
+from palpate.surface import Surface
+from palpate.units import Angle, Delay, Force, ForceDrift, Quantity, Stiffness, Time, TipMass, quantity_schema, to_si
 
 # What a role's channel must be in; a channel of undeclared unit ("1") is accepted as it is.
 SIGNAL_UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
+_ANGLE = math.radians(2.0)  # standard uncertainty of a direction of which none is declared
 
 
 class Signal(Settings):
@@ -54,9 +56,48 @@ class AlignmentSettings(Settings):
         default=None, ge=0, description="mass of all that hangs behind the sensor; 0 where it is known to be nothing"
     )
     tip_mass_uncertainty: TipMass | None = Field(default=None, ge=0, description="its standard uncertainty")
-    weight: Literal["tared", "removed"] = Field(
+    weight: Literal["tared", "removed", "turning"] = Field(
         default="tared",
-        description='"tared": the tare or the recording took it; "removed": subtract tip_mass times gravity',
+        description='"tared": the tare or the recording took it; "removed": subtract tip_mass times gravity; '
+        '"turning": subtract it as it turns with the tool, by the orientation in the stream of the position',
+    )
+    mounting: tuple[Angle, ...] | None = Field(
+        default=None,
+        min_length=3,
+        max_length=3,
+        description="rotation vector of the sensor on the tool, whose z looks at the skin; left out: its z looks out "
+        'of the skin, ["180 deg", 0, 0], where the force has sign = 1, else as the tool',
+    )
+    mounting_uncertainty: Angle | None = Field(
+        default=None, ge=0, description="standard uncertainty of it about each axis; left out: 2 deg"
+    )
+    gravity: tuple[float, ...] | None = Field(
+        default=None,
+        min_length=3,
+        max_length=3,
+        description="direction of gravity in the frame of the tool's pose; left out: what the arm says, or [0, 0, -1]",
+    )
+    normal: tuple[float, ...] | None = Field(
+        default=None,
+        min_length=3,
+        max_length=3,
+        description="outward normal of the skin in the frame of the tool's pose: force and motion along it are used, "
+        "from all three axes; left out: the axes that force, position and velocity name",
+    )
+    surface: Surface | None = Field(
+        default=None,
+        description="surface over which the tip goes: force and motion along its normal at each place are used, "
+        "and the height is that above it",
+    )
+    normal_uncertainty: Angle | None = Field(
+        default=None, ge=0, description="standard uncertainty of its direction, about each axis; left out: 2 deg"
+    )
+    bias: tuple[Force, ...] | None = Field(
+        default=None,
+        min_length=3,
+        max_length=3,
+        description="reading of the sensor's three axes without load and weight, for a tool that turns; left out: that "
+        'of a calibration where tare = "calibrated", else none',
     )
     series_stiffness: Stiffness | None = Field(
         default=None,
@@ -105,6 +146,36 @@ class AlignmentSettings(Settings):
         """Standard uncertainty [s] of the time between force and motion; None where neither side declares any."""
         force, motion = self.force.uncertainty, (self.velocity or self.position).uncertainty
         return None if force is None and motion is None else math.hypot(force or 0.0, motion or 0.0)
+
+    @property
+    def orientation_uncertainties(self) -> dict[str, tuple[float, bool]]:
+        """Standard uncertainty [rad] of mounting and normal, as far as they are used, and whether it is declared."""
+        stated = {"mounting": self.mounting_uncertainty} if self.is_oriented else {}
+        stated |= {"normal": self.normal_uncertainty} if self.is_projecting else {}
+        return {name: (_ANGLE if std is None else std, std is not None) for name, std in stated.items()}
+
+    @property
+    def is_oriented(self) -> bool:
+        """Whether samples depend on the tool's orientation."""
+        return self.weight == "turning" or self.is_projecting
+
+    @property
+    def is_projecting(self) -> bool:
+        """Whether force and motion are those along a normal that is stated."""
+        return self.normal is not None or self.surface is not None
+
+    @model_validator(mode="after")
+    def _one_normal(self) -> AlignmentSettings:
+        if self.normal is not None and self.surface is not None:
+            raise ValueError("give either normal or surface")
+        return self
+
+    @field_validator("gravity", "normal")
+    @classmethod
+    def _direction(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if value is not None and not 1e-6 < math.hypot(*value) < 1e6:
+            raise ValueError("must be a direction: three finite numbers that are not all 0")
+        return value
 
     @field_validator("tare", mode="before")
     @classmethod

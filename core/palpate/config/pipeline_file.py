@@ -20,7 +20,7 @@ from palpate.config.part_builder import Builder, unknown_tables
 from palpate.config.pipeline import Pipeline, RunSettings, Track
 from palpate.config.pipeline_source import Source
 from palpate.config.safety_wiring import contradictions, wire_safety
-from palpate.config.signal_wiring import check_wiring, ports_of, wrong_channels
+from palpate.config.signal_wiring import check_wiring, ports_of, with_gravity, wrong_channels
 from palpate.contact import ContactModel
 from palpate.device import Device
 from palpate.errors import suggest
@@ -64,6 +64,9 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     if use and stated:
         alignment = use.alignment(stated)
         kinds["estimator"] = {name: use.estimator(part) for name, part in kinds["estimator"].items()}
+    if alignment:
+        alignment = with_gravity(alignment, kinds["device"])
+        builder.mistakes += _wrong_orientation(alignment, kinds["model"]) if estimates else []
     tracks, lost = _tracks(run or RunSettings(), kinds["model"], kinds["estimator"])
     if estimates and not builder.mistakes:
         builder.mistakes += lost
@@ -158,6 +161,19 @@ def _wrong_signals(
     if not alignment or not isinstance(tables.get("device"), dict) or len(devices) != len(tables["device"]):
         return []
     return wrong_channels(alignment, devices) or check_wiring(ports_of(alignment, devices), safety)
+
+
+def _wrong_orientation(alignment: AlignmentSettings, models: Mapping[str, ContactModel]) -> list[Mistake]:
+    """A weight to subtract that is not known, and an inclination that would count twice."""
+    mistakes = []
+    if alignment.weight == "turning" and alignment.tip_mass is None:
+        problem = 'is needed for weight = "turning": weigh all that hangs behind the sensor'
+        mistakes.append(Mistake(("alignment", "tip_mass"), problem))
+    inclined = [name for name, model in models.items() if getattr(getattr(model, "skin", None), "inclination", 0.0)]
+    if alignment.is_projecting and inclined:
+        problem = f"counts the inclination once more that [model.{inclined[0]}] skin states: leave one of them out"
+        mistakes.append(Mistake(("alignment", "surface" if alignment.normal is None else "normal"), problem))
+    return mistakes
 
 
 def _wrong_uncertainties(run: RunSettings | None, models: Mapping[str, ContactModel]) -> list[Mistake]:

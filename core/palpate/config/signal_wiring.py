@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from palpate.alignment import SIGNAL_UNITS, AlignmentSettings, Port, Ports, channels, signals
-from palpate.device import Device
+from palpate.alignment.tool_frame import problems_of
+from palpate.device import Device, KnowsGravity
 from palpate.errors import PalpateError, suggest
 from palpate.key_mistakes import Mistake
 from palpate.safety import SafetySettings
@@ -37,7 +38,19 @@ def wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) 
         elif wanted is not None and units[signal.channel] not in (wanted, "1"):
             problem = f"{signal.channel!r} is in {units[signal.channel]}, but {role} is wanted in {wanted}"
             mistakes.append(Mistake(("alignment", role), problem))
+    if not mistakes and alignment.is_oriented:
+        bare = alignment.model_copy(update={"weight": "tared", "normal": None, "surface": None})
+        problems = problems_of(alignment, ports_of(bare, devices))
+        mistakes += [Mistake(("alignment", key), problem) for key, problem in problems]
     return mistakes
+
+
+def with_gravity(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> AlignmentSettings:
+    """Settings of a tool that turns, with the direction of gravity in which its arm stands where none is stated."""
+    arm = devices.get(alignment.position.channel.partition(".")[0])
+    if not alignment.is_oriented or alignment.gravity is not None or not isinstance(arm, KnowsGravity):
+        return alignment
+    return alignment.model_copy(update={"gravity": arm.gravity})
 
 
 def check_wiring(ports: Ports, safety: SafetySettings | None) -> list[Mistake]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -109,6 +109,7 @@ def _alignment_facts(report: AlignmentReport, settings: AlignmentSettings) -> di
         "log_duration": report.duration,
         "tare": offset,
         "velocity_delay": late and {"value": late[0], "std": late[1]},
+        **({"turned_tool": asdict(report.turned)} if report.turned is not None else {}),
         "first_touch": touch and {"time": touch[0], "position": touch[1], "by": by, "lag": settings.touch_lag},
     }
 

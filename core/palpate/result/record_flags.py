@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from palpate.alignment import AlignmentReport, AlignmentSettings, Health
+from palpate.alignment import GRAVITY, AlignmentReport, AlignmentSettings, Health
 from palpate.estimation import Status
 from palpate.flags import Flag
 from palpate.result.track_record import TrackRecord
@@ -14,6 +15,9 @@ _DRIFT = 5e-4  # [s] between the clocks of two streams over a record
 _FEW = 0.01  # of the samples, that may lack a reading
 _MANY = 0.05  # of the samples, from which on what was lost counts, whatever it does
 _STUCK = 0.1  # [s] of exactly equal readings
+_TURNED = 0.02  # [N] of a weight, that is seen
+_MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
+_SIGMAS, _CHANCE = 3.0, 5.0  # standard uncertainties: of what is stated; of noise that is correlated
 _STIFF = 0.01  # of the samples; the few long steps of an arm that hesitates are no property of the contact
 
 
@@ -29,6 +33,7 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
     if report.missing_force > _MANY * report.samples:
         yield Flag("lost-readings", f"{report.missing_force} of {report.samples} samples have no force")
     yield from _drift_flags(report, settings)
+    yield from _weight_flags(report, settings)
     if report.touches > 1:
         yield Flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
 
@@ -58,6 +63,27 @@ def _drift_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterat
             ahead, behind = (name, first) if gain > reference else (first, name)
             late = f"{1e3 * abs(gain - reference):.2g} ms"
             yield Flag("clock-drift", f"the time-stamps of {ahead} gain {late} on those of {behind} over the record")
+
+
+def _weight_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:
+    """A tool that turns in free air, and readings that do not follow its weight."""
+    turned, mass = report.turned, settings.tip_mass
+    if settings.weight != "turning" and (change := report.tilt * GRAVITY * (mass or 0.0)) > _TURNED:
+        yield Flag(
+            "turned-tool",
+            f"the tool turns, and its weight along it changes by {change:.2g} N, which a tare does not take off",
+        )
+    if turned is None or turned.apart is None or turned.spread < _TURNED or not mass:
+        return
+    angle, _ = settings.orientation_uncertainties["mounting"]
+    share = _MASS if settings.tip_mass_uncertainty is None else settings.tip_mass_uncertainty / mass
+    drift = settings.drift * report.duration / turned.spread
+    if turned.apart > _SIGMAS * math.hypot(angle, share) + drift + _CHANCE * turned.apart_std:
+        yield Flag(
+            "turned-weight",
+            f"in free air the weight turns by {turned.spread:.2g} N in the axes of the sensor, and the readings are "
+            f"off that by {turned.apart * turned.spread:.2g} N",
+        )
 
 
 def track_flags(record: TrackRecord, report: AlignmentReport) -> Iterator[Flag]:

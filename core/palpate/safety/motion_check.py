@@ -10,15 +10,19 @@ from functools import reduce
 import numpy as np
 
 from palpate.errors import ConfigurationError
+from palpate.rotation_vectors import angular_velocities
 from palpate.safety.motion_limits import Excess, Reach
 from palpate.safety.settings import SafetySettings
-from palpate.trajectory import OwnMotion, Setpoint, Trajectory, duration_of, setpoints_at
+from palpate.surface import Surface, surface_points
+from palpate.trajectory import OwnMotion, Setpoint, Trajectory, duration_of, setpoints_at, surface_of
 from palpate.vectors import Floats
 
 _STEP = 0.002  # [s] between the instants that are checked
 _STRETCH, _COMMON = 30_000, 2  # instants; what two stretches share, for accelerations are of three of them
 _TOLERANCE = 1e-9
 _ROUNDING = 1e-9
+_TURN_CONTRADICTION = 5e-3  # [rad/s]
+_ROUNDED_ANGLE = 1e-6  # [rad]; a cosine near 1 is not known better
 _CONTRADICTION = 1e-3  # [m/s] between stated velocity and what the positions do
 
 
@@ -41,12 +45,15 @@ def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport
     count = math.ceil((duration_of(trajectory) + _STEP) / _STEP)
     spans = (np.arange(max(first - _COMMON, 0), min(first + _STRETCH, count)) for first in range(0, count, _STRETCH))
     times = (np.asarray(span * _STEP, np.float64) for span in spans)
-    return _judged(((time, setpoints_at(trajectory, time)) for time in times), limits)
+    surface = surface_of(trajectory)
+    return _judged(((time, setpoints_at(trajectory, time)) for time in times), limits, surface)
 
 
-def check_setpoints(times: Floats, setpoint: Setpoint, limits: SafetySettings) -> MotionReport:
-    """Setpoints at times (n,) [s] against the limits."""
-    return _judged([(times, setpoint)], limits)
+def check_setpoints(
+    times: Floats, setpoint: Setpoint, limits: SafetySettings, surface: Surface | None = None
+) -> MotionReport:
+    """Setpoints at times (n,) [s], over a surface if one is given, against the limits."""
+    return _judged([(times, setpoint)], limits, surface)
 
 
 @dataclass(frozen=True)
@@ -57,17 +64,31 @@ class _Stretch:
     reach: Reach
     inward: float  # [m/s]
     turn: float  # [rad/s]
+    turn_apart: float  # [rad/s] by which the stated turn and what the rotations do are apart
+    askew: float  # [rad] between tool and normal
+    depth: float  # [m] below the surface, along its normal
     finite: bool
     apart: tuple[float, float, float]  # [m/s] stated velocity and what the positions do: too far apart by, and both
 
     @classmethod
-    def of(cls, times: Floats, setpoint: Setpoint, limits: SafetySettings) -> _Stretch:
+    def of(cls, times: Floats, setpoint: Setpoint, limits: SafetySettings, surface: Surface | None) -> _Stretch:
         moved = np.diff(setpoint.position, axis=0) / np.diff(times)[:, None]
+        normal, depth = np.broadcast_to(np.array([0.0, 0.0, 1.0]), setpoint.position.shape), 0.0
+        if surface is not None:
+            points = surface_points(surface, setpoint.position)
+            normal, depth = points.normal, float((-points.height).max(initial=0.0))
+        turn, turn_apart = _turns(times, setpoint, limits)
         return cls(
             (float(times[0]), float(times[-1])),
             Reach.of(times, setpoint),
-            max(float((-column[:, 2]).max(initial=0.0)) for column in (setpoint.velocity, moved)),
-            setpoint.fastest_turn,
+            max(
+                float((-(speed * out).sum(axis=1)).max(initial=0.0))
+                for speed, out in ((setpoint.velocity, normal), (moved, normal[1:]), (moved, normal[:-1]))
+            ),
+            turn,
+            turn_apart,
+            float(np.arccos(np.clip((setpoint.axes * normal).sum(axis=1), -1.0, 1.0)).max(initial=0.0)),
+            depth,
             bool(np.isfinite(setpoint.position).all() and np.isfinite(setpoint.velocity).all()),
             _apart(moved, setpoint.velocity, limits.acceleration * np.diff(times)),
         )
@@ -79,13 +100,18 @@ class _Stretch:
             self.reach.and_of(other.reach),
             max(self.inward, other.inward),
             max(self.turn, other.turn),
+            max(self.turn_apart, other.turn_apart),
+            max(self.askew, other.askew),
+            max(self.depth, other.depth),
             self.finite and other.finite,
             max(self.apart, other.apart),
         )
 
 
-def _judged(stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings) -> MotionReport:
-    whole = reduce(_Stretch.and_of, (_Stretch.of(times, setpoint, limits) for times, setpoint in stretches))
+def _judged(
+    stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings, surface: Surface | None = None
+) -> MotionReport:
+    whole = reduce(_Stretch.and_of, (_Stretch.of(times, setpoint, limits, surface) for times, setpoint in stretches))
     reach, inward, (apart, stated, seen) = whole.reach, whole.inward, whole.apart
     problems = [] if whole.finite else ["a setpoint is not a finite number"]
     problems += [_sentence(excess) for excess in limits.motion.excesses(reach)]
@@ -97,6 +123,7 @@ def _judged(stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings
     if whole.turn > limits.angular_speed * (1.0 + _ROUNDING):
         turn, most = math.degrees(whole.turn), math.degrees(limits.angular_speed)
         problems.append(f"the tool turns at {turn:.1f} deg/s, over the limit of {most:.1f} deg/s")
+    problems += _askew(whole, limits, surface is not None)
     return MotionReport(
         whole.times[1] - whole.times[0],
         reach.low,
@@ -107,6 +134,42 @@ def _judged(stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings
         limits.stop_force + limits.overshoot(inward),
         tuple(problems),
     )
+
+
+def _askew(whole: _Stretch, limits: SafetySettings, on_surface: bool) -> list[str]:
+    """What is wrong with the orientation of the tool, and with the depth below a surface."""
+    problems = []
+    if whole.turn_apart > _TURN_CONTRADICTION:
+        problems.append(
+            f"the tool turns by {math.degrees(whole.turn_apart):.2f} deg/s otherwise than its stated angular velocity"
+        )
+    if whole.askew > limits.orientation + _ROUNDED_ANGLE:
+        off, most = math.degrees(whole.askew), math.degrees(limits.orientation)
+        what = "the surface's normal" if on_surface else "the work frame's"
+        problems.append(
+            f"the tool is {off:.1f} deg off {what}, over the limit of {most:.1f} deg ([safety] orientation)"
+        )
+    if on_surface and limits.depth is None:
+        problems.append("a motion over a surface needs [safety] depth, the largest depth below it")
+    if limits.depth is not None and whole.depth > limits.depth + _TOLERANCE:
+        problems.append(
+            f"the tip goes {1e3 * whole.depth:.2f} mm below the surface, over the limit of {1e3 * limits.depth:.2f} mm "
+            "([safety] depth)"
+        )
+    return problems
+
+
+def _turns(times: Floats, setpoint: Setpoint, limits: SafetySettings) -> tuple[float, float]:
+    """Fastest turn [rad/s], stated or done, and how far both are apart beyond what the stated one changes by."""
+    if setpoint.rotation is None or setpoint.angular_velocity is None or len(times) < 2:
+        return setpoint.fastest_turn, 0.0
+    middle = 0.5 * (setpoint.rotation[1:] + setpoint.rotation[:-1])
+    done = angular_velocities(middle, np.diff(setpoint.rotation, axis=0) / np.diff(times)[:, None])
+    stated = 0.5 * (setpoint.angular_velocity[1:] + setpoint.angular_velocity[:-1])
+    change = np.linalg.norm(np.diff(setpoint.angular_velocity, axis=0), axis=1)
+    apart = np.linalg.norm(done - stated, axis=1) - change
+    fastest = max(setpoint.fastest_turn, float(np.linalg.norm(done, axis=1).max()))
+    return fastest, float(max(apart.max(), 0.0))
 
 
 def _apart(moved: Floats, velocity: Floats, change: Floats) -> tuple[float, float, float]:

@@ -6,10 +6,10 @@ import math
 
 from pydantic import Field
 
-from palpate.arm_limits import ArmLimits
+from palpate.arm_limits import NO_DEPTH, ArmLimits
 from palpate.parts import Settings
 from palpate.safety.motion_limits import MotionLimits
-from palpate.units import Acceleration, Angle, AngularSpeed, Force, Length, Speed, Stiffness, Time
+from palpate.units import Acceleration, Angle, AngularSpeed, Depth, Force, Length, Speed, Stiffness, Time
 
 
 class SafetySettings(Settings):
@@ -26,16 +26,22 @@ class SafetySettings(Settings):
         description="corner of the workspace box in the work frame; its z is the depth limit",
     )
     high: tuple[Length, ...] = Field(min_length=3, max_length=3, description="the opposite corner")
+    depth: Depth | None = Field(
+        default=None, gt=0, description="largest depth below a surface that a motion follows, along its normal"
+    )
     speed: Speed = Field(default=0.05, gt=0, le=1.0, description="fastest tip")
     acceleration: Acceleration = Field(default=1.0, gt=0, le=50.0, description="largest acceleration of the tip")
     orientation: Angle = Field(
         default=math.radians(5.0),
         gt=0,
         le=0.5,
-        description="largest angle between the tool and the work frame, at the start and in motion",
+        description="largest angle between the tool and the normal of work frame or surface, from the start on",
     )
     angular_speed: AngularSpeed = Field(
-        default=math.radians(10.0), gt=0, le=1.0, description="fastest turn of the tool, on the way to the start"
+        default=math.radians(10.0),
+        gt=0,
+        le=1.0,
+        description="fastest turn of the tool, on the way to the start and from place to place",
     )
     force: Force = Field(gt=0, le=1e4, description="force that must not be exceeded")
     stop_force: Force = Field(gt=0, le=1e4, description="force that stops the motion, along any axis, tared")
@@ -94,4 +100,6 @@ class SafetySettings(Settings):
     @property
     def of_an_arm(self) -> ArmLimits:
         """What an arm has to keep by itself."""
-        return ArmLimits(self.low, self.high, self.speed, self.acceleration, self.orientation, self.angular_speed)
+        depth = NO_DEPTH if self.depth is None else self.depth
+        limits = self.low, self.high, self.speed, self.acceleration, self.orientation, self.angular_speed
+        return ArmLimits(*limits, depth)

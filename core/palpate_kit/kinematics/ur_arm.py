@@ -173,6 +173,15 @@ def rotation_vector(matrix: Floats) -> Floats:
     return np.asarray(direction * (angle if float(direction @ axis) >= 0 else -angle))
 
 
+def shortest_turn(axis: Floats) -> Floats:
+    """Rotation vector (3,) [rad] of the shortest turn from z to a direction (3,) of length 1."""
+    x, y, z = axis.tolist()
+    across = math.hypot(x, y)
+    angle = math.atan2(across, z)
+    scale = angle / across if across > 1e-12 else 1.0
+    return np.array((-scale * y, scale * x, 0.0))
+
+
 def matrix_of(pose: Sequence[float]) -> Floats:
     """Pose (4, 4) of UR's six numbers: position [m] and rotation vector [rad]."""
     rows = [(*row, place) for row, place in zip(_rotation(pose[3:]), pose[:3], strict=True)]

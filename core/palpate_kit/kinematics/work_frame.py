@@ -36,6 +36,11 @@ class WorkFrame(Settings):
         """Orientation (3, 3) in the base of a tool that looks at the skin."""
         return np.asarray(self.matrix[:3, :3] @ _DOWN @ rotation_matrix((0.0, 0.0, self.turn)))
 
+    @cached_property
+    def axes_in_tool(self) -> Floats:
+        """The frame's axes (3, 3) in the frame of that tool: it makes a rotation vector of the one one of the other."""
+        return np.asarray(self.tool.T @ self.matrix[:3, :3])
+
     def tool_pose(self, position: Floats) -> Floats:
         """Pose (4, 4) in the base of a tool at a position (3,) [m] in the work frame."""
         pose = np.eye(4)

@@ -101,6 +101,19 @@ class FirstTouchDocument(Document):
     lag: float = Field(description="of the threshold behind the touch [s]")
 
 
+class TurnedToolDocument(Document):
+    """The weight of a tool that turns, in the axes of the sensor, and the motion in contact."""
+
+    turn: float = Field(description="distance of the mean weights in contact and in the air before it [N]")
+    along: float = Field(description="how much more of it is along the normal in contact than in the air [N]")
+    weight: float = Field(description="along the normal in contact [N]")
+    spread: float = Field(description="rms of the weight about its mean in free air [N]")
+    apart: Number = Field(description="how far the readings in free air are from following it, in parts of spread")
+    apart_std: float = Field(description="by noise")
+    slope: float = Field(description="tangent of the angle between the stated normal and the motion in contact")
+    curvature: float = Field(description="mean of the two of the surface in contact [1/m]")
+
+
 class ControlDocument(Document):
     """The check of the rig that stands behind a run; `palpate control` made it."""
 
@@ -136,6 +149,7 @@ class RunDocument(Document):
     log_duration: float = Field(description="of the record [s]")
     tare: TareDocument | None = Field(description="null where none was taken")
     velocity_delay: VelocityDelayDocument | None = Field(description="null where it cannot be determined")
+    turned_tool: TurnedToolDocument | Absent = Field(None, description="where the tool's orientation is read")
     first_touch: FirstTouchDocument | None = Field(description="null where nothing was touched")
 
 

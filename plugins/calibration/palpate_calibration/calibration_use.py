@@ -58,7 +58,9 @@ class AppliedCalibration:
             changes |= {"tip_mass": values["mass"].value, "tip_mass_uncertainty": values["mass"].std}
         if "compliance" in values and values["compliance"].value > 0 and "series_stiffness" not in stated:
             changes["series_stiffness"] = 1.0 / values["compliance"].value
-        if "offset" in values and settings.tare == "calibrated":
+        if settings.is_oriented:
+            changes |= self._orientation(settings)
+        elif "offset" in values and settings.tare == "calibrated":
             changes |= {"tare": values["offset"].value, "tare_uncertainty": values["offset"].std}
         if "delay" in values and not self._timing_is_stated(settings):
             changes["force"] = _late(settings.force, values["delay"])
@@ -70,6 +72,22 @@ class AppliedCalibration:
             ):
                 changes["velocity"] = _late(settings.velocity, lag)
         return settings.model_copy(update=changes)
+
+    def _orientation(self, settings: AlignmentSettings) -> dict[str, Any]:
+        """The sensor's mounting, and its bias for a calibrated tare: the offset has the weight of one posture in it."""
+        changes = dict[str, Any]()
+        mounting, bias = ([self.values.get(f"{name}_{axis}") for axis in "xyz"] for name in ("mounting", "bias"))
+        if all(mounting) and "mounting" not in settings.model_fields_set:
+            changes["mounting"] = tuple(value.value for value in mounting if value)
+            changes["mounting_uncertainty"] = max(value.std for value in mounting if value)
+        if all(bias) and settings.tare == "calibrated" and settings.bias is None:
+            sign, std = settings.force.sign, max(value.std for value in bias if value)
+            changes |= {
+                "bias": tuple(sign * value.value for value in bias if value),
+                "tare": 0.0,
+                "tare_uncertainty": std,
+            }
+        return changes
 
     def age(self, now: datetime) -> float:
         """How old it is [s]."""

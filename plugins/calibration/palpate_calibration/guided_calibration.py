@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
-from palpate import ConfigurationError, LogError
-from palpate.host import Reach, is_live, plain_settings
+import numpy as np
+from palpate import ConfigurationError, KnowsGravity, LogError
+from palpate.host import Reach, is_live, mounting_of, plain_settings
 from palpate_kit.runs.calibration_file import Calibration
 
 from palpate_calibration.calibrated_value import calibrated_value
 from palpate_calibration.calibration_record import CalibrationRecord
 from palpate_calibration.calibration_use import identity_of
-from palpate_calibration.orientations import weigh_tool
+from palpate_calibration.mounting import Mounting, find_mounting
+from palpate_calibration.orientations import Pose, tools_of, weigh_tool
 from palpate_calibration.plan import CalibrationPlan
 from palpate_calibration.protocol import StepFindings, calibrate, join_steps
 from palpate_calibration.record_acquisition import (
@@ -175,7 +177,28 @@ def _oriented(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFi
                 text = f"  orientation {number + 1} of {len(step.down)}: gravity along ({along}) in the sensor's frame"
                 poses.append(one_pose(of_step, step, down, 100 * repeat + number, partial(guide.ask, text)))
             repeats.append(poses)
-    return StepFindings(weigh_tool(repeats, step.down, step.angle_std))
+    try:
+        mounting = _mounting(of_step, step, repeats)
+    except LogError as error:
+        values = weigh_tool(repeats, step.down, step.angle_std)
+        reason = str(error).removeprefix("calibration: ")
+        return StepFindings(values, notes=(f"no mounting of the sensor on the tool: {reason}",))
+    if mounting is None:
+        return StepFindings(weigh_tool(repeats, step.down, step.angle_std))
+    directions = np.array(step.down) if "down" in step.model_fields_set else mounting.down
+    values = weigh_tool(repeats, directions, step.angle_std) | mounting.values
+    return StepFindings(values, notes=() if mounting.note is None else (mounting.note,))
+
+
+def _mounting(plan: CalibrationPlan, step: Orientations, repeats: Sequence[Sequence[Pose]]) -> Mounting | None:
+    """The sensor's mounting, where the arm's poses are recorded; raises LogError where they do not tell it."""
+    tools = tools_of(repeats)
+    if tools is None:
+        return None
+    signal, arm, force = plan.alignment.force, plan.devices[plan.ports["position"].device], plan.ports["force"]
+    stated = plan.alignment.gravity or (arm.gravity if isinstance(arm, KnowsGravity) else (0.0, 0.0, -1.0))
+    near = mounting_of(plan.alignment, force.components.index(force.column)) or (0.0, 0.0, 0.0)
+    return find_mounting(tools, np.array(stated) / np.linalg.norm(stated), step.angle_std, signal.sign, near)
 
 
 def _shake(session: StepFindings) -> dict[str, Any]:

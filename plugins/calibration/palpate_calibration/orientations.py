@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Floats, LogError
 from palpate.host import GRAVITY, Ports
+from palpate_kit.kinematics.ur_arm import rotation_matrix
 
 from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue
 from palpate_calibration.sines import mean_with_std
 from palpate_calibration.statics import WeightFit, weight_fit
 
+_QUATERNION = ("qx", "qy", "qz", "qw")
 _AXES = ("x", "y", "z", "tx", "ty", "tz")
 _EDGE = 0.1  # [s] left out at both ends
 _SHORTEST = 0.5  # [s]
@@ -24,7 +26,7 @@ _SECOND = 1e9  # [ns]
 
 
 class WrenchRecorder:
-    """Feeds on batches, keeps all six columns of the sensor that gives the force."""
+    """Feeds on batches, keeps all six columns of the sensor that gives the force, and orientations of the tool."""
 
     def __init__(self, ports: Ports) -> None:
         port = ports["force"]
@@ -39,6 +41,18 @@ class WrenchRecorder:
         self._sign = port.signal.sign
         self._stamps: list[NDArray[np.int64]] = []
         self._values: list[Floats] = []
+        pose = ports["position"]
+        self.arm, self._pose = pose.key
+        channels = [channel.name for channel in pose.stream.channels]
+        known = pose.stream.layout == "pose" and set(_QUATERNION) <= set(channels)
+        self._orientation = [channels.index(name) for name in _QUATERNION] if known else []
+        self._tool_stamps: list[NDArray[np.int64]] = []
+        self._tools: list[Floats] = []
+
+    @property
+    def reads_orientation(self) -> bool:
+        """Whether the stream of the position is that of a pose."""
+        return bool(self._orientation)
 
     def feed(self, device: str, batch: Batch) -> None:
         """Take in the readings of the sensor."""
@@ -46,6 +60,10 @@ class WrenchRecorder:
             rows = batch.valid
             self._stamps.append(batch.time[rows])
             self._values.append(self._sign * batch.values[rows][:, self._columns])
+        if self._orientation and (device, batch.stream) == (self.arm, self._pose):
+            rows = batch.valid
+            self._tool_stamps.append(batch.time[rows])
+            self._tools.append(batch.values[rows][:, self._orientation])
 
     def poses(self, stretches: Sequence[tuple[float, float]] | None = None, origin: int = 0) -> list[Pose]:
         """Mean readings in stretches of time [s] since `origin` [ns]; left out: in all of the record."""
@@ -58,8 +76,22 @@ class WrenchRecorder:
             rows = (time >= begin + _EDGE) & (time < end - _EDGE)
             if end - begin < _SHORTEST or rows.sum() < 100:
                 raise LogError(f"calibration: a standstill of {end - begin:.2f} s is too short to weigh the load")
-            found.append(_pose(values[rows]))
+            found.append(replace(_pose(values[rows]), tool=self._tool((begin, end) if stretches else None, origin)))
         return found
+
+    def _tool(self, stretch: tuple[float, float] | None, origin: int) -> Floats | None:
+        """Mean orientation (3, 3) of the tool in a stretch of time [s] since `origin` [ns], or in all of the record."""
+        if not self._tools:
+            return None
+        quaternions = np.concatenate(self._tools)
+        if stretch is not None:
+            time = (np.concatenate(self._tool_stamps) - origin) / _SECOND
+            quaternions = quaternions[(time >= stretch[0] + _EDGE) & (time < stretch[1] - _EDGE)]
+        if not len(quaternions):
+            return None
+        # The mean of q q^T has the mean orientation as its largest eigenvector, whatever the signs (Markley 2007).
+        x, y, z, w = np.linalg.eigh(quaternions.T @ quaternions)[1][:, -1].tolist()
+        return rotation_matrix((2.0 * math.atan2(math.hypot(x, y, z), w) * _unit(np.array([x, y, z]))).tolist())
 
 
 @dataclass(frozen=True)
@@ -68,6 +100,7 @@ class Pose:
 
     wrench: Floats  # (6,) [N, N m]
     std: Floats  # (6,) standard uncertainties
+    tool: Floats | None = None  # (3, 3) orientation of the tool in the frame of the arm's poses; None: not recorded
 
 
 def _pose(values: Floats) -> Pose:
@@ -75,17 +108,36 @@ def _pose(values: Floats) -> Pose:
     return Pose(np.array([mean for mean, _, _ in means]), np.array([std for _, std, _ in means]))
 
 
+def _unit(vector: Floats) -> Floats:
+    length = float(np.linalg.norm(vector))
+    return vector / length if length else vector
+
+
+def tools_of(repeats: Sequence[Sequence[Pose]]) -> list[tuple[Floats, Floats, float]] | None:
+    """Mean forces (n, 3) [N], orientations (n, 3, 3) and noise [N] of each repeat; None where no pose is recorded."""
+    found = []
+    for poses in repeats:
+        tools = [pose.tool for pose in poses if pose.tool is not None]
+        if len(tools) < len(poses):
+            return None
+        noise = math.sqrt(float(np.mean([pose.std[:3] ** 2 for pose in poses])))
+        found.append((np.array([pose.wrench[:3] for pose in poses]), np.array(tools), noise))
+    return found
+
+
 def weigh_tool(
-    repeats: Sequence[Sequence[Pose]], down: Sequence[Sequence[float]], angle: float
+    repeats: Sequence[Sequence[Pose]], down: Floats | Sequence[Sequence[float]], angle: float
 ) -> dict[str, MeasuredValue]:
     """Mass, centre of mass and biases from all repeats, each with one pose for every direction of gravity.
+
+    The directions are the same in every repeat (n, 3), or of each repeat (repeats, n, 3).
 
     Type B is what directions that are off by `angle` [rad] about each of two axes would do. Raises LogError where the
     readings do not follow the directions.
     """
-    downs = np.array(down, np.float64)
+    every = np.broadcast_to(np.array(down, np.float64), (len(repeats), len(repeats[0]), 3))
     fits, shares = [], []
-    for poses in repeats:
+    for poses, downs in zip(repeats, every, strict=True):
         wrenches = np.array([pose.wrench for pose in poses])
         spread = np.sqrt(np.mean([pose.std**2 for pose in poses], axis=0))
         stds = float(np.sqrt((spread[:3] ** 2).mean())), float(np.sqrt((spread[3:] ** 2).mean()))

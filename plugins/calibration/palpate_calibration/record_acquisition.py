@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 
 import numpy as np
-from palpate import Arm, Batch, ConfigurationError, LogError, Turnable, clock, duration_of, setpoints_at
+from palpate import (
+    Arm,
+    Batch,
+    ConfigurationError,
+    DeviceError,
+    LogError,
+    Observable,
+    Turnable,
+    clock,
+    duration_of,
+    setpoints_at,
+)
 from palpate.host import Flow, Reach, ask_devices, demand_safe, each, interruptible, is_live, single_trajectory
 
 from palpate_calibration.calibration_record import CalibrationRecord, CalibrationRecorder
@@ -19,6 +30,7 @@ from palpate_calibration.settings import CalibrationSettings, Orientations, Step
 
 Seen = dict[str, dict[str, str]]  # what live devices say of themselves, by name
 
+_LOOK = 0.2  # [s] at an arm that stands still
 _STEP = 1e-3  # [s] between the instants that are checked
 
 
@@ -101,7 +113,7 @@ def one_pose(
 
 
 def _listen(plan: CalibrationPlan, recorder: WrenchRecorder, seconds: float) -> None:
-    """Only the sensor is connected: the robot is left to the user, who turns the tool."""
+    """Read the sensor, then how the tool stands: the robot is left to the user, who turns the tool."""
     with ExitStack() as stack:
         link = stack.enter_context(plan.devices[recorder.device].connect(plan.run.seed))
         began = clock().now()
@@ -109,6 +121,15 @@ def _listen(plan: CalibrationPlan, recorder: WrenchRecorder, seconds: float) -> 
             if len(batch.time):
                 recorder.feed(recorder.device, batch)
             if clock().now() - began > seconds + 0.3:  # the ends are left out
+                break
+    arm = plan.devices[recorder.arm]
+    if not recorder.reads_orientation or not isinstance(arm, Observable):
+        return
+    with suppress(DeviceError), arm.observe(plan.run.seed) as link:  # weight and centre of mass need no arm
+        began = clock().now()
+        for batch in link.batches():
+            recorder.feed(recorder.arm, batch)
+            if clock().now() - began > _LOOK:
                 return
 
 

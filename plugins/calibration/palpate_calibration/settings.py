@@ -46,7 +46,10 @@ class Orientations(Settings):
     trajectory: Trajectory | None = Field(default=None, description="the motion, where a device moves for it")
     device: dict[str, Device] = Field(default={}, description="devices of this step; left out: those of the file")
     down: tuple[tuple[float, ...], ...] = Field(
-        default=_FOUR, min_length=3, description="direction of gravity in the sensor's frame, in each orientation"
+        default=_FOUR,
+        min_length=3,
+        description="direction of gravity in the sensor's frame, in each orientation; left out: four, or by the poses "
+        "of an arm that turned the tool",
     )
     angle_std: Angle = Field(
         default=math.radians(0.5), ge=0, description="standard uncertainty of each direction, about each of two axes"

@@ -21,20 +21,20 @@ def sensed_wrench(
     noise: Floats,
     noise_std: float,
     limit: float,
-    down: Sequence[float] = (0.0, 0.0, -1.0),
+    down: Sequence[float] | Floats = (0.0, 0.0, -1.0),
     centre: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Floats:
     """Reading (n, 6) [N, N*m] = contact + inertia + weight + offset + noise, compressive positive, within the range.
 
-    Contact force (n, 3) [N] is that on the tip, the weight acts along `down`, the offset [N] along z, acceleration
-    (n, 3) [m/s^2] is that of the tip, `centre` [m] its centre of mass in the sensor's frame, where weight and inertia
-    act, `noise` (n, 6) is standard normal.
+    Contact force (n, 3) [N] is that on the tip, the weight acts along `down` (3,) or (n, 3), the offset [N] along z,
+    acceleration (n, 3) [m/s^2] is that of the tip, `centre` [m] its centre of mass in the axes of the sensor, where
+    weight and inertia act, `noise` (n, 6) is standard normal.
     """
     wrench = np.zeros((len(contact), 6))
     wrench[:, :3] = contact - tip_mass * acceleration
     weight = tip_mass * GRAVITY * np.asarray(down, np.float64)
-    wrench[:, :2] += weight[:2]
-    wrench[:, 2] += offset + weight[2]
+    wrench[:, :2] += weight[..., :2]
+    wrench[:, 2] += offset + weight[..., 2]
     x, y, z = map(float, centre)
     pull = weight - tip_mass * acceleration
     wrench[:, 3] = y * pull[:, 2] - z * pull[:, 1]

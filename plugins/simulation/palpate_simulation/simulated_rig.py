@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 from palpate import (
+    Angle,
     Batch,
     Channel,
     ConfigurationError,
@@ -36,14 +37,17 @@ from palpate import (
 )
 from palpate_kit.acquisition.prefetch import ahead
 from palpate_kit.force_control import refusal
+from palpate_kit.kinematics.ur_arm import rotation_vector
 from pydantic import Field
 
 from palpate_simulation.sensor_wrench import sensed_wrench
 from palpate_simulation.series_compliance import motion_behind_spring
 from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
 from palpate_simulation.simulated_force_control import force_controlled_motion
+from palpate_simulation.simulated_tool import SimulatedTool
 from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.specimen import Specimen
+from palpate_simulation.tool_axes import MOUNTING, TOOL, mounting_matrix, turn_between
 
 _SECOND = 1_000_000_000  # [ns]
 _AHEAD = 8  # batches that are made before they are asked for
@@ -66,8 +70,15 @@ class SimulatedRig(Device):
         default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="of that mass, in the sensor's frame"
     )
     down: tuple[float, ...] = Field(
-        default=(0.0, 0.0, -1.0), min_length=3, max_length=3, description="direction of gravity in the sensor's frame"
+        default=(0.0, 0.0, -1.0), min_length=3, max_length=3, description="direction of gravity in the work frame"
     )
+    tool_rotation: tuple[Angle, ...] = Field(
+        default=(0.0, 0.0, 0.0),
+        min_length=3,
+        max_length=3,
+        description="rotation vector of the tool from one that looks along the normal, in the tool's frame",
+    )
+    mounting: tuple[Angle, ...] | None = Field(default=None, min_length=3, max_length=3, description=MOUNTING)
     rate: Frequency = Field(default=500.0, gt=0, description="control and sampling rate of the robot")
     gain: float = Field(
         default=20.0, gt=0, allow_inf_nan=False, description="proportional gain of the position loop, in 1/s"
@@ -134,9 +145,15 @@ class SimulatedRig(Device):
         """Outlines of the specimen's inclusions."""
         return tuple(inclusion.outline for inclusion in self.specimen.inclusions)
 
+    @property
+    def gravity(self) -> tuple[float, ...]:
+        """In the work frame."""
+        return self.down
+
     def turned(self, down: tuple[float, ...]) -> Device:
-        """The rig with its tool turned."""
-        return self.model_copy(update={"down": down})
+        """The rig with its tool turned, so that gravity points along `down` in the sensor's frame."""
+        turn = turn_between(mounting_matrix(self.mounting) @ np.array(down), TOOL.T @ np.array(self.down))
+        return self.model_copy(update={"tool_rotation": tuple(rotation_vector(turn).tolist())})
 
     def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Device:
         """The rig whose specimen was palpated before, at distances [m] and ages [s]."""
@@ -207,8 +224,9 @@ class _RigLink:
             motion = loop.track(setpoint.position, setpoint.velocity)
             if settings.unrest > 0:
                 motion = motion.with_unrest(settings.unrest, self._unrest)
+        tool = SimulatedTool.of(settings, loop, setpoint)
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
-        contact = self._contact(readings, motion)
+        contact = self._contact(readings, motion, tool)
         origin = host_time_ns() if settings.pace == "real-time" else 0
         began = clock().now()
         done_ticks = done_readings = 0
@@ -220,28 +238,34 @@ class _RigLink:
                 return
             felt = slice(done_readings, done_readings := int(np.searchsorted(readings, edge)))
             now = readings[felt]
-            yield self._batch("wrench", now, settings.force_delay, self._wrench(now, motion, contact[felt]), origin)
+            yield self._batch(
+                "wrench", now, settings.force_delay, self._wrench(now, motion, contact[felt], tool), origin
+            )
             rows = slice(done_ticks, done_ticks := int(np.searchsorted(ticks, edge)))
-            pose, twist = self._kinematics(motion.position[rows], motion.velocity[rows])
+            pose, twist = self._kinematics(motion.position[rows], motion.velocity[rows], *tool.pose(ticks[rows]))
             yield self._batch("tip", ticks[rows], settings.motion_delay, pose, origin)
             yield self._batch("twist", ticks[rows], settings.motion_delay, twist, origin)
             commanded = [setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows][:, None]]
             yield self._batch("setpoint", ticks[rows], settings.motion_delay, np.hstack(commanded), origin)
 
-    def _contact(self, instants: Floats, motion: TrackedMotion) -> Floats:
+    def _contact(self, instants: Floats, motion: TrackedMotion, tool: SimulatedTool) -> Floats:
         """Contact force (n, 3) [N] over the whole motion, which a material that remembers has to be asked for."""
         position, velocity, _ = motion.at(instants)
         settings, sliding = self._settings, velocity
         if (stiffness := settings.series_stiffness) is not None:
             position, velocity = motion_behind_spring(settings.specimen, instants, position, velocity, stiffness)
+        if not tool.is_upright:
+            out, rate = tool.out(instants)
+            position, velocity = settings.specimen.upright_place(position, velocity, out, rate)
         if settings.specimen.form is not None:
             return SkinContact().force(settings.specimen, instants, position, velocity)
         return settings.specimen.with_friction(settings.specimen.push(instants, position, velocity), sliding)
 
-    def _wrench(self, instants: Floats, motion: TrackedMotion, contact: Floats) -> Floats:
+    def _wrench(self, instants: Floats, motion: TrackedMotion, contact: Floats, tool: SimulatedTool) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings = self._settings
         acceleration = motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
+        contact, acceleration, down = tool.in_sensor(instants, contact, acceleration)
         offset = settings.bias + settings.drift * instants
         noise = self._force_noise.standard_normal((len(instants), 6))
         return sensed_wrench(
@@ -252,16 +276,16 @@ class _RigLink:
             noise,
             settings.force_std,
             settings.force_limit,
-            settings.down,
+            down,
             settings.centre_of_mass,
         )
 
-    def _kinematics(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-        """Measured pose (n, 7) and twist (n, 6); the tool keeps its orientation."""
+    def _kinematics(self, position: Floats, velocity: Floats, turned: Floats, spin: Floats) -> tuple[Floats, Floats]:
+        """Measured pose (n, 7) and twist (n, 6), with the quaternions and angular velocities of the tool."""
         n = len(position)
         pose, twist = np.zeros((n, 7)), np.zeros((n, 6))
         pose[:, :3] = position + self._position_noise.standard_normal((n, 3)) * self._settings.position_std
-        pose[:, 6] = 1.0
+        pose[:, 3:], twist[:, 3:] = turned, spin
         twist[:, :3] = velocity + self._velocity_noise.standard_normal((n, 3)) * self._settings.velocity_std
         return pose, twist
 

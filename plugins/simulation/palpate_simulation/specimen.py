@@ -191,6 +191,14 @@ class Specimen(Settings):
         """Centres (n, 3) [m] of the sphere that a tip ends in, over the origin of the skin."""
         return np.asarray(position + np.array([0.0, 0.0, self._tip_radius - self.surface]))
 
+    def upright_place(self, position: Floats, velocity: Floats, out: Floats, rate: Floats) -> tuple[Floats, Floats]:
+        """Positions and velocities (n, 3) of an upright tip whose round end is where that of a turned tool is.
+
+        `out` (n, 3) points from the tip along the tool, and changes at a `rate` (n, 3) [1/s].
+        """
+        radius = self._tip_radius
+        return position + radius * (out - np.array([0.0, 0.0, 1.0])), velocity + radius * rate
+
     @cached_property
     def curvature_share(self) -> float:
         """Force on the curved skin over that on a flat one at the same depth."""

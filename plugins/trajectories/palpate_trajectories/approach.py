@@ -14,6 +14,7 @@ from palpate_trajectories.motion_parts import PlannedMotion, through
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.oscillation import together
 from palpate_trajectories.smooth_profile import Knot, KnotProfile, profile
+from palpate_trajectories.surface_motion import Footway, SurfaceMotion
 
 _TOP_SPEED = 0.25  # [m/s], the usual limit beside people (ISO 10218-1)
 _PERIODS = 4.0  # of the sine that a line must last
@@ -71,6 +72,21 @@ def press_motion(
         depth=_between(touches, press.transfer, -press.clearance, press.bias),
         measuring=tuple(measuring),
         surface=surface,
+        swell=_between(touches, press.transfer, 0.0, 1.0),
+        wave=together([press.amplitude], [press.frequency]),
+        wave_start=touches[0].begin,
+    )
+
+
+def surface_press(
+    press: PressShape, touches: Sequence[Touch], footway: Footway, measuring: Sequence[tuple[float, float]]
+) -> SurfaceMotion:
+    """The motion that touches a surface at given times while its foot goes a way over it."""
+    return SurfaceMotion(
+        duration=touches[-1].end + press.transfer,
+        footway=footway,
+        depth=_between(touches, press.transfer, -press.clearance, press.bias),
+        measuring=tuple(measuring),
         swell=_between(touches, press.transfer, 0.0, 1.0),
         wave=together([press.amplitude], [press.frequency]),
         wave_start=touches[0].begin,

@@ -9,13 +9,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from palpate import Angle, Floats, Length, Setpoint, Speed, Time, Trajectory
+from palpate import Angle, AngularSpeed, Floats, Length, Setpoint, Speed, Surface, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.approach import PressShape, Touch, press_motion
-from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time
+from palpate_trajectories.approach import PressShape, Touch, press_motion, surface_press
+from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time, through
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import Knot
+from palpate_trajectories.stations import Stations
+from palpate_trajectories.surface_motion import StationFootway, SurfaceLine, SurfaceMotion
 
 _MOST_POINTS = 2000
 _RAMP = 0.25  # [s]
@@ -41,7 +43,13 @@ class GridPoints(Trajectory):
     travel_speed: Speed = Field(default=0.05, gt=0, le=0.25, description="speed from point to point, in free air")
     first_point: int = Field(default=0, ge=0, description="first visit, counted from 0; to continue a run")
     press: PressShape = Field(description="depth, sine, approach")
-    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface that it follows")
+    turn_speed: AngularSpeed = Field(
+        default=math.radians(8.0), gt=0, le=1.0, description="fastest turn of the tool on the way over a surface"
+    )
+    surface: NominalHeight | Surface = Field(
+        default=NominalHeight(),
+        description="nominal height that it follows, or a surface to whose normals the tool turns",
+    )
 
     @model_validator(mode="after")
     def _possible(self) -> Any:
@@ -90,16 +98,49 @@ class GridPoints(Trajectory):
         period = 1.0 / press.frequency
         begin = press.standstill + press.transfer
         touches = [Touch(begin, begin + stay)]
-        visits = self.visits[self.first_point :]
-        for a, b in itertools.pairwise(visits):
-            travel = line_time(math.dist(a, b), self.travel_speed, _RAMP)
+        for travel in self._travels:
             soonest = touches[-1].end + 2 * press.transfer + travel
             begin = touches[0].begin + math.ceil((soonest - touches[0].begin) / period - 1e-9) * period
             touches.append(Touch(begin, begin + stay))
         return touches
 
     @cached_property
-    def _motion(self) -> PlannedMotion:
+    def _stations(self) -> tuple[Stations, list[SurfaceLine]] | None:
+        """Stations of the visits and the lines between them; None where it follows a nominal height."""
+        if isinstance(self.surface, NominalHeight):
+            return None
+        visits = self.visits[self.first_point :]
+        stations = Stations.on(self.surface, np.array(visits))  # first: a place that is none is named
+        return stations, [SurfaceLine.on(self.surface, begin, end) for begin, end in itertools.pairwise(visits)]
+
+    @property
+    def _travels(self) -> list[float]:
+        """How long each way to the next visit takes [s]."""
+        if self._stations is not None:
+            speeds = self.press.clearance, self.travel_speed, self.turn_speed
+            return [line.duration(*speeds) for line in self._stations[1]]
+        visits = self.visits[self.first_point :]
+        return [line_time(math.dist(a, b), self.travel_speed, _RAMP) for a, b in itertools.pairwise(visits)]
+
+    @property
+    def followed(self) -> Surface | None:
+        """See `palpate.SupportsSurface`."""
+        return None if isinstance(self.surface, NominalHeight) else self.surface
+
+    @cached_property
+    def _motion(self) -> PlannedMotion | SurfaceMotion:
+        measuring = [(touch.begin + self.settle, touch.end) for touch in self._touches]
+        if self._stations is None:
+            return self._level_motion(measuring)
+        stations, lines = self._stations
+        knots = [Knot(0.0, 0.0)]
+        for number, (touch, travel) in enumerate(zip(self._touches, self._travels, strict=False)):
+            leave = touch.end + self.press.transfer
+            knots += [Knot(leave, number), Knot(leave + travel, number + 1)]
+        return surface_press(self.press, self._touches, StationFootway(stations, lines, through(knots)), measuring)
+
+    def _level_motion(self, measuring: Sequence[tuple[float, float]]) -> PlannedMotion:
+        assert isinstance(self.surface, NominalHeight)
         touches, visits = self._touches, self.visits[self.first_point :]
         x, y = [Knot(0.0, visits[0][0])], [Knot(0.0, visits[0][1])]
         for touch, a, b in zip(touches, visits[:-1], visits[1:], strict=False):
@@ -107,7 +148,6 @@ class GridPoints(Trajectory):
             for knots, axis in ((x, 0), (y, 1)):
                 speed = self.travel_speed * abs(b[axis] - a[axis]) / way if way > 0 else self.travel_speed
                 knots += [Knot(leave, a[axis]), *line_knots(leave, a[axis], b[axis], max(speed, 1e-9), _RAMP)]
-        measuring = [(touch.begin + self.settle, touch.end) for touch in touches]
         return press_motion(self.press, touches, x, y, measuring, self.surface)
 
     @property

@@ -28,5 +28,5 @@ class LiftedTrajectory(Trajectory):
             setpoint,
             position=setpoint.position + np.array([0.0, 0.0, self.lift]),
             velocity=setpoint.velocity * self.pace,
-            turning=None if setpoint.turning is None else setpoint.turning * self.pace,
+            angular_velocity=None if (turn := setpoint.angular_velocity) is None else turn * self.pace,
         )

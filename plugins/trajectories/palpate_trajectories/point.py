@@ -6,8 +6,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from palpate import Depth, Floats, Frequency, Setpoint, Speed, Time, Trajectory
+from palpate import Depth, Floats, Frequency, Length, Setpoint, Speed, Surface, Time, Trajectory
 from pydantic import Field, model_validator
+
+from palpate_trajectories.stations import Stations, setpoint_at_station
 
 
 class Point(Trajectory):
@@ -30,6 +32,11 @@ class Point(Trajectory):
     )
     standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before the approach, for the tare")
     speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
+
+    place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
+    surface: Surface | None = Field(
+        default=None, description="surface along whose normal it palpates; left out: the plane of the work frame"
+    )
 
     @model_validator(mode="after")
     def _stays_in_contact(self) -> Any:
@@ -66,8 +73,25 @@ class Point(Trajectory):
         inwards = (-self.bias, -speed, 0.0)
         return _quintic(above, inwards, self._transfer), _quintic(below, above, self._transfer)
 
+    @property
+    def followed(self) -> Surface | None:
+        """See `palpate.SupportsSurface`."""
+        return self.surface
+
+    @cached_property
+    def _station(self) -> Stations | None:
+        return None if self.surface is None else Stations.on(self.surface, np.array([self.place]))
+
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3); only z moves."""
+        """Setpoints (n, 3); only the depth moves."""
+        setpoint = self._level(time)
+        if self._station is not None:
+            return setpoint_at_station(setpoint, self._station.foot[0], self._station.normal[0])
+        setpoint.position[:, :2] = self.place
+        return setpoint
+
+    def _level(self, time: Floats) -> Setpoint:
+        """Over the origin of the work frame."""
         t = np.asarray(time, float)
         sine_begins = self.standstill + self._transfer
         sine_ends = sine_begins + self._sine_time

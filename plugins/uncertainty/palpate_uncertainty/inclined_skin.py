@@ -40,7 +40,10 @@ class AcrossForce:
             return None
         sources = sources_of(track.model, end.uncertainties)
         std = next((source.std for source in sources if source.name == "inclination"), 0.0)
-        return cls(share, track.model, float(np.mean(depth)), _stated(track.model, std, float(np.mean(depth))), std)
+        low, high = _stated(track.model, std, float(np.mean(depth)))
+        if end.report.turned is not None:  # a tip that does not go along a stated normal rubs
+            low, high = min(low, high), max(high, math.atan(end.report.turned.slope))
+        return cls(share, track.model, float(np.mean(depth)), (low, high), std)
 
     @property
     def drag(self) -> float:

@@ -243,9 +243,10 @@ def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> D
     shifts = _shifts(track, removing or naming or [base.fit])
     if not removing:
         shifts = np.maximum(shifts, _by_size(base, first.misfit))
-    reasons = sorted(
-        {other.reason for other in removing or naming if other.reason}, key=lambda name: left.get(name, 1.0)
-    )
+    named = dict.fromkeys(
+        other.reason for other in removing or naming if other.reason
+    )  # in one order where all leave 1
+    reasons = sorted(named, key=lambda name: left.get(name, 1.0))
     steady = _steady(track, base) if first.tests.get("time", 1.0) < LEVEL else None
     if steady is not None:
         shifts = np.maximum(shifts, np.abs(steady.fit.theta - track.values))

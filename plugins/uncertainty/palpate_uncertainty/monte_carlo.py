@@ -21,12 +21,13 @@ from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.runs.sample_observer import SampleObserver
 from palpate_kit.terminal.progress import progress, report_progress
 
+from palpate_uncertainty.uncertainty_budget import weight_per_mass
+
 _UNDECLARED = " (not declared)"
 _HALF_WIDTH = math.sqrt(3)  # of a rectangular distribution, in standard deviations
 _SLOPE = 10  # samples to either side that the slope of the force is taken over
 _CHUNK = 8
 _LONG = 100_000  # samples, from which on machine code for one draw is worth its compilation
-_GRAVITY = 9.80665  # [m/s^2]
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Case:
     problem: Problem
     samples: Samples
     average: float  # [s] at the end that a value is the mean of
-    weight_removed: bool
+    weight_per_mass: float  # [N/kg]
     rows: tuple[Mapping[str, Any], ...]  # of its budget
     parameters: Mapping[str, Mapping[str, Any]]  # as in result.json
     covariance: Floats | None  # (k, k) of the estimator's own scatter
@@ -86,11 +87,14 @@ def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
     with tempfile.TemporaryDirectory() as folder, progress(str(run), "s"):
         run_pipeline(pipeline, Path(folder) / "replay", report_progress, kept)
     samples = Samples.joined(kept.blocks)
-    results = RunFolder(run).result["tracks"]
-    return [_case(run, pipeline, track.name, results[str(track.name)], samples) for track in pipeline.tracks]
+    result = RunFolder(run).result
+    turned = result["run"].get("turned_tool", {})
+    weight = weight_per_mass(pipeline.alignment, turned.get("along", 0.0), turned.get("weight", 0.0))
+    tracks_of, names = result["tracks"], [track.name for track in pipeline.tracks]
+    return [_case(run, pipeline, name, tracks_of[str(name)], samples, weight) for name in names]
 
 
-def _case(run: Path, pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Samples) -> Case:
+def _case(run: Path, pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Samples, weight: float) -> Case:
     track = next(track for track in pipeline.tracks if track.name == name)
     settings = pipeline.alignment
     standstill = pipeline.safety.standstill if pipeline.safety else None
@@ -106,7 +110,7 @@ def _case(run: Path, pipeline: Pipeline, name: Any, result: Mapping[str, Any], s
             covariance = np.array(table["matrix"], float)[np.ix_(places, places)]
     return Case(
         str(name), track.model, track.estimator.model_copy(update=changes), problem, samples, pipeline.run.average,
-        settings.weight == "removed", tuple(result["budget"]), result["parameters"], covariance,
+        weight, tuple(result["budget"]), result["parameters"], covariance,
     )  # fmt: skip
 
 
@@ -146,8 +150,9 @@ def _drawn(case: Case, random: np.random.Generator) -> Floats:
         elif cause == "mass" and mass is not None:
             change = std * random.standard_normal()
             mass += change
-            weight = _GRAVITY * change if case.weight_removed else 0.0
-            samples = replace(samples, force=samples.force + weight)
+            samples = replace(samples, force=samples.force + case.weight_per_mass * change)
+        elif cause in ("mounting", "normal", "curvature"):
+            unexplained += _effects(case, row) * random.standard_normal()
         elif cause in ("timing", "tare", "force_scale", "position_scale", "compliance"):
             samples = _changed(samples, cause, std * random.standard_normal())
         else:

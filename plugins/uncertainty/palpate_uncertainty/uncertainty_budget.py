@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -98,8 +99,13 @@ def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentRep
     if settings.tip_mass is not None:
         mass, declared = settings.tip_mass_uncertainty, settings.tip_mass_uncertainty is not None
         std = mass if mass is not None else _MASS * settings.tip_mass
-        weight = GRAVITY if settings.weight == "removed" else 0.0
+        turned = report.turned
+        weight = weight_per_mass(settings, turned.along if turned else 0.0, turned.weight if turned else 0.0)
         terms += _term(found, "mass", std, "kg", std * (weight - found.acceleration), declared)
+    terms += _of_directions(found, settings, report)
+    curvature = 0.0 if report.turned is None else report.turned.curvature
+    if share := _flatness(found.model, curvature):
+        terms += _term(found, "curvature", abs(curvature), "1/m", share * found.force)
     tare = report.tare.offset_std if report.tare else None
     if tare is not None:
         terms += _term(found, "tare", float(tare), "N", np.full(len(found.force), tare))
@@ -107,6 +113,44 @@ def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentRep
         stiffness = settings.series_stiffness
         terms += _term(found, "compliance", 1.0 / stiffness, "m/N", -found.given_way / stiffness)
     return terms
+
+
+def weight_per_mass(settings: AlignmentSettings, along: float, weight: float) -> float:
+    """Error of the force per error of the mass [N/kg] by the weight, where that is subtracted.
+
+    Of a tool that turns: by its `weight` [N] along the normal, or by how much more `along` it there is than in the air
+    that gave the tare.
+    """
+    if settings.weight == "removed":
+        return GRAVITY
+    if settings.weight == "tared" or not settings.tip_mass:
+        return 0.0
+    return -(along if settings.tare == "free-air" else weight) / settings.tip_mass
+
+
+def _of_directions(found: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
+    """The terms of the sensor's mounting and of the skin's normal, each known to an angle u.
+
+    A mounting that is off turns the weight's change W since the tare and the share s of the force F across the normal:
+    f = u (W + s F). A normal that is off does the latter, and is an inclination: f = u s F + (1 - cos(u)^2.5) F.
+    """
+    share = report.sideways.size if report.sideways is not None else 0.0
+    turn = report.turned.turn if report.turned is not None else 0.0
+    for name, (angle, declared) in settings.orientation_uncertainties.items():
+        own = angle * turn if name == "mounting" else (1.0 - math.cos(angle) ** 2.5) * found.force
+        yield from _term(found, name, angle, "rad", angle * share * found.force + own, declared)
+
+
+def _flatness(model: ContactModel, curvature: float) -> float:
+    """Share of the force that a sphere has more on a surface of mean curvature k [1/m] which the model has as flat.
+
+    A sphere of radius R on it is one of 1/R_eff = 1/R + k on a flat one, and its force goes with the root of R_eff; 0
+    of a model that states the skin's radii, and of another tip.
+    """
+    radius, skin = getattr(getattr(model, "indenter", None), "radius", None), getattr(model, "skin", None)
+    if radius is None or not curvature or skin is not None or 1.0 + radius * curvature <= 0:
+        return 0.0
+    return float((1.0 + radius * curvature) ** -0.5 - 1.0)
 
 
 def _change(found: Along, source: UncertaintySource) -> Floats | None:

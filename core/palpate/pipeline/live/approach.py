@@ -8,7 +8,7 @@ from palpate.device import Arm, Link, SupportsApproach, SupportsForceControl, ow
 from palpate.errors import ConfigurationError, DeviceError
 from palpate.pipeline.rig import Rig
 from palpate.safety import MotionReport, SafetySettings, check_own_motion, check_setpoints
-from palpate.trajectory import ForceControlled, Trajectory
+from palpate.trajectory import ForceControlled, Trajectory, surface_of
 
 
 def refuse_own_motion(pipeline: Rig, limits: SafetySettings) -> None:
@@ -27,7 +27,7 @@ def check_approach(link: Link, trajectory: Trajectory, limits: SafetySettings) -
     if not isinstance(link, SupportsApproach):
         return None
     times, setpoint = link.approach_path(trajectory)
-    report = check_setpoints(times, setpoint, limits)
+    report = check_setpoints(times, setpoint, limits, surface_of(trajectory))
     if report.problems:
         here, there = (", ".join(f"{1e3 * x:.1f}" for x in place) for place in setpoint.position[[0, -1]])
         lines = "\n".join(f"  {problem}" for problem in report.problems)

@@ -140,6 +140,11 @@ class UR(Device):
         return OwnMotion(self.approach_speed, self.start_tolerance, self.acceleration, self.host_timeout)
 
     @property
+    def gravity(self) -> tuple[float, ...]:
+        """In the work frame, of an arm whose base stands upright."""
+        return tuple((-self.work.matrix[2, :3] + 0.0).tolist())
+
+    @property
     def twin_settings(self) -> Mapping[str, str]:
         """The robot of a twin, and where its work is."""
         return {

@@ -12,8 +12,10 @@ from palpate import Floats
 from palpate_kit.kinematics.ur_arm import JOINTS, Model, rotation_matrix, rotation_vector, tip_and_links
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_devices.ur.layout import SETPOINT
+from palpate_devices.ur.layout import PLAN, SETPOINT
 from palpate_devices.ur.setpoint_buffer import PERIOD
+from palpate_devices.ur.station_plane import LEVEL, StationExtremes
+from palpate_devices.ur.tool_turns import fastest_turn, turning
 from palpate_devices.ur.tracking_error import TrackingError, length, mm
 
 _WINDOW = 10  # periods over which speeds are averaged: the command of a PD law carries the noise of what it measures
@@ -25,9 +27,10 @@ _DELAY = 0.045  # [s] of an arm beyond the lag of its servo: states, commands, a
 _STATIC = 0.2e-3  # [m] that an arm at rest may be off its command
 _SUDDEN = 1.5
 _FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where the command is
+_ASKEW = 1.5  # limits between a measured tool and the normal; a command has one, and the arm follows it within one
 _CANCELLED = 12.0  # times the tip's speed
 SINGULAR = "the arm is near a singular posture: move the specimen to another place in its reach"
-_LINKS = ("elbow", "wrist 1", "wrist 2", "wrist 3", "flange")
+LINKS = ("elbow", "wrist 1", "wrist 2", "wrist 3", "flange")
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ class Fence:
         self._links = own["links_low"], own["links_high"]
         self._acceleration = acceleration  # [m/s^2] of what the arm does by itself
         self.limits: dict[str, Any] | None = None
+        self.plane = LEVEL  # of the station, as commanded
         self._commands: deque[Floats] = deque(maxlen=2 * _WINDOW + 1)
         self._speeds: deque[Floats] = deque(maxlen=_WINDOW)
         self._lag = own.get("lag", 0.0)
@@ -83,7 +87,7 @@ class Fence:
         return float(min(self._tracking, max(way, _STATIC)))
 
     def table(self, rows: Floats) -> Verdict | None:
-        """Setpoints (n, 7), before anything moves."""
+        """Rows (n, 16) of a plan, before anything moves."""
         if not np.isfinite(rows).all():
             return Verdict("a setpoint is not a finite number")
         if self.limits is None:
@@ -101,7 +105,28 @@ class Fence:
             if sudden > self.limits["acceleration"] * 1.01 + 1e-3:
                 limit = self.limits["acceleration"]
                 return Verdict(f"the setpoints accelerate at {sudden:.2f} m/s^2, over the limit of {limit:g} m/s^2")
-        return None
+        return self._turns(rows)
+
+    def _turns(self, rows: Floats) -> Verdict | None:
+        """How the tool of rows (n, 16) turns, and how it stands to the planes of their stations; their depths."""
+        assert self.limits is not None
+        fastest, most = fastest_turn(rows[:, PLAN["turn"]]), self.limits["angular_speed"]
+        if fastest > most * 1.001 + 1e-6:
+            text = f"{math.degrees(fastest):.1f} deg/s, over the limit of {math.degrees(most):g} deg/s"
+            return Verdict(f"the setpoints turn the tool at {text}")
+        extremes, most = StationExtremes.of(rows, self._work), self.limits["orientation"]
+        if not extremes.are_planes:
+            return Verdict("the normal of a station is not of length 1")
+        if extremes.angle > most * 1.001 + 1e-5:
+            text = f"{math.degrees(extremes.angle):.1f} deg off its normal, over {math.degrees(most):g} deg"
+            return Verdict(f"a setpoint has the tool {text}")
+        return self._too_deep(extremes.depth, 1e-6, "a setpoint")
+
+    def _too_deep(self, depth: float, slack: float, what: str) -> Verdict | None:
+        most = math.inf if self.limits is None else self.limits.get("depth", math.inf)
+        if depth <= most + slack:
+            return None
+        return Verdict(f"{what} is {mm(depth)} below the surface, over the limit of {mm(most)}")
 
     def command(
         self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool = False
@@ -116,6 +141,7 @@ class Fence:
         verdict = None if leaving else self._out_of_box(command.tolist(), "a command")
         return (
             verdict
+            or (None if leaving else self._too_deep(-self.plane.height(command), _MARGIN, "a command"))
             or self._speeds_of(command, turn, before, leaving)
             or self._posture(command, turn, before, seen, leaving)
         )
@@ -131,6 +157,10 @@ class Fence:
         if self.limits is None:
             return None
         verdict = self._out_of_box(seen.position.tolist(), "the tip")
+        verdict = verdict or self._too_deep(-self.plane.height(seen.position), _MARGIN, "the tip")
+        if (angle := self.plane.off_tool(seen.rotation, self._work)) > _ASKEW * self.limits["orientation"]:
+            most = math.degrees(self.limits["orientation"])
+            return Verdict(f"the tool is {math.degrees(angle):.1f} deg off the normal, over {most:g} deg", False)
         self._speeds.append(seen.velocity)
         speed = length(sum(self._speeds, np.zeros(3))) / len(self._speeds)
         if len(self._speeds) == _WINDOW and speed > _MORE * self.limits["speed"] + _EXCESS:
@@ -171,12 +201,10 @@ class Fence:
         most = max(self.limits["acceleration"], self._acceleration)
         if sudden > _SUDDEN * most and not leaving:
             verdict = Verdict(f"commands accelerate the tip at {sudden:.2f} m/s^2: the limit is {most:g} m/s^2")
-        turning = length(turn - before[1]) / PERIOD
-        if turning > 1.05 * self.limits["angular_speed"] + 1e-3:
+        pace = length(turning(turn, before[1]))
+        if pace > 1.05 * self.limits["angular_speed"] + 1e-3:
             most = math.degrees(self.limits["angular_speed"])
-            verdict = Verdict(
-                f"a command would turn the tool at {math.degrees(turning):.1f} deg/s: {most:g} is the limit"
-            )
+            verdict = Verdict(f"a command would turn the tool at {math.degrees(pace):.1f} deg/s: {most:g} is the limit")
         return verdict
 
     def _posture(
@@ -191,12 +219,13 @@ class Fence:
         askew = rotation_vector((tool @ rotation_matrix(turn.tolist()) if turn.any() else tool) @ seen.rotation.T)
         limit = self.limits["orientation"] if self.limits is not None else math.inf
         most = math.degrees(limit)
-        if (angle := length(turn)) > 1.01 * limit and not leaving:
-            return Verdict(f"the tool is {math.degrees(angle):.1f} deg off the work frame, over {most:g} deg")
+        if (angle := self.plane.off_turn(turn, self._work)) > 1.01 * limit and not leaving:
+            what = "the work frame" if self.plane.is_level else "its station"
+            return Verdict(f"the tool is {math.degrees(angle):.1f} deg off {what}, over {most:g} deg")
         if (angle := length(askew)) > limit:
             return Verdict(f"the tool is {math.degrees(angle):.1f} deg from its command, over {most:g} deg", False)
         _, jacobian, places = tip_and_links(seen.q, self._tool, self._model)
-        twist = np.concatenate([work @ (command - before[0]), tool @ (turn - before[1])]) / PERIOD
+        twist = np.concatenate([work @ (command - before[0]) / PERIOD, tool @ turning(turn, before[1])])
         error = np.concatenate([work @ (command - seen.position), askew])
         try:
             inverse = np.linalg.inv(jacobian)
@@ -219,7 +248,7 @@ class Fence:
 
     def _link_outside(self, places: list[list[float]]) -> Verdict | None:
         low, high = self._links
-        for name, place in zip(_LINKS, places, strict=True):
+        for name, place in zip(LINKS, places, strict=True):
             if not all(least <= x <= most for x, least, most in zip(place, low, high, strict=True)):
                 where = ", ".join(f"{1e3 * x:.0f}" for x in place)
                 return Verdict(
@@ -243,8 +272,3 @@ def _against_one_another(jacobian: Floats, inverse: Any) -> float:
     cancel out, and where one of them lags, brakes or is at its limit, the tip leaves its path.
     """
     return float(np.linalg.norm(np.linalg.norm(jacobian[:3], axis=0)[:, None] * inverse))
-
-
-def tool_turn(work: WorkFrame, rotation: Floats) -> Floats:
-    """Rotation vector (3,) of a tool (3, 3) in the base from where the work frame wants it, in the tool's own frame."""
-    return rotation_vector(work.tool.T @ rotation)

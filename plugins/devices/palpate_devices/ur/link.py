@@ -22,7 +22,7 @@ from palpate import (
     Trajectory,
     clock,
     epoch_offset,
-    setpoints_at,
+    surface_of,
 )
 from palpate_kit.acquisition.child import Child
 from palpate_kit.acquisition.device_clock import ClockMap
@@ -35,8 +35,11 @@ from palpate_kit.kinematics.work_frame import agreement
 from palpate_devices.ur import layout
 from palpate_devices.ur.fence import SINGULAR, is_singular
 from palpate_devices.ur.layout import ROW
+from palpate_devices.ur.reach import ArmReach
 from palpate_devices.ur.servo import ServoLaw, straight_path
 from palpate_devices.ur.setpoint_buffer import PERIOD, write_setpoints
+from palpate_devices.ur.start_path import FirstStation, start_path
+from palpate_devices.ur.station_plane import LEVEL
 
 if TYPE_CHECKING:
     from palpate_devices.ur.device import UR
@@ -69,6 +72,8 @@ class URLink:
         self._states = 0
         self._first = self._last = 0
         self._mismatch = 0.0
+        self._station: FirstStation | None = None  # of the motion that is about to be made
+        self._reached: Trajectory | None = None  # the motion whose places were looked at
 
     def limit(self, limits: ArmLimits, trip: Callable[[str], None]) -> None:
         """Keep these limits from now on; see `palpate.SupportsLimits`."""
@@ -103,9 +108,10 @@ class URLink:
                 f"{self._child.name}: the tip is at the top of the workspace, at {1e3 * place[2]:.1f} mm: there is no "
                 "room for the retreat that checks whether it is free; bring it down by hand or raise [safety] high"
             )
-        self._child.tell("retreat", way=way, speed=speed)
+        plane = LEVEL if self._station is None else self._station.plane
+        self._child.tell("retreat", way=way, speed=speed, foot=plane.foot.tolist(), normal=plane.normal.tolist())
         law = ServoLaw("servo", 0.0, 0.0, speed, speed, self._settings.acceleration)
-        return float(self._way_of(place, place + np.array([0.0, 0.0, way]), law))
+        return float(self._way_of(place, place + way * plane.normal, law))
 
     @staticmethod
     def _way_of(begin: Floats, end: Floats, law: ServoLaw) -> float:
@@ -119,7 +125,8 @@ class URLink:
     def approach_path(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
         """The way to the first setpoint; see `palpate.SupportsApproach`."""
         name, settings, position = self._child.name, self._settings, self._known_place()
-        start = setpoints_at(trajectory, np.zeros(1)).position[0]
+        station = FirstStation.of(trajectory, settings.work)
+        start = station.place
         away = float(np.linalg.norm(start - position))
         if away > settings.start_tolerance:
             here = ", ".join(f"{1e3 * x:.1f}" for x in position)
@@ -130,25 +137,49 @@ class URLink:
         if is_singular(tip(self._joints, self._tool, self._model)[1]):
             raise DeviceError(f"{name}: {SINGULAR}")
         turn, advice = agreement(settings.work, self._rotation)
+        if station.turn is not None:
+            turn = float(np.linalg.norm(station.turn_from(settings.work, self._rotation)))
+            advice = "turn it to the normal of the first place by hand"
         law = settings.law
         if self._limits is not None:
             if turn > self._limits.orientation:
+                wanted = "the work frame's orientation" if station.turn is None else "the normal of the first place"
                 raise DeviceError(
-                    f"{name}: the tool is turned by {math.degrees(turn):.1f} deg from the work frame's orientation, "
+                    f"{name}: the tool is turned by {math.degrees(turn):.1f} deg from {wanted}, "
                     f"more than [safety] orientation = {math.degrees(self._limits.orientation):g} deg; {advice}"
                 )
             law = replace(law, approach_speed=min(law.approach_speed, self._limits.speed))
             law = replace(law, angular_speed=self._limits.angular_speed)
-        found = straight_path(position, start, law, turn)
-        idle = np.zeros(len(found.times), bool)
-        return found.times, Setpoint(found.position, found.velocity, idle, found.turning, law.lever)
+        if station.turn is not None and self._reached is not trajectory:
+            self._refuse_unreachable(trajectory)
+        self._station = station
+        return start_path(station, position, self._rotation, law, settings.work)
+
+    def _refuse_unreachable(self, trajectory: Trajectory) -> None:
+        """Raise DeviceError where the arm cannot go through all of a motion on which the tool turns."""
+        settings = self._settings
+        links, speed = (settings.links_low, settings.links_high), math.inf
+        if self._limits is not None:
+            speed = self._limits.speed
+        reach = ArmReach(
+            self._model, self._tool, settings.work, settings.joint_speed, speed, links, np.array(self._joints)
+        )
+        try:
+            reach.refuse(trajectory)
+        except DeviceError as error:
+            raise DeviceError(f"{self._child.name}: {error}") from error
+        self._reached = trajectory
 
     def follow(self, trajectory: Trajectory) -> None:
         """Go to the first setpoint, then follow them all."""
         self.approach_path(trajectory)  # refused where it is too far
         law = asdict(trajectory.force_law) if isinstance(trajectory, ForceControlled) else None
+        if law is not None and surface_of(trajectory) is not None:
+            raise ConfigurationError(
+                f"{self._child.name}: a force leads along the work frame's normal, over no surface"
+            )
         try:
-            with write_setpoints(trajectory) as (file, count):
+            with write_setpoints(trajectory, self._settings.work.axes_in_tool) as (file, count):
                 self._child.hand_over("follow", file.fileno(), rows=count, law=law)
         except OSError as error:
             raise DeviceError(

@@ -9,8 +9,10 @@ import numpy as np
 from palpate import Floats, ForceLaw
 from palpate_kit.force_control import ForceLead
 
-from palpate_devices.ur.layout import SETPOINT
+from palpate_devices.ur.layout import PLAN, SETPOINT
 from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_devices.ur.station_plane import LEVEL, StationPlane
+from palpate_devices.ur.tool_turns import turn_after, turn_from_to
 
 _Z, _VZ = SETPOINT["position"].start + 2, SETPOINT["velocity"].start + 2
 _SHORTEST = 0.15  # [s] of a way, however short
@@ -69,8 +71,8 @@ def straight_path(begin: Floats, end: Floats, law: ServoLaw, turn: float = 0.0) 
 class Commander:
     """Holds, retreats, goes to the start, follows a plan of setpoints, or retracts; gives the tip's next place.
 
-    The orientation is a rotation vector of the tool from the work frame's orientation; it vanishes on the way to the
-    start and is never changed but there.
+    The orientation is a rotation vector of the tool from the work frame's orientation, in the tool's frame; it becomes
+    that of the first setpoint on the way to the start, and then follows the plan. The plane is that of the station.
     """
 
     def __init__(self, law: ServoLaw, position: Floats, turn: Floats | None = None) -> None:
@@ -79,11 +81,14 @@ class Commander:
         self.turn = np.zeros(3) if turn is None else turn.copy()  # (3,) the latest
         self._speed = np.zeros(3)
         self._before = self.command, self._speed, self.turn
+        self.plane = LEVEL  # of the station
         self._plan = Plan.of(np.zeros((0, SETPOINT.size)))
         self._row, self._haste, self._behind = 0.0, 0.0, 0.0  # periods
-        self._way: list[tuple[Floats, Floats]] = []
+        self._way: list[tuple[Floats, float]] = []  # place, and the part of the turn that is left
+        self._turn_from, self._turn_by = self.turn, np.zeros(3)
         self.lead: ForceLead | None = None  # what the force makes of the plan, which then is an envelope
         self.home: Floats | None = None  # where the motion began
+        self._clearance: float | None = None  # [m] of that over the plane of the first station
         self.mode = "hold"  # "hold", "retreat", "stay", "approach", "follow", "retract", "done"
 
     @property
@@ -93,7 +98,7 @@ class Commander:
             row = self._in_plan()
             if self.lead is not None:
                 row[_Z], row[_VZ] = self.lead.height, self.lead.speed
-            return row
+            return row[: SETPOINT.size]
         return np.array([*self.command, *self._speed, 0.0])
 
     def held_up(self, periods: int) -> None:
@@ -102,7 +107,7 @@ class Commander:
             self._behind = min(self._behind + periods, _MOST_BEHIND)
 
     def _in_plan(self) -> Floats:
-        """The setpoint (7,) that is due, between two rows of the plan while it makes up for something."""
+        """The row (16,) that is due, between two rows of the plan while it makes up for something."""
         last = len(self._plan) - 1
         low = min(int(self._row), last)
         part, before = self._row - low, self._plan[low]
@@ -118,12 +123,12 @@ class Commander:
             self.command, self.turn = position.copy(), turn.copy()
 
     def retreat(self, length: float, speed: float) -> None:
-        """Go outwards by a length [m] at a speed [m/s], and stay."""
+        """Go outwards along the normal of the station by a length [m] at a speed [m/s], and stay."""
         if self.mode not in ("hold", "stay"):
             return
         law = ServoLaw("servo", 0.0, 0.0, speed, speed, self.law.acceleration)
         self.home = self.command.copy()
-        self._set_out(self.command + np.array([0.0, 0.0, length]), law, 0.0)
+        self._set_out(self.command + length * self.plane.normal, law, self.turn)
         self.mode = "retreat"
 
     def follow(self, plan: Plan, law: ForceLaw | None = None) -> None:
@@ -134,17 +139,27 @@ class Commander:
         start = plan[0]
         self.lead = None if law is None else ForceLead(law, float(start[_Z]), plan.lowest, PERIOD)
         self._plan, self._row, self._behind, self.mode = plan, 0.0, 0.0, "approach"
-        self._haste = min(max(self.law.most / max(plan.fastest, 1e-9) - 1.0, 0.0), _HASTE)
-        self.home = self.command.copy()
-        self._set_out(start[SETPOINT["position"]], self.law, float(np.linalg.norm(self.turn)))
+        paces = self.law.most / max(plan.fastest, 1e-9), self.law.angular_speed / max(plan.fastest_turn, 1e-9)
+        self._haste = min(max(min(paces) - 1.0, 0.0), _HASTE)
+        self.home, self.plane = self.command.copy(), StationPlane.of_row(start)
+        self._set_out(start[SETPOINT["position"]], self.law, start[PLAN["turn"]])
 
-    def _set_out(self, end: Floats, law: ServoLaw, turn: float) -> None:
-        found, turn_now = straight_path(self.command, end, law, turn), self.turn
-        left = found.left if turn > 0 else np.ones(len(found.left))
-        self._way = [(place, turn_now * rest) for place, rest in zip(found.position[1:], left[1:], strict=True)]
+    def _set_out(self, end: Floats, law: ServoLaw, turn: Floats) -> None:
+        """A straight way, on which the tool comes to a turn as well."""
+        self._turn_from, self._turn_by = self.turn, turn_from_to(self.turn, turn)
+        found = straight_path(self.command, end, law, float(np.linalg.norm(self._turn_by)))
+        self._way = list(zip(found.position[1:], found.left[1:].tolist(), strict=True))
+
+    def _turned(self, left: float) -> Floats:
+        """The turn of the tool where a part of it is left."""
+        if not self._turn_by.any():
+            return self._turn_from
+        if np.array_equal(self._turn_by, -self._turn_from):  # to where the work frame wants it
+            return self._turn_from * left
+        return turn_after(self._turn_from, self._turn_by * (1.0 - left))
 
     def retract(self) -> None:
-        """Brake, and go back along the normal to the height where the motion began."""
+        """Brake, and go back along the normal to the height over the station's plane at which the motion began."""
         if self.mode in ("retreat", "stay", "approach", "follow"):
             self.mode = "retract"
         elif self.mode == "hold":
@@ -169,12 +184,14 @@ class Commander:
         if self.mode in ("approach", "retreat"):
             if self._way:
                 before = self.command
-                self.command, self.turn = self._way.pop(0)
+                self.command, left = self._way.pop(0)
+                self.turn = self._turned(left)
                 self._speed = (self.command - before) / PERIOD
             elif self.mode == "retreat":
                 self.mode, self._speed = "stay", np.zeros(3)
             else:
                 self.mode, self.home = "follow", self._plan[0][SETPOINT["position"]]
+                self._clearance = self.plane.height(self.home)
         if self.mode == "follow":
             self._follow(position, velocity, room)
         elif self.mode == "retract":
@@ -184,6 +201,7 @@ class Commander:
     def _follow(self, position: Floats, velocity: Floats, room: float) -> None:
         law = self.law
         row, before = self._in_plan(), self.command
+        self._take_orientation(row)
         if self.lead is not None:
             row[_Z], row[_VZ] = self.lead.next(self._row * PERIOD, float(row[_Z]))
         faster = min(self._haste, self._behind)
@@ -195,12 +213,17 @@ class Commander:
             self.command = before + _no_longer(row[SETPOINT["position"]] - before, min(law.most * PERIOD, room))
         else:
             self._wait_for_room(float(np.linalg.norm(row[SETPOINT["position"]] - before)), room)
-            self.command = self._in_plan()[SETPOINT["position"]].copy()
+            row = self._in_plan()
+            self._take_orientation(row)
+            self.command = row[SETPOINT["position"]].copy()
         self._speed = (self.command - before) / PERIOD
         self._row += 1.0 + faster
         self._behind -= faster
         if self._row >= len(self._plan):
             self.mode = "done"
+
+    def _take_orientation(self, row: Floats) -> None:
+        self.turn, self.plane = row[PLAN["turn"]].copy(), StationPlane.of_row(row)
 
     def _wait_for_room(self, step: float, room: float) -> None:
         """Go back in the plan by what a step [m] is too long."""
@@ -211,10 +234,11 @@ class Commander:
 
     def _retract(self) -> None:
         assert self.home is not None
-        step, rest = self.law.acceleration * PERIOD, float(self.home[2] - self.command[2])
+        goes = self._clearance if self._clearance is not None else self.plane.height(self.home)
+        step, rest = self.law.acceleration * PERIOD, goes - self.plane.height(self.command)
         # The speed from which it still can brake in what is left of the way.
         wanted = min(self.law.retract_speed, math.sqrt(2.0 * self.law.acceleration * max(rest, 0.0)))
-        goal = np.array([0.0, 0.0, wanted])
+        goal = wanted * self.plane.normal
         change = goal - self._speed
         length = float(np.linalg.norm(change))
         self._speed = goal if length <= step else self._speed + change * (step / length)

@@ -28,6 +28,7 @@ from palpate_devices.ur.robot import Robot, by_joints
 from palpate_devices.ur.servo import Commander, ServoLaw
 from palpate_devices.ur.servo_pace import Beat, Pace
 from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_devices.ur.station_plane import StationPlane
 
 _BLIND = 2_300_000  # [ns] without a new state: of more commands than two on their way only the last would count
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
@@ -142,6 +143,7 @@ class _Loop:
     def _advance(self, commander: Commander, seen: ArmState) -> None:
         before, leaving = (commander.command, commander.turn), commander.mode == "retract"
         commander.next(seen.position, seen.velocity, self._room())
+        self._fence.plane = commander.plane
         verdict = self._fence.command(commander.command, commander.turn, before, seen, leaving)
         if verdict is not None:
             commander.take_back()
@@ -282,6 +284,9 @@ class _Loop:
             case "retreat" | "follow" if self._fence.limits is None:
                 self._refuse("no limits were set: `link.limit` comes before a motion", commander)
             case "retreat":
+                commander.plane = StationPlane(np.array(message["foot"]), np.array(message["normal"]))
+                if not commander.plane.is_one:
+                    self._fail("the plane of the first station is none")
                 self._begin(commander)
                 commander.retreat(message["way"], message["speed"])
             case "follow":

@@ -100,7 +100,7 @@ def _sound(world: World, _: Words) -> None:
 
 def _turned(world: World, words: Words) -> None:
     x, y, z = (float(word) for word in words)
-    world.down = (x, y, z)
+    world.turn_gravity((x, y, z))
 
 
 def _pressed(world: World, _: Words) -> None:

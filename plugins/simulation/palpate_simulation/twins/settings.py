@@ -10,6 +10,7 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 from pydantic import Field, model_validator
 
 from palpate_simulation.specimen import Specimen
+from palpate_simulation.tool_axes import MOUNTING
 
 # "127.evil.example.com" is a name that leads anywhere.
 LOOPBACK = r"^127(\.(25[0-5]|2[0-4]\d|1\d\d|[1-9]?\d)){3}$"
@@ -44,6 +45,7 @@ class BenchSettings(Twin):
         max_length=3,
         description="rotation vector of the tool at the start from the work frame's orientation, in the tool's frame",
     )
+    mounting: tuple[Angle, ...] | None = Field(default=None, min_length=3, max_length=3, description=MOUNTING)
     tcp_rotation: tuple[Angle, ...] = Field(
         default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="rotation of the tool on the pendant"
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from palpate_kit.kinematics.ur_arm import MODELS, joints_at, matrix_of, rotation
 
 from palpate_simulation.sensor_wrench import sensed_wrench
 from palpate_simulation.skin_contact import SkinContact
+from palpate_simulation.tool_axes import mounting_matrix
 from palpate_simulation.twins.arm import TICK, SimulatedArm
 from palpate_simulation.twins.arm_truth import Truth
 from palpate_simulation.twins.console import Console
@@ -24,8 +26,8 @@ from palpate_simulation.twins.sensor_faults import Electronics
 from palpate_simulation.twins.settings import BenchSettings
 
 _START = np.array([0.0, -1.3, -1.9, -1.5, 1.5708, 0.0])  # a posture with the tool downwards
-_UPRIGHT = (0.0, 0.0, -1.0)
-_OUT = np.diag([1.0, -1.0, -1.0])  # from a frame that looks at the skin to one that looks out of it
+_TURN = 0.1  # [rad] between two postures, each found from the one before
+_UPRIGHT = 1e-6  # of a cosine: a milliradian
 _ROUNDING = 1e-6  # of a tick: a clock counts nanoseconds
 _MOST_BEHIND = 0.5  # [s]; a longer stall of this process is not made up for
 
@@ -53,11 +55,13 @@ class World:
         self.electronics = Electronics()
         self._rng = np.random.default_rng(noise[2])
         self._rotation = settings.work.matrix[:3, :3].T
+        self._mounting = mounting_matrix(settings.mounting)
+        self._nominal = self._rotation @ settings.work.tool @ self._mounting  # axes of the sensor in the work frame
         self._before = self._tip()
         self.truth = Truth()
         self._force = 0.0  # [N] on the skin, the latest
         self._past: deque[tuple[float, Any, Any, Any]] = deque(maxlen=int(settings.force_delay / TICK) + 4)
-        self.down = _UPRIGHT  # direction of gravity in the sensor's frame
+        self._upright = self.down = -settings.work.matrix[2, :3]  # direction of gravity in the work frame
         self.stalled_until = 0.0
         self.peak = 0.0
         self._contact = SkinContact()
@@ -66,10 +70,13 @@ class World:
     def _start(self) -> Any:
         settings = self.settings
         goal = settings.work.tool_pose(np.array([*settings.place, settings.height]))
-        goal[:3, :3] = goal[:3, :3] @ rotation_matrix(settings.tool_rotation)
-        q = joints_at(goal, self._tool, _START, steps=100, model=MODELS[settings.robot])
-        if q is None:
-            raise DeviceError("the twin's arm cannot reach the work frame: move [twin.*] work")
+        turn, q, level = np.array(settings.tool_rotation), _START, goal[:3, :3].copy()
+        for share in np.linspace(0.0, 1.0, math.ceil(math.hypot(*turn) / _TURN) + 1):  # the arm turns as it would go
+            goal[:3, :3] = level @ rotation_matrix((share * turn).tolist())
+            found = joints_at(goal, self._tool, q, steps=100, model=MODELS[settings.robot])
+            if found is None:
+                raise DeviceError("the twin's arm cannot reach the work frame: move [twin.*] work")
+            q = found
         return q
 
     def restore(self) -> None:
@@ -79,7 +86,7 @@ class World:
         self.ports.restore()
         self.sensor.restore()
         self.electronics.restore()
-        self._before, self.peak, self.down = self._tip(), 0.0, _UPRIGHT
+        self._before, self.peak, self.down = self._tip(), 0.0, self._upright
         self._past.clear()
         self.truth.mark()
 
@@ -143,8 +150,9 @@ class World:
         arm = self.controller.arm
         pose, jacobian = arm.tip(self._tool)
         work = self.settings.work
-        self._turning = math.hypot(*(jacobian[3:] @ arm.qd).tolist())
-        self._askew = _OUT @ work.tool.T @ pose[:3, :3] @ _OUT
+        self._pose, spin = pose, jacobian[3:] @ arm.qd
+        self._turning, self._spin = math.hypot(*spin.tolist()), self._rotation @ spin
+        self._axes = self._rotation @ pose[:3, :3] @ self._mounting  # of the sensor in the work frame, as columns
         return self._rotation @ (pose[:3, 3] - work.matrix[:3, 3]), self._rotation @ (jacobian[:3] @ arm.qd)
 
     def _tick(self) -> None:
@@ -165,16 +173,28 @@ class World:
         """The wrench (n, 6) that the sensor reports at times (n,): what it felt `force_delay` before."""
         settings = self.settings
         places, speeds, accelerations = self._motion(instants - settings.force_delay)
+        out = self._rotation @ self._pose[:3, :3]  # within a tick it hardly turns
+        if abs(out[2, 2] + 1.0) > _UPRIGHT:
+            away = np.tile(-out[:, 2], (len(instants), 1))
+            places, speeds = settings.specimen.upright_place(places, speeds, away, np.cross(self._spin, away))
         contact = self._contact.force(settings.specimen, instants, places, speeds)
         self._force = float(contact[:, 2].max())
         self.peak = max(self.peak, self._force)
         noise = self._rng.standard_normal((len(instants), 6))
         offset = settings.bias + settings.drift * instants
         std = settings.force_std * self.sensor.noise_factor
-        push = contact + self.hand.force
         load = settings.tip_mass, offset, noise, std, settings.force_limit
-        down = np.array(self.down) @ self._askew  # the sensor turns with the tool
+        # The sensor turns with the tool.
+        push, accelerations, down = (
+            (contact + self.hand.force) @ self._axes,
+            accelerations @ self._axes,
+            self.down @ self._axes,
+        )
         return sensed_wrench(push, accelerations, *load, down.tolist(), settings.centre_of_mass)
+
+    def turn_gravity(self, down: Sequence[float]) -> None:
+        """Let gravity point along `down` in the axes that the sensor has where the tool looks at the skin."""
+        self.down = self._nominal @ np.array(down)
 
     def _motion(self, instants: Any) -> tuple[Any, Any, Any]:
         """Places, speeds and accelerations (n, 3) at past times; the acceleration is constant within a tick."""

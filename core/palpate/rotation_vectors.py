@@ -1,0 +1,38 @@
+"""Rotation vectors: what they make of an axis, and how fast a body turns whose rotation vector changes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.vectors import Floats
+
+_SMALL = 1e-4  # [rad]; below, the series in the angle
+
+
+def turned_axes(rotation: Floats) -> Floats:
+    """What rotations (n, 3) [rad] make of the z axis: (n, 3), the third columns of their matrices (Rodrigues)."""
+    x, y, z = rotation.T
+    sine, versine, _ = _coefficients(rotation)
+    return np.column_stack([sine * y + versine * x * z, versine * y * z - sine * x, 1.0 - versine * (x * x + y * y)])
+
+
+def angular_velocities(rotation: Floats, rate: Floats) -> Floats:
+    """Angular velocity (n, 3) [rad/s] of bodies whose rotation vectors (n, 3) change at a rate (n, 3).
+
+    w = r' + (1 - cos a)/a^2 r x r' + (a - sin a)/a^3 r x (r x r'), a the length of r (Bullo and Murray 1995).
+    """
+    _, versine, rest = _coefficients(rotation)
+    first = np.cross(rotation, rate)
+    return np.asarray(rate + versine[:, None] * first + rest[:, None] * np.cross(rotation, first))
+
+
+def _coefficients(rotation: Floats) -> tuple[Floats, Floats, Floats]:
+    """sin(a)/a, (1 - cos a)/a^2 and (a - sin a)/a^3 (n,) of the angles a."""
+    square = (rotation * rotation).sum(axis=1)
+    small = square < _SMALL**2
+    a = np.where(small, 1.0, np.sqrt(square))
+    return (
+        np.where(small, 1.0 - square / 6.0, np.sin(a) / a),
+        np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(a)) / a**2),
+        np.where(small, 1.0 / 6.0 - square / 120.0, (a - np.sin(a)) / a**3),
+    )

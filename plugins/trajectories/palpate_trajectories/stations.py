@@ -1,0 +1,73 @@
+"""Stations: places of a surface, each with a local frame whose z is the normal there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from palpate import ConfigurationError, Floats, Setpoint, Surface, surface_points
+
+_UNDERCUT = 0.05  # z of a normal; a skin that is steeper than 87 degrees is none that is reached from above
+_SMALL = 1e-4  # [rad]
+
+
+@dataclass(frozen=True)
+class Stations:
+    """Feet and normals in the work frame."""
+
+    foot: Floats  # (k, 3) [m]
+    normal: Floats  # (k, 3)
+
+    @classmethod
+    def on(cls, surface: Surface, places: Floats) -> Stations:
+        """Those at x and y (k, 2) [m]; raises ConfigurationError where a surface is not known, or hangs over."""
+        points = surface_points(surface, np.asarray(places, float))
+        steep = np.flatnonzero(points.normal[:, 2] < _UNDERCUT)
+        if len(steep):
+            x, y = (1e3 * points.position[steep[0], :2]).tolist()
+            raise ConfigurationError(
+                f"place {steep[0] + 1} ({x:.1f}, {y:.1f} mm): the surface hangs over, or nearly so"
+            )
+        return cls(points.position, points.normal)
+
+    def __len__(self) -> int:
+        return len(self.foot)
+
+
+def rotation_to(normal: Floats) -> Floats:
+    """Rotation vectors (n, 3) [rad] of the shortest turns from z to normals (n, 3): a / sin(a) z x n."""
+    scale, _ = _scales(normal[:, 2])
+    return np.column_stack([-scale * normal[:, 1], scale * normal[:, 0], np.zeros(len(normal))])
+
+
+def rotation_rate(normal: Floats, rate: Floats) -> Floats:
+    """How fast these vectors change (n, 3) [rad/s], of normals that change at a rate (n, 3) [1/s]."""
+    scale, slope = _scales(normal[:, 2])
+    growth = slope * rate[:, 2]
+    x, y = scale * rate[:, 0] + growth * normal[:, 0], scale * rate[:, 1] + growth * normal[:, 1]
+    return np.column_stack([-y, x, np.zeros(len(normal))])
+
+
+def _scales(cosine: Floats) -> tuple[Floats, Floats]:
+    """a / sin(a) (n,) of angles with this cosine, and its derivative by the cosine."""
+    angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+    small = angle < _SMALL
+    a = np.where(small, 1.0, angle)
+    sine = np.sin(a)
+    scale = np.where(small, 1.0 + angle**2 / 6.0, a / sine)
+    return scale, np.where(small, -1.0 / 3.0, (a * np.cos(a) / sine - 1.0) / sine**2)
+
+
+def local_axes(normal: Floats) -> Floats:
+    """Axes (3, 3), as columns, of the local frame at a normal (3,): the work frame's, by the shortest turn."""
+    x, y, z = normal.tolist()
+    share = 1.0 / (1.0 + z)
+    return np.array([[1.0 - share * x * x, -share * x * y, x], [-share * x * y, 1.0 - share * y * y, y], [-x, -y, z]])
+
+
+def setpoint_at_station(setpoint: Setpoint, foot: Floats, normal: Floats) -> Setpoint:
+    """Setpoints of a motion over the work frame's plane, in the local frame at a foot (3,) [m] with a normal (3,)."""
+    axes, count = local_axes(normal), len(setpoint.position)
+    position, velocity = setpoint.position @ axes.T + foot, setpoint.velocity @ axes.T
+    rotation = np.tile(rotation_to(normal[None]), (count, 1))
+    return Setpoint(position, velocity, setpoint.measuring, rotation, np.zeros((count, 3)))
