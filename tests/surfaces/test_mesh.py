@@ -48,7 +48,7 @@ def test_normals_and_curvatures_are_those_of_the_body(breast):
     assert (points.normal_std < math.radians(0.3)).all()
     off = points.curvature.mean(axis=1) - mean
     assert (np.abs(off) <= 3 * points.curvature_std.max(axis=1)).all()
-    assert (points.curvature_std < 0.03 * mean[:, None]).all()
+    assert (points.curvature_std < 0.05 * mean[:, None]).all()
 
 
 @pytest.mark.parametrize(("name", "unit"), [("a.ply", 1e-3), ("a.obj", 1e-3), ("a.obj", 1.0), ("a.stl", 1e-2)])

@@ -5,18 +5,35 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import lazy_loader
-from palpate import plugin
+from palpate import Command, plugin
 
 if TYPE_CHECKING:
     from palpate_surfaces.mesh import Mesh
     from palpate_surfaces.plane import Plane
+    from palpate_surfaces.touched_surface import TouchedSurface
 
-__getattr__, _, _ = lazy_loader.attach(__name__, submod_attrs={"mesh": ["Mesh"], "plane": ["Plane"]})
+__getattr__, _, _ = lazy_loader.attach(
+    __name__, submod_attrs={"mesh": ["Mesh"], "plane": ["Plane"], "touched_surface": ["TouchedSurface"]}
+)
 
-__all__ = ["Mesh", "Plane"]
+__all__ = ["Mesh", "Plane", "TouchedSurface"]
 
 
 @plugin
 def palpate_surfaces() -> dict[str, str]:
     """Surfaces."""
-    return {"plane": "palpate_surfaces.plane:Plane", "mesh": "palpate_surfaces.mesh:Mesh"}
+    return {
+        "plane": "palpate_surfaces.plane:Plane",
+        "mesh": "palpate_surfaces.mesh:Mesh",
+        "touched": "palpate_surfaces.touched_surface:TouchedSurface",
+    }
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Registration of a mesh."""
+    return {
+        "calibrate surface": Command(
+            "palpate_surfaces.surface_command:surface", "Register a mesh by touches.", "hardware"
+        )
+    }

@@ -86,7 +86,9 @@ class Mesh(Surface):
         """Points of the triangles nearest to places (n, 3) [m]."""
         feet, faces = self.body.nearest(self.pose.inwards(places))
         beyond = np.flatnonzero(self.body.on_the_rim(feet, faces))
-        return points_of(self, places, feet, faces, {int(row): "beyond the rim of the mesh" for row in beyond})
+        return points_of(
+            self.pose, self, places, feet, faces, {int(row): "beyond the rim of the mesh" for row in beyond}
+        )
 
     def uppermost(self, lateral: Floats) -> SurfacePoints:
         """Points of the triangles at x and y (n, 2) [m], looked at from above."""
@@ -98,16 +100,18 @@ class Mesh(Surface):
         places = self.pose.outwards(feet)
         for _ in range(_STEPS):  # the surface lies off the triangles, within which it curves
             feet, faces = self.body.nearest(self.pose.inwards(places))
-            points = points_of(self, places, feet, faces, unknown)
-            places = places - np.column_stack([np.zeros((len(feet), 2)), points.height / points.normal[:, 2]])
+            points = points_of(self.pose, self, places, feet, faces, unknown)
+            places[:, 2] -= np.nan_to_num(points.height / points.normal[:, 2])
         steep = np.flatnonzero(points.normal[:, 2] < _STEEP)
         unknown |= {int(row): "the mesh is too steep there to be looked at from above" for row in steep}
         return points
 
 
-def points_of(mesh: Mesh, places: Floats, feet: Floats, faces: Faces, unknown: dict[int, str]) -> SurfacePoints:
-    """What is known of a mesh below places (n, 3) at feet (n, 3) of its own frame, but for rows that are unknown."""
-    pose, turn, count = mesh.pose, mesh.pose.matrix, len(feet)
+def points_of(
+    pose: UncertainPose, mesh: Mesh, places: Floats, feet: Floats, faces: Faces, unknown: dict[int, str]
+) -> SurfacePoints:
+    """What is known of a mesh at a pose, below places (n, 3), at feet (n, 3) of its own frame; NaN in unknown rows."""
+    turn, count = pose.matrix, len(feet)
     points = SurfacePoints(*[np.full(shape, np.nan) for shape in _shapes(count)], unknown)
     rows = np.array([row for row in range(count) if row not in unknown], np.int64)
     patches = list(mesh.body.patches(feet[rows], faces[rows]))

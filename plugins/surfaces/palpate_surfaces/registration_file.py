@@ -25,6 +25,7 @@ class Registration(Settings):
     created: datetime = Field(description="when it was made, with time zone")
     mesh: str = Field(description="SHA-256 of the mesh's file")
     touches: int = Field(ge=0, description="touches that it is made of, those of former registrations included")
+    sources: tuple[str, ...] = Field(description="SHA-256 of each table or result of a run with these touches")
     rotation: _Vector = Field(description="rotation vector from the mesh's frame to the work frame [rad]")
     position: _Vector = Field(description="origin of the mesh's frame in the work frame [m]")
     pivot: _Vector = Field(description="point of the work frame about which the covariance counts turns [m]")

@@ -16,7 +16,7 @@ class SurfacePatch:
     """z = f + d x + e y + (a x^2 + 2 b x y + c y^2)/2 + terms of third order, in the tangent plane of a point."""
 
     position: Floats  # (3,) [m] of it, across from the point along `outwards`
-    scatter: float  # [m] standard deviation of the neighbours about it
+    scatter: float  # [m] standard uncertainty of it along the normal
     normal: Floats  # (3,)
     normal_covariance: Floats  # (3, 3)
     shape: Floats  # (3, 3) [1/m] shape operator S, positive where convex: dn = S dx
@@ -24,12 +24,13 @@ class SurfacePatch:
     curvature_std: Floats  # (2,)
 
 
-def fit_patch(point: Floats, outwards: Floats, neighbours: Floats) -> SurfacePatch:
+def fit_patch(point: Floats, outwards: Floats, neighbours: Floats, heights: Floats | None = None) -> SurfacePatch:
     """The patch around a point (3,) by least squares over neighbours (n, 3) [m], n > 10; its z axis looks outwards.
 
     Curvatures are eigenvalues of g^-1 h with the first and second fundamental forms g and h at x = y = 0. Terms of
     third order keep the slope right where the curvature changes; those of fourth order are taken for those of a sphere,
-    which put a curvature k off by 2/3 k^3 r^2. Source: do Carmo 1976, section 3.3.
+    which put a curvature k off by 2/3 k^3 r^2. `heights` (n, n) [m^2] is the covariance of the neighbours' z, besides
+    their scatter about the cubic. Source: do Carmo 1976, section 3.3.
     """
     frame = tangent_frame(outwards)
     x, y, z = ((neighbours - point) @ frame.T).T
@@ -40,7 +41,11 @@ def fit_patch(point: Floats, outwards: Floats, neighbours: Floats) -> SurfacePat
     residual = z - design @ values
     variance = float(residual @ residual) / (len(z) - _UNKNOWNS)
     units = np.repeat([1.0, scale, scale**2, scale**3], [1, 2, 3, 4])
-    covariance = variance * np.linalg.pinv(design.T @ design) / np.outer(units, units)
+    solver = np.linalg.pinv(design) / units[:, None]
+    covariance = variance * solver @ solver.T
+    if heights is not None:
+        covariance += solver @ heights @ solver.T
+        variance += float(covariance[0, 0])
     f, d, e, a, b, c, *_ = values / units
     slope = np.array([d, e])
     length = np.sqrt(1.0 + slope @ slope)
@@ -59,7 +64,7 @@ def fit_patch(point: Floats, outwards: Floats, neighbours: Floats) -> SurfacePat
     tilt = -axes @ inverse / length
     return SurfacePatch(
         position=point + f * outwards,
-        scatter=float(np.sqrt(variance)),
+        scatter=float(np.sqrt(variance) / length),
         normal=normal,
         normal_covariance=tilt @ covariance[1:3, 1:3] @ tilt.T,
         shape=shape,

@@ -1,0 +1,90 @@
+"""The touches of a run: the surface that was estimated in each palpation, at its place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate import LogError
+from palpate_kit.runs.run_folder import RunFolder, TrackTable
+
+_SPHERES = ("sphere", "exact-sphere", "neo-hookean-sphere")
+_PAUSE = 0.3  # [s] without estimates between two palpations
+_STILL = 2e-3  # [m] within which a palpation stays at its place
+_LAST = 0.5  # [s] of a palpation, in which its estimate has come to rest
+
+
+@dataclass(frozen=True)
+class SkinTouch:
+    """One of them."""
+
+    position: tuple[float, float, float]  # [m] of the tip's end
+    radius: float  # [m]
+    std: float  # [m]
+    name: str
+
+
+def touches_of_run(folder: Path) -> Iterator[SkinTouch]:
+    """Place and estimated surface of each palpation that stays at a place, in a run and its continuations.
+
+    Of the first track that has both. Raises LogError where there is none, or where the tip is not a sphere.
+    """
+    count = 0
+    for part in RunFolder(folder).parts:
+        for touch in _of_part(part):
+            count += 1
+            yield touch
+    if not count:
+        raise LogError(
+            f"{folder}: no palpation in it stays at a place with an estimated surface: touch point by point, with "
+            "lateral_x and lateral_y in [alignment]"
+        )
+
+
+def _of_part(part: RunFolder) -> Iterator[SkinTouch]:
+    for name, table in part.tracks.items():
+        document = part.result["tracks"].get(name, {})
+        if document.get("verdict") == "invalid" or not np.isfinite(table.place[table.usable]).all(axis=1).any():
+            continue
+        if any(flag["code"] == "lack-of-fit" for flag in document["flags"]):
+            raise LogError(
+                f"{part.path}: {name} does not fit its record (lack-of-fit), so that its surface is not one: where the "
+                "skin is not level, palpate each place in a run of its own"
+            )
+        radius = _radius(part, document["model"])
+        believed = [document["surface"].get(key) for key in ("std", "combined")]
+        # What a run knows beyond its estimator, such as tare and compliance, is common to its palpations.
+        beyond = np.sqrt(max(believed[1] ** 2 - believed[0] ** 2, 0.0)) if None not in believed else 0.0
+        for number, rows in enumerate(_stays(table), 1):
+            place = table.place[rows].mean(axis=0)
+            height, std = (float(np.mean(table.others[key][rows])) for key in ("surface", "surface_std"))
+            label = f"{part.path.name}, palpation {number}"
+            yield SkinTouch((float(place[0]), float(place[1]), height), radius, float(np.hypot(std, beyond)), label)
+        return
+
+
+def _stays(table: TrackTable) -> Iterator[Any]:
+    """Rows of the last half second of each palpation that stays at its place."""
+    rows = np.flatnonzero(table.usable & np.isfinite(table.place).all(axis=1) & (table.others["surface_std"] > 0))
+    if not len(rows):
+        return
+    moved = np.linalg.norm(np.diff(table.place[rows], axis=0), axis=1) > _STILL
+    for stay in np.split(rows, np.flatnonzero((np.diff(table.time[rows]) > _PAUSE) | moved) + 1):
+        if np.ptp(table.place[stay], axis=0).max() <= _STILL:
+            yield stay[table.time[stay] >= table.time[stay[-1]] - _LAST]
+
+
+def _radius(part: RunFolder, model: str) -> float:
+    """Radius [m] of the sphere that a run's tip ends with; raises LogError for a tip that is none."""
+    settings: Mapping[str, Any] = part.settings
+    tip = settings.get("model", {}).get(model, {}).get("indenter")
+    tip = settings.get("indenter", {}).get(tip) if isinstance(tip, str) else tip
+    if not isinstance(tip, Mapping) or tip.get("type") not in _SPHERES:
+        kind = tip.get("type") if isinstance(tip, Mapping) else None
+        raise LogError(
+            f"{part.path}: its tip is {kind or 'not known'}; where a tip touches an inclined skin is known of spheres"
+        )
+    return float(tip["radius"])
