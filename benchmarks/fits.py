@@ -1,6 +1,8 @@
 """How fast the offline fits are: solvers against each other, `scipy.optimize.curve_fit`, and nanite's lmfit.
 
 Run: ``python benchmarks/fits.py [--large]``. Everything is interleaved in one process; medians and ratios are printed.
+The peer `curve_fit` uses LAPACK, whose threads cost it processor time where they wait for one another: it is measured
+with one thread and with as many as the library takes, and compared with the one.
 """
 
 from __future__ import annotations
@@ -20,9 +22,11 @@ from palpate_fits.residual import Residual
 from palpate_fits.solvers import solve_lm, solve_trf
 from palpate_models import DimensionalityReduction, Sphere
 from scipy.optimize import curve_fit
+from threadpoolctl import ThreadpoolController
 
 RADIUS, ELASTICITY, VISCOSITY, SURFACE = 5e-3, 112.5e3, 362.0, 0.3e-3
 REPEATS = 15
+_BLAS = ThreadpoolController()
 
 
 def palpation(n: int) -> Samples:
@@ -59,6 +63,16 @@ def interleaved(tasks: dict[str, Callable[[], object]], repeats: int = REPEATS) 
     return {name: statistics.median(times) for name, times in seconds.items()}
 
 
+def single(task: Callable[[], object]) -> Callable[[], object]:
+    """A task with one thread of BLAS and LAPACK."""
+
+    def alone() -> object:
+        with _BLAS.limit(limits=1):
+            return task()
+
+    return alone
+
+
 def show(title: str, found: dict[str, float], reference: str) -> None:
     """Medians and ratios to one of them."""
     print(f"\n{title}")
@@ -89,7 +103,8 @@ def solvers(n: int = 20_000) -> None:
         {
             "lm": lambda: solve_lm(residual, unknowns, record, start, loss),
             "trf": lambda: solve_trf(residual, unknowns, record, start, loss),
-            "scipy curve_fit, same start": lambda: curve_fit(by_hand, columns, record.force, guess),
+            "scipy curve_fit, same start": single(lambda: curve_fit(by_hand, columns, record.force, guess)),
+            "the same, all threads": lambda: curve_fit(by_hand, columns, record.force, guess),
         }
     )
     show(f"solve only, {n} samples, 3 unknowns", found, "scipy curve_fit, same start")
@@ -107,11 +122,15 @@ def whole(n: int = 20_000) -> None:
     samples = palpation(n)
     default = CasadiFit().start(Problem(model, None))
     plain = CasadiFit(profile=False).start(Problem(model, None))
+
+    def fit_by_hand() -> object:
+        columns = np.array([samples.position, -samples.velocity])
+        return curve_fit(by_hand, columns, samples.force, [1.0, 3.0, 0.1])
+
     found = interleaved(
         {
-            "curve_fit by hand, from its start": lambda: curve_fit(
-                by_hand, np.array([samples.position, -samples.velocity]), samples.force, [1.0, 3.0, 0.1]
-            ),
+            "curve_fit by hand, from its start": single(fit_by_hand),
+            "the same, all threads": fit_by_hand,
             "samples to minimum, default solver": lambda: plain.fit(samples),  # type: ignore[attr-defined]
             "samples to report, no profile": lambda: plain.run(samples),
             "samples to report": lambda: default.run(samples),

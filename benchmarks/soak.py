@@ -1,9 +1,11 @@
 """A long live run against the twins: memory, clocks, losses. ``python benchmarks/soak.py --minutes 30 -o soak.jsonl``.
 
 The file gets a line with the memory as time goes by and, at the end, the table; Ctrl-C ends the run, and what it was
-until then is judged. It ends with a verdict, and with exit code 1 where one is bad: memory must not rise over the last
-four fifths of the time, nothing may be lost or left waiting, and both devices' clocks must stay with the host's as they
-say. All of it depends on the machine as well, which is why it is no test; a quiet one passes.
+until then is judged. It ends with a verdict, and with exit code 1 where one is bad: after three hours, by the slope of
+the last four fifths of the time, memory must be within its budget; nothing may be lost; and both devices' clocks must
+stay with the host's as they say. Where the slope's uncertainty leaves that open, it says so: no pass, and no failure.
+How late estimates come, what waited and which periods passed without a command are told with the load, and not judged:
+that is the machine's.
 """
 
 from __future__ import annotations
@@ -27,10 +29,9 @@ from palpate_devices.mcap_replay import McapReplay
 PIPELINE = Path(__file__).parents[1] / "pipelines" / "point_ur3e.toml"
 _PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
 _PERIOD = 1.25e6  # [ns] of the sensor
-_RISE = 0.5  # [MB] a minute that memory may rise by
-_MEMORY = 250.0  # [MB] of all processes, every page once
+_HOURS = 3.0  # that a run may take
+_MEMORY = 250.0  # [MB] of all processes, every page once, after that time
 _DRIFT = 0.3e-3  # [s] that the pipeline declares
-_BACKLOG = 100  # batches that may have waited at once
 
 
 def family(pid: int) -> list[int]:
@@ -217,20 +218,26 @@ def drifts(log: Path) -> dict[str, float]:
     return found
 
 
-def verdicts(soaked: Soaked) -> Iterator[tuple[bool, str]]:
-    """What must hold on a quiet machine, and whether it does."""
+def memory_verdict(looks: list[Look]) -> tuple[bool | None, str]:
+    """Whether memory is within its budget after three hours; None where the slope is not known well enough."""
+    most = max(look.own for look in looks) / 1024
+    rise, error = slope(looks)
+    minutes = max(60 * _HOURS - looks[-1].time / 60, 0.0)
+    least, then = (most + max(rise + by * error, 0.0) * minutes for by in (-2.0, 2.0))
+    good = True if then <= _MEMORY else False if max(most, least) > _MEMORY else None
+    text = f"{most:.1f} MB, rising by {rise:+.3f} +- {error:.3f} a minute: {least:.0f} to {then:.0f} after {_HOURS:g} h"
+    return good, f"memory: {text}; {_MEMORY:.0f} are allowed"
+
+
+def verdicts(soaked: Soaked) -> Iterator[tuple[bool | None, str]]:
+    """What must hold, and whether it does; None where this run does not tell."""
     live, state = soaked.table["run"]["live"], soaked.state
-    rise, error = slope(soaked.looks)
     yield soaked.code == 0, f"the job ends with exit code {soaked.code}"
-    memory = max(look.own for look in soaked.looks) / 1024
-    yield memory < _MEMORY, f"memory: {memory:.1f} MB at most, {_MEMORY:.0f} are allowed"
-    yield rise < _RISE + 2 * error, f"memory rises by {rise:+.3f} +- {error:.3f} MB a minute"
+    yield memory_verdict(soaked.looks)
     counted = late(soaked.looks) or soaked.looks
     for what in ("descriptors", "threads"):
         first, last = getattr(counted[0], what), getattr(counted[-1], what)
         yield first == last, f"{what}: {first} after a fifth of the time, {last} at the end"
-    backlog = live["largest_backlog"]
-    yield backlog <= _BACKLOG, f"{backlog} batches waited at most"
     sensor, arm = live["devices"]["sensor"], live["devices"]["arm"]
     lost = state["frames_dropped"] + sensor["damaged"] + sensor["unusable"]
     lost += sensor["readings"] - soaked.table["streams"]["sensor.wrench"]["samples"]
@@ -238,6 +245,7 @@ def verdicts(soaked: Soaked) -> Iterator[tuple[bool, str]]:
     for name, drift in drifts(soaked.log).items():
         allowed = max(live["devices"][name]["clock_wander"], _DRIFT)
         yield abs(drift) < allowed, f"clock of the {name}: {1e3 * drift:+.3f} ms apart, {1e3 * allowed:.3f} ms allowed"
+    yield True, f"{live['largest_backlog']} batches waited at most; none is left, or the estimates would end early"
     latency = live["estimates"]["latency"] or {}
     figures = ", ".join(f"{key} {1e3 * value:.1f} ms" for key, value in latency.items())
     yield True, f"from a reading to its estimate: {figures}; {live['estimates']['largest_behind']:.2f} s behind at most"
@@ -265,8 +273,8 @@ def report(soaked: Soaked, file: Path) -> bool:
     found = list(verdicts(soaked))
     write(file, {"live": live, "streams": table["streams"], "verdicts": found})
     for good, text in found:
-        print(f"{'ok ' if good else 'BAD'} {text}")
-    return all(good for good, _ in found)
+        print(f"{ {True: 'ok ', False: 'BAD', None: '?  '}[good] } {text}")
+    return all(good is not False for good, _ in found)
 
 
 def main() -> None:

@@ -1,32 +1,184 @@
-"""The table of docs/benchmarks.md, each row with its ratio to a peer or limit.
+"""The table of docs/benchmarks.md: each row with its command, and its ratio to a peer or a limit of the same run.
 
-Run it with: python benchmarks/table.py [--memory]
+Run it on a quiet machine; some ten minutes. The rows go to the standard output as Markdown, to be pasted; what the
+benchmarks print goes to the standard error. A row whose figure a benchmark does not print fails the command.
 """
 
+from __future__ import annotations
+
+import argparse
+import os
+import re
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 HERE = Path(__file__).parent
-SPEED = [
-    ["first_second.py"],
-    ["filters_speed.py", "online"],
-    ["logs.py"],
-    ["simulations.py"],
-    ["fits.py"],
-    ["many_curves.py"],
-]
-MEMORY = [["logs_memory.py", "--gigabytes", "4"], ["fits.py", "--large"], ["filters_speed.py", "memory"]]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A figure of a benchmark: where it stands in what the benchmark prints, and what it is compared with."""
+
+    work: str
+    line: str  # pattern of a line, with the groups `figure` and, where there is one, `ratio`
+    unit: str
+    peer: str = ""
+
+
+SPEED = {
+    "first_second.py": (
+        Row("`palpate --version`", r"palpate --version +(?P<figure>\S+) +(?P<ratio>\S+)", "s", "`python -c pass`"),
+        Row("`palpate --help`", r"palpate --help +(?P<figure>\S+) +(?P<ratio>\S+)", "s", "`python -c pass`"),
+        Row(
+            "`palpate run point.toml`",
+            r"palpate run point.toml +(?P<figure>\S+) +(?P<ratio>\S+)",
+            "s",
+            "`python -c pass`",
+        ),
+    ),
+    "filters_speed.py online": (
+        Row(
+            "a sample to its estimate, EKF",
+            r"ekf online.*tracker (?P<figure>[\d.]+)/.*tracker (?P<ratio>\S+) x",
+            "us",
+            "the kernel's step",
+        ),
+        Row(
+            "the same, AFUKF",
+            r"afukf online.*tracker (?P<figure>[\d.]+)/.*tracker (?P<ratio>\S+) x",
+            "us",
+            "the kernel's step",
+        ),
+    ),
+    "logs.py": (
+        Row(
+            "log of 10 minutes into columns",
+            r"columnar, zstd +(?P<figure>\S+) +\S+ +(?P<ratio>\S+)",
+            "s",
+            "as fast as `mcap` and `struct`",
+        ),
+        Row(
+            "replay of it, EKF and AFUKF, a row every 10 ms",
+            r"llvm +every 10 ms +(?P<figure>\S+) +\S+ +(?P<ratio>\S+)",
+            "s",
+            "real time",
+        ),
+        Row(
+            "the same, by the clock",
+            r"llvm +every 10 ms +\S+ +\S+ +\S+ +\S+ +(?P<figure>\S+) +(?P<ratio>\S+)",
+            "s",
+            "real time",
+        ),
+        Row(
+            "the same, a row a second, by the clock",
+            r"llvm +every 1 s +\S+ +\S+ +\S+ +\S+ +(?P<figure>\S+) +(?P<ratio>\S+)",
+            "s",
+            "real time",
+        ),
+    ),
+    "simulations.py": (
+        Row(
+            "simulated raster of 154 s",
+            r"palpate run, all of it +(?P<figure>\S+) s CPU.*?(?P<ratio>[\d.]+) x the",
+            "s",
+            "its filter and smoother alone",
+        ),
+        Row(
+            "the same, by the clock",
+            r"palpate run, by the clock +(?P<figure>\S+) s +(?P<ratio>\S+) x real",
+            "s",
+            "real time",
+        ),
+    ),
+    "fits.py": (
+        Row(
+            "fit of 20 000 samples, solve only",
+            r"  lm +(?P<figure>\S+) ms +(?P<ratio>\S+) x",
+            "ms",
+            "`curve_fit`, one thread, same start",
+        ),
+        Row(
+            "the same, samples to minimum",
+            r"to minimum, default solver +(?P<figure>\S+) ms +(?P<ratio>\S+) x",
+            "ms",
+            "`curve_fit` by hand, one thread",
+        ),
+        Row(
+            "the same, samples to report",
+            r"samples to report +(?P<figure>\S+) ms +(?P<ratio>\S+) x curve",
+            "ms",
+            "`curve_fit` by hand, one thread",
+        ),
+        Row(
+            "atomic-force curve, to minimum",
+            r"casadi-fit, samples to minimum +(?P<figure>\S+) ms +(?P<ratio>\S+) x",
+            "ms",
+            "nanite through lmfit",
+        ),
+        Row(
+            "the same, to the report",
+            r"casadi-fit, samples to report +(?P<figure>\S+) ms +(?P<ratio>\S+) x",
+            "ms",
+            "nanite through lmfit",
+        ),
+    ),
+    "many_curves.py": (
+        Row(
+            "`fit --each`, a curve of 1000 samples",
+            r"fit --each +(?P<figure>\S+) ms +(?P<ratio>\S+) x",
+            "ms",
+            "`loadtxt` and `curve_fit`",
+        ),
+        Row(
+            "the same without profiles",
+            r"fit --each, profile = false +(?P<figure>\S+) ms +(?P<ratio>\S+) x",
+            "ms",
+            "`loadtxt` and `curve_fit`",
+        ),
+    ),
+}
+MEMORY = {
+    "logs_memory.py --gigabytes 4": (Row("memory of reading a log of 4 GB", r"(?P<figure>\d+) MiB", "MiB"),),
+    "fits.py --large": (Row("fit of 10^7 samples, whole process", r"whole process: (?P<figure>\S+) GB", "GB"),),
+    "filters_speed.py memory": (Row("10^8 samples through a filter", r"(?P<figure>\d+) MB", "MB"),),
+}
+
+
+def printed(command: str) -> str:
+    """What a benchmark prints; "" where it fails."""
+    done = subprocess.run([sys.executable, HERE / command.split()[0], *command.split()[1:]], stdout=subprocess.PIPE)
+    text = done.stdout.decode()
+    print(text, file=sys.stderr, flush=True)
+    return "" if done.returncode else text
+
+
+def row_of(row: Row, command: str, text: str) -> str | None:
+    """A row of the table; None where the benchmark has not printed its figure."""
+    found = re.search(row.line, text)
+    if found is None:
+        return None
+    ratio = found.groupdict().get("ratio")
+    compared = f"{float(ratio):g} x {row.peer}" if ratio else ""
+    return f"| {row.work} | {found['figure']} {row.unit} | {compared} | `benchmarks/{command}` |"
 
 
 def main() -> None:
-    """Run one benchmark after the other; ends with 1 where one of them fails."""
-    failed = []
-    for name, *arguments in [*SPEED, *(MEMORY if "--memory" in sys.argv else [])]:
-        print(f"== {name} {' '.join(arguments)}", flush=True)
-        if subprocess.run([sys.executable, HERE / name, *arguments]).returncode:
-            failed.append(name)
-    sys.exit(f"failed: {', '.join(failed)}" if failed else 0)
+    """Run one benchmark after the other, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--memory", action="store_true", help="also what needs gigabytes and minutes")
+    given = parser.parse_args()
+    missing = []
+    print(f"Load before: {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores.\n")
+    print("| work | figure | ratio in that run | command |\n|---|---|---|---|", flush=True)
+    for command, rows in (SPEED | MEMORY if given.memory else SPEED).items():
+        text = printed(command)
+        for row in rows:
+            line = row_of(row, command, text)
+            missing += [row.work] if line is None else []
+            print(line or f"| {row.work} | **not printed** | | `benchmarks/{command}` |", flush=True)
+    sys.exit(f"no figure for: {', '.join(missing)}" if missing else 0)
 
 
 if __name__ == "__main__":

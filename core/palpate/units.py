@@ -154,9 +154,15 @@ def _dimension_of(given: Unit, written: str) -> str:
 
 def _meant(written: str, unit: str) -> str:
     """``; did you mean "kPa"?`` for a unit that is none: one of the wanted dimension if any is like it."""
-    usual = [text for row in _QUANTITIES.values() for text in row.usual]
-    names = dict.fromkeys([*_quantity(unit).usual, *usual, *unit_names()])
-    close = [name for name in names if name.lower() == written.lower()] or get_close_matches(written, names, n=1)
+    own, usual = _quantity(unit).usual, [text for row in _QUANTITIES.values() for text in row.usual]
+    slips = [name for name in own if len(name) == len(written) and name[0] == written[0]]  # "mn" for "mm"
+    names = dict.fromkeys([*own, *usual, *unit_names()])
+    close = (
+        [name for name in own if name.lower() == written.lower()]
+        or get_close_matches(written, slips, n=1, cutoff=0.5)
+        or [name for name in names if name.lower() == written.lower()]
+        or get_close_matches(written, names, n=1)
+    )
     return f'; did you mean "{close[0]}"?' if close else ""
 
 

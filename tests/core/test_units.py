@@ -83,6 +83,8 @@ def test_units_are_read_as_pint_reads_them_to_the_bit():
     ("written", "unit", "meant"),
     [
         ("5 mmm", "m", "mm"),
+        ("5 mn", "m", "mm"),
+        ("5 mn", "N", "mN"),
         ("5 KPa", "Pa", "kPa"),
         ("5 hz", "Hz", "Hz"),
         ("5 Newtons", "N", "newtons"),

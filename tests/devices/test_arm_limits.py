@@ -8,6 +8,7 @@ import pytest
 from palpate import DeviceError, ForceWatch, Setpoint, clock
 from palpate.safety import SafetySettings
 from palpate_devices.bota.device import BotaSensor
+from palpate_devices.ur.command_echo import Echo
 from palpate_devices.ur.device import UR
 from palpate_devices.ur.setpoint_buffer import PERIOD
 from palpate_trajectories.point import Point
@@ -393,6 +394,25 @@ def test_it_waits_while_the_sensor_says_nothing(simulated):
             pass
         assert "own_stop" not in link.health
     assert twin.state()["low"][2] == pytest.approx(-0.005, abs=3e-4)
+
+
+def test_an_error_in_the_servo_loop_stops_the_arm_and_is_told(simulated, monkeypatch):
+    """Whatever the client library, or we, did not expect."""
+    twin = simulated(*SHORT)
+    slow = Point(bias=0.004, amplitude=0.001, clearance=0.003, standstill=0.0, duration=0.5, speed=0.01)
+    with device(twin).connect(0) as link:
+        batches = begun(link)
+        link.limit(LIMITS.of_an_arm, print)
+        link.follow(slow)
+        twin.wait(lambda state: state["height"] < 0.001)
+        monkeypatch.setattr(Echo, "number", lambda *_: 40.001)
+        with pytest.raises(DeviceError, match=r"its servo loop failed: ValueError: The value is not within \[0;40\]"):
+            list(batches)
+    clock().sleep(0.1)
+    before = twin.state()["height"]
+    clock().sleep(0.5)
+    assert twin.state()["height"] == pytest.approx(before, abs=1e-6)
+    assert before > -0.004
 
 
 @pytest.mark.slow

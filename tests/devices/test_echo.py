@@ -1,5 +1,6 @@
 """Commands have numbers that the controller reads back: what counts as a lost link."""
 
+import math
 import os
 import socket
 import threading
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from palpate_devices.ur.command_echo import Echo, ReadBack
 from palpate_devices.ur.setpoint_buffer import PERIOD
+from palpate_simulation.twins.direct_client import SERVO_RANGES
 from palpate_simulation.twins.rtde import ClientSession, packets
 
 PLACE = np.zeros(3)
@@ -32,6 +34,37 @@ def test_a_delay_is_no_silence(delay, longest):
     silences = driven(66_000, delay)
     assert max(silences[delay:]) <= longest * PERIOD + 1e-9
     assert max(silences[2 * delay :]) <= PERIOD + 1e-9
+
+
+def test_every_number_is_an_acceleration_that_the_client_takes():
+    echo, (least, most) = Echo(), SERVO_RANGES[1]
+    numbers = [echo.number(i * PERIOD, PLACE) for i in range(70_000)]
+    assert least <= min(numbers) <= max(numbers) <= most
+    assert len(set(numbers)) > 10_000
+
+
+@pytest.mark.slow
+@pytest.mark.talks
+def test_the_client_takes_what_the_direct_one_takes(restored):
+    """A number that only the real client refuses had stopped every motion of more than 80 s."""
+    rtde_control = pytest.importorskip("rtde_control", reason="ur-rtde is not installed")
+    from rtde_receive import RTDEReceiveInterface
+
+    receive = RTDEReceiveInterface(restored.host)
+    control, pose = rtde_control.RTDEControlInterface(restored.host, 500.0), receive.getActualTCPPose()
+    usual = [0.5, 0.0, 0.002, 0.1, 300.0]
+    try:
+        for i, (least, most) in enumerate(SERVO_RANGES):
+            for value in filter(math.isfinite, (least, most)):
+                assert control.servoL(pose, *usual[:i], value, *usual[i + 1 :])
+            for value in filter(math.isfinite, (least * 0.999 - 1e-3, most * 1.001)):
+                with pytest.raises(ValueError, match="not within"):
+                    control.servoL(pose, *usual[:i], value, *usual[i + 1 :])
+    finally:
+        control.servoStop()
+        control.stopScript()
+        control.disconnect()
+        receive.disconnect()
 
 
 def test_commands_that_do_not_arrive_are_a_silence():

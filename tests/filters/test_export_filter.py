@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from graphlib import TopologicalSorter
 
 import pytest
 
@@ -67,15 +68,56 @@ def _exported(palpate, tmp_path, estimator, track="dr/filter"):
 def test_c_gives_the_same_numbers_over_a_whole_run(palpate, tmp_path, estimator, track):
     done = _exported(palpate, tmp_path, estimator, track)
     assert done.returncode == 0, done.stderr
-    compared, samples, largest = re.search(
-        r"(\d+) of (\d+) samples have an estimate; largest difference (\S+)", done.stdout
+    compared, samples, shared, largest = re.search(
+        r"(\d+) of (\d+) samples have an estimate, (\d+) in shares; largest difference (\S+)", done.stdout
     ).groups()
     assert compared == samples
+    assert int(samples) - 5 <= int(shared) <= int(samples)  # those at the end may wait for the samples after them
     assert int(samples) > 1000
     assert float(largest) <= 1e-12
     rows = [line.split(",") for line in (tmp_path / "filter" / "vectors.csv").read_text().splitlines()[1:]]
     assert sum(row[-1] == "0.0" for row in rows) > 90  # estimates to compare, not only waiting
     assert "nan" in rows[0][7]  # from free air on
+
+
+@pytest.mark.slow
+@needs_compiler
+@pytest.mark.parametrize("share", [700, 4000])
+def test_shares_of_any_size_give_the_same_numbers(palpate, tmp_path, share):
+    """Where a sample stops, and the next goes on, is anywhere in the searches; a small share takes its time."""
+    assert _exported(palpate, tmp_path, 'type = "kinematic-ekf"').returncode == 0
+    header, code = tmp_path / "filter" / "palpate_filter.h", tmp_path / "filter" / "palpate_filter.c"
+    header.write_text(re.sub(r"(#define PALPATE_RECORD) \d+", r"\1 4000", header.read_text()))
+    code.write_text(re.sub(r"settings->share = \d+", f"settings->share = {share}", code.read_text()))
+    done = subprocess.run(["make", "-C", code.parent, "-s", "check"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+    samples, shared = map(int, re.search(r"of (\d+) samples have an estimate, (\d+) in shares", done.stdout).groups())
+    assert 0.6 * samples < shared <= samples
+
+
+@needs_compiler
+@pytest.mark.parametrize("estimator", ['type = "ekf"', pytest.param('type = "kinematic-ekf"', marks=pytest.mark.slow)])
+def test_it_neither_allocates_nor_calls_itself(palpate, tmp_path, estimator):
+    """By the compiler's own graph of calls: no cycle, nothing from outside but functions of libm, a bounded stack."""
+    assert _exported(palpate, tmp_path, estimator).returncode == 0
+    command = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", "-fcallgraph-info=su", "-c", "palpate_filter.c"]
+    if subprocess.run(command, cwd=tmp_path / "filter", capture_output=True).returncode:
+        pytest.skip("this compiler draws no graph of calls")
+    graph = (tmp_path / "filter" / "palpate_filter.ci").read_text()
+    stack = dict(
+        re.findall(r'node: { title: "([^"]+)" label: "[^"]*?(\d+) bytes \((?:static|dynamic,bounded)\)', graph)
+    )
+    calls = {name: set() for name in stack}
+    for caller, called in re.findall(r'edge: { sourcename: "([^"]+)" targetname: "([^"]+)"', graph):
+        calls[caller].add(called)
+    outside = set().union(*calls.values()) - set(stack)
+    listener = "__indirect_call"
+    assert outside <= {listener, "sqrt", "exp", "log", "pow", "frexp", "ldexp", "rint", "fabs", "memcpy", "memset"}
+    assert listener in outside  # and its own stack is its owner's
+    deepest = {}
+    for name in TopologicalSorter(calls).static_order():  # CycleError where a function calls itself
+        deepest[name] = int(stack.get(name, 0)) + max((deepest[called] for called in calls.get(name, ())), default=0)
+    assert 200 < deepest["palpate_feed"] < 8_000  # bytes
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from palpate_uncertainty.directed_tests import directed_tests
 from palpate_uncertainty.lack_of_fit import LEVEL
 from palpate_uncertainty.model_alternatives import alternatives, refit
 from palpate_uncertainty.refit import make_course
+from palpate_uncertainty.relaxation_alternatives import relaxing_share
 
 STRENGTHS = (0.0, 3.0, 10.0, 30.0, 100.0, 1e3)  # of the effects below
 
@@ -52,3 +53,12 @@ def test_a_clean_record_is_not_suspected(evidence):
         base = refit(course, track.values, track.surface)
         found.append(suspected(course, base, WHITE, None))
     assert not all(found)
+
+
+@pytest.mark.parametrize("ratio", [1e-4, 0.02, 0.7, 5.0])
+def test_a_steady_force_relaxes_as_a_branch_does(ratio):
+    """q' = f' - q/tau with f' = 1 a step: q = tau (1 - exp(-t/tau))."""
+    share = relaxing_share(np.arange(3000.0), ratio)
+    np.testing.assert_allclose(share, -np.expm1(-ratio * np.arange(3000)) / ratio, rtol=1e-12, atol=1e-12)
+    later = relaxing_share(np.r_[np.zeros(7), np.arange(3000.0)], ratio)
+    np.testing.assert_allclose(later[7:], share, rtol=1e-12, atol=1e-12)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from palpate import Floats
 
@@ -49,19 +51,23 @@ class SkinContact:
         self._place = position[-1] if len(position) else self._place
         step, speed = (_across(way, normal) for way in (np.diff(position, axis=0, prepend=before), velocity))
         springs, dampers = -stiffness[:, None] * step, -damping[:, None] * speed
-        found, spring = np.zeros_like(position), self._spring
-        for i, most in enumerate(limit):
+        rows = zip(springs.tolist(), dampers.tolist(), normal.tolist(), limit.tolist(), strict=True)
+        (x, y, z), found = self._spring.tolist(), []
+        for (by_x, by_y, by_z), (drag_x, drag_y, drag_z), (out_x, out_y, out_z), most in rows:
             if most <= 0.0:
-                spring = np.zeros(3)
+                x = y = z = 0.0
+                found.append((0.0, 0.0, 0.0))
                 continue
-            spring = spring + springs[i]
-            spring = spring - (spring @ normal[i]) * normal[i]
-            whole = spring + dampers[i]
-            size = float(np.sqrt(whole @ whole))
+            x, y, z = x + by_x, y + by_y, z + by_z
+            out = x * out_x + y * out_y + z * out_z
+            x, y, z = x - out * out_x, y - out * out_y, z - out * out_z
+            whole = x + drag_x, y + drag_y, z + drag_z
+            size = math.hypot(*whole)
             share = most / size if size > most else 1.0
-            spring, found[i] = share * spring, share * whole
-        self._spring = spring
-        return found
+            x, y, z = share * x, share * y, share * z
+            found.append((share * whole[0], share * whole[1], share * whole[2]))
+        self._spring = np.array([x, y, z])
+        return np.array(found).reshape(-1, 3)
 
 
 def _across(vectors: Floats, normal: Floats) -> Floats:

@@ -13,6 +13,7 @@ _TIMES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # [s] of the branches
 _MOST = 3000  # samples that are fitted
 _FARTHEST = 3e-3  # [m] that the surface may move
 _CLOSE = 1e-7  # [m]
+_FORGOTTEN = 1e-18  # of a change
 
 
 def fit_relaxation(
@@ -84,8 +85,9 @@ def _scaled(columns: Floats) -> tuple[Floats, Floats]:
 
 def relaxing_share(force: Floats, ratio: float) -> Floats:
     """The remaining share of a force that dies away, by the ratio of step to time constant; exact for steady change."""
-    from scipy.signal import lfilter
-
-    keep = float(np.exp(-ratio))
-    change = np.diff(force, prepend=force[0])
-    return np.asarray(lfilter([(1.0 - keep) / ratio], [1.0, -keep], change))
+    keep, reach = float(np.exp(-ratio)), 1
+    share = (1.0 - keep) / ratio * np.diff(force, prepend=force[0])
+    while reach < len(share) and keep > _FORGOTTEN:  # each turn doubles how far it remembers (Hillis and Steele 1986)
+        share[reach:] = share[reach:] + keep * share[:-reach]
+        keep, reach = keep * keep, 2 * reach
+    return share

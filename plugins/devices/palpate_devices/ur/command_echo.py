@@ -15,8 +15,8 @@ from palpate import Floats
 RTDE_PORT = 30004
 # `servoL` sends an acceleration that neither the control program nor `servoj` uses: the command's number goes there.
 _REGISTER = "input_double_register_7"
-_NUMBERS = 1 << 16
-_UNIT = 1e-3  # [m/s^2] of one; the client library takes up to 150 m/s^2
+_NUMBERS = 1 << 15
+_UNIT = 1e-3  # [m/s^2] of one; the client library takes up to 40 m/s^2, the limit of a joint [rad/s^2]
 _TIMEOUT = 1.0  # [s]
 _ON_THEIR_WAY = 64  # commands; of a lost link more are
 _NOW = 0.5e-3  # [s] within which two instants are one: a quarter of a tick

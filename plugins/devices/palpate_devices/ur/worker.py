@@ -94,8 +94,11 @@ class _Loop:
         self._beat = Beat()
 
     def run(self) -> NoReturn:
-        """One cycle after another, each at its deadline."""
-        Pace(self._ring, self._beat, lambda: self._following).run(self._cycle, self._take_state)
+        """One cycle after another, each at its deadline; an error ends the process, and the motion, at once."""
+        try:
+            Pace(self._ring, self._beat, lambda: self._following).run(self._cycle, self._take_state)
+        except Exception as error:
+            self._fail(f"its servo loop failed: {type(error).__name__}: {error}")
 
     @property
     def _following(self) -> bool:

@@ -20,6 +20,9 @@ _AIR = 2000  # samples of free air that the noise is measured in
 _BASELINE, _AFTER = 1.0, 0.2  # [s]; of the lag
 _LONGEST = 4.0  # start windows
 _MARGIN = 1.1
+_SHARE = 2e6  # readings that the work of a second may look at
+_CHANGE = 4 * 41 + 5  # passes over the readings that a change point is looked for in
+_FIT = 6 * 110  # those over a window of the starting fit, each as much work as six
 
 
 def part(name: str) -> str:
@@ -29,12 +32,12 @@ def part(name: str) -> str:
 
 def header(filter: ExportedTrack, title: str, rate: float, tare_duration: float, touch_lag: float) -> str:
     """``palpate_filter.h``: sizes, settings, what is called."""
-    longest = max(_BASELINE + touch_lag, tare_duration + (1.0 + _AFTER) * touch_lag)
+    longest = _longest(tare_duration, touch_lag) + _waiting(filter, rate, tare_duration, touch_lag)
     sizes = {
         "PALPATE_PARAMETERS": len(filter.model.parameters),
         "PALPATE_STATE": filter.carried.size,
         "PALPATE_RATE": c_number(rate) + " /* [Hz] that the memory is made for */",
-        "PALPATE_RECORD": f"{math.ceil(_MARGIN * rate * longest) + 16} /* samples before the first touch */",
+        "PALPATE_RECORD": f"{math.ceil(_MARGIN * rate * longest) + 16} /* samples before the touch, or waiting */",
         "PALPATE_WINDOW": f"{_window(filter, rate)} /* samples that it starts on */",
         "PALPATE_AIR": _AIR if filter.measures_noise else 0,
         "PALPATE_RISE_BLOCKS": _RISE_BLOCKS,
@@ -88,6 +91,26 @@ def source(filter: ExportedTrack, defaults: Sequence[str]) -> str:
     return "\n".join(piece for piece in pieces if piece)
 
 
+def share(rate: float) -> int:
+    """Readings that the work of one sample may look at."""
+    return math.ceil(_SHARE / rate)
+
+
+def _longest(tare_duration: float, touch_lag: float) -> float:
+    """For how long [s] readings are looked back over."""
+    return max(_BASELINE + touch_lag, tare_duration + (1.0 + _AFTER) * touch_lag)
+
+
+def _waiting(filter: ExportedTrack, rate: float, tare_duration: float, touch_lag: float) -> float:
+    """How long [s] the searches take at most, while samples come in: for tare, touch and start."""
+    searches = 4 * _CHANGE * rate * _longest(tare_duration, touch_lag) / _SHARE
+    fit = _FIT * rate * filter.window / _SHARE if _fits(filter) else 0.0
+    late = sum(
+        max(fit * (1.0 + 0.2 * k) - 0.2 * filter.window, 0.0) for k in range(16)
+    )  # each waits for the one before
+    return searches + fit + late
+
+
 def _window(filter: ExportedTrack, rate: float) -> int:
     return math.ceil(_MARGIN * rate * _LONGEST * filter.window) + 16 if filter.window > 0 else 0
 
@@ -111,7 +134,7 @@ def _struct(settings: Sequence[SettingGroup], name: str) -> Iterator[str]:
 def _preamble(filter: ExportedTrack) -> Iterator[str]:
     state, place = filter.state, filter.output
     step = filter.recursion.step
-    yield from ('#include "palpate_filter.h"', "", "#include <math.h>", "")
+    yield from ('#include "palpate_filter.h"', "", "#include <limits.h>", "#include <math.h>", "")
     yield from ("#ifdef __FAST_MATH__", "#error the numbers of this filter need exact arithmetic: no -ffast-math")
     yield from ("#endif", "")
     yield f"#define BIASED {int('bias' in state)}"

@@ -16,7 +16,7 @@ from palpate_kit.kernel.translation import Untranslatable
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.terminal.options import Overrides
 
-from palpate_filters.c_export.c_program import header, part, source
+from palpate_filters.c_export.c_program import header, part, share, source
 from palpate_filters.c_export.exported_track import ExportedTrack, export_track
 from palpate_filters.c_export.readme import readme
 from palpate_filters.c_export.test_vectors import Vectors, added_weight, make_vectors
@@ -103,6 +103,7 @@ def _write(folder: Path, filter: ExportedTrack, pipeline: Pipeline, vectors: Vec
         f"weight = {c_number(added_weight(pipeline))}",
         f"standstill = {c_number(-1.0 if filter.standstill is None else filter.standstill)}",
         f"window = {c_number(filter.window)}",
+        f"share = {share(vectors.rate)}",
     ]
     names = [parameter.name for parameter in filter.model.parameters]
     try:

@@ -5,6 +5,7 @@ Neither sockets nor time-outs of the wall clock lie between: this is how a robot
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from itertools import accumulate
@@ -22,6 +23,8 @@ _START = 5.0  # [s] for the program to start, as in the library
 _ANSWER = 300.0  # [s]; the library waits so long for a command that is never carried out
 _READY, _DONE = 1, 2
 _COMMAND, _FIRST = "input_int_register_0", "input_double_register_"
+# What the library takes of servoL besides the pose: speed, acceleration, time [s], lookahead [s], gain.
+SERVO_RANGES = ((0.0, 3.14), (0.0, 40.0), (-math.inf, math.inf), (0.03, 0.2), (100.0, 2000.0))
 _SERVO, _STOP_SERVO, _SET_TCP, _GET_TCP, _SET_PAYLOAD, _WATCHDOG, _KICK, _END = 24, 16, 29, 40, 17, 35, 0, 255
 
 
@@ -218,7 +221,10 @@ class DirectCommands:
         return self._send(_KICK)
 
     def servoL(self, pose: Sequence[float], speed: float, acceleration: float, *servo: float) -> bool:  # noqa: N802
-        """Go on to a pose; `servo`: time, lookahead, gain."""
+        """Go on to a pose; `servo`: time, lookahead, gain. Raises ValueError where the library does."""
+        for value, (least, most) in zip((speed, acceleration, *servo), SERVO_RANGES, strict=True):
+            if not least <= value <= most:
+                raise ValueError(f"The value is not within [{least:g};{most:g}]")
         return self._send(_SERVO, *pose, speed, acceleration, *servo)
 
     def servoStop(self) -> bool:  # noqa: N802

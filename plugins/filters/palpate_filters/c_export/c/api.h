@@ -55,6 +55,7 @@ typedef struct {
     double weight;        /* [N] that is added to the tared force */
     double standstill;    /* [s] at the beginning in which the tip is known to hang still; negative: unknown */
     double window;        /* [s] of contact that the filter starts on; 0: it starts at once, from the guess */
+    int share;            /* readings that the work of one sample may look at, before the next goes on with it; 0: all */
     palpate_start_settings start;
     palpate_step_settings step;
 } palpate_settings;
@@ -70,8 +71,56 @@ typedef struct {
     int samples, count, blocks, newest, lasting;
 } palpate_rise;
 
+enum { PALPATE_TARING, PALPATE_IN_AIR, PALPATE_SHOWN, PALPATE_TOUCHED, PALPATE_FAILED };
+
+/* Work that many samples share, and the line at which the next goes on with it. */
 typedef struct {
-    int above, below, over, in_contact, doubtful, rising;
+    int line, first, end, step, count, level, k, at;
+    double top, bottom, mean, total, left, surface, low, high, least;
+} palpate_search;
+
+typedef struct {
+    int line, end, count;
+    double weight;
+} palpate_taring;
+
+typedef struct {
+    int line, head, i;
+    double before;
+} palpate_settling;
+
+#if PALPATE_WINDOW > 0
+typedef struct {
+    int calls;
+    double a, b, x, second, third, fx, f_second, f_third, step, before, u;
+} palpate_minimum;
+
+typedef struct {
+    double surface, surface_std, bias;
+    double theta[PALPATE_PARAMETERS], theta_std[PALPATE_PARAMETERS]; /* the latter 0 where it was not fitted */
+    double information[(2 + PALPATE_PARAMETERS) * (2 + PALPATE_PARAMETERS)]; /* surface, chart, bias; with a bias only */
+} palpate_start_fit;
+
+typedef struct {
+    int line, known, i, best;
+    double lowest, highest, least;
+    struct {
+        int line;
+    } search;
+    palpate_minimum minimum;
+    palpate_start_fit found;
+} palpate_fit;
+
+typedef struct {
+    int line, i;
+    double elapsed;
+} palpate_gathering;
+#else
+typedef struct palpate_start_fit palpate_start_fit;
+#endif
+
+typedef struct {
+    int line, above, below, over, in_contact, doubtful, rising;
     double threshold, surface;
     palpate_rise rise;
 } palpate_touch;
@@ -85,16 +134,25 @@ typedef struct palpate_filter {
     int phase, failure, made, fed;
     int64_t origin, previous;
     double tare, tare_noise;
-    /* Before the first touch: the latest samples, in a ring; the oldest is at `oldest`. */
+    /* Samples in a ring, the oldest at `oldest`: those before the first touch, and those whose turn has not come. */
     palpate_reading record[PALPATE_RECORD];
-    int oldest, count, released, shown, lag, after, baseline;
+    int oldest, count, released, seen, shown, begins, lag, after, baseline;
+    int share, line, contact; /* what is left of a sample's share; where the next goes on; with what */
+    palpate_search search;
+    palpate_taring taring;
+    palpate_settling settling;
     palpate_touch touch;
+    struct {
+        int line;
+    } delivery;
     /* The filter. */
     double state[PALPATE_STATE], carried_surface;
     int started, active, diverged;
 #if PALPATE_WINDOW > 0
     palpate_reading window[PALPATE_WINDOW];
-    double contact_force[PALPATE_WINDOW], gaps;
+    double contact_force[PALPATE_WINDOW], fit_position[PALPATE_WINDOW], fit_velocity[PALPATE_WINDOW], gaps;
+    palpate_fit fit;
+    palpate_gathering gathering;
     int held, attempts;
 #endif
 #if PALPATE_AIR > 0
@@ -110,7 +168,12 @@ void palpate_defaults(palpate_settings *settings);
 /* Begin anew, with the tare; 0, or PALPATE_NO_ROOM. The listener stays what it is told afterwards. */
 int palpate_start(palpate_filter *filter, const palpate_settings *settings);
 
-/* Take in a sample. The number of estimates that became ready, the last of them in `latest`; or what went wrong. */
+/* Take in a sample. The number of estimates that became ready, the last of them in `latest`; or what went wrong.
+ *
+ * The time that it takes is bounded by settings.share: tare, touch and start are searches, which the samples after share
+ * among them, so that the first estimates become ready some 0.1 s later, the same to the bit, and then each with its
+ * sample. The caller owes it samples in the order of their stamps, at no more than PALPATE_RATE on average;
+ * one caller at a time for each filter; and a listener that returns soon. */
 int palpate_feed(palpate_filter *filter, const palpate_sample *sample, palpate_estimate *latest);
 
 #ifdef __cplusplus

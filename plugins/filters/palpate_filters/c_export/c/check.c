@@ -15,7 +15,7 @@ typedef struct {
     FILE *expected;
     long compared, bad;
     double largest, largest_at, force_std;
-    int largest_column, wrong_status;
+    int largest_column, wrong_status, compares;
 } comparison;
 
 static int numbers(FILE *file, double *found, long long *stamp, int count)
@@ -77,11 +77,29 @@ static void compare(void *context, const palpate_estimate *e)
 }
 
 static palpate_filter filter;
-enum { MOST = 4096 };
-static double times[MOST];
+enum { TARE, AIR, TOUCH, START, CONTACT, KINDS, MOST = 1 << 16, PASSES = 9 };
+static const char *const KIND[] = {"tare", "free air", "touch", "start", "contact"};
+static double times[MOST]; /* of each sample, the shortest of all passes: what interrupts one does not count */
+static int kinds[MOST];
 
-/* Cycles of the processor where they can be read, else nanoseconds. */
-#if defined(__x86_64__) && defined(__GNUC__)
+/* What the next sample is for. */
+static int kind_of(const palpate_filter *f)
+{
+    return f->phase == PALPATE_TARING ? TARE
+           : f->phase == PALPATE_IN_AIR && f->search.line == 0 ? AIR
+           : f->phase != PALPATE_TOUCHED ? TOUCH
+           : f->started ? CONTACT : START;
+}
+
+/* What a function of yours counts (-DPALPATE_COUNTER=its_name), cycles where they can be read, else nanoseconds. */
+#if defined(PALPATE_COUNTER)
+static const char *UNIT = "counts";
+double PALPATE_COUNTER(void);
+static double now(void)
+{
+    return PALPATE_COUNTER();
+}
+#elif defined(__x86_64__) && defined(__GNUC__)
 static const char *UNIT = "cycles";
 static double now(void)
 {
@@ -118,62 +136,92 @@ static int by_size(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+/* Feed all samples; their number, or what the filter answered. */
+static long feed(FILE *file, const palpate_settings *settings, comparison *c)
+{
+    char heading[LINE];
+    palpate_sample sample;
+    palpate_estimate latest;
+    long samples = 0;
+    int answer = palpate_start(&filter, settings);
+    filter.listener = c->compares ? compare : 0;
+    filter.context = c;
+    rewind(file);
+    rewind(c->expected);
+    if (fgets(heading, sizeof heading, file) == 0 || fgets(heading, sizeof heading, c->expected) == 0) {
+        return -1;
+    }
+    while (answer >= 0 && sample_of(file, &sample)) {
+        const long i = samples++ % MOST;
+        kinds[i] = kind_of(&filter);
+        const double before = now();
+        answer = palpate_feed(&filter, &sample, &latest);
+        const double took = now() - before;
+        times[i] = took < times[i] ? took : times[i];
+    }
+    if (answer < 0) {
+        printf("the filter answers %d at sample %ld\n", answer, samples);
+    }
+    return answer < 0 ? answer : samples;
+}
+
+/* The middle and the slowest sample of each kind. */
+static void print_times(long samples)
+{
+    static double own[MOST];
+    for (int kind = 0; kind < KINDS; kind++) {
+        int count = 0;
+        for (long i = 0; i < samples && i < MOST; i++) {
+            if (kinds[i] == kind) {
+                own[count++] = times[i];
+            }
+        }
+        if (count > 0) {
+            qsort(own, (size_t)count, sizeof own[0], by_size);
+            printf("%-8s %5d samples, %s: %.0f the median, %.0f the slowest\n", KIND[kind], count, UNIT,
+                   own[count / 2], own[count - 1]);
+        }
+    }
+}
+
 int main(int count, char **arguments)
 {
     const char *path = count > 1 ? arguments[1] : "vectors.csv";
     FILE *file = fopen(path, "r");
-    comparison c = {fopen(path, "r"), 0, 0, 0.0, 0.0, 0.05, 0, 0};
+    comparison c = {fopen(path, "r"), 0, 0, 0.0, 0.0, 0.05, 0, 0, 1};
     palpate_settings settings;
-    palpate_sample sample;
-    palpate_estimate latest;
-    char heading[LINE];
-    long samples = 0;
-    double most = 0.0;
     if (file == 0 || c.expected == 0) {
         printf("%s: cannot be read\n", path);
         return 2;
     }
-    if (fgets(heading, sizeof heading, file) == 0 || fgets(heading, sizeof heading, c.expected) == 0) {
-        return 2;
-    }
     palpate_defaults(&settings);
     c.force_std = settings.step.force_std;
-    int failed = palpate_start(&filter, &settings);
-    filter.listener = compare;
-    filter.context = &c;
-    while (!failed && sample_of(file, &sample)) {
-        const int made = palpate_feed(&filter, &sample, &latest);
-        failed = made < 0 ? made : 0;
-        samples++;
-    }
-    if (failed) {
-        printf("the filter answers %d at sample %ld\n", failed, samples);
+    const int share = settings.share;
+    settings.share = 0; /* at once: every sample has its estimate */
+    const long samples = feed(file, &settings, &c);
+    if (samples < 0) {
         return 1;
     }
-    printf("%ld of %ld samples have an estimate; largest difference %.2g (column %d of %s, at %.4f s)\n", c.compared,
-           samples, c.largest, c.largest_column + IN + 1, path, c.largest_at);
-    if (c.bad || c.wrong_status || c.compared == 0) {
+    const long compared = c.compared;
+    settings.share = share; /* in shares: the same estimates, some of them later */
+    if (feed(file, &settings, &c) < 0) {
+        return 1;
+    }
+    printf("%ld of %ld samples have an estimate, %ld in shares; largest difference %.2g (column %d of %s, at %.4f s)\n",
+           compared, samples, c.compared - compared, c.largest, c.largest_column + IN + 1, path, c.largest_at);
+    if (c.bad || c.wrong_status || compared == 0 || c.compared == compared) {
         printf("%ld numbers differ by more than %g, and %d status words\n", c.bad, TOLERANCE, c.wrong_status);
         return 1;
     }
-    palpate_start(&filter, &settings); /* once more, for its time */
-    rewind(file);
-    if (fgets(heading, sizeof heading, file) == 0) {
-        return 2;
+    c.compares = 0;
+    for (int i = 0; i < MOST; i++) {
+        times[i] = HUGE_VAL;
     }
-    int steps = 0;
-    while (sample_of(file, &sample)) {
-        const double before = now();
-        const int made = palpate_feed(&filter, &sample, &latest), tracking = made == 1 && latest.status == 0;
-        const double took = now() - before;
-        if (tracking && steps < MOST) {
-            times[steps++] = took;
-        }
-        most = took > most ? took : most;
+    for (int pass = 0; pass < PASSES; pass++) {
+        feed(file, &settings, &c);
     }
-    qsort(times, (size_t)steps, sizeof times[0], by_size);
-    printf("%.0f %s a sample in contact (median), %.0f the slowest sample; %.1f kB of memory\n",
-           times[steps / 2], UNIT, most, (double)sizeof(palpate_filter) / 1e3);
+    print_times(samples);
+    printf("%.1f kB of memory\n", (double)sizeof(palpate_filter) / 1e3);
     fclose(file);
     fclose(c.expected);
     return 0;

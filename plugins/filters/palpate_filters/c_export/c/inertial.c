@@ -43,39 +43,35 @@ static int resume(palpate_filter *f, const palpate_reading *r)
 OPENING
 #endif
 
-/* State from the first reading, from a fit of so many of the window where there are any; 0: it does not tell yet. */
-static int begin(palpate_filter *f, const palpate_reading *first, int count, int patient)
+enum { LENIENT = 0 };
+
+/* State from the first reading and a fit where there is one, else from the guess. */
+static void begin(palpate_filter *f, const palpate_reading *first, const palpate_start_fit *found)
 {
     const palpate_step_settings *step = &f->settings.step;
 #if FITTABLE
-    start_fit found;
-    if (count > 0 && fit_start(f, count, 0, &found)) {
+    if (found) {
         double mean[STATES], std[STATES];
         for (int i = 0; i < STATES; i++) {
             mean[i] = step->start[i];
             std[i] = step->start_std[i];
         }
-        mean[AT_DEPTH] = found.surface - first->position;
-        const double depth_std = FIT_SPREAD * found.surface_std;
+        mean[AT_DEPTH] = found->surface - first->position;
+        const double depth_std = FIT_SPREAD * found->surface_std;
         std[AT_DEPTH] = depth_std < std[AT_DEPTH] ? depth_std : std[AT_DEPTH];
         for (int i = 0; i < PALPATE_PARAMETERS; i++) {
-            const double wide = FIT_SPREAD * found.theta_std[i];
-            mean[AT_CHART + i] = found.theta[i];
+            const double wide = FIT_SPREAD * found->theta_std[i];
+            mean[AT_CHART + i] = found->theta[i];
             if (wide > 0.0 && wide < std[AT_CHART + i]) {
                 std[AT_CHART + i] = wide;
             }
         }
         place_start(f, first, mean, std);
-        return 1;
-    }
-    if (count > 0 && patient) {
-        return 0;
+        return;
     }
 #endif
-    (void)count;
-    (void)patient;
+    (void)found;
     place_start(f, first, step->start, step->start_std);
-    return 1;
 }
 
 static void inputs_of(const palpate_reading *r, double interval, double *inputs)

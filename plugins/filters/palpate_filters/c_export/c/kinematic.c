@@ -44,7 +44,7 @@ static double bias_std(const palpate_filter *f, double elapsed)
 OPENING
 
 /* Covariance after a fit: with a bias from all that the fit says of it, else of each number alone. */
-static void take_fit(palpate_filter *f, const start_fit *found)
+static void take_fit(palpate_filter *f, const palpate_start_fit *found)
 {
     double *covariance = f->state + AT_COVARIANCE;
 #if BIASED
@@ -89,8 +89,10 @@ static void take_fit(palpate_filter *f, const start_fit *found)
 }
 #endif
 
-/* State from the first reading, from a fit of so many of the window where there are any; 0: it does not tell yet. */
-static int begin(palpate_filter *f, const palpate_reading *first, int count, int patient)
+enum { LENIENT = 1 }; /* in the end, with a parameter that the fit has at zero */
+
+/* State from the first reading and a fit where there is one, else from the guess. */
+static void begin(palpate_filter *f, const palpate_reading *first, const palpate_start_fit *found)
 {
     double *mean = f->state + AT_MEAN, *covariance = f->state + AT_COVARIANCE;
     const palpate_start_settings *start = &f->settings.start;
@@ -117,24 +119,18 @@ static int begin(palpate_filter *f, const palpate_reading *first, int count, int
 #endif
 #endif
 #if FITTABLE
-    start_fit found;
-    if (count > 0 && fit_start(f, count, !patient, &found)) {
-        mean[AT_SURFACE] = found.surface;
-        take_fit(f, &found);
-        chart_of(found.theta, mean + AT_CHART);
+    if (found) {
+        mean[AT_SURFACE] = found->surface;
+        take_fit(f, found);
+        chart_of(found->theta, mean + AT_CHART);
 #if BIASED
-        mean[AT_BIAS] = f->state[AT_CENTRE] = found.bias;
+        mean[AT_BIAS] = f->state[AT_CENTRE] = found->bias;
 #endif
-        return 1;
-    }
-    if (count > 0 && patient) {
-        return 0;
+        return;
     }
 #endif
-    (void)count;
-    (void)patient;
+    (void)found;
     chart_of(start->guess, mean + AT_CHART);
-    return 1;
 }
 
 static void inputs_of(const palpate_reading *r, double interval, double *inputs)

@@ -1,14 +1,9 @@
 /* A first estimate from a short window: variable projection over the height of the surface (Golub and Pereyra 1973). */
 
 enum { SPAN = 5, FEWEST_FIT = 30, GRID = 49, AMID = 10, COLUMNS = FITTED + BIASED, UNKNOWNS = 2 + PALPATE_PARAMETERS };
+enum { ROW = 6 }; /* readings looked at are counted: a row of the fit costs so much */
 enum { MATRIX = (int)STATES > (int)UNKNOWNS ? (int)STATES : (int)UNKNOWNS };
 static const double DEEPEST_FIT = 0.012; /* [m] of surface above the highest position of the window */
-
-typedef struct {
-    double surface, surface_std, bias;
-    double theta[PALPATE_PARAMETERS], theta_std[PALPATE_PARAMETERS]; /* the latter 0 where it was not fitted */
-    double information[UNKNOWNS * UNKNOWNS];                          /* surface, chart, bias; with a bias only */
-} start_fit;
 
 /* A result without the digits that only rounding has made: 24 bits. */
 static double told(double value)
@@ -110,7 +105,22 @@ static double condition(const double *matrix, int n)
     return low > 0.0 ? high / low : HUGE_VAL;
 }
 
-/* Contact force u + m z'' of the window's readings, NaN where it is not known; how many are known. */
+/* Position and velocity of a reading by local cubics; as they are beside one that is missing. */
+static void motion_at(const palpate_filter *f, int i, double *position, double *velocity)
+{
+    static const double weights[SPAN + 1] = {89.0 / 429.0, 84.0 / 429.0, 69.0 / 429.0, 44.0 / 429.0, 9.0 / 429.0, -36.0 / 429.0};
+    const palpate_reading *r = &f->window[i];
+    *position = weights[0] * r->position;
+    *velocity = weights[0] * r->velocity;
+    for (int k = 1; k <= SPAN; k++) {
+        *position += weights[k] * (r[-k].position + r[k].position);
+        *velocity += weights[k] * (r[-k].velocity + r[k].velocity);
+    }
+    *position = isfinite(*position) ? *position : r->position;
+    *velocity = isfinite(*velocity) ? *velocity : r->velocity;
+}
+
+/* Contact force u + m z'' of the window's readings, NaN where it is not known, and the motion there; how many are. */
 static int contact_forces(palpate_filter *f, int count)
 {
     int known = 0;
@@ -128,32 +138,16 @@ static int contact_forces(palpate_filter *f, int count)
         const double force = r->force + TIP_MASS * acceleration;
         if (whole && isfinite(force) && isfinite(r->velocity) && isfinite(r->position)) {
             f->contact_force[i] = force;
+            motion_at(f, i, &f->fit_position[i], &f->fit_velocity[i]);
             known++;
         }
     }
     return known;
 }
 
-/* Position and velocity of a reading by local cubics; as they are beside one that is missing. */
-static void motion_at(const palpate_filter *f, int i, double *position, double *velocity)
-{
-    static const double weights[SPAN + 1] = {89.0 / 429.0, 84.0 / 429.0, 69.0 / 429.0, 44.0 / 429.0, 9.0 / 429.0, -36.0 / 429.0};
-    const palpate_reading *r = &f->window[i];
-    *position = weights[0] * r->position;
-    *velocity = weights[0] * r->velocity;
-    for (int k = 1; k <= SPAN; k++) {
-        *position += weights[k] * (r[-k].position + r[k].position);
-        *velocity += weights[k] * (r[-k].velocity + r[k].velocity);
-    }
-    *position = isfinite(*position) ? *position : r->position;
-    *velocity = isfinite(*velocity) ? *velocity : r->velocity;
-}
-
 static void columns_at(const palpate_filter *f, int i, double surface, double *column)
 {
-    double position, velocity;
-    motion_at(f, i, &position, &velocity);
-    const double point[2] = {surface - position, -velocity};
+    const double point[2] = {surface - f->fit_position[i], -f->fit_velocity[i]};
     force_columns(point, f->settings.start.guess, column);
 }
 
@@ -191,11 +185,12 @@ static double solve_on(const double *factor, unsigned chosen, double *solution)
 }
 
 /* Sum of squares, parameters (none negative) and bias that explain the force best with the surface at a height. */
-static double misfit(const palpate_filter *f, int count, double surface, double *theta, double *bias)
+static double misfit(palpate_filter *f, int count, double surface, double *theta, double *bias)
 {
     enum { SIZE = COLUMNS + 1 };
     double factor[SIZE * SIZE] = {0.0}, row[SIZE], scale[SIZE] = {0.0}, solution[SIZE], best = HUGE_VAL, square = 0.0;
     int usable = 1;
+    f->share -= ROW * count;
     *bias = 0.0;
     for (int i = SPAN; i < count - SPAN; i++) {
         if (!isfinite(f->contact_force[i])) {
@@ -243,64 +238,64 @@ static double misfit(const palpate_filter *f, int count, double surface, double 
     return best;
 }
 
-/* The minimum of the misfit between two heights: golden sections and parabolas (Brent 1973), to 10 nm. */
-static double least_between(const palpate_filter *f, int count, double a, double b, double *least)
+/* The next height of a search for a minimum: golden sections and parabolas (Brent 1973), to 10 nm; 0 at its end. */
+static int next_height(palpate_minimum *m)
 {
     const double golden = 0.5 * (3.0 - sqrt(5.0)), precision = sqrt(2.2e-16);
-    double theta[PALPATE_PARAMETERS], bias;
-    double x = a + golden * (b - a), second = x, third = x, step = 0.0, before = 0.0;
-    double fx = misfit(f, count, x, theta, &bias), f_second = fx, f_third = fx;
-    for (int calls = 1; calls < 500; calls++) {
-        const double middle = 0.5 * (a + b), near = precision * fabs(x) + 1e-8 / 3.0;
-        if (fabs(x - middle) <= 2.0 * near - 0.5 * (b - a)) {
-            break;
-        }
-        int section = 1;
-        if (fabs(before) > near) {
-            const double r = (x - second) * (fx - f_third);
-            double q = (x - third) * (fx - f_second), p = (x - third) * q - (x - second) * r;
-            q = 2.0 * (q - r);
-            p = q > 0.0 ? -p : p;
-            q = fabs(q);
-            const double last = before;
-            before = step;
-            if (fabs(p) < fabs(0.5 * q * last) && p > q * (a - x) && p < q * (b - x)) {
-                step = p / q;
-                section = 0;
-                if (x + step - a < 2.0 * near || b - (x + step) < 2.0 * near) {
-                    step = middle >= x ? near : -near;
-                }
-            }
-        }
-        if (section) {
-            before = x >= middle ? a - x : b - x;
-            step = golden * before;
-        }
-        const double length = fabs(step) > near ? fabs(step) : near, u = step >= 0.0 ? x + length : x - length;
-        const double fu = misfit(f, count, u, theta, &bias);
-        if (fu <= fx) {
-            *(u >= x ? &a : &b) = x;
-            third = second;
-            f_third = f_second;
-            second = x;
-            f_second = fx;
-            x = u;
-            fx = fu;
-        } else {
-            *(u < x ? &a : &b) = u;
-            if (fu <= f_second || second == x) {
-                third = second;
-                f_third = f_second;
-                second = u;
-                f_second = fu;
-            } else if (fu <= f_third || third == x || third == second) {
-                third = u;
-                f_third = fu;
+    const double middle = 0.5 * (m->a + m->b), near = precision * fabs(m->x) + 1e-8 / 3.0;
+    if (m->calls++ >= 499 || fabs(m->x - middle) <= 2.0 * near - 0.5 * (m->b - m->a)) {
+        return 0;
+    }
+    int section = 1;
+    if (fabs(m->before) > near) {
+        const double r = (m->x - m->second) * (m->fx - m->f_third);
+        double q = (m->x - m->third) * (m->fx - m->f_second), p = (m->x - m->third) * q - (m->x - m->second) * r;
+        q = 2.0 * (q - r);
+        p = q > 0.0 ? -p : p;
+        q = fabs(q);
+        const double last = m->before;
+        m->before = m->step;
+        if (fabs(p) < fabs(0.5 * q * last) && p > q * (m->a - m->x) && p < q * (m->b - m->x)) {
+            m->step = p / q;
+            section = 0;
+            if (m->x + m->step - m->a < 2.0 * near || m->b - (m->x + m->step) < 2.0 * near) {
+                m->step = middle >= m->x ? near : -near;
             }
         }
     }
-    *least = fx;
-    return x;
+    if (section) {
+        m->before = m->x >= middle ? m->a - m->x : m->b - m->x;
+        m->step = golden * m->before;
+    }
+    const double length = fabs(m->step) > near ? fabs(m->step) : near;
+    m->u = m->step >= 0.0 ? m->x + length : m->x - length;
+    return 1;
+}
+
+/* Take in the misfit at that height. */
+static void take_height(palpate_minimum *m, double fu)
+{
+    const double u = m->u;
+    if (fu <= m->fx) {
+        *(u >= m->x ? &m->a : &m->b) = m->x;
+        m->third = m->second;
+        m->f_third = m->f_second;
+        m->second = m->x;
+        m->f_second = m->fx;
+        m->x = u;
+        m->fx = fu;
+    } else {
+        *(u < m->x ? &m->a : &m->b) = u;
+        if (fu <= m->f_second || m->second == m->x) {
+            m->third = m->second;
+            m->f_third = m->f_second;
+            m->second = u;
+            m->f_second = fu;
+        } else if (fu <= m->f_third || m->third == m->x || m->third == m->second) {
+            m->third = u;
+            m->f_third = fu;
+        }
+    }
 }
 
 static double height_of_grid(int i, double lowest, double highest)
@@ -313,29 +308,44 @@ static double height_of_grid(int i, double lowest, double highest)
 }
 
 /* The surface height of the smallest misfit: a grid from amid the motion upwards, then a bounded search. */
-static double best_surface(const palpate_filter *f, int count)
+static int best_surface(palpate_filter *f, int count, double *surface)
 {
-    double lowest = HUGE_VAL, highest = -HUGE_VAL, theta[PALPATE_PARAMETERS], bias, least = HUGE_VAL, found;
-    int best = 0;
+    palpate_fit *fit = &f->fit;
+    palpate_minimum *m = &fit->minimum;
+    double theta[PALPATE_PARAMETERS], bias;
+    RESUME(&fit->search)
+    fit->lowest = HUGE_VAL;
+    fit->highest = -HUGE_VAL;
     for (int i = SPAN; i < count - SPAN; i++) {
         if (isfinite(f->contact_force[i])) {
-            double position, velocity;
-            motion_at(f, i, &position, &velocity);
-            lowest = position < lowest ? position : lowest;
-            highest = position > highest ? position : highest;
+            const double position = f->fit_position[i];
+            fit->lowest = position < fit->lowest ? position : fit->lowest;
+            fit->highest = position > fit->highest ? position : fit->highest;
         }
     }
-    for (int i = 0; i < AMID + GRID; i++) {
-        const double cost = misfit(f, count, height_of_grid(i, lowest, highest), theta, &bias);
-        if (cost < least) {
-            least = cost;
-            best = i;
+    f->share -= ROW * count;
+    fit->least = HUGE_VAL;
+    fit->best = 0;
+    for (fit->i = 0; fit->i < AMID + GRID; fit->i++) {
+        PAUSE_IF_DONE(f, &fit->search);
+        const double cost = misfit(f, count, height_of_grid(fit->i, fit->lowest, fit->highest), theta, &bias);
+        if (cost < fit->least) {
+            fit->least = cost;
+            fit->best = fit->i;
         }
     }
-    const double low = height_of_grid(best > 0 ? best - 1 : 0, lowest, highest);
-    const double high = height_of_grid(best < AMID + GRID - 1 ? best + 1 : best, lowest, highest);
-    const double surface = least_between(f, count, low, high, &found);
-    return found <= least ? surface : height_of_grid(best, lowest, highest);
+    m->a = height_of_grid(fit->best > 0 ? fit->best - 1 : 0, fit->lowest, fit->highest);
+    m->b = height_of_grid(fit->best < AMID + GRID - 1 ? fit->best + 1 : fit->best, fit->lowest, fit->highest);
+    m->x = m->second = m->third = m->a + 0.5 * (3.0 - sqrt(5.0)) * (m->b - m->a);
+    m->step = m->before = 0.0;
+    m->calls = 0;
+    m->fx = m->f_second = m->f_third = misfit(f, count, m->x, theta, &bias);
+    while (next_height(m)) {
+        PAUSE_IF_DONE(f, &fit->search);
+        take_height(m, misfit(f, count, m->u, theta, &bias));
+    }
+    *surface = m->fx <= fit->least ? m->x : height_of_grid(fit->best, fit->lowest, fit->highest);
+    END(&fit->search, 1);
 }
 
 /* The surface's slope at a reading, then the columns. */
@@ -354,7 +364,7 @@ static void design_row(const palpate_filter *f, int i, double surface, const dou
 
 #if BIASED
 /* How surface, parameters and bias hang together: 0 where the first parameter is lost in noise. */
-static int fit_with_bias(const palpate_filter *f, int count, start_fit *found, const double *theta, double std)
+static int fit_with_bias(const palpate_filter *f, int count, palpate_start_fit *found, const double *theta, double std)
 {
     enum { TOLD = FITTED + 2 };
     double row[FITTED + 1], whole[UNKNOWNS], known[TOLD * TOLD], scale[TOLD];
@@ -417,7 +427,7 @@ static int fit_with_bias(const palpate_filter *f, int count, start_fit *found, c
     return 1;
 }
 #else
-static int fit_without_bias(const palpate_filter *f, int count, start_fit *found, const double *plain,
+static int fit_without_bias(const palpate_filter *f, int count, palpate_start_fit *found, const double *plain,
                             const double *theta, const double *scale, double variance)
 {
     enum { SIZE = FITTED + 1 };
@@ -447,18 +457,14 @@ static int fit_without_bias(const palpate_filter *f, int count, start_fit *found
 }
 #endif
 
-/* Surface height and parameters by least squares on u + m z'' = F(d, d') + b; 0 where the window does not tell. */
-static int fit_exactly(palpate_filter *f, int count, int lenient, start_fit *found)
+/* Parameters by least squares on u + m z'' = F(d, d') + b at the surface; 0 where the window does not tell. */
+static int fit_at_surface(palpate_filter *f, int count, int lenient, palpate_start_fit *found)
 {
     double theta[FITTED], scale[FITTED + 1] = {0.0}, row[FITTED + 1];
 #if !BIASED
     double plain[FITTED];
 #endif
-    const int known = contact_forces(f, count);
-    if (known < FEWEST_FIT) {
-        return 0;
-    }
-    found->surface = best_surface(f, count);
+    const int known = f->fit.known;
     const double left = misfit(f, count, found->surface, theta, &found->bias);
     const double variance = left / (known - FITTED - 1);
     for (int i = SPAN; i < count - SPAN; i++) {
@@ -499,11 +505,22 @@ static int fit_exactly(palpate_filter *f, int count, int lenient, start_fit *fou
 #endif
 }
 
-/* The same, with what a window tells. */
-static int fit_start(palpate_filter *f, int count, int lenient, start_fit *found)
+/* The same with the surface's height, without the digits that no window tells. */
+static int fit_start(palpate_filter *f, int count, int lenient, palpate_start_fit *found)
 {
-    if (!fit_exactly(f, count, lenient, found)) {
-        return 0;
+    palpate_fit *fit = &f->fit;
+    int answer = 0;
+    RESUME(fit)
+    fit->known = contact_forces(f, count);
+    f->share -= 2 * ROW * count;
+    if (fit->known < FEWEST_FIT) {
+        LEAVE(fit, 0);
+    }
+    AWAIT(fit, answer, best_surface(f, count, &found->surface));
+    PAUSE_IF_DONE(f, fit);
+    f->share -= 8 * ROW * count;
+    if (!fit_at_surface(f, count, lenient, found)) {
+        LEAVE(fit, 0);
     }
     found->surface = told(found->surface);
     found->surface_std = told(found->surface_std);
@@ -512,5 +529,5 @@ static int fit_start(palpate_filter *f, int count, int lenient, start_fit *found
         found->theta[i] = told(found->theta[i]);
         found->theta_std[i] = told(found->theta_std[i]);
     }
-    return 1;
+    END(fit, 1);
 }

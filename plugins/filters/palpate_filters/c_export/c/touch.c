@@ -1,6 +1,14 @@
 /* Tare and touch, as in palpate's alignment. */
 
-enum { TARING, IN_AIR, SHOWN, TOUCHED, FAILED };
+/* A search of many samples is shared out: where a sample has done its share, the function answers BUSY, and goes on from
+ * the same line with the next (protothreads: Dunkels, Schmidt, Voigt and Ali 2006). What it needs then is in its job. */
+enum { BUSY = -100 };
+#define RESUME(job) switch ((job)->line) { case 0:
+#define PAUSE_IF_DONE(f, job) do { if ((f)->share <= 0) { (job)->line = __LINE__; return BUSY; case __LINE__:; } } while (0)
+#define AWAIT(job, answer, call) \
+    do { (job)->line = __LINE__; if (0) { case __LINE__:; } (answer) = (call); if ((answer) == BUSY) return BUSY; } while (0)
+#define LEAVE(job, answer) do { (job)->line = 0; return (answer); } while (0)
+#define END(job, answer) } LEAVE(job, answer)
 
 static const int IN_A_ROW = 3;           /* samples that must agree before contact is found or lost */
 static const double PAPER_NOISE = 0.05;  /* [N] where there is no free air to measure it in */
@@ -31,16 +39,11 @@ typedef struct {
 
 enum { CHANGE_GRID = 41, CHANGE_LEVELS = 4, CHANGE_PARTS = 8, CHANGE_MOST = 4000, CHANGE_FEWEST = 20 };
 
-/* Readings that a change point is looked for in; the first of every `step` whose numbers are known. */
-typedef struct {
-    const palpate_filter *f;
-    int first, end, step;
-} stretch;
-
-static int next_known(const stretch *s, int i, int *known)
+/* Of the readings from `first` to `end`, the first of every `step` whose numbers are known. */
+static int next_known(const palpate_filter *f, const palpate_search *s, int i, int *known)
 {
     for (; i < s->end; i++) {
-        const palpate_reading *r = reading_at(s->f, i);
+        const palpate_reading *r = reading_at(f, i);
         if (isfinite(r->position) && isfinite(r->force) && (*known)++ % s->step == 0) {
             return i;
         }
@@ -54,106 +57,127 @@ static double power_of_depth(double depth)
 }
 
 /* Sum of squares that is left for a height; the total where the force would fall with depth. */
-static double left_over(const stretch *s, double mean, double total, double height, double *shape_mean, double *slope)
+static double left_over(palpate_filter *f, const palpate_search *s, double height, double *shape_mean, double *slope)
 {
     double sum = 0.0, square = 0.0, product = 0.0, rest = 0.0;
     int known = 0, count = 0;
-    for (int i = next_known(s, s->first, &known); i < s->end; i = next_known(s, i + 1, &known)) {
-        const palpate_reading *r = reading_at(s->f, i);
-        const double shape = power_of_depth(height - r->position), force = tared(s->f, r->force) - mean;
+    for (int i = next_known(f, s, s->first, &known); i < s->end; i = next_known(f, s, i + 1, &known)) {
+        const palpate_reading *r = reading_at(f, i);
+        const double shape = power_of_depth(height - r->position), force = tared(f, r->force) - s->mean;
         sum += shape;
         square += shape * shape;
         product += shape * force;
         rest += force;
         count++;
     }
+    f->share -= s->end - s->first;
     *shape_mean = sum / count;
     square -= sum * *shape_mean;
     product -= *shape_mean * rest;
     *slope = square > 0.0 ? product / square : 0.0;
-    return square > 0.0 && product > 0.0 ? total - product * product / square : total;
+    return square > 0.0 && product > 0.0 ? s->total - product * product / square : s->total;
 }
 
 /* How many samples count as one, from the scatter of the means of eighths. */
-static double hanging_together(const stretch *s, int count, double offset, double slope, double height)
+static double hanging_together(const palpate_filter *f, const palpate_search *s, double offset, double slope)
 {
     double parts = 0.0, square = 0.0;
-    int known = 0, i = next_known(s, s->first, &known);
+    int known = 0, i = next_known(f, s, s->first, &known);
     for (int part = 0; part < CHANGE_PARTS; part++) {
-        const int length = count / CHANGE_PARTS + (part < count % CHANGE_PARTS ? 1 : 0);
+        const int length = s->count / CHANGE_PARTS + (part < s->count % CHANGE_PARTS ? 1 : 0);
         double sum = 0.0;
-        for (int k = 0; k < length; k++, i = next_known(s, i + 1, &known)) {
-            const palpate_reading *r = reading_at(s->f, i);
-            const double rest = tared(s->f, r->force) - offset - slope * power_of_depth(height - r->position);
+        for (int k = 0; k < length; k++, i = next_known(f, s, i + 1, &known)) {
+            const palpate_reading *r = reading_at(f, i);
+            const double rest = tared(f, r->force) - offset - slope * power_of_depth(s->surface - r->position);
             sum += rest;
             square += rest * rest;
         }
         parts += (sum / length) * (sum / length);
     }
-    const double together = parts / CHANGE_PARTS * count / CHANGE_PARTS / (square / count);
+    const double together = parts / CHANGE_PARTS * s->count / CHANGE_PARTS / (square / s->count);
     return square > 0.0 && together > 1.0 ? together : 1.0;
 }
 
-/* F = b for z >= z_s, b + c (z_s - z)^1.5 below; 0 where a constant force explains the readings as well. */
-static int change_point(const palpate_filter *f, int first, int end, change *found)
+/* Range, mean and sum of squares of the readings; 0 where there are too few, or none moves. */
+static int survey(palpate_filter *f, palpate_search *s)
 {
-    stretch s = {f, first, end, 1};
-    int known = 0, count = 0;
-    for (int i = next_known(&s, first, &known); i < end; i = next_known(&s, i + 1, &known)) {
-        count++;
+    int known = 0;
+    s->step = 1;
+    s->count = 0;
+    for (int i = next_known(f, s, s->first, &known); i < s->end; i = next_known(f, s, i + 1, &known)) {
+        s->count++;
     }
-    if (count < CHANGE_FEWEST) {
+    if (s->count < CHANGE_FEWEST) {
         return 0;
     }
-    s.step = (count + CHANGE_MOST - 1) / CHANGE_MOST;
-    double top = -HUGE_VAL, bottom = HUGE_VAL, mean = 0.0, total = 0.0;
-    known = count = 0;
-    for (int i = next_known(&s, first, &known); i < end; i = next_known(&s, i + 1, &known)) {
+    s->step = (s->count + CHANGE_MOST - 1) / CHANGE_MOST;
+    s->top = -HUGE_VAL;
+    s->bottom = HUGE_VAL;
+    s->mean = s->total = 0.0;
+    known = s->count = 0;
+    for (int i = next_known(f, s, s->first, &known); i < s->end; i = next_known(f, s, i + 1, &known)) {
         const palpate_reading *r = reading_at(f, i);
-        top = r->position > top ? r->position : top;
-        bottom = r->position < bottom ? r->position : bottom;
-        mean += tared(f, r->force);
-        count++;
+        s->top = r->position > s->top ? r->position : s->top;
+        s->bottom = r->position < s->bottom ? r->position : s->bottom;
+        s->mean += tared(f, r->force);
+        s->count++;
     }
-    mean /= count;
-    if (top - bottom < 2e-5) {
-        return 0;
-    }
+    s->mean /= s->count;
     known = 0;
-    for (int i = next_known(&s, first, &known); i < end; i = next_known(&s, i + 1, &known)) {
-        const double force = tared(f, reading_at(f, i)->force) - mean;
-        total += force * force;
+    for (int i = next_known(f, s, s->first, &known); i < s->end; i = next_known(f, s, i + 1, &known)) {
+        const double force = tared(f, reading_at(f, i)->force) - s->mean;
+        s->total += force * force;
     }
-    double left = total, surface = top, low = bottom, high = top, shape_mean, slope;
-    for (int level = 0; level < CHANGE_LEVELS; level++) {
-        const double step = (high - low) / (CHANGE_GRID - 1);
-        double least = HUGE_VAL;
-        int at = 0;
-        for (int k = 0; k < CHANGE_GRID; k++) {
-            const double height = k < CHANGE_GRID - 1 ? low + k * step : high;
-            const double rest = left_over(&s, mean, total, height, &shape_mean, &slope);
-            if (rest < least) {
-                least = rest;
-                at = k;
+    f->share -= 3 * (s->end - s->first);
+    return s->top - s->bottom >= 2e-5;
+}
+
+/* F = b for z >= z_s, b + c (z_s - z)^1.5 below; 0 where a constant force explains the readings as well. */
+static int change_point(palpate_filter *f, int first, int end, change *found)
+{
+    palpate_search *s = &f->search;
+    double shape_mean, slope;
+    RESUME(s)
+    s->first = first;
+    s->end = end;
+    if (!survey(f, s)) {
+        LEAVE(s, 0);
+    }
+    s->left = s->total;
+    s->surface = s->high = s->top;
+    s->low = s->bottom;
+    for (s->level = 0; s->level < CHANGE_LEVELS; s->level++) {
+        s->least = HUGE_VAL;
+        s->at = 0;
+        for (s->k = 0; s->k < CHANGE_GRID; s->k++) {
+            PAUSE_IF_DONE(f, s);
+            const double step = (s->high - s->low) / (CHANGE_GRID - 1);
+            const double height = s->k < CHANGE_GRID - 1 ? s->low + s->k * step : s->high;
+            const double rest = left_over(f, s, height, &shape_mean, &slope);
+            if (rest < s->least) {
+                s->least = rest;
+                s->at = s->k;
             }
         }
-        const double height = at < CHANGE_GRID - 1 ? low + at * step : high;
-        if (least < left || (least == left && height < surface)) {
-            left = least;
-            surface = height;
+        const double step = (s->high - s->low) / (CHANGE_GRID - 1);
+        const double height = s->at < CHANGE_GRID - 1 ? s->low + s->at * step : s->high;
+        if (s->least < s->left || (s->least == s->left && height < s->surface)) {
+            s->left = s->least;
+            s->surface = height;
         }
-        high = at < CHANGE_GRID - 2 ? low + (at + 1) * step : high;
-        low = at > 0 ? low + (at - 1) * step : low;
+        s->high = s->at < CHANGE_GRID - 2 ? s->low + (s->at + 1) * step : s->high;
+        s->low = s->at > 0 ? s->low + (s->at - 1) * step : s->low;
     }
-    left_over(&s, mean, total, surface, &shape_mean, &slope);
-    const double noise = (left > 0.0 ? left : 0.0) / (count - 3), offset = mean - slope * shape_mean;
-    if (surface - bottom < 2e-5 || total - left <= 25.0 * noise * hanging_together(&s, count, offset, slope, surface)) {
-        return 0;
+    PAUSE_IF_DONE(f, s);
+    left_over(f, s, s->surface, &shape_mean, &slope);
+    const double noise = (s->left > 0.0 ? s->left : 0.0) / (s->count - 3), offset = s->mean - slope * shape_mean;
+    if (s->surface - s->bottom < 2e-5 || s->total - s->left <= 25.0 * noise * hanging_together(f, s, offset, slope)) {
+        LEAVE(s, 0);
     }
-    found->surface = surface;
+    found->surface = s->surface;
     found->rms = sqrt(noise);
-    found->rise = slope * power_of_depth(surface - bottom);
-    return 1;
+    found->rise = slope * power_of_depth(s->surface - s->bottom);
+    END(s, 1);
 }
 
 /* Whether readings scatter within their sixths rather than wandering from one to the next. */
@@ -186,43 +210,9 @@ static int at_rest(const palpate_filter *f, int end, int count)
     return between <= WANDER || between <= 1.5 * within;
 }
 
-/* The tare from what is before a time [s] of the first tare_duration, and of no contact within; 0, or an error. */
-static int measure_tare(palpate_filter *f, double before)
+/* The mean force before a reading, of so many known forces, and their scatter; 0, or an error. */
+static int take_tare(palpate_filter *f, int end, int count)
 {
-    const double ends = before < f->settings.tare_duration ? before : f->settings.tare_duration;
-    int end = 0, count = 0;
-    for (; end < f->count && reading_at(f, end)->time <= ends && reading_at(f, end)->time < before; end++) {
-        count += isfinite(reading_at(f, end)->force) ? 1 : 0;
-    }
-    f->tare = 0.0;
-    f->tare_noise = 0.0;
-    if (count < FEWEST_TARE) {
-        return 0;
-    }
-    change found;
-    const double weight = f->settings.weight;
-    f->settings.weight = 0.0; /* the raw force */
-    const int changes = change_point(f, 0, end, &found);
-    f->settings.weight = weight;
-    if (changes) { /* contact is what lies below the surface without interruption up to the end of the window */
-        int below = 0, all = 1, last = end;
-        for (int i = end - 1; i >= 0; i--) {
-            const palpate_reading *r = reading_at(f, i);
-            if (isfinite(r->force)) {
-                if (r->position < found.surface) {
-                    below++;
-                    last = i;
-                } else {
-                    all = 0;
-                    break;
-                }
-            }
-        }
-        if (!all && count - below >= FEWEST_TARE) {
-            count -= below;
-            end = last;
-        }
-    }
     double sum = 0.0, lost = 0.0, square = 0.0;
     for (int i = 0; i < end; i++) { /* with what rounding loses, so that the sum is rounded once (Neumaier 1974) */
         const double x = isfinite(reading_at(f, i)->force) ? reading_at(f, i)->force : 0.0, next = sum + x;
@@ -234,12 +224,57 @@ static int measure_tare(palpate_filter *f, double before)
         const double apart = reading_at(f, i)->force - sum / count;
         square += isfinite(apart) ? apart * apart : 0.0;
     }
+    f->share -= 4 * end;
     if (!at_rest(f, end, count)) {
         return PALPATE_NOT_AT_REST;
     }
     f->tare = sum / count;
     f->tare_noise = sqrt(square / (count - 1));
     return 0;
+}
+
+/* The tare from what is before a time [s] of the first tare_duration, and of no contact within; 0, or an error. */
+static int measure_tare(palpate_filter *f, double before)
+{
+    palpate_taring *t = &f->taring;
+    const double ends = before < f->settings.tare_duration ? before : f->settings.tare_duration;
+    int changes = 0;
+    change found;
+    RESUME(t)
+    t->end = t->count = 0;
+    for (; t->end < f->count && reading_at(f, t->end)->time <= ends && reading_at(f, t->end)->time < before; t->end++) {
+        t->count += isfinite(reading_at(f, t->end)->force) ? 1 : 0;
+    }
+    f->tare = 0.0;
+    f->tare_noise = 0.0;
+    if (t->count < FEWEST_TARE) {
+        LEAVE(t, 0);
+    }
+    t->weight = f->settings.weight;
+    f->settings.weight = 0.0; /* the raw force */
+    AWAIT(t, changes, change_point(f, 0, t->end, &found));
+    f->settings.weight = t->weight;
+    if (changes) { /* contact is what lies below the surface without interruption up to the end of the window */
+        int below = 0, all = 1, last = t->end;
+        for (int i = t->end - 1; i >= 0; i--) {
+            const palpate_reading *r = reading_at(f, i);
+            if (isfinite(r->force)) {
+                if (r->position < found.surface) {
+                    below++;
+                    last = i;
+                } else {
+                    all = 0;
+                    break;
+                }
+            }
+        }
+        if (!all && t->count - below >= FEWEST_TARE) {
+            t->count -= below;
+            t->end = last;
+        }
+    }
+    PAUSE_IF_DONE(f, t);
+    END(t, take_tare(f, t->end, t->count));
 }
 
 static void moments(const double *values, int count, double *mean, double *square, int *known)
@@ -298,7 +333,7 @@ static int risen(const palpate_rise *rise)
     return known >= 50 && rise->blocks >= NOW && now / NOW - mean > level;
 }
 
-static int rise_lasts(palpate_rise *rise, double force)
+static int rise_lasts(palpate_filter *f, palpate_rise *rise, double force)
 {
     rise->sum += force;
     if (++rise->count < rise->samples) {
@@ -310,6 +345,7 @@ static int rise_lasts(palpate_rise *rise, double force)
     rise->sum = 0.0;
     rise->count = 0;
     rise->lasting = risen(rise) ? rise->lasting + 1 : 0;
+    f->share -= PALPATE_RISE_BLOCKS;
     if (rise->lasting >= 10) {
         rise->lasting = 0;
         return 1;
@@ -338,6 +374,7 @@ static void touch_begin(const palpate_filter *f, palpate_touch *touch, double in
     touch->above = touch->below = touch->over = touch->in_contact = touch->doubtful = 0;
     touch->surface = touch->rise.sum = 0.0;
     touch->rise.count = touch->rise.blocks = touch->rise.lasting = 0;
+    touch->line = 0;
     touch->threshold = touch_threshold(f);
     touch->rising = f->settings.touch_force <= 0.0 && f->lag > 0;
     touch->rise.samples = 1;
@@ -358,42 +395,38 @@ static int earliest(const palpate_filter *f, int shown)
 }
 
 /* The change point in the baseline, what is looked back over, and what is held up to `end`. */
-static int touch_change(const palpate_filter *f, const palpate_touch *touch, int shown, int end, change *found)
+static int touch_change(palpate_filter *f, int shown, int end, change *found)
 {
-    if (f->lag == 0) {
-        return 0;
-    }
     const int first = earliest(f, shown) - f->baseline;
-    if (!change_point(f, first > 0 ? first : 0, end, found)) {
-        return 0;
-    }
-    return found->rms < 2.0 * touch->threshold / TOUCH_SIGMAS + BELIEVED * found->rise;
+    const int changes = f->lag > 0 ? change_point(f, first > 0 ? first : 0, end, found) : 0;
+    return changes == 1 ? found->rms < 2.0 * f->touch.threshold / TOUCH_SIGMAS + BELIEVED * found->rise : changes;
 }
 
 /* Whether touch shows at a reading. */
-static int touch_shows(const palpate_filter *f, palpate_touch *touch, int i)
+static int touch_shows(palpate_filter *f, int i)
 {
+    palpate_touch *touch = &f->touch;
     const double force = tared(f, reading_at(f, i)->force);
-    touch->above = force > touch_limit(f, touch, reading_at(f, i)->time) ? touch->above + 1 : 0;
-    const int lasts = touch->rising && rise_lasts(&touch->rise, force);
-    if (touch->above >= IN_A_ROW) {
-        return 1;
-    }
+    int lasts, changes = 0;
     change found;
-    if (lasts && touch_change(f, touch, i, i + 1, &found)) {
-        touch->doubtful = 1;
-        return 1;
+    RESUME(touch)
+    f->share -= 4;
+    touch->above = force > touch_limit(f, touch, reading_at(f, i)->time) ? touch->above + 1 : 0;
+    lasts = touch->rising && rise_lasts(f, &touch->rise, force);
+    if (touch->above >= IN_A_ROW || !lasts) {
+        LEAVE(touch, touch->above >= IN_A_ROW);
     }
-    return 0;
+    AWAIT(touch, changes, touch_change(f, i, i + 1, &found));
+    touch->doubtful = touch->doubtful || changes;
+    END(touch, changes);
 }
 
 /* Where contact began that showed at a reading; whether a change point said so. */
-static int touch_began(const palpate_filter *f, const palpate_touch *touch, int shown, int end, int *begin,
-                       double *surface)
+static int touch_began(palpate_filter *f, int shown, int end, int *begin, double *surface)
 {
     int stop = end < shown + 1 + f->after ? end : shown + 1 + f->after, above = 0;
     for (int i = shown; i < stop; i++) {
-        above = tared(f, reading_at(f, i)->force) > NEAR_TOUCH * touch->threshold ? above + 1 : 0;
+        above = tared(f, reading_at(f, i)->force) > NEAR_TOUCH * f->touch.threshold ? above + 1 : 0;
         if (above >= IN_A_ROW) {
             stop = i;
         }
@@ -401,8 +434,9 @@ static int touch_began(const palpate_filter *f, const palpate_touch *touch, int 
     change found;
     *begin = shown;
     *surface = reading_at(f, shown)->position;
-    if (!touch_change(f, touch, shown, stop, &found)) {
-        return 0;
+    const int changes = touch_change(f, shown, stop, &found);
+    if (changes != 1) {
+        return changes;
     }
     const int first = earliest(f, shown);
     *begin = first;
@@ -436,41 +470,49 @@ static double median_interval(const palpate_filter *f)
 /* Settle lag and tare on the beginning of the record; 0, or an error. */
 static int settle(palpate_filter *f)
 {
+    palpate_settling *s = &f->settling;
     const double interval = median_interval(f);
     const int lag = interval > 0.0 ? (int)(f->settings.touch_lag / interval) : 0;
+    int answer = 0, begin;
+    double surface;
+    RESUME(s)
     f->after = (int)(AFTER * lag);
     f->lag = lag - f->after;
     f->baseline = interval > 0.0 ? (int)(BASELINE / interval) : 0;
     f->tare = f->settings.tare_offset;
     f->tare_noise = 0.0;
     if (f->baseline + f->lag + f->after + 2 > PALPATE_RECORD) {
-        return PALPATE_NO_ROOM;
+        LEAVE(s, PALPATE_NO_ROOM);
     }
     if (f->settings.tare_measured) {
-        int failed = measure_tare(f, HUGE_VAL), head = 0, begin;
-        double surface;
-        if (failed) {
-            return failed;
+        AWAIT(s, answer, measure_tare(f, HUGE_VAL));
+        if (answer) {
+            LEAVE(s, answer);
         }
-        while (head < f->count && reading_at(f, head)->time <= f->settings.tare_duration + f->settings.touch_lag) {
-            head++;
+        for (s->head = 0; s->head < f->count; s->head++) {
+            if (!(reading_at(f, s->head)->time <= f->settings.tare_duration + f->settings.touch_lag)) {
+                break;
+            }
         }
         touch_begin(f, &f->touch, interval); /* a trial */
-        for (int i = 0; f->lag > 0 && i < head; i++) {
-            if (touch_shows(f, &f->touch, i)) {
-                if (touch_began(f, &f->touch, i, head, &begin, &surface) &&
-                    reading_at(f, begin)->time < f->settings.tare_duration) {
-                    failed = measure_tare(f, reading_at(f, begin)->time);
+        for (s->i = 0; f->lag > 0 && s->i < s->head; s->i++) {
+            PAUSE_IF_DONE(f, s);
+            AWAIT(s, answer, touch_shows(f, s->i));
+            if (answer) {
+                AWAIT(s, answer, touch_began(f, s->i, s->head, &begin, &surface));
+                s->before = answer ? reading_at(f, begin)->time : HUGE_VAL;
+                if (s->before < f->settings.tare_duration) {
+                    AWAIT(s, answer, measure_tare(f, s->before));
+                    if (answer) {
+                        LEAVE(s, answer);
+                    }
                 }
                 break;
             }
         }
-        if (failed) {
-            return failed;
-        }
     }
     touch_begin(f, &f->touch, interval);
-    return 0;
+    END(s, 0);
 }
 
 /* After the first touch: hysteresis, on after some samples in a row above the threshold, off after as many below half

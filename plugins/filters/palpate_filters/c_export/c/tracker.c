@@ -60,8 +60,11 @@ static int settle_noise(palpate_filter *f)
 }
 #endif
 
+enum { STEP = 50 }; /* readings looked at are counted: a step of the filter costs so much */
+
 static void advance(palpate_filter *f, const palpate_reading *r, double interval, double *output)
 {
+    f->share -= STEP;
     double inputs[INPUTS];
     inputs_of(r, interval, inputs);
     step(f->state, inputs, (const double *)(const void *)&f->settings.step, f->state, output);
@@ -99,10 +102,9 @@ static void read_output(const palpate_filter *f, const palpate_reading *r, const
 static const double ELSEWHERE = 1e-3; /* [m] along the surface: a touch there says nothing of the height here */
 enum { ATTEMPTS = 15 };
 
-/* Hold a reading until there are enough to start on; then run over them, and tell only what is now. */
-static int gather(palpate_filter *f, const palpate_reading *r, int begins, palpate_estimate *e)
+/* Hold a reading; 0 where there is no room. */
+static int hold(palpate_filter *f, const palpate_reading *r, int begins)
 {
-    double output[OUTPUTS];
     if (begins && f->held > 0) {
         const palpate_reading *last = &f->window[f->held - 1];
         const double x = r->lateral_x - last->lateral_x, y = r->lateral_y - last->lateral_y;
@@ -114,20 +116,38 @@ static int gather(palpate_filter *f, const palpate_reading *r, int begins, palpa
         }
     }
     if (f->held == PALPATE_WINDOW) {
-        return PALPATE_NO_ROOM;
+        return 0;
     }
     f->window[f->held] = *r;
     f->window[f->held++].touch = begins;
+    return 1;
+}
+
+/* Start where what is held is enough, and run over it; tell only what is now. */
+static int gather(palpate_filter *f, const palpate_reading *r, int begins, palpate_estimate *e)
+{
+    palpate_gathering *g = &f->gathering;
+    double output[OUTPUTS];
+    int fitted = 0;
+    RESUME(g)
+    if (!hold(f, r, begins)) {
+        LEAVE(g, PALPATE_NO_ROOM);
+    }
     e->status = PALPATE_IDLE | PALPATE_WAITING;
-    const double elapsed = r->time - f->window[0].time - f->gaps;
-    while (elapsed >= f->settings.window * (1.0 + 0.2 * f->attempts) - 1e-9) {
-        if (!begin(f, f->window, f->held, f->attempts < ATTEMPTS)) {
+    g->elapsed = r->time - f->window[0].time - f->gaps;
+    while (g->elapsed >= f->settings.window * (1.0 + 0.2 * f->attempts) - 1e-9) {
+#if FITTABLE
+        AWAIT(g, fitted, fit_start(f, f->held, LENIENT && f->attempts >= ATTEMPTS, &f->fit.found));
+        if (!fitted && f->attempts < ATTEMPTS) {
             f->attempts++;
             continue;
         }
-        for (int i = 0; i < f->held; i++) {
-            const palpate_reading *one = &f->window[i];
-            if (one->touch && i > 0) {
+#endif
+        begin(f, f->window, fitted ? &f->fit.found : 0);
+        for (g->i = 0; g->i < f->held; g->i++) {
+            PAUSE_IF_DONE(f, g);
+            const palpate_reading *one = &f->window[g->i];
+            if (one->touch && g->i > 0) {
                 resume(f, one);
             }
             advance(f, one, one->touch ? 0.0 : one->interval, output);
@@ -136,7 +156,7 @@ static int gather(palpate_filter *f, const palpate_reading *r, int begins, palpa
         read_output(f, r, output, e);
         break;
     }
-    return 0;
+    END(g, 0);
 }
 #endif
 
@@ -159,7 +179,7 @@ static int track(palpate_filter *f, const palpate_reading *r, palpate_estimate *
     }
 #endif
     if (!f->started) {
-        begin(f, r, 0, 0);
+        begin(f, r, 0);
         f->started = 1;
     } else if (begins) {
         resumed = resume(f, r);
@@ -177,6 +197,7 @@ static int deliver(palpate_filter *f, const palpate_reading *raw, int contact)
     palpate_reading r = *raw;
     int failed = 0;
     r.force = tared(f, raw->force);
+    RESUME(&f->delivery)
     e->time = r.time;
     e->contact = contact;
     e->status = PALPATE_IDLE;
@@ -184,8 +205,9 @@ static int deliver(palpate_filter *f, const palpate_reading *raw, int contact)
         e->value[i] = e->std[i] = NAN;
     }
     e->surface = e->surface_std = e->force = e->nis = e->innovation = NAN;
+    f->share -= 4;
     if (contact && r.measuring) {
-        failed = track(f, &r, e);
+        AWAIT(&f->delivery, failed, track(f, &r, e));
         f->active = 1;
     } else {
 #if PALPATE_AIR > 0
@@ -199,67 +221,85 @@ static int deliver(palpate_filter *f, const palpate_reading *raw, int contact)
     if (f->listener) {
         f->listener(f->context, e);
     }
-    return failed;
+    END(&f->delivery, failed);
 }
 
-/* Give away what is before a reading of the record, none of it in contact. */
-static int release(palpate_filter *f, int before)
+/* Nothing asks any more for the oldest so many readings of the record. */
+static void forget(palpate_filter *f, int count)
 {
-    int failed = 0;
-    while (f->released < before && !failed) {
-        failed = deliver(f, reading_at(f, f->released++), 0);
-    }
-    while (f->released > f->baseline && f->phase == IN_AIR) {
-        f->oldest = (f->oldest + 1) % PALPATE_RECORD;
-        f->count--;
-        f->released--;
-        f->shown--;
-    }
-    return failed;
+    f->oldest = (f->oldest + count) % PALPATE_RECORD;
+    f->count -= count;
+    f->released -= count;
+    f->seen -= f->seen < count ? f->seen : count;
+    f->shown -= f->shown < count ? f->shown + 1 : count;
+    f->begins -= f->begins < count ? f->begins : count;
 }
 
-/* What was held back, marked from where contact began. */
-static int touched(palpate_filter *f)
+/* Go on with the readings in the record, as far as their share of work goes; 0, BUSY, or an error. */
+static int catch_up(palpate_filter *f)
 {
-    int begin_at, failed;
-    touch_began(f, &f->touch, f->shown, f->count, &begin_at, &f->touch.surface);
-    f->touch.in_contact = 1;
-    failed = release(f, begin_at);
-    for (; f->released < f->count && !failed; f->released++) {
-        const palpate_reading *r = reading_at(f, f->released);
-        const int contact = f->released <= f->shown || in_contact(f, &f->touch, r->time, tared(f, r->force), r->position);
-        failed = deliver(f, r, contact);
-    }
-    f->phase = TOUCHED;
-    return failed;
-}
-
-/* What the newest reading says before the first touch is told. */
-static int before_touch(palpate_filter *f)
-{
-    int i = f->count - 1;
-    if (f->phase == TARING) {
-        const double settled = f->settings.tare_duration + f->settings.touch_lag;
-        if (f->settings.tare_measured ? !(reading_at(f, i)->time > settled) : f->count < FIRST) {
-            return 0;
+    const double settled = f->settings.tare_duration + f->settings.touch_lag;
+    int answer = 0;
+    RESUME(f)
+    if (f->phase == PALPATE_TARING) {
+        const double newest = reading_at(f, f->count - 1)->time;
+        if (f->settings.tare_measured ? !(newest > settled) : f->count < FIRST) {
+            LEAVE(f, 0);
         }
-        const int failed = settle(f);
-        if (failed) {
-            return failed;
+        AWAIT(f, answer, settle(f));
+        if (answer) {
+            LEAVE(f, answer);
         }
-        f->phase = IN_AIR;
-        i = 0;
+        f->phase = PALPATE_IN_AIR;
     }
-    for (; f->phase == IN_AIR && i < f->count; i++) {
-        if (touch_shows(f, &f->touch, i)) {
-            f->phase = SHOWN;
-            f->shown = i;
+    while (f->phase == PALPATE_IN_AIR) {
+        if (f->seen == f->count) {
+            LEAVE(f, 0);
+        }
+        PAUSE_IF_DONE(f, f);
+        AWAIT(f, answer, touch_shows(f, f->seen));
+        if (answer) {
+            f->shown = f->seen;
+            f->phase = PALPATE_SHOWN;
+            break;
+        }
+        f->seen++;
+        if (f->settings.tare_measured && reading_at(f, f->seen - 1)->time <= settled) {
+            continue; /* a touch here is looked for from the beginning on */
+        }
+        while (f->released < f->seen - f->lag) {
+            PAUSE_IF_DONE(f, f);
+            answer = deliver(f, reading_at(f, f->released++), 0);
+            if (answer) {
+                LEAVE(f, answer);
+            }
+        }
+        if (f->released > f->baseline) {
+            forget(f, f->released - f->baseline);
         }
     }
-    if (f->phase == IN_AIR) {
-        return release(f, f->count - f->lag);
+    if (f->phase == PALPATE_SHOWN) {
+        if (f->count <= f->shown + f->after) {
+            LEAVE(f, 0);
+        }
+        AWAIT(f, answer, touch_began(f, f->shown, f->shown + 1 + f->after, &f->begins, &f->touch.surface));
+        forget(f, f->released);
+        f->touch.in_contact = 1;
+        f->phase = PALPATE_TOUCHED;
     }
-    return f->count > f->shown + f->after ? touched(f) : 0;
+    while (f->count > 0) {
+        PAUSE_IF_DONE(f, f);
+        const palpate_reading *r = reading_at(f, 0);
+        f->contact = f->begins == 0 &&
+                     (f->shown >= 0 || in_contact(f, &f->touch, r->time, tared(f, r->force), r->position));
+        AWAIT(f, answer, deliver(f, reading_at(f, 0), f->contact));
+        if (answer) {
+            LEAVE(f, answer);
+        }
+        f->released = 1;
+        forget(f, 1);
+    }
+    END(f, 0);
 }
 
 int palpate_start(palpate_filter *f, const palpate_settings *settings)
@@ -270,11 +310,11 @@ int palpate_start(palpate_filter *f, const palpate_settings *settings)
         *byte = 0;
     }
     f->settings = *settings;
-    f->phase = TARING;
+    f->phase = PALPATE_TARING;
 #if PALPATE_WINDOW > 0
     const double longest = settings->window * 4.0 * PALPATE_RATE;
     if (longest > PALPATE_WINDOW) {
-        f->phase = FAILED;
+        f->phase = PALPATE_FAILED;
         return f->failure = PALPATE_NO_ROOM;
     }
 #endif
@@ -286,7 +326,7 @@ int palpate_feed(palpate_filter *f, const palpate_sample *sample, palpate_estima
     palpate_reading r = {0.0, 0.0, sample->force, sample->position, sample->velocity, sample->lateral_x,
                          sample->lateral_y, sample->measuring, 0};
     int failed = 0;
-    if (f->phase == FAILED) {
+    if (f->phase == PALPATE_FAILED) {
         return f->failure;
     }
     if (!f->fed) {
@@ -299,16 +339,15 @@ int palpate_feed(palpate_filter *f, const palpate_sample *sample, palpate_estima
     r.interval = (double)(sample->stamp - f->previous) / 1e9;
     f->previous = sample->stamp;
     f->made = 0;
-    if (f->phase == TOUCHED) {
-        failed = deliver(f, &r, in_contact(f, &f->touch, r.time, tared(f, r.force), r.position));
-    } else if (f->count == PALPATE_RECORD) {
+    if (f->count == PALPATE_RECORD) {
         failed = PALPATE_NO_ROOM;
     } else {
         f->record[(f->oldest + f->count++) % PALPATE_RECORD] = r;
-        failed = before_touch(f);
+        f->share = f->settings.share > 0 ? f->settings.share : INT_MAX;
+        failed = catch_up(f);
     }
-    if (failed) {
-        f->phase = FAILED;
+    if (failed && failed != BUSY) {
+        f->phase = PALPATE_FAILED;
         return f->failure = failed;
     }
     if (f->made > 0) {
