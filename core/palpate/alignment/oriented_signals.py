@@ -11,6 +11,7 @@ from palpate.alignment.lateral_force import LateralForce, SidewaysShare
 from palpate.alignment.ports import Port
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.signal_series import Series
+from palpate.alignment.surface_lookup import LocalPlanes, SurfaceLookup
 from palpate.alignment.tool_frame import ToolFrame, Vector
 from palpate.alignment.turned_tool import ToolWatch, TurnedTool
 from palpate.estimation import Samples
@@ -22,6 +23,10 @@ class OrientedSignals:
 
     def __init__(self, settings: AlignmentSettings, force: Port, roles: Mapping[str, Series]) -> None:
         self._frame = ToolFrame(settings, force)
+        self._lookup = None if settings.surface is None else SurfaceLookup(settings.surface)
+        self._planes: LocalPlanes | None = None  # of the samples that are being made
+        self._made = 0  # samples
+        self.is_projecting = settings.is_projecting  # whether force and motion are those along a stated normal
         self._roles = roles
         self._axes = [
             roles.get(f"force {axis}", roles["force"]) for axis, _ in zip("xyz", force.components, strict=True)
@@ -29,11 +34,6 @@ class OrientedSignals:
         self._signs = [settings.force.sign if series is roles["force"] else 1 for series in self._axes]
         self._lateral = LateralForce((0, 1, 2))
         self._watch = ToolWatch()
-
-    @property
-    def is_projecting(self) -> bool:
-        """Whether force and motion are those along a stated normal."""
-        return self._frame.is_projecting
 
     @property
     def share(self) -> SidewaysShare | None:
@@ -49,23 +49,39 @@ class OrientedSignals:
         """Forces (n,) [N] along the normal, without a weight that turns; NaN where a reading is missing."""
         readings = [sign * series.at(stamps) for sign, series in zip(self._signs, self._axes, strict=True)]
         x, y, z, w = (self._roles[f"orientation {axis}"].at(stamps) for axis in "xyzw")
-        load = self._frame.load((readings[0], readings[1], readings[2]), (x, y, z, w))
+        normal = self._normals(len(stamps))
+        load = self._frame.load((readings[0], readings[1], readings[2]), (x, y, z, w), normal)
         self._lateral.add(np.column_stack([load.along, *load.across]))
+        nothing = np.zeros(len(stamps))
+        place, height, curvature, known = (nothing, nothing, nothing), nothing, nothing, np.ones(len(stamps))
         if self.is_projecting:
             place = self._vector("position", stamps)
-            self._watch.add(load, place, self._frame.height(place))
-        else:
-            nowhere = np.zeros(len(stamps))
-            self._watch.add(load, (nowhere, nowhere, nowhere), nowhere)
-        return load.along
+            height = self._frame.along(place, normal)
+        if self._planes is not None:
+            planes = self._planes[: len(stamps)]
+            height, curvature, known = planes.height, planes.curvature, planes.known
+        self._watch.add(load, place, height, curvature)
+        self._made += len(stamps)
+        return np.asarray(load.along * known)
 
     def heights(self, stamps: NDArray[np.int64]) -> Floats:
-        """Heights (n,) [m] of the tip along the normal, over the plane through the origin."""
-        return self._frame.height(self._vector("position", stamps))
+        """Heights (n,) [m] of the tip along the normal: over the surface, or over the plane through the origin."""
+        place = self._vector("position", stamps)
+        if self._lookup is None:
+            return self._frame.along(place)
+        self._planes = self._lookup.planes(self._made, np.column_stack(place))
+        return self._planes.height
 
     def velocities(self, stamps: NDArray[np.int64]) -> Floats:
         """Velocities (n,) [m/s] of that height."""
-        return self._frame.height(self._vector("velocity", stamps))
+        return self._frame.along(self._vector("velocity", stamps), self._normals(len(stamps)))
+
+    def _normals(self, count: int) -> Vector | None:
+        """Columns (n,) of the normals below the first samples that are being made; None where one is for all."""
+        if self._planes is None:
+            return None
+        x, y, z = self._planes.normal[:count].T
+        return x, y, z
 
     def released(self, samples: Samples) -> None:
         """Take note of which of the samples whose forces were asked for, in order, are in contact."""

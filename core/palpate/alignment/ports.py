@@ -98,7 +98,7 @@ def _local_ports(settings: AlignmentSettings, roles: Mapping[str, Port]) -> dict
     axes = zip("xyz", force.components, strict=False)
     found = {f"force {axis}": force.beside(column) for axis, column in axes if column != force.column}
     found |= {f"orientation {axis}": position.named(f"q{axis}") for axis in "xyzw"}
-    if settings.normal is not None:
+    if settings.is_projecting:
         found |= {f"position {axis}": position.named(axis) for axis in "xyz"}
         if "velocity" in roles:
             found |= {f"velocity {axis}": roles["velocity"].named(axis) for axis in "xyz"}

@@ -9,6 +9,7 @@ from pydantic import Field, WithJsonSchema, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from palpate.parts import Settings
+from palpate.surface import Surface
 from palpate.units import Angle, Delay, Force, ForceDrift, Quantity, Stiffness, Time, TipMass, quantity_schema, to_si
 
 # What a role's channel must be in; a channel of undeclared unit ("1") is accepted as it is.
@@ -83,6 +84,11 @@ class AlignmentSettings(Settings):
         description="outward normal of the skin in the frame of the tool's pose: force and motion along it are used, "
         "from all three axes; left out: the axes that force, position and velocity name",
     )
+    surface: Surface | None = Field(
+        default=None,
+        description="surface over which the tip goes: force and motion along its normal at each place are used, "
+        "and the height is that above it",
+    )
     normal_uncertainty: Angle | None = Field(
         default=None, ge=0, description="standard uncertainty of its direction, about each axis; left out: 2 deg"
     )
@@ -145,13 +151,24 @@ class AlignmentSettings(Settings):
     def orientation_uncertainties(self) -> dict[str, tuple[float, bool]]:
         """Standard uncertainty [rad] of mounting and normal, as far as they are used, and whether it is declared."""
         stated = {"mounting": self.mounting_uncertainty} if self.is_oriented else {}
-        stated |= {"normal": self.normal_uncertainty} if self.normal is not None else {}
+        stated |= {"normal": self.normal_uncertainty} if self.is_projecting else {}
         return {name: (_ANGLE if std is None else std, std is not None) for name, std in stated.items()}
 
     @property
     def is_oriented(self) -> bool:
         """Whether samples depend on the tool's orientation."""
-        return self.weight == "turning" or self.normal is not None
+        return self.weight == "turning" or self.is_projecting
+
+    @property
+    def is_projecting(self) -> bool:
+        """Whether force and motion are those along a normal that is stated."""
+        return self.normal is not None or self.surface is not None
+
+    @model_validator(mode="after")
+    def _one_normal(self) -> AlignmentSettings:
+        if self.normal is not None and self.surface is not None:
+            raise ValueError("give either normal or surface")
+        return self
 
     @field_validator("gravity", "normal")
     @classmethod

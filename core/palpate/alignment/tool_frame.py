@@ -13,6 +13,7 @@ from palpate.vectors import Floats
 
 GRAVITY = 9.80665  # [m/s^2], standard
 _OUT = (0.0, 0.0, -1.0)  # of the skin, in the frame of a tool that looks at it
+_UP = (0.0, 0.0, 1.0)
 _ALONG = 0.5  # cosine; a force that is read farther off the tool's axis than 60 degrees is not the one along it
 _HALF_TURN = (math.pi, 0.0, 0.0)
 
@@ -86,39 +87,39 @@ class ToolFrame:
         """Whether one of the sensor's axes is along the tool."""
         return abs(ToolFrame.axial(mounting, axis)) >= _ALONG
 
-    def load(self, readings: Vector, orientation: tuple[Floats, Floats, Floats, Floats]) -> Load:
-        """The force on the tip from readings (n,) [N] of the three axes and quaternions x, y, z, w (n,) of the tool."""
+    def load(
+        self, readings: Vector, orientation: tuple[Floats, Floats, Floats, Floats], normal: Vector | None = None
+    ) -> Load:
+        """The force on the tip from readings (n,) [N] of the three axes and quaternions x, y, z, w (n,) of the tool.
+
+        Along the `normal` at each place, where that is given.
+        """
         rows = _rotations(orientation)
         down = self._in_sensor(rows, self._down)
         weight = _scaled(down, self._weight)
         reading = tuple(self._polarity * (f - b) for f, b in zip(readings, self._bias, strict=True))
         x, y, z = (f - w for f, w in zip(reading, weight, strict=True))
-        if self._normal is None:
+        along = normal or self._normal
+        if along is None:
             own = (x, y, z)
             others = [own[i] for i in range(3) if i != self._axis]
             axes = np.full(len(x), float(self._out))
             return Load(
                 self._out * own[self._axis], (others[0], others[1]), _three(reading), weight, axes * weight[self._axis]
             )
-        out = self._in_sensor(rows, self._normal)
-        first, second = (self._in_sensor(rows, side) for side in _sides(self._normal))
+        out = self._in_sensor(rows, along)
+        first, second = (self._in_sensor(rows, side) for side in _sides(along))
         force = (x, y, z)
         return Load(
             _dot(out, force), (_dot(first, force), _dot(second, force)), _three(reading), weight, _dot(out, weight)
         )
 
-    def height(self, place: Vector) -> Floats:
-        """Component (n,) of a vector (n,) of the frame of the poses along the normal."""
-        assert self._normal is not None
-        x, y, z = self._normal
+    def along(self, place: Vector, normal: Vector | None = None) -> Floats:
+        """Component (n,) of vectors (n,) of the frame of the poses along the normal, that which is given or stated."""
+        x, y, z = normal or self._normal or _UP
         return place[0] * x + place[1] * y + place[2] * z
 
-    @property
-    def is_projecting(self) -> bool:
-        """Whether a normal is stated, on which force and motion are projected."""
-        return self._normal is not None
-
-    def _in_sensor(self, rows: tuple[Vector, Vector, Vector], direction: tuple[float, ...]) -> Vector:
+    def _in_sensor(self, rows: tuple[Vector, Vector, Vector], direction: tuple[float, ...] | Vector) -> Vector:
         """A direction of the frame of the poses in the sensor's axes: M^T R^T d."""
         d = direction
         tool = [d[0] * rows[0][i] + d[1] * rows[1][i] + d[2] * rows[2][i] for i in range(3)]
@@ -129,7 +130,8 @@ class ToolFrame:
 def problems_of(settings: AlignmentSettings, ports: Ports) -> list[tuple[str, str]]:
     """Key and problem of everything without which orientations cannot be used."""
     force, position, found = ports["force"], ports["position"], list[tuple[str, str]]()
-    key = "normal" if settings.weight != "turning" else "weight"
+    projecting = "normal" if settings.normal is not None else "surface"
+    key = projecting if settings.is_projecting else "weight"
     names = {channel.name for channel in position.stream.channels}
     if position.stream.layout != "pose" or not {"x", "y", "z", "qx", "qy", "qz", "qw"} <= names:
         found.append((key, f"needs the tool's orientation, and {position.signal.channel} is of no pose"))
@@ -148,10 +150,8 @@ def problems_of(settings: AlignmentSettings, ports: Ports) -> list[tuple[str, st
         found.append(
             ("mounting", f"puts {force.signal.channel} {angle:.0f} deg off the tool's axis: name the axis along it")
         )
-    if settings.normal is not None and "velocity" in ports.roles and ports["velocity"].stream.layout != "twist":
-        found.append(
-            ("normal", f"needs a velocity of three axes, and {ports['velocity'].signal.channel} is of no twist")
-        )
+    if settings.is_projecting and "velocity" in ports.roles and ports["velocity"].stream.layout != "twist":
+        found.append((key, f"needs a velocity of three axes, and {ports['velocity'].signal.channel} is of no twist"))
     return found
 
 
@@ -172,12 +172,13 @@ def _rotations(orientation: tuple[Floats, Floats, Floats, Floats]) -> tuple[Vect
     )
 
 
-def _sides(normal: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _sides(normal: tuple[float, ...] | Vector) -> tuple[Vector, Vector]:
     """Two directions along the skin, at right angles."""
-    x, y, z = normal
-    first = unit_vector((z, 0.0, -x) if abs(y) < 0.9 else (0.0, -z, y))
-    a, b, c = first
-    return first, (y * c - z * b, z * a - x * c, x * b - y * a)
+    x, y, z = (np.asarray(part, float) for part in normal)
+    level = np.abs(y) < 0.9
+    length = np.where(level, np.sqrt(z * z + x * x), np.sqrt(z * z + y * y))
+    a, b, c = np.where(level, z, 0.0) / length, np.where(level, 0.0, -z) / length, np.where(level, -x, y) / length
+    return (a, b, c), (y * c - z * b, z * a - x * c, x * b - y * a)
 
 
 def _dot(one: Vector, other: Vector) -> Floats:

@@ -13,10 +13,10 @@ from palpate.alignment.tool_frame import Load, Vector
 from palpate.vectors import Floats
 
 # Whole tenths of a millinewton and micrometres: sums of them do not depend on how a record is cut into blocks.
-_PER_NEWTON, _PER_METRE = 1e4, 1e6
+_PER_NEWTON, _PER_METRE, _PER_CURVATURE = 1e4, 1e6, 1e4
 _LARGEST = 1e7  # of such parts; what is beyond is no reading
 _FEWEST = 100  # samples
-_WEIGHT, _ALONG = slice(3, 6), 6
+_WEIGHT, _ALONG, _CURVATURE = slice(3, 6), 6, 11
 
 
 @dataclass(frozen=True)
@@ -30,19 +30,21 @@ class TurnedTool:
     apart: float | None  # how far the readings in free air are from following it, in parts of `spread`; None: no turn
     apart_std: float  # by noise
     slope: float  # tangent of the angle between the normal and the motion in contact; 0 without a stated normal
+    curvature: float  # [1/m] mean of the skin's two in contact, by its surface
 
 
 class ToolWatch:
     """Sums over all samples; what is in contact is known later than the readings."""
 
     def __init__(self) -> None:
-        self._waiting = np.zeros((0, 11), np.int64)
+        self._waiting = np.zeros((0, 12), np.int64)
         self._air, self._contact, self._stays = _Sums(), _Sums(), _Stays()
 
-    def add(self, load: Load, place: Vector, height: Floats) -> None:
-        """Take in samples that are to be released: forces [N], and where the tip is [m]."""
+    def add(self, load: Load, place: Vector, height: Floats, curvature: Floats) -> None:
+        """Take in samples that are to be released: forces [N], where the tip is [m], the skin's curvature [1/m]."""
         forces = np.column_stack([*load.reading, *load.weight, load.weight_along]) * _PER_NEWTON
-        columns = np.column_stack([forces, np.column_stack([*place, height]) * _PER_METRE])
+        places = np.column_stack([*place, height]) * _PER_METRE
+        columns = np.column_stack([forces, places, curvature * _PER_CURVATURE])
         columns = np.where(np.isfinite(columns), columns, 2.0 * _LARGEST).clip(-2.0 * _LARGEST, 2.0 * _LARGEST)
         self._waiting = np.concatenate([self._waiting, np.rint(columns).astype(np.int64)])
 
@@ -54,7 +56,7 @@ class ToolWatch:
             before = np.cumsum(contact) == 0
             self._air.add(rows[before & usable])
         self._contact.add(rows[contact & usable])
-        self._stays.add(rows[:, 7:], contact & usable)
+        self._stays.add(rows[:, 7:11], contact & usable)
 
     @property
     def turned(self) -> TurnedTool | None:
@@ -66,21 +68,22 @@ class ToolWatch:
         spread, apart, std = air.disagreement() if air.count >= _FEWEST else (0.0, None, 0.0)
         turn, weight = float(np.linalg.norm(now[_WEIGHT] - before[_WEIGHT])), float(now[_ALONG])
         slope = self._stays.slope if contact.count >= _FEWEST else 0.0
-        return TurnedTool(turn, weight - float(before[_ALONG]), weight, spread, apart, std, slope)
+        curvature = float(contact.mean[_CURVATURE]) if contact.count else 0.0
+        return TurnedTool(turn, weight - float(before[_ALONG]), weight, spread, apart, std, slope, curvature)
 
 
 class _Sums:
-    """Sums and products of whole numbers (n, 11)."""
+    """Sums and products of whole numbers (n, 12)."""
 
     def __init__(self) -> None:
         self.count = 0
-        self._sum = [0] * 11
+        self._sum = [0] * 12
         self._products: dict[tuple[int, int], int] = {}
 
     def add(self, rows: NDArray[np.int64]) -> None:
         """Take in rows."""
         self.count += len(rows)
-        for i in range(11):
+        for i in range(12):
             self._sum[i] += int(rows[:, i].sum())
         for i, j in itertools.combinations_with_replacement(range(6), 2):
             self._products[i, j] = self._products.get((i, j), 0) + int((rows[:, i] * rows[:, j]).sum())
@@ -91,8 +94,9 @@ class _Sums:
 
     @property
     def mean(self) -> Floats:
-        """(11,) of forces [N] and places [m]."""
-        return np.array(self._sum, float) / self.count / np.repeat([_PER_NEWTON, _PER_METRE], [7, 4])
+        """(12,) of forces [N], places [m] and curvature [1/m]."""
+        parts = np.repeat([_PER_NEWTON, _PER_METRE, _PER_CURVATURE], [7, 4, 1])
+        return np.array(self._sum, float) / self.count / parts
 
     def disagreement(self) -> tuple[float, float | None, float]:
         """Spread of the weight w [N]; |cov(f - w, w)| / |cov(w, w)| of readings f, and its uncertainty by noise."""

@@ -170,9 +170,9 @@ def _wrong_orientation(alignment: AlignmentSettings, models: Mapping[str, Contac
         problem = 'is needed for weight = "turning": weigh all that hangs behind the sensor'
         mistakes.append(Mistake(("alignment", "tip_mass"), problem))
     inclined = [name for name, model in models.items() if getattr(getattr(model, "skin", None), "inclination", 0.0)]
-    if alignment.normal is not None and inclined:
+    if alignment.is_projecting and inclined:
         problem = f"counts the inclination once more that [model.{inclined[0]}] skin states: leave one of them out"
-        mistakes.append(Mistake(("alignment", "normal"), problem))
+        mistakes.append(Mistake(("alignment", "surface" if alignment.normal is None else "normal"), problem))
     return mistakes
 
 

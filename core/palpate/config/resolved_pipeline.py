@@ -44,6 +44,7 @@ def resolved_text(pipeline: Pipeline) -> str:
     for kind in ("model", "device", "trajectory", "twin"):
         for name, part in tables[kind].items():
             tables[kind][name] = {key: _by_name(item, named) for key, item in part.items()}
+    tables["alignment"] = {key: _by_name(item, named) for key, item in tables["alignment"].items()}
     tables |= {name: plain_settings(table, pipeline.registry) for name, table in pipeline.tables.items()}
     return tomli_w.dumps({name: table for name, table in tables.items() if table})
 

@@ -39,7 +39,7 @@ def wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) 
             problem = f"{signal.channel!r} is in {units[signal.channel]}, but {role} is wanted in {wanted}"
             mistakes.append(Mistake(("alignment", role), problem))
     if not mistakes and alignment.is_oriented:
-        bare = alignment.model_copy(update={"weight": "tared", "normal": None})
+        bare = alignment.model_copy(update={"weight": "tared", "normal": None, "surface": None})
         problems = problems_of(alignment, ports_of(bare, devices))
         mistakes += [Mistake(("alignment", key), problem) for key, problem in problems]
     return mistakes

@@ -111,6 +111,7 @@ class TurnedToolDocument(Document):
     apart: Number = Field(description="how far the readings in free air are from following it, in parts of spread")
     apart_std: float = Field(description="by noise")
     slope: float = Field(description="tangent of the angle between the stated normal and the motion in contact")
+    curvature: float = Field(description="mean of the two of the surface in contact [1/m]")
 
 
 class ControlDocument(Document):

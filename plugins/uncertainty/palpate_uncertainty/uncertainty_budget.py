@@ -103,6 +103,9 @@ def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentRep
         weight = weight_per_mass(settings, turned.along if turned else 0.0, turned.weight if turned else 0.0)
         terms += _term(found, "mass", std, "kg", std * (weight - found.acceleration), declared)
     terms += _of_directions(found, settings, report)
+    curvature = 0.0 if report.turned is None else report.turned.curvature
+    if share := _flatness(found.model, curvature):
+        terms += _term(found, "curvature", abs(curvature), "1/m", share * found.force)
     tare = report.tare.offset_std if report.tare else None
     if tare is not None:
         terms += _term(found, "tare", float(tare), "N", np.full(len(found.force), tare))
@@ -136,6 +139,18 @@ def _of_directions(found: Along, settings: AlignmentSettings, report: AlignmentR
     for name, (angle, declared) in settings.orientation_uncertainties.items():
         own = angle * turn if name == "mounting" else (1.0 - math.cos(angle) ** 2.5) * found.force
         yield from _term(found, name, angle, "rad", angle * share * found.force + own, declared)
+
+
+def _flatness(model: ContactModel, curvature: float) -> float:
+    """Share of the force that a sphere has more on a surface of mean curvature k [1/m] which the model has as flat.
+
+    A sphere of radius R on it is one of 1/R_eff = 1/R + k on a flat one, and its force goes with the root of R_eff; 0
+    of a model that states the skin's radii, and of another tip.
+    """
+    radius, skin = getattr(getattr(model, "indenter", None), "radius", None), getattr(model, "skin", None)
+    if radius is None or not curvature or skin is not None or 1.0 + radius * curvature <= 0:
+        return 0.0
+    return float((1.0 + radius * curvature) ** -0.5 - 1.0)
 
 
 def _change(found: Along, source: UncertaintySource) -> Floats | None:

@@ -79,7 +79,8 @@ def _problem(pipeline: Pipeline, track: Track) -> Problem:
 
 def _refuse(pipeline: Pipeline, track: str) -> None:
     if pipeline.alignment.is_oriented:
-        key = "normal" if pipeline.alignment.normal is not None else "weight"
+        stated = pipeline.alignment.model_fields_set
+        key = next(key for key in ("normal", "surface", "weight") if key in stated)
         raise ConfigurationError(
             f"track {track}: [alignment] {key} reads the tool's orientation, and exported C takes one force: without it"
         )
