@@ -8,11 +8,11 @@ from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.skin_form import elliptic_share
 from palpate_simulation.skin_on_surface import SkinOnSurface
 from palpate_simulation.specimen import Specimen
-from palpate_surfaces import Ellipsoid, Plane
+from palpate_surfaces import HalfEllipsoid, Plane
 
 DR = DimensionalityReduction(indenter=Sphere(radius=0.005))
 TRUE = {"model": DR, "elasticity": 6e4, "viscosity": 200.0}
-BREAST = Ellipsoid(half_axes=(0.06, 0.05, 0.04))
+BREAST = HalfEllipsoid(half_axes=(0.06, 0.05, 0.04))
 
 
 def press(specimen, place=(0.0, 0.0), normal=(0.0, 0.0, 1.0)):
@@ -25,7 +25,7 @@ def press(specimen, place=(0.0, 0.0), normal=(0.0, 0.0, 1.0)):
 
 def test_a_sphere_and_two_equal_radii_are_one_skin():
     by_relief = press(Specimen(**TRUE, friction=0.4, relief={"radius_x": "50 mm", "radius_y": "50 mm"}))
-    by_body = press(Specimen(**TRUE, friction=0.4, body=Ellipsoid(half_axes=(0.05, 0.05, 0.05))))
+    by_body = press(Specimen(**TRUE, friction=0.4, body=HalfEllipsoid(half_axes=(0.05, 0.05, 0.05))))
     np.testing.assert_allclose(by_body, by_relief, rtol=1e-5, atol=1e-7)
     assert by_body[:, 2].max() > 1.0
 

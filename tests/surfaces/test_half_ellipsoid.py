@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 from palpate import ConfigurationError, surface_points
-from palpate_surfaces import Ellipsoid
+from palpate_surfaces import HalfEllipsoid
 from palpate_testing import check_surface
 
-BREAST = Ellipsoid(half_axes=(0.06, 0.05, 0.04), spin=0.3)
+BREAST = HalfEllipsoid(half_axes=(0.06, 0.05, 0.04), spin=0.3)
 LATERAL = np.random.default_rng(1).uniform(-0.03, 0.03, (200, 2))
 
 
@@ -17,7 +17,7 @@ def test_it_passes_the_checks_of_every_surface():
 
 
 def test_a_sphere_is_one():
-    sphere = Ellipsoid(half_axes=(0.05, 0.05, 0.05), centre=(0.01, -0.02, -0.03))
+    sphere = HalfEllipsoid(half_axes=(0.05, 0.05, 0.05), centre=(0.01, -0.02, -0.03))
     ways = np.random.default_rng(2).standard_normal((100, 3))
     ways = np.abs(ways / np.linalg.norm(ways, axis=1)[:, None]) * [1, 1, 1]
     distance = np.linspace(-0.01, 0.1, 100)

@@ -1,4 +1,4 @@
-"""The ellipsoid: a skin that bulges, such as a breast phantom's, with a sphere as its simplest."""
+"""The half ellipsoid: a skin that bulges, such as a breast phantom's, with a sphere as its simplest."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _DEEP = 0.5  # of the least radius of curvature: further in, another side may be
 _INSIDE, _BELOW, _BESIDE = "too deep inside the ellipsoid", "below the rim of the ellipsoid", "beside the ellipsoid"
 
 
-class Ellipsoid(Surface):
+class HalfEllipsoid(Surface):
     """The upper half of an ellipsoid, x'^2/a^2 + y'^2/b^2 + z'^2/c^2 = 1 about its centre, x' turned about z by `spin`.
 
     The nearest point q to p solves q_i = a_i^2 p_i/(a_i^2 + t) with sum (a_i p_i/(a_i^2 + t))^2 = 1 (Eberly 2013), by
