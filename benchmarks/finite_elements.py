@@ -12,10 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 from palpate import Floats
-from palpate_models import Flat, Sphere
+from palpate_models import Flat, Fung, Sphere
 from palpate_models.finite_elements import Cylinder, SoftCylinder, press_cylinder
 from palpate_models.rigid_tip import TipProfile
 from palpate_models.thickness import Thickness
+from palpate_models.two_layers import layer_share
 
 R = 5e-3  # [m]
 RATIOS = (0.1, 0.2, 0.3, 0.5, 1.0)  # of contact radius and height
@@ -86,6 +87,38 @@ def told(found: float, laws: dict[str, float]) -> str:
     return f"{found:.4f}; {sides}{f'; nearer to {nearest}' if len(laws) > 1 else ''}"
 
 
+def stiffening(fine: int) -> None:
+    """Fung's material under a sphere as it is, on a half-space; against the model `fung`."""
+    steep = 0.98 * R
+
+    def height(r: Floats) -> Floats:
+        inner = np.minimum(np.abs(r), steep)
+        return R - np.sqrt(R**2 - inner**2) + (np.abs(r) - inner) * steep / math.sqrt(R**2 - steep**2)
+
+    def slope(r: Floats) -> Floats:
+        inner = np.minimum(np.abs(r), steep)
+        return np.sign(r) * inner / np.sqrt(R**2 - inner**2)
+
+    tip, depths = TipProfile(height, slope, 0.95 * R), R * np.array([0.2, 0.4, 0.6, 0.8])
+    for b in (0.0, 4.0, 10.0):
+        for depth, area in zip(depths, press_cylinder(Cylinder(40 * R, 20 * R, stiffening=b), tip, depths, fine // 2)):
+            law = Fung(indenter=Sphere(radius=R)).force(depth, 0.0, (1.0, 0.0, b)) / hertz(depth)
+            print(f"Fung, b = {b:g}, d = {depth / R:.1f} R: {told(area / hertz(depth), {'fung': law})}", flush=True)
+
+
+def skins(fine: int) -> None:
+    """A layer on a half-space, at small strain; against the model `two-layers`."""
+    depth = 1e-5
+    a = math.sqrt(R * depth)
+    deep = force(Cylinder(400 * a, 200 * a), paraboloid(1.6 * a), depth, fine // 2)
+    for ratio in (10.0, 5.0, 0.2):
+        for x in (0.2, 0.5, 1.0):
+            cylinder = Cylinder(400 * a, 200 * a, skin=a / x, skin_modulus=ratio)
+            found = force(cylinder, paraboloid(1.6 * a), depth, fine // 2) / deep
+            law = ratio ** float(layer_share(math.log(ratio), x))
+            print(f"layer, E_s/E = {ratio:g}, x = {x}: {told(found, {'two-layers': law})}", flush=True)
+
+
 def plates(fine: int) -> None:
     """1.705 at zero strain for D/H = 2.32."""
     height, diameter = 22e-3, 2.32 * 22e-3
@@ -99,7 +132,7 @@ def plates(fine: int) -> None:
 
 def main() -> None:
     """Everything, with times."""
-    for check in (half_space, layers, flats, plates):
+    for check in (half_space, layers, flats, stiffening, skins, plates):
         began = time.perf_counter()
         for fine in (12,) if "--quick" in sys.argv else (24, 48):
             check(fine)

@@ -19,6 +19,8 @@ from palpate_models import (
     DimensionalityReductionMaxwell,
     FractionalKelvinVoigt,
     FreeHuntCrossley,
+    FreeTwoLayers,
+    Fung,
     GeneralisedMaxwell2,
     GeneralisedMaxwell3,
     GeneralisedMaxwell4,
@@ -30,6 +32,7 @@ from palpate_models import (
     Poroelastic,
     PowerLaw,
     StandardLinearSolid,
+    TwoLayers,
     palpate_indenters,
     palpate_models,
 )
@@ -86,6 +89,9 @@ def models(tip: Indenter) -> dict[str, tuple[ContactModel, list[float]]]:
         "hunt-crossley-free": (FreeHuntCrossley(), [0.5, 5.0, 1.4]),
         "dmt": (DerjaguinMullerToporov(radius=5e-3), [ELASTICITY, 20.0]),
         "jkr": (JohnsonKendallRoberts(radius=5e-3), [ELASTICITY, 20.0]),
+        "fung": (Fung(indenter=tip), [ELASTICITY, VISCOSITY, 4.0]),
+        "two-layers": (TwoLayers(indenter=tip, skin_thickness=3e-3), [2 * ELASTICITY, 0.5 * ELASTICITY, VISCOSITY]),
+        "two-layers-free": (FreeTwoLayers(indenter=tip), [2 * ELASTICITY, 0.5 * ELASTICITY, VISCOSITY, 1.5e-3]),
         "compression": (PlateCompression(diameter=51e-3, height=22e-3), [ELASTICITY]),
     }
     return {name: settings[name] for name in palpate_models()}

@@ -105,8 +105,11 @@ _RECORD = {
         "Keep the machine for the rig, or declare a larger uncertainty in [alignment].",
     ),
     "turned-weight": _structural(
-        "The tool turns in free air, and the readings do not follow its weight as mass, mounting and gravity say.",
-        "Find mounting and mass by `palpate calibrate` with orientations, and look at the sensor's cable.",
+        "The tool turns, and its weight counts as constant, or is not what mass, mounting and gravity say.",
+        'Set [alignment] weight = "turning", and find mounting and mass by `palpate calibrate` with orientations.',
+    ),
+    "turned-tool": FlagMeaning.sign(
+        "turned-weight", "The tool turns within the record, and its weight counts as constant."
     ),
     "payload": _note(
         "The payload that the robot counts on, or its centre of mass, is not what hangs on it.",

@@ -15,7 +15,6 @@ from palpate.alignment import (
     Ports,
     SidewaysShare,
     Signal,
-    TurnedTool,
     hesitations,
     mounting_of,
 )
@@ -139,7 +138,6 @@ __all__ = [
     "StoppedError",
     "Track",
     "TrackResult",
-    "TurnedTool",
     "UncertainValue",
     "acceleration",
     "analysis",

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from palpate import Batch, Channel, Stream
+from palpate import Batch, Channel, Stream, Surface, SurfacePoints
 from palpate.alignment import Aligner, AlignmentSettings, Ports
 from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError
@@ -167,6 +167,14 @@ def test_a_weight_that_the_readings_do_not_follow_is_told(changes, codes):
     assert [flag.code for flag in alignment_flags(report, made) if flag.code == "turned-weight"] == codes
 
 
+@pytest.mark.parametrize(("weight", "codes"), [("tared", ["turned-tool"]), ("turning", [])])
+def test_a_tool_that_turns_under_a_constant_tare_is_told(weight, codes):
+    _, report, made = aligned(record(tilting, noise=0.05), weight=weight)
+    assert [flag.code for flag in alignment_flags(report, made) if flag.code.startswith("turned")] == codes
+    _, report, made = aligned(record(lambda t: 0.1 + 0.03 * t, noise=0.05), weight=weight)  # by 3 degrees: 11 mN
+    assert not [flag.code for flag in alignment_flags(report, made) if flag.code.startswith("turned")]
+
+
 @pytest.mark.parametrize(
     ("override", "words"),
     [
@@ -197,3 +205,58 @@ def test_gravity_is_that_of_the_arm_where_none_is_stated(root):
     assert load_pipeline(path, oriented).alignment.gravity == (0.6, 0.0, -0.8)
     assert load_pipeline(path, [*oriented, "alignment.gravity=[1, 0, 0]"]).alignment.gravity == (1.0, 0.0, 0.0)
     assert load_pipeline(path, oriented[1:]).alignment.gravity is None
+
+
+class Ball(Surface):
+    """A sphere of 50 mm, unknown on one side."""
+
+    def nearest(self, places):
+        """On the radius through each place."""
+        distance = np.linalg.norm(places, axis=1)
+        normal, zero, flat = places / distance[:, None], np.zeros(len(places)), np.zeros((len(places), 2))
+        unknown = {int(row): "never touched" for row in np.flatnonzero(places[:, 0] > 0.03)}
+        curvature = np.full((len(places), 2), 20.0)
+        return SurfacePoints(0.05 * normal, normal, distance - 0.05, curvature, zero, zero, flat, unknown)
+
+    def uppermost(self, lateral):
+        """Not asked for."""
+        raise NotImplementedError
+
+
+def round_the_ball(duration=2.0):
+    """A tool that goes round a ball at 1 mm below its surface, from top to 40 degrees, pushed out by 2 N."""
+
+    def normal(t):
+        angle = math.radians(20.0) * t
+        return np.column_stack([np.sin(angle), np.zeros(len(t)), np.cos(angle)])
+
+    return record(
+        lambda t: -math.radians(20.0) * t, lambda t: 2.0 * normal(t), lambda t: 0.049 * normal(t), duration=duration
+    )
+
+
+def test_force_and_height_are_those_along_the_normal_at_each_place():
+    samples, report, _ = aligned(round_the_ball(), weight="turning", surface=Ball())
+    known = samples.time < math.degrees(math.asin(0.03 / 0.049)) / 20.0
+    assert np.allclose(samples.position[known], -0.001, atol=1e-12)
+    assert np.allclose(samples.force[known], 2.0, atol=1e-5)
+    assert np.nanmax(np.abs(samples.velocity[known][1:])) < 2e-6
+    assert np.isnan(samples.force[~known]).all()  # nothing is extrapolated
+    assert report.turned.curvature == pytest.approx(20.0)
+
+
+def test_samples_over_a_surface_do_not_depend_on_how_a_record_is_cut():
+    batches, changes = round_the_ball(), {"weight": "turning", "surface": Ball(), "velocity": None}
+    whole, report, _ = aligned(batches, **changes)
+    made = settings(**changes)
+    aligner, parts = Aligner(made, Ports.of(made, RIG)), []
+    for begin in range(0, 2000, 23):
+        for batch in batches:
+            rows = (batch.time >= begin * 1e6) & (batch.time < (begin + 23) * 1e6)
+            piece = Batch(batch.stream, batch.time[rows], batch.received[rows], batch.values[rows])
+            parts.append(aligner.aligned([("rig", piece)]))
+    parts.append(aligner.samples(final=True))
+    for key in ("force", "position", "velocity"):
+        columns = np.concatenate([getattr(part, key) for part in parts])
+        assert np.array_equal(columns, getattr(whole, key), equal_nan=True)
+    assert aligner.report.turned == report.turned

@@ -6,6 +6,7 @@ from palpate_devices.ur.controller_states import complaint, slowdown
 from palpate_devices.ur.fence import ArmState, Fence
 from palpate_devices.ur.servo import Commander, ServoLaw, straight_path
 from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_devices.ur.station_plane import StationPlane
 from palpate_kit.acquisition.device_clock import ClockMap
 from palpate_kit.kinematics.ur_arm import (
     MODELS,
@@ -120,7 +121,7 @@ def test_turns_and_depths_are_judged_against_the_stations(rows, words):
 def test_a_command_and_the_arm_itself_are_judged_against_the_plane_of_the_station():
     """A tool along the normal passes; one along the work frame's does not, nor a tip too deep below the plane."""
     guard = fence(DEEP)
-    guard.plane = np.zeros(3), NORMAL
+    guard.plane = StationPlane(np.zeros(3), NORMAL)
     place, below = 0.003 * NORMAL, -0.0035 * NORMAL
     assert commanded(guard, [place] * 3, [TILTED] * 3) == (None, 3)
     said, _ = commanded(guard, [place] * 3)

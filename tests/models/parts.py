@@ -47,6 +47,9 @@ _MODELS = {
     "hunt-crossley-free": ({"indenter": TIPS["sphere"]}, [1.0, 10.0, 1.5]),
     "dmt": ({"radius": 5e-3}, [1e5, 0.05]),
     "jkr": ({"radius": 5e-3}, [1e5, 0.05]),
+    "fung": ({"indenter": TIPS["sphere"]}, [1e5, 300.0, 2.0]),
+    "two-layers": ({"indenter": TIPS["sphere"], "skin_thickness": 3e-3}, [2e5, 5e4, 300.0]),
+    "two-layers-free": ({"indenter": TIPS["sphere"]}, [2e5, 5e4, 300.0, 3e-3]),
     "compression": ({"diameter": 51e-3, "height": 22e-3}, [1e5]),
 }
 MODELS: dict[str, tuple[ContactModel, list[float]]] = {

@@ -49,3 +49,51 @@ def test_elasticity_is_that_of_the_normal_on_a_skin_that_is_inclined(root, tmp_p
     assert found.value == pytest.approx(112.5e3, rel=0.006)
     assert "systematic_normal" in found.table()
     assert not {"inclined-skin", "turned-weight"} & {flag.code for flag in track.flags}
+
+
+ON_DOME = """
+[surface.skin]
+type = "mesh-free-dome"
+
+[trajectory.press]
+type = "{motion}"
+surface = "skin"
+{keys}
+
+[safety]
+low = ["-45 mm", "-45 mm", "-45 mm"]
+high = ["45 mm", "45 mm", "30 mm"]
+force = "30 N"
+stop_force = "12 N"
+stiffness = "5 N/mm"
+depth = "6 mm"
+"""
+GRID = 'size = ["50 mm", "50 mm"]\npitch = "25 mm"\npress = { bias = "3 mm" }'
+SWEEP = (
+    'start = ["-15 mm", "5 mm"]\nend = ["20 mm", "5 mm"]\nspeed = "4 mm/s"\nsettle = "2 s"\npress = { bias = "3 mm" }'
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("motion", "keys"), [("grid-points", GRID), ("line-sweep", SWEEP)])
+@pytest.mark.parametrize("skin", [False, True])
+def test_elasticity_over_a_dome_is_that_of_its_curvature(root, tmp_path, motion, keys, skin):
+    """A cap of 90 degrees, R_s 50 mm under a sphere of 5 mm: -4.7 % where it is read as flat, as a row says."""
+    from tests.devices.test_stations import DOME
+
+    (tmp_path / "dome.py").write_text(DOME.replace('{"dome"', '{"mesh-free-dome"').replace("gt=0,", "default=0.05,"))
+    text = (root / "pipelines" / "point.toml").read_text()
+    begin, end = text.index("[trajectory.press]"), text.index("[alignment]")
+    table = 'surface = "skin"\nweight = "turning"\nlateral_x = "rig.tip.x"\nlateral_y = "rig.tip.y"\nforce = {'
+    text = text[:begin] + ON_DOME.format(motion=motion, keys=keys) + text[end:].replace("force = {", table, 1)
+    text = text.replace("seed = 1", 'seed = 1\nplugins = ["dome.py"]')
+    (tmp_path / "dome.toml").write_text(text)
+    sets = ['device.rig.specimen.relief={ radius_x = "50 mm", radius_y = "50 mm" }']
+    sets += ['model.dr.skin={ skin_radius = "50 mm" }'] if skin else []
+    result = run_pipeline(load_pipeline(tmp_path / "dome.toml", sets), tmp_path / "run")
+    (track,) = result.tracks.values()
+    found = track.parameters["elasticity"]
+    assert found.value / 112.5e3 == pytest.approx(1.0 if skin else 0.9535, abs=0.006)
+    assert abs(found.value - 112.5e3) < 2.0 * found.combined
+    assert ("systematic_curvature" in found.table()) is not skin
+    assert not {"turned-weight", "turned-tool"} & {flag.code for flag in track.flags}

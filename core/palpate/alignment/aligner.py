@@ -16,6 +16,7 @@ from palpate.alignment.ports import Ports
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.signal_series import Health
 from palpate.alignment.tare import Tare
+from palpate.alignment.tilt_range import TiltRange
 from palpate.alignment.turned_tool import TurnedTool
 from palpate.alignment.velocity_lag import VelocityCheck
 from palpate.device import Batch
@@ -45,6 +46,7 @@ class AlignmentReport:
     pull: float = 0.0  # [N] how far below none the force stays for a few samples, at the most
     sideways: SidewaysShare | None = None  # of the force; None where its stream has one axis
     turned: TurnedTool | None = None  # of a tool whose orientation is read
+    tilt: float = 0.0  # range of the cosine between tool and z of its poses, where the weight counts as constant
 
 
 class Aligner:
@@ -60,18 +62,21 @@ class Aligner:
         self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served
         self._nothing: Samples | None = None  # a block without samples
         self._counts = {"samples": 0, "force": 0, "velocity": 0}
-        self._force = ports["force"]
+        self._force, self._position = ports["force"], ports["position"].key
         across = [column for column in self._force.components if column != self._force.column]
         self._lateral = LateralForce((self._force.column, across[0], across[1])) if len(across) == 2 else None
         self._oriented: OrientedSignals | None = None
         if settings.is_oriented:
             self._oriented, self._lateral = OrientedSignals(settings, self._force, self._roles), None
+        self._tilt = TiltRange(ports["position"])
 
     def feed(self, device: str, batch: Batch) -> None:
         """Take in the readings of one of a device's streams."""
         self._intake.feed(device, batch)
         if self._lateral is not None and (device, batch.stream) == self._force.key:
             self._lateral.feed(batch)
+        if self._oriented is None and (device, batch.stream) == self._position:
+            self._tilt.feed(batch)
 
     def aligned(self, arrivals: Iterable[tuple[str, Batch]], final: bool = False) -> Samples:
         """The samples that some batches, each with its device, have made ready."""
@@ -175,6 +180,7 @@ class Aligner:
     def report(self) -> AlignmentReport:
         """What has been found out so far."""
         contact, counts = self._contact, self._counts
+        across = self._oriented or self._lateral
         streams = {".".join(part for part in key if part): health for key, health in self._intake.health.items()}
         return AlignmentReport(
             streams,
@@ -190,6 +196,7 @@ class Aligner:
             self._check.delay,
             contact.by_change_point,
             contact.pull,
-            (self._oriented or self._lateral).share if self._oriented or self._lateral else None,
+            across.share if across is not None else None,
             self._oriented.turned if self._oriented is not None else None,
+            self._tilt.width,
         )

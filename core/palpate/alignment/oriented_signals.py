@@ -59,7 +59,7 @@ class OrientedSignals:
             height = self._frame.along(place, normal)
         if self._planes is not None:
             planes = self._planes[: len(stamps)]
-            height, curvature, known = planes.height, planes.curvature, planes.known
+            height, curvature, known = planes.height, planes.curvature * planes.known, planes.known
         self._watch.add(load, place, height, curvature)
         self._made += len(stamps)
         return np.asarray(load.along * known)

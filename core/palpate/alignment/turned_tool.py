@@ -96,7 +96,7 @@ class _Sums:
     def mean(self) -> Floats:
         """(12,) of forces [N], places [m] and curvature [1/m]."""
         parts = np.repeat([_PER_NEWTON, _PER_METRE, _PER_CURVATURE], [7, 4, 1])
-        return np.array(self._sum, float) / self.count / parts
+        return np.asarray(np.array(self._sum, float) / self.count / parts, np.float64)
 
     def disagreement(self) -> tuple[float, float | None, float]:
         """Spread of the weight w [N]; |cov(f - w, w)| / |cov(w, w)| of readings f, and its uncertainty by noise."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from palpate.alignment import AlignmentReport, AlignmentSettings, Health
+from palpate.alignment import GRAVITY, AlignmentReport, AlignmentSettings, Health
 from palpate.estimation import Status
 from palpate.flags import Flag
 from palpate.result.track_record import TrackRecord
@@ -68,6 +68,11 @@ def _drift_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterat
 def _weight_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:
     """A tool that turns in free air, and readings that do not follow its weight."""
     turned, mass = report.turned, settings.tip_mass
+    if settings.weight != "turning" and (change := report.tilt * GRAVITY * (mass or 0.0)) > _TURNED:
+        yield Flag(
+            "turned-tool",
+            f"the tool turns, and its weight along it changes by {change:.2g} N, which a tare does not take off",
+        )
     if turned is None or turned.apart is None or turned.spread < _TURNED or not mass:
         return
     angle, _ = settings.orientation_uncertainties["mounting"]

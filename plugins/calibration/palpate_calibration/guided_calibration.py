@@ -181,11 +181,12 @@ def _oriented(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFi
         mounting = _mounting(of_step, step, repeats)
     except LogError as error:
         values = weigh_tool(repeats, step.down, step.angle_std)
-        return StepFindings(values, notes=(f"no mounting of the sensor on the tool: {error}",))
+        reason = str(error).removeprefix("calibration: ")
+        return StepFindings(values, notes=(f"no mounting of the sensor on the tool: {reason}",))
     if mounting is None:
         return StepFindings(weigh_tool(repeats, step.down, step.angle_std))
-    down = step.down if "down" in step.model_fields_set else mounting.down
-    values = weigh_tool(repeats, down, step.angle_std) | mounting.values
+    directions = np.array(step.down) if "down" in step.model_fields_set else mounting.down
+    values = weigh_tool(repeats, directions, step.angle_std) | mounting.values
     return StepFindings(values, notes=() if mounting.note is None else (mounting.note,))
 
 

@@ -88,14 +88,15 @@ def find_mounting(
     Type B is what a base that is not level by `angle` [rad] would do. Of a half turn's two vectors the one `near`
     another is taken.
     """
-    vectors, stds, terms, sure, downs = [], [], [], True, []
+    sure, vectors = True, list[Floats]()
+    stds, terms, downs = list[Floats](), list[Floats](), list[Floats]()
     for forces, tools, noise in repeats:
         fit = mounting_fit(forces, tools, down, noise, sign, angle)
         sure = sure and fit.tells_reaction
         downs.append(fit.convention * np.einsum("nij,i->nj", tools @ fit.rotation, down))
-        near = vectors[0] if vectors else near
-        vectors.append(_vector(fit.rotation, near))
-        turns = [_vector(rotation_matrix((_STEP * axis).tolist()) @ fit.rotation, near) for axis in np.eye(3)]
+        close = vectors[0] if vectors else np.array(near)
+        vectors.append(_vector(fit.rotation, close))
+        turns = [_vector(rotation_matrix((_STEP * axis).tolist()) @ fit.rotation, close) for axis in np.eye(3)]
         slopes = (np.array(turns) - vectors[-1]).T / _STEP
         stds.append(np.sqrt(np.diag(slopes @ fit.std @ slopes.T)))
         terms.append(_by_level(forces, tools, down, angle, fit.convention, vectors[-1]))
@@ -127,11 +128,11 @@ def _by_level(forces: Floats, tools: Floats, down: Floats, angle: float, convent
     return np.sqrt(total)
 
 
-def _vector(rotation: Floats, near: Floats | Sequence[float]) -> Floats:
+def _vector(rotation: Floats, near: Floats) -> Floats:
     """Rotation vector (3,) [rad] of a rotation, of all that are the same the one nearest to another."""
     vector = rotation_vector(rotation)
     length = float(np.linalg.norm(vector))
     if length < 1e-9:
         return vector
     others = [vector, vector * (1.0 - 2.0 * math.pi / length)]
-    return min(others, key=lambda one: float(np.linalg.norm(one - np.asarray(near))))
+    return min(others, key=lambda one: float(np.linalg.norm(one - near)))

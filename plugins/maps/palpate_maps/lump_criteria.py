@@ -33,6 +33,7 @@ class Lump:
     along: float = float("nan")  # [m] its middle along a sweep
     checked: bool = False  # palpated at a point of it, too
     highest: tuple[float, float] | None = None  # [m] where the contrast is; the middle of a horseshoe is its hole
+    height: float | None = None  # [m] z of its middle, on a surface
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDA
         while open_ends:
             i = open_ends.pop()
             group.append(i)
-            near = [j for j in sorted(left) if np.hypot(*(place[j] - place[i])) <= reach]
+            near = [j for j in sorted(left) if np.linalg.norm(place[j] - place[i]) <= reach]
             left.difference_update(near)
             open_ends += near
         found.append(np.array(sorted(group)))
@@ -94,6 +94,17 @@ def _lump(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: Floats) 
     extent = np.sqrt(12 * (weight @ (sites.place[body] - middle) ** 2) / weight.sum())
     std = float(np.hypot(baseline.spread, sites.std[peak]))
     contrast = float(np.expm1(height[peak]))
-    (x, y), (wide, high), (top_x, top_y) = middle.tolist(), extent.tolist(), sites.place[peak].tolist()
+    (x, y, *above), (wide, high, *_), (top_x, top_y, *_) = (
+        values.tolist() for values in (middle, extent, sites.place[peak])
+    )
     chance, checked = float(p[group].min()), bool(points.any())
-    return Lump((x, y), (wide, high), contrast, std, chance, checked=checked, highest=(top_x, top_y))
+    return Lump(
+        (x, y),
+        (wide, high),
+        contrast,
+        std,
+        chance,
+        checked=checked,
+        highest=(top_x, top_y),
+        height=above[0] if above else None,
+    )

@@ -18,6 +18,7 @@ from palpate_maps.path_reader import Path2D, read_path, rejected_runs, tracks_of
 from palpate_maps.search_area import Area, area_of
 from palpate_maps.search_progress import LumpProgress, off_limits, update_progress
 from palpate_maps.sites import Sites, line_coordinate, sites_along
+from palpate_maps.surface_map import sites_on, surface_of_run
 
 __all__ = [
     "Area",
@@ -48,6 +49,8 @@ __all__ = [
     "read_path",
     "rejected_runs",
     "sites_along",
+    "sites_on",
+    "surface_of_run",
     "tracks_of",
     "update_progress",
     "welch",

@@ -77,6 +77,7 @@ def lumps_json(findings: Findings, path: Path2D) -> str:
             {
                 "x": lump.place[0],
                 "y": lump.place[1],
+                **({} if lump.height is None else {"z": lump.height}),
                 "highest": list(lump.highest or lump.place),
                 "extent": list(lump.extent),
                 "contrast": lump.contrast,

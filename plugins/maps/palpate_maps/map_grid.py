@@ -18,7 +18,7 @@ Method = Literal["gaussian-process", "average"]
 
 _MOST_FITTED = 250  # sites that the length scale is fitted on; more cost time, not accuracy
 _MOST_USED = 1500
-_MOST_CELLS = 250_000
+MOST_CELLS = 250_000
 _LEAST_STD = 1e-3  # of a site's logarithm
 _TOGETHER = 4_000_000  # distances that are held at once
 
@@ -52,9 +52,9 @@ def make_map(sites: Sites, cell: float = 1e-3, method: Method = "gaussian-proces
     """
     if len(sites) < 4:
         raise LogError(f"{len(sites)} sites are too few for a map")
-    x, y = (_axis(sites.place[:, axis], cell) for axis in (0, 1))
-    if len(x) * len(y) > _MOST_CELLS:
-        raise ConfigurationError(f"cell: {1e3 * cell:g} mm makes {len(x) * len(y)} cells; {_MOST_CELLS} are allowed")
+    x, y = (axis_of(sites.place[:, axis], cell) for axis in (0, 1))
+    if len(x) * len(y) > MOST_CELLS:
+        raise ConfigurationError(f"cell: {1e3 * cell:g} mm makes {len(x) * len(y)} cells; {MOST_CELLS} are allowed")
     nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     pitch = line_distance(sites)
     used = merge_sites(sites, max(pitch / 3, 1e-3))
@@ -63,17 +63,17 @@ def make_map(sites: Sites, cell: float = 1e-3, method: Method = "gaussian-proces
     else:
         mean, std, length = _average(used, nodes, 0.6 * pitch)
     shape = len(y), len(x)
-    nearest = _nearest(sites.place, nodes)
+    nearest = nearest_distance(sites.place, nodes)
     covered = (nearest <= 1.2 * pitch).reshape(shape)
     value: Floats = np.where(covered, np.exp(mean).reshape(shape), np.nan)
-    p, stiff = _significance(sites, mean, std, covered.ravel())
+    p, stiff = significance(sites, mean, std, covered.ravel())
     spread = value * std.reshape(shape)
     return StiffnessMap(
         x, y, value, spread, covered, p.reshape(shape), stiff.reshape(shape), sites.place, method, length
     )
 
 
-def _significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.bool_]) -> tuple[Floats, Any]:
+def significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.bool_]) -> tuple[Floats, Any]:
     """p-value of each cell (m,) against the baseline sites, and which are discoveries by the default settings of lumps.
 
     t = (mean - baseline)/sqrt(spread^2 (1 + 1/k) + std^2) with k - 1 degrees of freedom; Benjamini and Hochberg's
@@ -93,7 +93,8 @@ def _significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.b
     return p, stiff
 
 
-def _axis(values: Floats, cell: float) -> Floats:
+def axis_of(values: Floats, cell: float) -> Floats:
+    """Places of cells [m] over values (n,) [m]; raises ConfigurationError for an impossible cell."""
     if not (np.isfinite(cell) and cell > 0):
         raise ConfigurationError(f"cell: {cell!r} must be above 0")
     low, high = float(values.min()), float(values.max())
@@ -125,7 +126,8 @@ def _portions(count: int, others: int) -> list[NDArray[np.intp]]:
     return np.array_split(np.arange(count), max(count * others // _TOGETHER, 1))
 
 
-def _nearest(places: Floats, nodes: Floats) -> Floats:
+def nearest_distance(places: Floats, nodes: Floats) -> Floats:
+    """(m,) [m] distance of nodes (m, k) from the nearest of places (n, k)."""
     from scipy.spatial import KDTree
 
     distance, _ = KDTree(places).query(nodes)

@@ -27,7 +27,7 @@ _PAUSE = 0.3  # [s] without estimates that ends a stretch
 class Sites:
     """Places and what was estimated there; the logarithm, since contrasts are ratios."""
 
-    place: Floats  # (n, 2) [m]
+    place: Floats  # (n, 2) [m], or (n, 3) on a surface
     log: Floats  # (n,) logarithm of the parameter's SI value
     std: Floats  # (n,) standard deviation of that logarithm, as the estimator gives it
     time: Floats  # (n,) [s]
@@ -161,7 +161,7 @@ def merge_sites(sites: Sites, width: float) -> Sites:
     def mean(values: Floats) -> Floats:
         return np.asarray(np.bincount(groups, values) / count)
 
-    place = np.column_stack([mean(sites.place[:, 0]), mean(sites.place[:, 1])])
+    place = np.column_stack([mean(axis) for axis in sites.place.T])
     std = np.sqrt(mean(sites.std**2))
     standing = mean(sites.standing.astype(float)) > 0.5
     return Sites(place, mean(sites.log), std, mean(sites.time), standing, sites.kept, sites.relief)
@@ -172,7 +172,8 @@ def line_coordinate(sites: Sites, tolerance: float = 2e-3) -> Floats | None:
 
     Along the axis that the line is nearest to, in its own coordinate: a sweep along y is given in y.
     """
-    centred = sites.place - sites.place.mean(axis=0)
+    place = sites.place[:, :2]
+    centred = place - place.mean(axis=0)
     spread = centred.T @ centred / max(len(sites), 1)
     size, axes = np.linalg.eigh(spread)
     if np.sqrt(12 * max(float(size[0]), 0.0)) > tolerance:
@@ -180,5 +181,5 @@ def line_coordinate(sites: Sites, tolerance: float = 2e-3) -> Floats | None:
     axis = axes[:, 1]
     main = int(np.argmax(np.abs(axis)))
     if abs(axis[main]) > 0.999:
-        return np.asarray(sites.place[:, main])
+        return np.asarray(place[:, main])
     return np.asarray(centred @ (axis * np.sign(axis[main])))

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
     from palpate_models.dimensionality_reduction import DimensionalityReduction
     from palpate_models.fractional import FractionalKelvinVoigt, PowerLaw
+    from palpate_models.fung import Fung
     from palpate_models.generalised_maxwell import (
         Burgers,
         GeneralisedMaxwell2,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from palpate_models.plate_compression import PlateCompression
     from palpate_models.poroelastic import Poroelastic
     from palpate_models.relaxing_models import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
+    from palpate_models.two_layers import FreeTwoLayers, TwoLayers
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
@@ -66,6 +68,8 @@ __getattr__, _, _ = lazy_loader.attach(
         ],
         "kelvin_voigt": ["KelvinVoigt"],
         "poroelastic": ["Poroelastic"],
+        "fung": ["Fung"],
+        "two_layers": ["FreeTwoLayers", "TwoLayers"],
         "relaxing_models": ["DimensionalityReductionMaxwell", "Maxwell", "StandardLinearSolid"],
     },
 )
@@ -82,6 +86,8 @@ __all__ = [
     "Flat",
     "FractionalKelvinVoigt",
     "FreeHuntCrossley",
+    "FreeTwoLayers",
+    "Fung",
     "GeneralisedMaxwell2",
     "GeneralisedMaxwell3",
     "GeneralisedMaxwell4",
@@ -101,6 +107,7 @@ __all__ = [
     "StandardLinearSolid",
     "TiltedFlat",
     "TruncatedCone",
+    "TwoLayers",
 ]
 
 
@@ -158,6 +165,9 @@ def palpate_models() -> dict[str, str]:
         "kelvin-voigt": "palpate_models.kelvin_voigt:KelvinVoigt",
         "hunt-crossley": "palpate_models.hunt_crossley:HuntCrossley",
         "hunt-crossley-free": "palpate_models.hunt_crossley:FreeHuntCrossley",
+        "fung": "palpate_models.fung:Fung",
+        "two-layers": "palpate_models.two_layers:TwoLayers",
+        "two-layers-free": "palpate_models.two_layers:FreeTwoLayers",
         "compression": "palpate_models.plate_compression:PlateCompression",
         "dmt": "palpate_models.adhesion:DerjaguinMullerToporov",
         "jkr": "palpate_models.adhesion:JohnsonKendallRoberts",

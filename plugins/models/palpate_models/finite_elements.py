@@ -37,12 +37,15 @@ class Cylinder:
     diameter: float  # [m]
     height: float  # [m]
     bonded: bool = True  # to its base; else it slides
+    stiffening: float = 0.0  # b of Fung's law; 0: neo-Hookean
+    skin: float = 0.0  # [m] of a layer on top, bonded to what is below
+    skin_modulus: float = 1.0  # of that layer, over the modulus of what is below
 
 
 class SoftCylinder:
     """The elements of one specimen; displacements of order 2 and pressures of order 1 on triangles (Taylor-Hood).
 
-    Energy density E/6 (I_1 - 3 - 2 ln J) + p (J - 1) - p^2/(2 k), large deformations, from the reference. Contact by a
+    Energy density of `neo_hookean`, large deformations, from the reference; E is that below the skin. Contact by a
     penalty on the overlap with the tip in the deformed place, so that traction is normal to the tip: no friction.
     Raises ConfigurationError without scikit-fem.
     """
@@ -56,7 +59,10 @@ class SoftCylinder:
         self._cylinder = cylinder
         radius = cylinder.diameter / 2
         across = _graded(reach, radius, fine)
-        down = cylinder.height - _graded(min(reach, cylinder.height), cylinder.height, max(fine // 2, 4))[::-1]
+        depths = _graded(min(reach, cylinder.height), cylinder.height, max(fine // 2, 4))
+        if cylinder.skin:  # elements end where the layer does
+            depths[np.argmin(np.abs(depths[1:-1] - cylinder.skin)) + 1] = cylinder.skin
+        down = cylinder.height - depths[::-1]
         mesh: Any = skfem.MeshTri.init_tensor(across, down)
         mesh = mesh.with_boundaries(
             {
@@ -71,7 +77,9 @@ class SoftCylinder:
             mesh, skfem.ElementVector(skfem.ElementTriP2()), facets=mesh.boundaries["top"], intorder=8
         )
         self._scale = reach
-        self._radii = np.asarray(self._moves.global_coordinates())[0]
+        self._radii, heights = np.asarray(self._moves.global_coordinates())
+        on_top = heights > cylinder.height - cylinder.skin
+        self._modulus = np.where(on_top, cylinder.skin_modulus, 1.0)
         self._x = np.zeros(self._moves.N + self._presses.N)
         self._states = [(0.0, self._x)]  # the last two equilibria under a tip
 
@@ -156,7 +164,8 @@ class SoftCylinder:
 
     def _given(self, x: Floats) -> dict[str, Any]:
         count = self._moves.N
-        return {"u": self._moves.interpolate(x[:count]), "p": self._presses.interpolate(x[count:])}
+        material = {"b": self._cylinder.stiffening, "modulus": self._modulus}
+        return {"u": self._moves.interpolate(x[:count]), "p": self._presses.interpolate(x[count:])} | material
 
     def _overlap(self, tip: TipProfile, depth: float) -> Overlap:
         return Overlap(tip, depth, _STIFF * neo_hookean.MODULUS / self._scale)

@@ -1,6 +1,7 @@
-"""Weak forms of a neo-Hookean, nearly incompressible, axisymmetric body, from the reference, over 2 pi.
+"""Weak forms of a neo-Hookean or Fung, nearly incompressible, axisymmetric body, from the reference, over 2 pi.
 
-Energy density E/6 (I_1 - 3 - 2 ln J) + p (J - 1) - p^2/(2 k); `w.u` is the displacement so far, `w.p` the pressure.
+Energy density E/(6 b) (exp(b i) - 1) + p (J - 1) - p^2/(2 k), i = I_1 - 3 - 2 ln J; b = 0 is the neo-Hookean E/6 i.
+`w.u` is the displacement so far, `w.p` the pressure, `w.b` the stiffening b, `w.modulus` E over the unit of forces.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 MODULUS = 1.0  # Young's modulus; forces are per it
+_LEAST = 1e-6  # of the volume, on a step that is not taken
 BULK = 1e5  # of the modulus: Poisson's ratio 0.499998
 
 
@@ -40,19 +42,27 @@ def _inner(a: Any, b: Any) -> Any:
     return np.einsum("ij...,ij...", a, b)
 
 
+def _shear(w: Any, volume: Any, F: Any) -> Any:
+    """Shear modulus at the present stretch."""
+    shear = MODULUS / 3 * w.modulus
+    return shear * np.exp(w.b * (_inner(F, F) - 3 - 2 * np.log(np.maximum(volume, _LEAST)))) if w.b else shear
+
+
 def stress(v: Any, w: Any) -> Any:
     """Work of the stress on a virtual displacement."""
     inverse, volume, F = _deformed(w)
-    stress = MODULUS / 3 * (F - inverse) + w.p * volume * inverse
+    stress = _shear(w, volume, F) * (F - inverse) + w.p * volume * inverse
     return _inner(stress, gradient(v, w.x[0])) * w.x[0]
 
 
 def stiffness(u: Any, v: Any, w: Any) -> Any:
     """Derivative of the stress's work by the displacement."""
-    inverse, volume, _ = _deformed(w)
+    inverse, volume, F = _deformed(w)
     du, dv = gradient(u, w.x[0]), gradient(v, w.x[0])
     turned = np.einsum("ij...,kj...,kl...->il...", inverse, du, inverse)
-    found = MODULUS / 3 * (_inner(du, dv) + _inner(turned, dv))
+    stretch = F - inverse
+    found = _inner(du, dv) + _inner(turned, dv) + 2 * w.b * _inner(stretch, du) * _inner(stretch, dv)
+    found = _shear(w, volume, F) * found
     found = found + w.p * volume * (_inner(inverse, du) * _inner(inverse, dv) - _inner(turned, dv))
     return found * w.x[0]
 

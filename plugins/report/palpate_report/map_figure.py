@@ -9,11 +9,13 @@ import numpy as np
 from palpate import Floats
 from palpate.host import display_unit
 from palpate_kit.figures import WIDTHS, common_limits, figure_of, legend_outside
+from palpate_kit.runs.surface_map_figure import surface_map_figure
+from palpate_kit.runs.surface_map_file import SurfaceMap
 
 from palpate_report.figure_data import Curves, along, moving_samples, swept, thin_rows
 from palpate_report.figure_subject import MOST, TRACKS, ReportFigure, Subject
 from palpate_report.run_contents import RunContents
-from palpate_report.run_map import grid_of
+from palpate_report.run_map import grid_of, surface_map_of
 
 
 def draw_map(subject: Subject) -> ReportFigure | None:
@@ -26,6 +28,9 @@ def draw_map(subject: Subject) -> ReportFigure | None:
     label = f"{parameter.replace('_', ' ')} [{word}]"
     if along(main.place) is not None:
         return _line(subject, parameter, label, factor)
+    on_surface = surface_map_of(subject.record, parameter)
+    if on_surface is not None:
+        return _from_three_sides(subject, on_surface)
     return _area(subject, main, parameter, label, factor)
 
 
@@ -59,6 +64,15 @@ def _line(subject: Subject, parameter: str, label: str, factor: float) -> Report
     return ReportFigure(
         figure, "Estimates along the path, with bands of two standard deviations by the estimator", data
     )
+
+
+def _from_three_sides(subject: Subject, on_surface: SurfaceMap) -> ReportFigure:
+    lumps = [(lump["x"], lump["y"], lump["z"]) for lump in lumps_of(subject.record) if "z" in lump]
+    names = ("x_m", "y_m", "z_m", on_surface.parameter, f"{on_surface.parameter}_std", "p")
+    columns = (*on_surface.vertices.T, on_surface.value, on_surface.std, on_surface.p)
+    caption = "The map of palpate map on the surface, interpolated between the places; a cross marks a lump"
+    figure = surface_map_figure(on_surface, lumps=lumps, width=subject.width)
+    return ReportFigure(figure, caption, dict(zip(names, columns, strict=True)))
 
 
 def _area(subject: Subject, main: Curves, parameter: str, label: str, factor: float) -> ReportFigure:

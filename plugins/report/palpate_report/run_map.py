@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Floats
+from palpate_kit.runs.surface_map_file import SurfaceMap, read_surface_map
 
 from palpate_report.figure_data import Curves
 from palpate_report.run_contents import RunContents
@@ -35,6 +36,15 @@ class Grid:
             float(self.y[0] - half[1]),
             float(self.y[-1] + half[1]),
         )
+
+
+def surface_map_of(record: RunContents, parameter: str) -> SurfaceMap | None:
+    """The newest map of `palpate map` where that is on a surface, and of a parameter; else None."""
+    for path in _newest_first(record.folder.maps)[:1]:
+        if path.with_suffix(".ply").is_file():
+            found = read_surface_map(path.with_suffix(".ply"))
+            return found if found.parameter == parameter else None
+    return None
 
 
 def grid_of(record: RunContents, curves: Curves, parameter: str) -> Grid:

@@ -30,7 +30,6 @@ from palpate import (
     Time,
     TipMass,
     Trajectory,
-    angular_velocities,
     clock,
     duration_of,
     host_time_ns,
@@ -38,17 +37,17 @@ from palpate import (
 )
 from palpate_kit.acquisition.prefetch import ahead
 from palpate_kit.force_control import refusal
-from palpate_kit.kinematics.ur_arm import quaternion, rotation_matrix, rotation_vector
-from palpate_kit.logs.joint_kinematics import quaternions
+from palpate_kit.kinematics.ur_arm import rotation_vector
 from pydantic import Field
 
 from palpate_simulation.sensor_wrench import sensed_wrench
 from palpate_simulation.series_compliance import motion_behind_spring
 from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
 from palpate_simulation.simulated_force_control import force_controlled_motion
+from palpate_simulation.simulated_tool import SimulatedTool
 from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.specimen import Specimen
-from palpate_simulation.tool_axes import MOUNTING, TOOL, mounting_matrix, rotation_matrices, turn_between
+from palpate_simulation.tool_axes import MOUNTING, TOOL, mounting_matrix, turn_between
 
 _SECOND = 1_000_000_000  # [ns]
 _AHEAD = 8  # batches that are made before they are asked for
@@ -148,16 +147,6 @@ class SimulatedRig(Device):
         """In the work frame."""
         return self.down
 
-    @property
-    def tool(self) -> Floats:
-        """Orientation (3, 3) of the tool in the work frame."""
-        return TOOL @ rotation_matrix(self.tool_rotation)
-
-    @property
-    def axes(self) -> Floats:
-        """Axes (3, 3) of the sensor in the work frame, as columns."""
-        return self.tool @ mounting_matrix(self.mounting)
-
     def turned(self, down: tuple[float, ...]) -> Device:
         """The rig with its tool turned, so that gravity points along `down` in the sensor's frame."""
         turn = turn_between(mounting_matrix(self.mounting) @ np.array(down), TOOL.T @ np.array(self.down))
@@ -193,7 +182,6 @@ class _RigLink:
         self._force_noise, self._position_noise, self._velocity_noise, self._led_noise = streams
         self._stopped = clock().event()
         self._trajectory: Trajectory | None = None
-        self._turning: TrackedMotion | None = None  # rotation vectors [rad] of a tool that turns
 
     def refuse_law(self, law: ForceLaw) -> None:
         """Whether a force may lead; see `palpate.SupportsForceControl`."""
@@ -231,11 +219,9 @@ class _RigLink:
             motion, setpoint = force_controlled_motion(settings.specimen, loop, ticks, setpoint, law, noise)
         else:
             motion = loop.track(setpoint.position, setpoint.velocity)
-        self._turning = None
-        if setpoint.rotation is not None:
-            self._turning = loop.track(setpoint.rotation, np.gradient(setpoint.rotation, 1.0 / settings.rate, axis=0))
+        tool = SimulatedTool.of(settings, loop, setpoint)
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
-        contact = self._contact(readings, motion)
+        contact = self._contact(readings, motion, tool)
         origin = host_time_ns() if settings.pace == "real-time" else 0
         began = clock().now()
         done_ticks = done_readings = 0
@@ -247,48 +233,34 @@ class _RigLink:
                 return
             felt = slice(done_readings, done_readings := int(np.searchsorted(readings, edge)))
             now = readings[felt]
-            yield self._batch("wrench", now, settings.force_delay, self._wrench(now, motion, contact[felt]), origin)
+            yield self._batch(
+                "wrench", now, settings.force_delay, self._wrench(now, motion, contact[felt], tool), origin
+            )
             rows = slice(done_ticks, done_ticks := int(np.searchsorted(ticks, edge)))
-            pose, twist = self._kinematics(ticks[rows], motion.position[rows], motion.velocity[rows])
+            pose, twist = self._kinematics(motion.position[rows], motion.velocity[rows], *tool.pose(ticks[rows]))
             yield self._batch("tip", ticks[rows], settings.motion_delay, pose, origin)
             yield self._batch("twist", ticks[rows], settings.motion_delay, twist, origin)
             commanded = [setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows][:, None]]
             yield self._batch("setpoint", ticks[rows], settings.motion_delay, np.hstack(commanded), origin)
 
-    def _contact(self, instants: Floats, motion: TrackedMotion) -> Floats:
+    def _contact(self, instants: Floats, motion: TrackedMotion, tool: SimulatedTool) -> Floats:
         """Contact force (n, 3) [N] over the whole motion, which a material that remembers has to be asked for."""
         position, velocity, _ = motion.at(instants)
         settings, sliding = self._settings, velocity
         if (stiffness := settings.series_stiffness) is not None:
             position, velocity = motion_behind_spring(settings.specimen, instants, position, velocity, stiffness)
-        if self._turning is not None or any(settings.tool_rotation):
-            out, rate = self._out(instants)
+        if not tool.is_upright:
+            out, rate = tool.out(instants)
             position, velocity = settings.specimen.upright_place(position, velocity, out, rate)
         if settings.specimen.form is not None:
             return SkinContact().force(settings.specimen, instants, position, velocity)
         return settings.specimen.with_friction(settings.specimen.push(instants, position, velocity), sliding)
 
-    def _out(self, instants: Floats) -> tuple[Floats, Floats]:
-        """Direction (n, 3) from the tip along the tool at true times (n,) [s], and how fast it changes."""
-        tool = self._settings.tool
-        if self._turning is None:
-            out = np.tile(-tool[:, 2], (len(instants), 1))
-            return out, np.zeros_like(out)
-        vector, rate, _ = self._turning.at(instants)
-        out = -(self._turned(instants) @ tool)[:, :, 2]
-        return out, np.cross(angular_velocities(vector, rate), out)
-
-    def _wrench(self, instants: Floats, motion: TrackedMotion, contact: Floats) -> Floats:
+    def _wrench(self, instants: Floats, motion: TrackedMotion, contact: Floats, tool: SimulatedTool) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings = self._settings
         acceleration = motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
-        axes, down = settings.axes, np.array(settings.down)
-        if self._turning is not None:
-            each = self._turned(instants) @ axes
-            contact, acceleration = (np.einsum("nij,ni->nj", each, part) for part in (contact, acceleration))
-            down = np.einsum("nij,i->nj", each, down)
-        elif not np.array_equal(axes, np.eye(3)):
-            contact, acceleration, down = contact @ axes, acceleration @ axes, down @ axes
+        contact, acceleration, down = tool.in_sensor(instants, contact, acceleration)
         offset = settings.bias + settings.drift * instants
         noise = self._force_noise.standard_normal((len(instants), 6))
         return sensed_wrench(
@@ -303,22 +275,12 @@ class _RigLink:
             settings.centre_of_mass,
         )
 
-    def _turned(self, instants: Floats) -> Floats:
-        """How the tool is turned (n, 3, 3) at true times (n,) [s], in the work frame."""
-        assert self._turning is not None
-        return rotation_matrices(self._turning.at(instants)[0])
-
-    def _kinematics(self, instants: Floats, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-        """Measured pose (n, 7) and twist (n, 6) of the tool at true times (n,) [s]."""
+    def _kinematics(self, position: Floats, velocity: Floats, turned: Floats, spin: Floats) -> tuple[Floats, Floats]:
+        """Measured pose (n, 7) and twist (n, 6), with the quaternions and angular velocities of the tool."""
         n = len(position)
         pose, twist = np.zeros((n, 7)), np.zeros((n, 6))
         pose[:, :3] = position + self._position_noise.standard_normal((n, 3)) * self._settings.position_std
-        if self._turning is not None:
-            pose[:, 3:] = quaternions(self._turned(instants) @ self._settings.tool)
-            vector, rate, _ = self._turning.at(instants)
-            twist[:, 3:] = angular_velocities(vector, rate)
-        else:
-            pose[:, 3:] = np.round(quaternion(self._settings.tool), 15) + 0.0
+        pose[:, 3:], twist[:, 3:] = turned, spin
         twist[:, :3] = velocity + self._velocity_noise.standard_normal((n, 3)) * self._settings.velocity_std
         return pose, twist
 

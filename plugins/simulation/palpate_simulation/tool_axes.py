@@ -25,7 +25,7 @@ def rotation_matrices(vectors: Floats) -> Floats:
     cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -unit[:, 2], unit[:, 1], -unit[:, 0]
     cross -= cross.transpose(0, 2, 1)
     sine, versine = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
-    return np.eye(3) + sine * cross + versine * (cross @ cross)
+    return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
 
 
 def turn_between(one: Floats, other: Floats) -> Floats:
@@ -35,6 +35,6 @@ def turn_between(one: Floats, other: Floats) -> Floats:
     if cosine < -1.0 + 1e-12:
         side = np.cross(one, np.eye(3)[int(np.argmin(np.abs(one)))])
         side /= np.linalg.norm(side)
-        return 2.0 * np.outer(side, side) - np.eye(3)
+        return np.asarray(2.0 * np.outer(side, side) - np.eye(3))
     cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    return np.eye(3) + cross + cross @ cross / (1.0 + cosine)
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))

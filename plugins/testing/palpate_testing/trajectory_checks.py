@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from palpate import Trajectory
+from palpate import Setpoint, Trajectory, angular_velocities
 
 from palpate_testing.failure_messages import demand
 
@@ -15,7 +15,7 @@ def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25) -> None:
 
     Checked on a fine grid: shapes, finiteness, rest at both ends and beyond them, the duration, position and velocity
     without jumps, velocity equal to the derivative of position, no speed above `top_speed` [m/s], and a part for
-    measuring within the motion.
+    measuring within the motion; of a tool that turns, an angular velocity that is that of its rotation.
     """
     name, end = type(trajectory).__name__, trajectory.total_duration
     demand(np.isfinite(end) and end > 0, f"{name}.total_duration is {end}")
@@ -40,8 +40,22 @@ def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25) -> None:
     demand(jump <= 1.01 * speed.max() * _STEP + 1e-12, f"{name}: the position jumps by {jump:.3g} m")
     kick = np.abs(np.diff(setpoint.velocity, axis=0)).max() / _STEP
     demand(kick < 100.0, f"{name}: the velocity jumps ({kick:.3g} m/s^2)")
+    _check_turns(name, setpoint)
     slope = (setpoint.position[2:] - setpoint.position[:-2]) / (2 * _STEP)
     wrong = np.abs(slope - setpoint.velocity[1:-1]).max()
     demand(
         wrong <= 1e-3 * speed.max() + 1e-9, f"{name}: the velocity is not that of the position ({wrong:.3g} m/s off)"
+    )
+
+
+def _check_turns(name: str, setpoint: Setpoint) -> None:
+    rotation, stated = setpoint.rotation, setpoint.angular_velocity
+    demand((rotation is None) == (stated is None), f"{name}: rotation and angular_velocity come together")
+    if rotation is None or stated is None:
+        return
+    rate = (rotation[2:] - rotation[:-2]) / (2 * _STEP)
+    wrong = np.abs(angular_velocities(rotation[1:-1], rate) - stated[1:-1]).max()
+    most = np.abs(stated).max()
+    demand(
+        wrong <= 1e-3 * most + 1e-6, f"{name}: the angular velocity is not that of the rotation ({wrong:.3g} rad/s off)"
     )

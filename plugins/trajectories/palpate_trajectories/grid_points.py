@@ -17,7 +17,7 @@ from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_ti
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.stations import Stations
-from palpate_trajectories.surface_motion import Leg, StationFootway, SurfaceMotion, legs_over
+from palpate_trajectories.surface_motion import StationFootway, SurfaceLine, SurfaceMotion
 
 _MOST_POINTS = 2000
 _RAMP = 0.25  # [s]
@@ -105,19 +105,20 @@ class GridPoints(Trajectory):
         return touches
 
     @cached_property
-    def _stations(self) -> tuple[Stations, list[Leg]] | None:
-        """Stations of the visits and the ways between them; None where it follows a nominal height."""
+    def _stations(self) -> tuple[Stations, list[SurfaceLine]] | None:
+        """Stations of the visits and the lines between them; None where it follows a nominal height."""
         if isinstance(self.surface, NominalHeight):
             return None
-        stations = Stations.on(self.surface, np.array(self.visits[self.first_point :]))
-        return stations, legs_over(self.surface, stations, self.press.clearance)
+        visits = self.visits[self.first_point :]
+        stations = Stations.on(self.surface, np.array(visits))  # first: a place that is none is named
+        return stations, [SurfaceLine.on(self.surface, begin, end) for begin, end in itertools.pairwise(visits)]
 
     @property
     def _travels(self) -> list[float]:
         """How long each way to the next visit takes [s]."""
         if self._stations is not None:
             speeds = self.press.clearance, self.travel_speed, self.turn_speed
-            return [leg.duration(*speeds) for leg in self._stations[1]]
+            return [line.duration(*speeds) for line in self._stations[1]]
         visits = self.visits[self.first_point :]
         return [line_time(math.dist(a, b), self.travel_speed, _RAMP) for a, b in itertools.pairwise(visits)]
 
@@ -131,12 +132,12 @@ class GridPoints(Trajectory):
         measuring = [(touch.begin + self.settle, touch.end) for touch in self._touches]
         if self._stations is None:
             return self._level_motion(measuring)
-        stations, legs = self._stations
+        stations, lines = self._stations
         knots = [Knot(0.0, 0.0)]
         for number, (touch, travel) in enumerate(zip(self._touches, self._travels, strict=False)):
             leave = touch.end + self.press.transfer
             knots += [Knot(leave, number), Knot(leave + travel, number + 1)]
-        return surface_press(self.press, self._touches, StationFootway(stations, legs, through(knots)), measuring)
+        return surface_press(self.press, self._touches, StationFootway(stations, lines, through(knots)), measuring)
 
     def _level_motion(self, measuring: Sequence[tuple[float, float]]) -> PlannedMotion:
         assert isinstance(self.surface, NominalHeight)

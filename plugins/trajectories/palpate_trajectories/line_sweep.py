@@ -6,12 +6,14 @@ import math
 from functools import cached_property
 from typing import Any
 
-from palpate import Floats, Length, Setpoint, Speed, Time, Trajectory
+from palpate import Floats, Length, Setpoint, Speed, Surface, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.approach import PressShape, Touch, press_motion, refuse_hasty
-from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time
+from palpate_trajectories.approach import PressShape, Touch, press_motion, refuse_hasty, surface_press
+from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time, through
 from palpate_trajectories.nominal_height import NominalHeight
+from palpate_trajectories.smooth_profile import Knot
+from palpate_trajectories.surface_motion import SurfaceLine, SurfaceMotion, footway_along
 
 
 class LineSweep(Trajectory):
@@ -27,7 +29,10 @@ class LineSweep(Trajectory):
     settle: Time = Field(default=10.0, ge=0, description="palpation at the beginning, before it moves")
     ramp: Time = Field(default=0.25, gt=0, description="time of acceleration, and of deceleration")
     press: PressShape = Field(description="depth, sine, approach")
-    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface that it follows")
+    surface: NominalHeight | Surface = Field(
+        default=NominalHeight(),
+        description="nominal height that it follows, or a surface with whose normal the tool turns",
+    )
 
     @model_validator(mode="after")
     def _possible(self) -> Any:
@@ -40,8 +45,28 @@ class LineSweep(Trajectory):
     def _way(self) -> float:
         return math.dist(self.start, self.end)
 
+    @property
+    def followed(self) -> Surface | None:
+        """See `palpate.SupportsSurface`."""
+        return None if isinstance(self.surface, NominalHeight) else self.surface
+
     @cached_property
-    def _motion(self) -> PlannedMotion:
+    def _motion(self) -> PlannedMotion | SurfaceMotion:
+        return self._level_motion if self.followed is None else self._surface_motion(self.followed)
+
+    def _surface_motion(self, surface: Surface) -> SurfaceMotion:
+        """At its speed along the surface."""
+        begin, line = self.press.standstill + self.press.transfer, SurfaceLine.on(surface, self.start, self.end)
+        leave = begin + self.settle
+        arrive = leave + line_time(line.length, self.speed, self.ramp)
+        knots = [Knot(0.0, 0.0), *line_knots(leave, 0.0, 1.0, self.speed / line.length, self.ramp)]
+        return surface_press(
+            self.press, [Touch(begin, arrive)], footway_along([line], through(knots)), [(begin, arrive)]
+        )
+
+    @property
+    def _level_motion(self) -> PlannedMotion:
+        assert isinstance(self.surface, NominalHeight)
         begin = self.press.standstill + self.press.transfer
         leave = begin + self.settle
         share = [abs(b - a) / self._way for a, b in zip(self.start, self.end, strict=True)]

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from palpate import Angle, Floats, Length, Setpoint, Speed, Time, Trajectory
+from palpate import Angle, Floats, Length, Setpoint, Speed, Surface, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.approach import PressShape, Touch, press_motion, refuse_hasty
-from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time
+from palpate_trajectories.approach import PressShape, Touch, press_motion, refuse_hasty, surface_press
+from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time, through
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import Knot
+from palpate_trajectories.surface_motion import SurfaceLine, SurfaceMotion, footway_along
 
 _MOST_LINES = 2000
 
@@ -37,7 +39,10 @@ class Raster(Trajectory):
     ramp: Time = Field(default=0.25, gt=0, description="time of acceleration, and of deceleration")
     first_line: int = Field(default=0, ge=0, description="first line, counted from 0; to continue a raster")
     press: PressShape = Field(description="depth, sine, approach")
-    surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface that it follows")
+    surface: NominalHeight | Surface = Field(
+        default=NominalHeight(),
+        description="nominal height that it follows, or a surface with whose normal the tool turns",
+    )
 
     @model_validator(mode="after")
     def _possible(self) -> Any:
@@ -61,6 +66,8 @@ class Raster(Trajectory):
     def _way(self) -> _LinePath:
         """The way over the area, in coordinates along and across the lines."""
         way = _LinePath(self.press.standstill + self.press.transfer + self.settle)
+        if (surface := self.followed) is not None:
+            way.line = lambda begin, end: SurfaceLine.on(surface, self._place(*begin), self._place(*end))
         half, lowest = self.size[0] / 2, -self.pitch * (self.lines - 1) / 2
         for line in range(self.first_line, self.lines):
             forwards = line % 2 == 0 or not self.boustrophedon
@@ -76,8 +83,28 @@ class Raster(Trajectory):
             way.now += self.dwell
         return way
 
+    def _place(self, along: float, across: float) -> tuple[float, float]:
+        """x and y of a place along and across the lines."""
+        cos, sin = math.cos(self.angle), math.sin(self.angle)
+        return self.centre[0] + cos * along - sin * across, self.centre[1] + sin * along + cos * across
+
+    @property
+    def followed(self) -> Surface | None:
+        """See `palpate.SupportsSurface`."""
+        return None if isinstance(self.surface, NominalHeight) else self.surface
+
     @cached_property
-    def _motion(self) -> PlannedMotion:
+    def _motion(self) -> PlannedMotion | SurfaceMotion:
+        way, begin = self._way, self.press.standstill + self.press.transfer
+        edges = [begin, *(edge for pause in way.pauses for edge in pause), way.now]
+        measuring = list(zip(edges[::2], edges[1::2], strict=True))
+        if isinstance(self.surface, NominalHeight):
+            return self._level_motion(measuring)
+        footway = footway_along(way.surface_lines, through([Knot(0.0, 0.0), *way.progress]))
+        return surface_press(self.press, [Touch(begin, way.now)], footway, measuring)
+
+    def _level_motion(self, measuring: list[tuple[float, float]]) -> PlannedMotion:
+        assert isinstance(self.surface, NominalHeight)
         way, begin = self._way, self.press.standstill + self.press.transfer
         cos, sin = math.cos(self.angle), math.sin(self.angle)
         x = [
@@ -88,8 +115,6 @@ class Raster(Trajectory):
             Knot(k.time, self.centre[1] + sin * k.along + cos * k.across, sin * k.pace + cos * k.drift)
             for k in way.knots
         ]
-        edges = [begin, *(edge for pause in way.pauses for edge in pause), way.now]
-        measuring = list(zip(edges[::2], edges[1::2], strict=True))
         return press_motion(self.press, [Touch(begin, way.now)], x, y, measuring, self.surface)
 
     @property
@@ -128,6 +153,9 @@ class _LinePath:
     pauses: list[tuple[float, float]] = field(default_factory=list)  # [s] in contact, but not measuring
     along: float = 0.0
     across: float = 0.0
+    line: Callable[[tuple[float, float], tuple[float, float]], SurfaceLine] | None = None  # of a line on a surface
+    surface_lines: list[SurfaceLine] = field(default_factory=list)
+    progress: list[Knot] = field(default_factory=list)  # lines that are done
 
     def place(self, along: float, across: float) -> None:
         """Where it begins."""
@@ -137,6 +165,14 @@ class _LinePath:
     def go(self, along: float, across: float, speed: float, ramp: float, pausing: bool) -> None:
         """Straight to a place, from rest to rest."""
         way = math.hypot(along - self.along, across - self.across)
+        if self.line is not None:
+            self.surface_lines.append(self.line((self.along, self.across), (along, across)))
+            length, done = self.surface_lines[-1].length, len(self.surface_lines)
+            self.progress += line_knots(self.now, done - 1.0, done, speed / length, ramp)
+            before, self.now = self.now, self.now + line_time(length, speed, ramp)
+            self.pauses += [(before, self.now)] if pausing else []
+            self.along, self.across = along, across
+            return
         unit = ((along - self.along) / way, (across - self.across) / way)
         self.knots.append(_Place(self.now, self.along, self.across))
         for knot in line_knots(self.now, 0.0, way, speed, ramp):

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
-from palpate import Floats, Setpoint, Surface, angular_velocities, surface_points
+from palpate import Floats, Setpoint, Surface, angular_velocities
 
 from palpate_trajectories.motion_parts import Wave
 from palpate_trajectories.smooth_profile import PEAK, KnotProfile
 from palpate_trajectories.stations import Stations, rotation_rate, rotation_to
 
-_LOOKS = 33  # places of a way between two stations at which its height is looked at
-_STEEPEST = 3.44  # largest slope of the bump over such a way, of its height
-_ROUNDS = 30
+_LOOKS = 101  # places of a line at which its slopes are looked at
 _SHORTEST = 1e-3  # [s]
+_PITCH, _FEWEST = 0.5e-3, 9  # [m] between the stations of a line, and how many it has at least
 
 Course = tuple[Floats, Floats, Floats, Floats]  # foot [m] and its rate, normal and its rate, each (n, 3)
 
@@ -59,67 +59,43 @@ class SurfaceMotion:
 
 
 @dataclass(frozen=True)
-class Leg:
-    """The way from one station to the next, in parts s of it from 0 to 1.
+class SurfaceLine:
+    """A straight line in x and y on a surface, in parts of its length there: cubic splines of foot and normal.
 
-    The foot goes straight, lifted by h 64 s^3 (1 - s)^3 so that the tip keeps its clearance over the surface; the
-    normal goes along the great circle (Shoemake 1985).
+    A straight line through the air with the normal on a great circle from end to end (Shoemake 1985) would dip below
+    the clearance of a body that bulges, and be off the normals between.
     """
 
-    begin: Floats  # (3,) [m]
-    end: Floats
-    first: Floats  # (3,) normals
-    last: Floats
-    lift: float  # [m]
+    length: float  # [m] along the surface
+    _spline: Any  # of foot and normal (6,) over parts of the length
 
-    @property
-    def angle(self) -> float:
-        """Between both normals [rad]."""
-        return float(np.arctan2(np.linalg.norm(np.cross(self.first, self.last)), self.first @ self.last))
+    @classmethod
+    def on(cls, surface: Surface, begin: tuple[float, float], end: tuple[float, float]) -> SurfaceLine:
+        """The line between two places [x, y]; raises ConfigurationError where the surface is not known below it."""
+        from scipy.interpolate import CubicSpline
 
-    @property
-    def _up(self) -> Floats:
-        middle = self.first + self.last
-        return np.asarray(middle / np.linalg.norm(middle))
+        count = max(math.ceil(math.dist(begin, end) / _PITCH) + 1, _FEWEST)
+        stations = Stations.on(surface, np.linspace(begin, end, count))
+        steps = np.linalg.norm(np.diff(stations.foot, axis=0), axis=1)
+        done = np.concatenate([[0.0], np.cumsum(steps)])
+        columns = np.hstack([stations.foot, stations.normal])
+        share = done / done[-1] if done[-1] > 0 else np.linspace(0.0, 1.0, count)  # twice the same place
+        return cls(float(done[-1]), CubicSpline(share, columns))
 
     def at(self, share: Floats) -> Course:
         """Foot, normal and their rates per part of the way, at parts (n,) of it."""
-        s, left = share[:, None], 1.0 - share[:, None]
-        foot = self.begin + s * (self.end - self.begin) + 64.0 * self.lift * (s * left) ** 3 * self._up
-        foot_rate = self.end - self.begin + 192.0 * self.lift * (s * left) ** 2 * (1.0 - 2.0 * s) * self._up
-        angle = self.angle
-        if angle < 1e-9:
-            return foot, foot_rate, np.tile(self.first, (len(s), 1)), np.zeros((len(s), 3))
-        ahead = (self.last - np.cos(angle) * self.first) / np.sin(angle)
-        normal = np.cos(s * angle) * self.first + np.sin(s * angle) * ahead
-        return foot, foot_rate, normal, angle * (np.cos(s * angle) * ahead - np.sin(s * angle) * self.first)
+        value, rate = self._spline(share), self._spline(share, 1)
+        size = np.linalg.norm(value[:, 3:], axis=1, keepdims=True)
+        normal = value[:, 3:] / size
+        along = (normal * rate[:, 3:]).sum(axis=1, keepdims=True)
+        return value[:, :3], rate[:, :3], normal, (rate[:, 3:] - along * normal) / size
 
     def duration(self, clearance: float, speed: float, turn_speed: float) -> float:
-        """How long it takes [s] at speeds [m/s] and [rad/s] that are not passed."""
-        way = float(np.linalg.norm(self.end - self.begin)) + _STEEPEST * self.lift + clearance * self.angle
-        return max(PEAK * way / speed, PEAK * self.angle / turn_speed, _SHORTEST)
-
-
-def legs_over(surface: Surface, stations: Stations, clearance: float) -> list[Leg]:
-    """The ways from each station to the next, with the tip above the surface by a clearance [m] all along.
-
-    Raises ConfigurationError where the surface is not known below a way.
-    """
-    pairs = zip(stations.foot[:-1], stations.foot[1:], stations.normal[:-1], stations.normal[1:], strict=True)
-    return [_leg(surface, *pair, clearance) for pair in pairs]
-
-
-def _leg(surface: Surface, begin: Floats, end: Floats, first: Floats, last: Floats, clearance: float) -> Leg:
-    leg, share = Leg(begin, end, first, last, 0.0), np.linspace(0.0, 1.0, _LOOKS)
-    bump = 64.0 * (share * (1.0 - share)) ** 3
-    for _ in range(_ROUNDS):
-        foot, _, normal, _ = leg.at(share)
-        lacking = 0.98 * clearance - surface_points(surface, foot + clearance * normal).height
-        inner = (lacking > 0) & (bump > 0.01)
-        if not inner.any():
-            return leg
-        leg = Leg(begin, end, first, last, leg.lift + 1.1 * float((lacking[inner] / bump[inner]).max()))
-    return leg
+        """How long a smooth way above it takes [s] at speeds [m/s] and [rad/s] that are not passed."""
+        _, foot_rate, _, normal_rate = self.at(np.linspace(0.0, 1.0, _LOOKS))
+        way = np.linalg.norm(foot_rate + clearance * normal_rate, axis=1).max()
+        turn = np.linalg.norm(normal_rate, axis=1).max()
+        return max(PEAK * float(way) / speed, PEAK * float(turn) / turn_speed, _SHORTEST)
 
 
 @dataclass(frozen=True)
@@ -127,13 +103,13 @@ class StationFootway:
     """From station to station; `progress` counts them from 0, with parts of the way between two."""
 
     stations: Stations
-    legs: Sequence[Leg]
+    legs: Sequence[SurfaceLine]
     progress: KnotProfile
 
     def at(self, time: Floats) -> Course:
         """Foot, normal and their rates at times (n,) [s]."""
         progress, rate = self.progress.at(time)
-        number = np.clip(np.floor(progress).astype(int), 0, max(len(self.stations) - 2, 0))
+        number = np.clip(np.floor(progress).astype(int), 0, max(len(self.legs) - 1, 0))
         foot, normal = self.stations.foot[number].copy(), self.stations.normal[number].copy()
         foot_rate, normal_rate = np.zeros_like(foot), np.zeros_like(foot)
         for i in np.unique(number).tolist() if self.legs else ():
@@ -142,3 +118,12 @@ class StationFootway:
             foot[rows], normal[rows] = columns[0], columns[2]
             foot_rate[rows], normal_rate[rows] = columns[1] * rate[rows, None], columns[3] * rate[rows, None]
         return foot, foot_rate, normal, normal_rate
+
+
+def footway_along(lines: Sequence[SurfaceLine], progress: KnotProfile) -> StationFootway:
+    """The footway along lines that follow one another."""
+    ends = [line.at(np.array([0.0, 1.0])) for line in lines]
+    stations = Stations(
+        np.array([ends[0][0][0], *(end[0][1] for end in ends)]), np.array([ends[0][2][0], *(end[2][1] for end in ends)])
+    )
+    return StationFootway(stations, lines, progress)

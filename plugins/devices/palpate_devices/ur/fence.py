@@ -8,19 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from palpate import Floats, angular_velocities, turned_axes
-from palpate_kit.kinematics.ur_arm import (
-    JOINTS,
-    Model,
-    rotation_matrix,
-    rotation_vector,
-    shortest_turn,
-    tip_and_links,
-)
+from palpate import Floats
+from palpate_kit.kinematics.ur_arm import JOINTS, Model, rotation_matrix, rotation_vector, tip_and_links
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_devices.ur.layout import PLAN, SETPOINT
 from palpate_devices.ur.setpoint_buffer import PERIOD
+from palpate_devices.ur.station_plane import LEVEL, StationExtremes
+from palpate_devices.ur.tool_turns import fastest_turn, turning
 from palpate_devices.ur.tracking_error import TrackingError, length, mm
 
 _WINDOW = 10  # periods over which speeds are averaged: the command of a PD law carries the noise of what it measures
@@ -32,7 +27,6 @@ _DELAY = 0.045  # [s] of an arm beyond the lag of its servo: states, commands, a
 _STATIC = 0.2e-3  # [m] that an arm at rest may be off its command
 _SUDDEN = 1.5
 _FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where the command is
-_UNIT = 1e-6
 _ASKEW = 1.5  # limits between a measured tool and the normal; a command has one, and the arm follows it within one
 _CANCELLED = 12.0  # times the tip's speed
 SINGULAR = "the arm is near a singular posture: move the specimen to another place in its reach"
@@ -67,7 +61,7 @@ class Fence:
         self._links = own["links_low"], own["links_high"]
         self._acceleration = acceleration  # [m/s^2] of what the arm does by itself
         self.limits: dict[str, Any] | None = None
-        self.plane = np.zeros(3), np.array([0.0, 0.0, 1.0])  # foot (3,) and normal (3,) of the station, as commanded
+        self.plane = LEVEL  # of the station, as commanded
         self._commands: deque[Floats] = deque(maxlen=2 * _WINDOW + 1)
         self._speeds: deque[Floats] = deque(maxlen=_WINDOW)
         self._lag = own.get("lag", 0.0)
@@ -116,33 +110,23 @@ class Fence:
     def _turns(self, rows: Floats) -> Verdict | None:
         """How the tool of rows (n, 16) turns, and how it stands to the planes of their stations; their depths."""
         assert self.limits is not None
-        turn, normal = rows[:, PLAN["turn"]], rows[:, PLAN["normal"]]
-        if np.abs(np.linalg.norm(normal, axis=1) - 1.0).max(initial=0.0) > _UNIT:
-            return Verdict("the normal of a station is not of length 1")
-        most = self.limits["angular_speed"]
-        fastest = _fastest_turn(turn)
+        fastest, most = fastest_turn(rows[:, PLAN["turn"]]), self.limits["angular_speed"]
         if fastest > most * 1.001 + 1e-6:
             text = f"{math.degrees(fastest):.1f} deg/s, over the limit of {math.degrees(most):g} deg/s"
             return Verdict(f"the setpoints turn the tool at {text}")
-        cosine = (turned_axes(turn @ self._work.axes_in_tool) * normal).sum(axis=1).min(initial=1.0)
-        if (angle := math.acos(max(min(float(cosine), 1.0), -1.0))) > self.limits["orientation"] * 1.001 + 1e-5:
-            text = (
-                f"{math.degrees(angle):.1f} deg off its normal, over {math.degrees(self.limits['orientation']):g} deg"
-            )
+        extremes, most = StationExtremes.of(rows, self._work), self.limits["orientation"]
+        if not extremes.are_planes:
+            return Verdict("the normal of a station is not of length 1")
+        if extremes.angle > most * 1.001 + 1e-5:
+            text = f"{math.degrees(extremes.angle):.1f} deg off its normal, over {math.degrees(most):g} deg"
             return Verdict(f"a setpoint has the tool {text}")
-        deepest = -((rows[:, PLAN["position"]] - rows[:, PLAN["foot"]]) * normal).sum(axis=1).min(initial=0.0)
-        return self._too_deep(float(deepest), 1e-6, "a setpoint")
+        return self._too_deep(extremes.depth, 1e-6, "a setpoint")
 
     def _too_deep(self, depth: float, slack: float, what: str) -> Verdict | None:
         most = math.inf if self.limits is None else self.limits.get("depth", math.inf)
         if depth <= most + slack:
             return None
         return Verdict(f"{what} is {mm(depth)} below the surface, over the limit of {mm(most)}")
-
-    def _off_normal(self, rotation: Floats) -> float:
-        """Angle [rad] between a tool (3, 3) in the base and the normal of the station."""
-        out = -(self._work.matrix[:3, :3].T @ rotation[:, 2])
-        return math.atan2(length(np.cross(out, self.plane[1])), float(out @ self.plane[1]))
 
     def command(
         self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool = False
@@ -155,10 +139,9 @@ class Fence:
             return Verdict("a command is not a finite number")
         self._commands.append(command.copy())
         verdict = None if leaving else self._out_of_box(command.tolist(), "a command")
-        foot, normal = self.plane
         return (
             verdict
-            or (None if leaving else self._too_deep(-float((command - foot) @ normal), _MARGIN, "a command"))
+            or (None if leaving else self._too_deep(-self.plane.height(command), _MARGIN, "a command"))
             or self._speeds_of(command, turn, before, leaving)
             or self._posture(command, turn, before, seen, leaving)
         )
@@ -173,10 +156,9 @@ class Fence:
             return Verdict(text, False)
         if self.limits is None:
             return None
-        foot, normal = self.plane
         verdict = self._out_of_box(seen.position.tolist(), "the tip")
-        verdict = verdict or self._too_deep(-float((seen.position - foot) @ normal), _MARGIN, "the tip")
-        if (angle := self._off_normal(seen.rotation)) > _ASKEW * self.limits["orientation"]:
+        verdict = verdict or self._too_deep(-self.plane.height(seen.position), _MARGIN, "the tip")
+        if (angle := self.plane.off_tool(seen.rotation, self._work)) > _ASKEW * self.limits["orientation"]:
             most = math.degrees(self.limits["orientation"])
             return Verdict(f"the tool is {math.degrees(angle):.1f} deg off the normal, over {most:g} deg", False)
         self._speeds.append(seen.velocity)
@@ -219,12 +201,10 @@ class Fence:
         most = max(self.limits["acceleration"], self._acceleration)
         if sudden > _SUDDEN * most and not leaving:
             verdict = Verdict(f"commands accelerate the tip at {sudden:.2f} m/s^2: the limit is {most:g} m/s^2")
-        turning = length(_turning(turn, before[1]))
-        if turning > 1.05 * self.limits["angular_speed"] + 1e-3:
+        pace = length(turning(turn, before[1]))
+        if pace > 1.05 * self.limits["angular_speed"] + 1e-3:
             most = math.degrees(self.limits["angular_speed"])
-            verdict = Verdict(
-                f"a command would turn the tool at {math.degrees(turning):.1f} deg/s: {most:g} is the limit"
-            )
+            verdict = Verdict(f"a command would turn the tool at {math.degrees(pace):.1f} deg/s: {most:g} is the limit")
         return verdict
 
     def _posture(
@@ -239,13 +219,13 @@ class Fence:
         askew = rotation_vector((tool @ rotation_matrix(turn.tolist()) if turn.any() else tool) @ seen.rotation.T)
         limit = self.limits["orientation"] if self.limits is not None else math.inf
         most = math.degrees(limit)
-        if (angle := self._off_station(turn)) > 1.01 * limit and not leaving:
-            what = "its station" if self.plane[1][2] < 1.0 else "the work frame"
+        if (angle := self.plane.off_turn(turn, self._work)) > 1.01 * limit and not leaving:
+            what = "the work frame" if self.plane.is_level else "its station"
             return Verdict(f"the tool is {math.degrees(angle):.1f} deg off {what}, over {most:g} deg")
         if (angle := length(askew)) > limit:
             return Verdict(f"the tool is {math.degrees(angle):.1f} deg from its command, over {most:g} deg", False)
         _, jacobian, places = tip_and_links(seen.q, self._tool, self._model)
-        twist = np.concatenate([work @ (command - before[0]) / PERIOD, tool @ _turning(turn, before[1])])
+        twist = np.concatenate([work @ (command - before[0]) / PERIOD, tool @ turning(turn, before[1])])
         error = np.concatenate([work @ (command - seen.position), askew])
         try:
             inverse = np.linalg.inv(jacobian)
@@ -266,14 +246,6 @@ class Fence:
             return Verdict(f"{JOINTS[joint]} is {math.degrees(abs(ways[joint])):.0f} deg from its command")
         return None if leaving else self._link_outside(places.tolist())
 
-    def _off_station(self, turn: Floats) -> float:
-        """Angle [rad] between a turn (3,) of the tool and that which is shortest to the normal of the station."""
-        normal = self.plane[1]
-        if normal[2] >= 1.0:
-            return length(turn)
-        local = rotation_matrix((self._work.axes_in_tool @ shortest_turn(normal)).tolist())
-        return length(rotation_vector(local.T @ rotation_matrix(turn.tolist())))
-
     def _link_outside(self, places: list[list[float]]) -> Verdict | None:
         low, high = self._links
         for name, place in zip(LINKS, places, strict=True):
@@ -283,22 +255,6 @@ class Fence:
                     f"the {name} is at ({where}) mm in the base, out of the box of [device.*] links_low and links_high"
                 )
         return None
-
-
-def _turning(turn: Floats, before: Floats) -> Floats:
-    """Angular velocity (3,) [rad/s] from one turn of the tool to the next, in the frame of a tool not turned."""
-    change = (turn - before) / PERIOD
-    if not change.any():
-        return np.asarray(change)
-    return np.asarray(angular_velocities(0.5 * (turn + before)[None], change[None])[0])
-
-
-def _fastest_turn(turn: Floats) -> float:
-    """Largest angular speed [rad/s] of turns (n, 3), one in each period."""
-    change = np.diff(turn, axis=0) / PERIOD
-    if not change.any():
-        return 0.0
-    return float(np.linalg.norm(angular_velocities(0.5 * (turn[1:] + turn[:-1]), change), axis=1).max())
 
 
 def is_singular(jacobian: Floats) -> bool:
@@ -316,8 +272,3 @@ def _against_one_another(jacobian: Floats, inverse: Any) -> float:
     cancel out, and where one of them lags, brakes or is at its limit, the tip leaves its path.
     """
     return float(np.linalg.norm(np.linalg.norm(jacobian[:3], axis=0)[:, None] * inverse))
-
-
-def tool_turn(work: WorkFrame, rotation: Floats) -> Floats:
-    """Rotation vector (3,) of a tool (3, 3) in the base from where the work frame wants it, in the tool's own frame."""
-    return rotation_vector(work.tool.T @ rotation)

@@ -39,6 +39,7 @@ from palpate_devices.ur.reach import ArmReach
 from palpate_devices.ur.servo import ServoLaw, straight_path
 from palpate_devices.ur.setpoint_buffer import PERIOD, write_setpoints
 from palpate_devices.ur.start_path import FirstStation, start_path
+from palpate_devices.ur.station_plane import LEVEL
 
 if TYPE_CHECKING:
     from palpate_devices.ur.device import UR
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
 
 _POSE, _TWIST = ROW.span("position", "rotation"), ROW.span("velocity", "turning")
 
-_FOOT, _OUT = np.zeros(3), np.array([0.0, 0.0, 1.0])  # of the plane of the work frame
 _POLL = 0.006  # [s]
 _BEAT_SLACK = 0.02  # [s]
 _SHORTEST_RETREAT = 0.1e-3  # [m]
@@ -108,10 +108,10 @@ class URLink:
                 f"{self._child.name}: the tip is at the top of the workspace, at {1e3 * place[2]:.1f} mm: there is no "
                 "room for the retreat that checks whether it is free; bring it down by hand or raise [safety] high"
             )
-        foot, normal = (_FOOT, _OUT) if self._station is None else (self._station.foot, self._station.normal)
-        self._child.tell("retreat", way=way, speed=speed, foot=foot.tolist(), normal=normal.tolist())
+        plane = LEVEL if self._station is None else self._station.plane
+        self._child.tell("retreat", way=way, speed=speed, foot=plane.foot.tolist(), normal=plane.normal.tolist())
         law = ServoLaw("servo", 0.0, 0.0, speed, speed, self._settings.acceleration)
-        return float(self._way_of(place, place + way * normal, law))
+        return float(self._way_of(place, place + way * plane.normal, law))
 
     @staticmethod
     def _way_of(begin: Floats, end: Floats, law: ServoLaw) -> float:
@@ -158,8 +158,12 @@ class URLink:
     def _refuse_unreachable(self, trajectory: Trajectory) -> None:
         """Raise DeviceError where the arm cannot go through all of a motion on which the tool turns."""
         settings = self._settings
-        links = settings.links_low, settings.links_high
-        reach = ArmReach(self._model, self._tool, settings.work, settings.joint_speed, links, np.array(self._joints))
+        links, speed = (settings.links_low, settings.links_high), math.inf
+        if self._limits is not None:
+            speed = self._limits.speed
+        reach = ArmReach(
+            self._model, self._tool, settings.work, settings.joint_speed, speed, links, np.array(self._joints)
+        )
         try:
             reach.refuse(trajectory)
         except DeviceError as error:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import DeviceError, Floats, Trajectory, duration_of, setpoints_at
-from palpate_kit.kinematics.ur_arm import JOINTS, Model, joints_at, rotation_matrix, tip, tip_and_links
+from palpate_kit.kinematics.ur_arm import JOINTS, Model, flange, joints_at, rotation_matrix, tip, tip_and_links
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_devices.ur.fence import LINKS, SINGULAR, is_singular
@@ -29,6 +29,7 @@ class ArmReach:
     tool: Floats  # (4, 4) tip on the flange
     work: WorkFrame
     joint_speed: float  # [rad/s] at most
+    speed: float  # [m/s] of the flange at most, which swings when the tool turns
     links: tuple[tuple[float, ...], tuple[float, ...]]  # corners (3,) [m] of the box of elbow, wrist and flange
     joints: Floats  # (6,) [rad]
 
@@ -37,16 +38,16 @@ class ArmReach:
 
         Each posture is found from the one before by Newton's method, from where the arm stands.
         """
-        q, before, goals = self.joints, -math.inf, self._goals(trajectory)
-        for time, goal in goals:
-            begin = q if before > -math.inf else self._on_the_way(q, goal)
-            found = joints_at(goal, self.tool, begin, model=self.model)
-            where = self._words(time, goal)
+        q: Floats | None = None
+        for time, goal in self._goals(trajectory):
+            begin = self._on_the_way(self.joints, goal) if q is None else q
+            found, where = joints_at(goal, self.tool, begin, model=self.model), self._words(time, goal)
             if found is None:
                 raise DeviceError(f"{where}: it is out of the arm's reach")
-            if (problem := self._problem(found, q, time - before)) is not None:
+            problem = self._posture_problem(found) or (None if q is None else self._change_problem(found, q))
+            if problem is not None:
                 raise DeviceError(f"{where}: {problem}")
-            q, before = found, time
+            q = found
 
     def _on_the_way(self, joints: Floats, goal: Floats) -> Floats:
         """Joints on a straight way to the first place, so that it is reached without another posture."""
@@ -58,14 +59,21 @@ class ArmReach:
             joints = joints if found is None else found
         return joints
 
-    def _problem(self, q: Floats, before: Floats, elapsed: float) -> str | None:
+    def _change_problem(self, q: Floats, before: Floats) -> str | None:
+        """Of two places that follow one another: how fast joints and flange would be."""
         change = np.abs(q - before)
         joint = int(np.argmax(change))
-        if math.isfinite(elapsed) and change[joint] > _FARTHEST:
+        if change[joint] > _FARTHEST:
             return f"the arm would have to turn {JOINTS[joint]} over"
-        if change[joint] > _SLACK * self.joint_speed * elapsed:
-            pace = f"{math.degrees(change[joint] / elapsed):.0f} deg/s"
+        if change[joint] > _SLACK * self.joint_speed * _STEP:
+            pace = f"{math.degrees(change[joint] / _STEP):.0f} deg/s"
             return f"{JOINTS[joint]} would turn at {pace}, over {math.degrees(self.joint_speed):g} deg/s"
+        ends = [flange(joints.tolist(), self.model)[0][:3, 3] for joints in (before, q)]
+        if (pace_of_flange := math.dist(*ends) / _STEP) > _SLACK * self.speed:
+            return f"the flange would move at {1e3 * pace_of_flange:.0f} mm/s, over {1e3 * self.speed:g} mm/s"
+        return None
+
+    def _posture_problem(self, q: Floats) -> str | None:
         joint = int(np.argmax(np.abs(q)))
         if abs(q[joint]) > _TURN:
             return f"{JOINTS[joint]} would be at {math.degrees(q[joint]):.0f} deg, beyond its end"

@@ -28,9 +28,10 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_devices.ur.command_echo import RTDE_PORT, Echo, ReadBack
 from palpate_devices.ur.controller_states import PLAYING
-from palpate_devices.ur.fence import ArmState, tool_turn
+from palpate_devices.ur.fence import ArmState
 from palpate_devices.ur.layout import MOTION, POSE, STATE, TWIST
 from palpate_devices.ur.setpoint_buffer import PERIOD
+from palpate_devices.ur.tool_turns import tool_turn
 
 _VARIABLES = [
     *("timestamp", "actual_q", "actual_qd", "actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force"),

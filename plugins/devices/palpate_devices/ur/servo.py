@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats, ForceLaw
 from palpate_kit.force_control import ForceLead
-from palpate_kit.kinematics.ur_arm import rotation_matrix, rotation_vector
 
 from palpate_devices.ur.layout import PLAN, SETPOINT
 from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_devices.ur.station_plane import LEVEL, StationPlane
+from palpate_devices.ur.tool_turns import turn_after, turn_from_to
 
 _Z, _VZ = SETPOINT["position"].start + 2, SETPOINT["velocity"].start + 2
-_FOOT, _OUT = np.zeros(3), np.array([0.0, 0.0, 1.0])  # of the work frame's plane
 _SHORTEST = 0.15  # [s] of a way, however short
 _MOST_BEHIND = 25.0  # periods; what is later is not made up for
 _HASTE = 0.1  # by so large a part a motion may be faster than planned, to make up for what the host held up
@@ -81,7 +81,7 @@ class Commander:
         self.turn = np.zeros(3) if turn is None else turn.copy()  # (3,) the latest
         self._speed = np.zeros(3)
         self._before = self.command, self._speed, self.turn
-        self.plane = _FOOT, _OUT  # of the station: foot (3,) [m] and normal (3,)
+        self.plane = LEVEL  # of the station
         self._plan = Plan.of(np.zeros((0, SETPOINT.size)))
         self._row, self._haste, self._behind = 0.0, 0.0, 0.0  # periods
         self._way: list[tuple[Floats, float]] = []  # place, and the part of the turn that is left
@@ -128,7 +128,7 @@ class Commander:
             return
         law = ServoLaw("servo", 0.0, 0.0, speed, speed, self.law.acceleration)
         self.home = self.command.copy()
-        self._set_out(self.command + length * self.plane[1], law, self.turn)
+        self._set_out(self.command + length * self.plane.normal, law, self.turn)
         self.mode = "retreat"
 
     def follow(self, plan: Plan, law: ForceLaw | None = None) -> None:
@@ -139,8 +139,9 @@ class Commander:
         start = plan[0]
         self.lead = None if law is None else ForceLead(law, float(start[_Z]), plan.lowest, PERIOD)
         self._plan, self._row, self._behind, self.mode = plan, 0.0, 0.0, "approach"
-        self._haste = min(max(self.law.most / max(plan.fastest, 1e-9) - 1.0, 0.0), _HASTE)
-        self.home, self.plane = self.command.copy(), (start[PLAN["foot"]], start[PLAN["normal"]])
+        paces = self.law.most / max(plan.fastest, 1e-9), self.law.angular_speed / max(plan.fastest_turn, 1e-9)
+        self._haste = min(max(min(paces) - 1.0, 0.0), _HASTE)
+        self.home, self.plane = self.command.copy(), StationPlane.of_row(start)
         self._set_out(start[SETPOINT["position"]], self.law, start[PLAN["turn"]])
 
     def _set_out(self, end: Floats, law: ServoLaw, turn: Floats) -> None:
@@ -190,7 +191,7 @@ class Commander:
                 self.mode, self._speed = "stay", np.zeros(3)
             else:
                 self.mode, self.home = "follow", self._plan[0][SETPOINT["position"]]
-                self._clearance = self._height_of(self.home)
+                self._clearance = self.plane.height(self.home)
         if self.mode == "follow":
             self._follow(position, velocity, room)
         elif self.mode == "retract":
@@ -222,12 +223,7 @@ class Commander:
             self.mode = "done"
 
     def _take_orientation(self, row: Floats) -> None:
-        self.turn, self.plane = row[PLAN["turn"]].copy(), (row[PLAN["foot"]], row[PLAN["normal"]])
-
-    def _height_of(self, place: Floats) -> float:
-        """Height [m] of a place (3,) over the plane of the station."""
-        foot, normal = self.plane
-        return float((place - foot) @ normal)
+        self.turn, self.plane = row[PLAN["turn"]].copy(), StationPlane.of_row(row)
 
     def _wait_for_room(self, step: float, room: float) -> None:
         """Go back in the plan by what a step [m] is too long."""
@@ -238,11 +234,11 @@ class Commander:
 
     def _retract(self) -> None:
         assert self.home is not None
-        goes = self._clearance if self._clearance is not None else self._height_of(self.home)
-        step, rest = self.law.acceleration * PERIOD, goes - self._height_of(self.command)
+        goes = self._clearance if self._clearance is not None else self.plane.height(self.home)
+        step, rest = self.law.acceleration * PERIOD, goes - self.plane.height(self.command)
         # The speed from which it still can brake in what is left of the way.
         wanted = min(self.law.retract_speed, math.sqrt(2.0 * self.law.acceleration * max(rest, 0.0)))
-        goal = wanted * self.plane[1]
+        goal = wanted * self.plane.normal
         change = goal - self._speed
         length = float(np.linalg.norm(change))
         self._speed = goal if length <= step else self._speed + change * (step / length)
@@ -255,15 +251,3 @@ def _no_longer(way: Floats, most: float) -> Floats:
     """A way (3,) [m], cut to a length."""
     length = float(np.linalg.norm(way))
     return way if length <= most else way * (most / length)
-
-
-def turn_after(turn: Floats, more: Floats) -> Floats:
-    """Rotation vector (3,) of a turn (3,) and then another one, in the frame that is turned already."""
-    return rotation_vector(rotation_matrix(turn.tolist()) @ rotation_matrix(more.tolist()))
-
-
-def turn_from_to(turn: Floats, other: Floats) -> Floats:
-    """The turn (3,) that leads from one to another, in the frame that is turned by the first."""
-    if not other.any():
-        return np.asarray(-turn)
-    return rotation_vector(rotation_matrix(turn.tolist()).T @ rotation_matrix(other.tolist()))

@@ -29,7 +29,8 @@ class Plan:
     def __init__(self, count: int, read: Callable[[int, int], Floats], ask: Callable[[int, int], None]) -> None:
         self._count, self._read, self._ask = count, read, ask
         self._blocks: dict[int, Floats] = {}  # two at most
-        self.fastest, self.lowest = 0.0, np.inf  # [m/s], [m] of the rows that were looked over
+        # [m/s], [rad/s], [m] of the rows that were looked over
+        self.fastest, self.fastest_turn, self.lowest = 0.0, 0.0, np.inf
 
     @classmethod
     def of(cls, table: Floats) -> Plan:
@@ -76,6 +77,8 @@ class Plan:
             rows = self._read(max(first - _COMMON, 0), min(first + _PIECE, self._count))
             ways = np.linalg.norm(np.diff(rows[:, _PLACE], axis=0), axis=1)
             self.fastest = max(self.fastest, float(ways.max(initial=0.0)) / PERIOD)
+            turns = np.linalg.norm(np.diff(rows[:, PLAN["turn"]], axis=0), axis=1)
+            self.fastest_turn = max(self.fastest_turn, float(turns.max(initial=0.0)) / PERIOD)
             self.lowest = min(self.lowest, float(rows[:, _PLACE.stop - 1].min()))
             yield rows
 

@@ -9,8 +9,9 @@ from palpate import Floats, Setpoint, Trajectory, setpoints_at, surface_of, surf
 from palpate_kit.kinematics.ur_arm import rotation_matrix
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_devices.ur.fence import tool_turn
-from palpate_devices.ur.servo import ServoLaw, straight_path, turn_after, turn_from_to
+from palpate_devices.ur.servo import ServoLaw, straight_path
+from palpate_devices.ur.station_plane import LEVEL, StationPlane
+from palpate_devices.ur.tool_turns import tool_turn, turn_after, turn_from_to
 
 
 @dataclass(frozen=True)
@@ -19,8 +20,7 @@ class FirstStation:
 
     place: Floats  # (3,) [m]
     turn: Floats | None  # (3,) of the tool, in its frame; None where it keeps the work frame's orientation
-    foot: Floats  # (3,) [m]
-    normal: Floats  # (3,)
+    plane: StationPlane
 
     @classmethod
     def of(cls, trajectory: Trajectory, work: WorkFrame) -> FirstStation:
@@ -28,9 +28,9 @@ class FirstStation:
         first, surface = setpoints_at(trajectory, np.zeros(1)), surface_of(trajectory)
         place, turn = first.position[0], None if first.rotation is None else work.axes_in_tool @ first.rotation[0]
         if surface is None:
-            return cls(place, turn, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+            return cls(place, turn, LEVEL)
         points = surface_points(surface, place[None])
-        return cls(place, turn, points.position[0], points.normal[0])
+        return cls(place, turn, StationPlane(points.position[0], points.normal[0]))
 
     def turn_from(self, work: WorkFrame, rotation: Floats) -> Floats:
         """The turn (3,) that a tool (3, 3) in the base has still to make, in its own frame."""

@@ -28,6 +28,7 @@ from palpate_devices.ur.robot import Robot, by_joints
 from palpate_devices.ur.servo import Commander, ServoLaw
 from palpate_devices.ur.servo_pace import Beat, Pace
 from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_devices.ur.station_plane import StationPlane
 
 _BLIND = 2_300_000  # [ns] without a new state: of more commands than two on their way only the last would count
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
@@ -36,7 +37,6 @@ _OWN = 0.85  # of the speed limit: two steps of that in one tick are still below
 _EXPLAIN = 10  # periods
 _MUTE = 25  # periods in which a stop has to reach the other connection, too
 _HEARD = 0.25  # [s] for a stop to be carried out
-_UNIT = 1e-6
 _LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
 _SAFETY_MODES = range(1, 14)  # that a controller has
 _LEAP = "no arm does that; was another TCP set meanwhile?"
@@ -284,10 +284,9 @@ class _Loop:
             case "retreat" | "follow" if self._fence.limits is None:
                 self._refuse("no limits were set: `link.limit` comes before a motion", commander)
             case "retreat":
-                plane = np.array(message["foot"]), np.array(message["normal"])
-                if abs(float(np.linalg.norm(plane[1])) - 1.0) > _UNIT or not np.isfinite(plane[0]).all():
+                commander.plane = StationPlane(np.array(message["foot"]), np.array(message["normal"]))
+                if not commander.plane.is_one:
                     self._fail("the plane of the first station is none")
-                commander.plane = plane
                 self._begin(commander)
                 commander.retreat(message["way"], message["speed"])
             case "follow":

@@ -14,7 +14,7 @@ from palpate_kit.terminal.options import TrackOption
 from palpate_kit.terminal.progress import progress
 
 from palpate_maps.commands.curves_command import drop_rejected, unit_of
-from palpate_maps.commands.map_command import Parameter, Run, length
+from palpate_maps.commands.map_command import Parameter, Run, SurfaceName, length
 
 if TYPE_CHECKING:
     from palpate_maps.map_analysis import Findings
@@ -32,6 +32,7 @@ def lumps(
     method: Annotated[
         str, typer.Option(help="Along a sweep: prominence, or cusum, a sequential test in time order.")
     ] = "prominence",
+    surface: SurfaceName = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print lumps.json instead of the table.")] = False,
 ) -> None:
     """Find the lumps in a run: place, extent, contrast and p-value of each."""
@@ -45,7 +46,10 @@ def lumps(
     drop_rejected([run])
     with progress(f"lumps of {run.resolve().name}"):
         path = maps.read_path(run, track, parameter)
-        findings = maps.find_lumps(maps.sites_along(path), settings)
+        sites, skin = maps.sites_along(path), maps.surface_of_run(run, surface)
+        if skin is not None and (sites.standing.all() or maps.line_coordinate(sites) is None):
+            sites = maps.sites_on(sites, skin)
+        findings = maps.find_lumps(sites, settings)
     text = map_files.lumps_json(findings, path)
     map_files.replace_file(RunFolder(run).maps / "lumps.json", text)
     typer.echo(text if as_json else _view(findings, path.source, unit_of(run, path.track, path.parameter)))

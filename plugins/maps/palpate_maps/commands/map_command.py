@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from palpate import ConfigurationError, KnowsTruth, LogError, PalpateError, to_si
+from palpate import ConfigurationError, KnowsTruth, LogError, PalpateError, Surface, to_si
 from palpate.host import load_pipeline
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.figures import save_figure
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Run = Annotated[Path, typer.Argument(help="The run folder.")]
 Parameter = Annotated[str | None, typer.Option(help="Parameter of its model. [default: the first]")]
+
+SurfaceName = Annotated[str | None, typer.Option(help="NAME of the [surface.NAME] of the run that was palpated.")]
 
 
 def length(text: str, option: str) -> float:
@@ -46,6 +48,7 @@ def map_run(
     points: Points = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to. [default: RUN/maps]")] = None,
     svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
+    surface: SurfaceName = None,
     mcap: Annotated[bool, typer.Option("--mcap", help="Write map.mcap, too: a Grid that robot viewers draw.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -53,6 +56,7 @@ def map_run(
 
     Of a folder of fits of many curves each curve is a site, at x_m and y_m of its curves.csv, or where it was measured.
     A pipeline file is run first, into a new folder of runs/. No earlier map is written over: the second is map-2.
+    Where the pipeline of the run has a surface, the map is on it: a PLY in place of the NPZ, seen from three sides.
     """
     from palpate_maps import map_analysis as maps
 
@@ -69,17 +73,23 @@ def map_run(
         else:
             path = maps.read_path(run, track, parameter)
             sites = maps.sites_along(path)
+        skin = None if of_curves else maps.surface_of_run(run, surface)
+        along = maps.line_coordinate(sites)
+        on_a_line = along is not None and not sites.standing.all()
         findings = None
         with suppress(LogError):  # too few sites for lumps are enough for a map
-            findings = maps.find_lumps(sites)
+            findings = maps.find_lumps(sites if skin is None or on_a_line else maps.sites_on(sites, skin))
         made = _MapOutput(run, out or RunFolder(run).maps, "svg" if svg else "png", path, sites, findings)
-        along = maps.line_coordinate(sites)
-        if along is not None and not sites.standing.all():
+        if along is not None and on_a_line:
             if mcap:
                 raise ConfigurationError(
                     f"--mcap: {run} is a sweep along a line, and no map; its log has the estimates"
                 )
             name, said, answer = _sweep(made, float(along.max() - along.min()), track, parameter, points)
+        elif skin is not None:
+            if mcap or method != "gaussian-process":
+                raise ConfigurationError("--mcap, --method: a map on a surface is a Gaussian process, in a PLY file")
+            name, said, answer = _on_surface(made, skin, length(cell, "--cell"))
         else:
             field = maps.make_map(sites, length(cell, "--cell"), method)  # type: ignore[arg-type]
             name, said, answer = _map(made, field, mcap)
@@ -169,6 +179,32 @@ def _map(made: _MapOutput, field: StiffnessMap, mcap: bool) -> Written:
     said = f"map of {size}, {covered}, interpolated over {1e3 * field.length:.3g} mm"
     ends = {"low": [field.x[0], field.y[0]], "high": [field.x[-1], field.y[-1]]}
     return name, said, {"kind": "map", **ends, "coverage": field.coverage, "interpolated_over": field.length}
+
+
+def _on_surface(made: _MapOutput, surface: Surface, cell: float) -> Written:
+    """A map on a surface."""
+    from palpate_kit.runs.surface_map_figure import surface_map_figure
+    from palpate_kit.runs.surface_map_file import write_surface_map
+
+    from palpate_maps import map_files
+    from palpate_maps.surface_map import make_surface_map, sites_on, surface_map_csv
+
+    path, folder, sites = made.path, made.folder, made.sites
+    found = make_surface_map(sites, surface, cell, path.parameter, made.unit)
+    lumps = made.findings.lumps if made.findings else ()
+    places = [(*lump.place, lump.height) for lump in lumps if lump.height is not None]
+    image = surface_map_figure(found.map, sites_on(sites, surface).place, places)
+    table = surface_map_csv(found)
+    name = map_files.free_name(folder, "map", table)
+    map_files.replace_file(folder / f"{name}.csv", table)
+    map_files.replace_file(folder / f"{name}.ply", write_surface_map(found.map))
+    save_figure(image, folder / f"{name}.{made.ending}")
+    if found.warning:
+        typer.echo(f"warning: {found.warning}", err=True)
+    size = f"{len(found.map.vertices)} vertices, {len(sites)} sites, {path.source}"
+    said = f"map on a surface, {size}, interpolated over {1e3 * found.length:.3g} mm"
+    ends = {end: getattr(found.map.vertices, side)(axis=0).tolist() for end, side in (("low", "min"), ("high", "max"))}
+    return name, said, {"kind": "surface", **ends, "interpolated_over": found.length, "straight_within": found.reach}
 
 
 def outlines_of(run: Path) -> list[Any]:

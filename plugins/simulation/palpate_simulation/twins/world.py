@@ -73,9 +73,10 @@ class World:
         turn, q, level = np.array(settings.tool_rotation), _START, goal[:3, :3].copy()
         for share in np.linspace(0.0, 1.0, math.ceil(math.hypot(*turn) / _TURN) + 1):  # the arm turns as it would go
             goal[:3, :3] = level @ rotation_matrix((share * turn).tolist())
-            q = joints_at(goal, self._tool, q, steps=100, model=MODELS[settings.robot])
-            if q is None:
+            found = joints_at(goal, self._tool, q, steps=100, model=MODELS[settings.robot])
+            if found is None:
                 raise DeviceError("the twin's arm cannot reach the work frame: move [twin.*] work")
+            q = found
         return q
 
     def restore(self) -> None:

@@ -1,0 +1,98 @@
+"""A map on a surface as a PLY file: triangles with value, standard deviation and p-value at each vertex, in colours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats, LogError
+
+_AXES = ("x", "y", "z")
+_COLOURS = ("red", "green", "blue")
+_HEAD = "ply\nformat binary_little_endian 1.0\n"
+_FACE = np.dtype([("count", "u1"), ("rows", "<i4", (3,))])
+_ENDS = (2, 98)  # per cent of the values, between which the colours go
+
+
+@dataclass(frozen=True)
+class SurfaceMap:
+    """A parameter on a surface of triangles, at vertices that are near enough to what was palpated."""
+
+    vertices: Floats  # (n, 3) [m] in the work frame
+    faces: NDArray[np.int64]  # (m, 3) rows of vertices, counter-clockwise from outside
+    value: Floats  # (n,) [SI]
+    std: Floats  # (n,) [SI]
+    p: Floats  # (n,) chance that a place without a lump is as stiff
+    parameter: str
+    unit: str  # SI
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Values [SI] between which colours go."""
+        low, high = np.percentile(self.value, _ENDS).tolist()
+        return low, max(high, low * (1 + 1e-9))
+
+
+def write_surface_map(surface_map: SurfaceMap) -> bytes:
+    """The PLY file: x, y, z [m], NAME, NAME_std and p as properties of each vertex, and its colour (viridis)."""
+    import matplotlib
+
+    shown, name = surface_map, surface_map.parameter
+    low, high = shown.limits
+    colours = matplotlib.colormaps["viridis"](np.clip((shown.value - low) / (high - low), 0.0, 1.0), bytes=True)
+    columns = (*_AXES, name, f"{name}_std", "p")
+    vertices = np.empty(len(shown.vertices), [(key, "<f8") for key in columns] + [(key, "u1") for key in _COLOURS])
+    for key, column in zip(columns, (*shown.vertices.T, shown.value, shown.std, shown.p), strict=True):
+        vertices[key] = column
+    for i, key in enumerate(_COLOURS):
+        vertices[key] = colours[:, i]
+    faces = np.empty(len(shown.faces), _FACE)
+    faces["count"], faces["rows"] = 3, shown.faces
+    head = [
+        f"comment x, y, z [m] in the work frame; {name} and {name}_std [{shown.unit}]",
+        f"element vertex {len(vertices)}",
+        *(f"property double {key}" for key in columns),
+        *(f"property uchar {key}" for key in _COLOURS),
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
+    return (_HEAD + "\n".join(head) + "\n").encode() + vertices.tobytes() + faces.tobytes()
+
+
+def read_surface_map(path: Path) -> SurfaceMap:
+    """The map in a file that `write_surface_map` made; raises LogError for any other."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+    try:
+        return _parsed(content)
+    except (ValueError, IndexError, KeyError, UnicodeDecodeError) as error:
+        raise LogError(f"{path}: is not a map of a surface, or a damaged one: {error}") from error
+
+
+def _parsed(content: bytes) -> SurfaceMap:
+    head, mark, body = content.partition(b"end_header\n")
+    lines = head.decode("ascii").splitlines()
+    if not mark or not head.startswith(_HEAD.encode()):
+        raise ValueError("its header is another one")
+    number = {line.split()[1]: int(line.split()[2]) for line in lines if line.startswith("element")}
+    counts = number["vertex"], number["face"]
+    columns = [line.split()[2] for line in lines if line.startswith("property double")]
+    layout = np.dtype([(key, "<f8") for key in columns] + [(key, "u1") for key in _COLOURS])
+    if len(body) != counts[0] * layout.itemsize + counts[1] * _FACE.itemsize:
+        raise ValueError(f"it has {len(body)} bytes of data")
+    vertices: Any = np.frombuffer(body, layout, counts[0])
+    faces: Any = np.frombuffer(body, _FACE, counts[1], offset=counts[0] * layout.itemsize)
+    name = columns[3]
+    unit = next(line for line in lines if line.startswith("comment x")).rpartition("[")[2].rstrip("]")
+    place = np.column_stack([vertices[key] for key in _AXES])
+    rows = faces["rows"].astype(np.int64)
+    if len(rows) and (rows.min() < 0 or rows.max() >= len(place)):
+        raise ValueError("a triangle names a vertex that is none")
+    values = [np.array(vertices[key]) for key in (name, f"{name}_std", "p")]
+    return SurfaceMap(place, rows, *values, name, unit)

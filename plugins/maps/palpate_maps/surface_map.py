@@ -1,0 +1,110 @@
+"""A map on a surface: the same Gaussian process and the same p-values, over points of the skin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ConfigurationError, LogError, Surface, surface_points
+from palpate_kit.runs.continuation import recorded_pipeline
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.runs.surface_map_file import SurfaceMap
+
+from palpate_maps.map_grid import MOST_CELLS, axis_of, gaussian_process, line_distance, nearest_distance, significance
+from palpate_maps.sites import Sites, merge_sites
+
+_ARC = 0.5  # of the smallest radius of curvature: as far, a straight distance is within 1 % of that along the surface
+
+
+@dataclass(frozen=True)
+class MapOnSurface:
+    """A map, and how it was made."""
+
+    map: SurfaceMap
+    stiff: NDArray[np.bool_]  # (n,) vertices stiffer than the baseline, with false discoveries controlled
+    length: float  # [m] over which it was interpolated
+    reach: float  # [m] to which straight distances are within 1 % of those along the surface
+
+    @property
+    def warning(self) -> str | None:
+        """Where the surface is curved on the scale of the interpolation, what that does; None where it is not."""
+        if self.length <= self.reach:
+            return None
+        return (
+            f"it is interpolated over {1e3 * self.length:.3g} mm by straight distances, which are within 1 % of those "
+            f"along the surface up to {1e3 * self.reach:.3g} mm"
+        )
+
+
+def surface_of_run(run: Path, name: str | None = None) -> Surface | None:
+    """The surface of a run's pipeline that it has, or that is named; None where it has none.
+
+    Raises ConfigurationError where it has several and none is named, or none of that name.
+    """
+    if "surface" not in RunFolder(run).settings and name is None:
+        return None
+    known = recorded_pipeline(run).surfaces
+    if name is None and len(known) == 1:
+        return next(iter(known.values()))
+    if name not in known:
+        what = "choose one of its surfaces" if name is None else f"it has no surface {name!r}"
+        raise ConfigurationError(f"--surface: {run}: {what} (there are: {', '.join(known) or 'none'})")
+    return known[name]
+
+
+def sites_on(sites: Sites, surface: Surface) -> Sites:
+    """Sites at their places (n, 3) on a surface; raises ConfigurationError where it is not known below one."""
+    return replace(sites, place=surface_points(surface, sites.place).position)
+
+
+def make_surface_map(sites: Sites, surface: Surface, cell: float, parameter: str, unit: str) -> MapOnSurface:
+    """The map of sites (n, 2) on a surface, its vertices a grid of cells [m] in x and y that is laid on it.
+
+    Distances between points are straight. A vertex is there where a site is nearer in x and y than 1.2 times the
+    distance of lines or points, and the surface is known. Raises LogError for too few sites, ConfigurationError.
+    """
+    if len(sites) < 4:
+        raise LogError(f"{len(sites)} sites are too few for a map")
+    x, y = (axis_of(sites.place[:, axis], cell) for axis in (0, 1))
+    if len(x) * len(y) > MOST_CELLS:
+        raise ConfigurationError(f"cell: {1e3 * cell:g} mm makes {len(x) * len(y)} cells; {MOST_CELLS} are allowed")
+    nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    pitch = line_distance(sites)
+    rows = np.flatnonzero(nearest_distance(sites.place, nodes) <= 1.2 * pitch)
+    points = surface.uppermost(nodes[rows])
+    known = np.array([row not in points.unknown for row in range(len(rows))], bool)
+    rows, vertices = rows[known], points.position[known]
+    faces = _triangles(rows, len(x), len(y))
+    if not len(faces):
+        raise LogError("the surface is known at none of the map's cells")
+    there = sites_on(sites, surface)
+    mean, std, length = gaussian_process(merge_sites(there, max(pitch / 3, 1e-3)), vertices)
+    p, stiff = significance(there, mean, std, np.ones(len(mean), bool))
+    value = np.exp(mean)
+    sharpest = float(np.abs(points.curvature[known]).max())
+    reach = _ARC / sharpest if sharpest > 0 else np.inf
+    return MapOnSurface(SurfaceMap(vertices, faces, value, value * std, p, parameter, unit), stiff, length, reach)
+
+
+def _triangles(rows: NDArray[np.int64], columns: int, lines: int) -> NDArray[np.int64]:
+    """(m, 3) two triangles of each cell whose four corners are among the rows of a grid (lines, columns)."""
+    number = np.full(lines * columns, -1)
+    number[rows] = np.arange(len(rows))
+    grid = number.reshape(lines, columns)
+    a, b, c, d = (part.ravel() for part in (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]))
+    whole = (np.stack([a, b, c, d]) >= 0).all(axis=0)
+    return np.vstack([np.column_stack([a, b, c])[whole], np.column_stack([a, c, d])[whole]]).astype(np.int64)
+
+
+def surface_map_csv(made: MapOnSurface) -> str:
+    """One row for each vertex: x, y, z, value, standard deviation, p-value, stiffer than the baseline."""
+    shown = made.map
+    rows = [f"x_m,y_m,z_m,{shown.parameter},{shown.parameter}_std,p,stiff"]
+    columns = zip(shown.vertices.tolist(), shown.value, shown.std, shown.p, made.stiff, strict=True)
+    rows += [
+        f"{x:.6f},{y:.6f},{z:.6f},{value:.6g},{std:.4g},{p:.3g},{int(stiff)}"
+        for (x, y, z), value, std, p, stiff in columns
+    ]
+    return "\n".join(rows) + "\n"

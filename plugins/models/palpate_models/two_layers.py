@@ -1,0 +1,134 @@
+"""A layer on a thick material of another stiffness: two moduli, the thickness known or not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
+
+from palpate import ContactModel, Depth, Indenter, MaterialValue, Parameter, log, select
+from pydantic import Field, model_validator
+
+from palpate_models.indenters import ExactSphere, NeoHookeanSphere, Sphere
+from palpate_models.parameters import ELASTICITY, VISCOSITY
+
+SKIN_ELASTICITY = Parameter(
+    "skin_elasticity", "E_s", "Pa", "Young's modulus of the layer on top", start=100e3, start_std=200e3
+)
+DEEP_ELASTICITY = Parameter(
+    ELASTICITY.name,
+    "E",
+    ELASTICITY.unit,
+    "Young's modulus of the material below the layer",
+    start=ELASTICITY.start,
+    start_std=ELASTICITY.start_std,
+)
+SKIN_THICKNESS = Parameter(
+    "skin_thickness", "h_s", "m", "thickness of the layer on top", lower=1e-4, upper=0.1, start=3e-3, start_std=3e-3
+)
+_RATIO = math.log(12.5)  # of the moduli, to which the share is fitted
+_WIDEST = 3.5  # contact radii over the layer's thickness, likewise
+# Coefficients of x, x^2 and x^3, each a polynomial of degree 2 in the logarithm of the moduli's ratio.
+_SHARE = ((0.9571, 0.3814, 0.0599), (0.8813, -0.2440, -0.1369), (0.2606, 0.1272, 0.0124))
+
+
+def layer_share(ratio: Any, x: Any) -> Any:
+    """Share w with which the layer counts, E_s^w E^(1 - w), for the logarithm of E_s/E and x = sqrt(R d)/h."""
+    known = select(ratio - _RATIO, 0.0, _RATIO + 0.0 * ratio, ratio)
+    known = select(-_RATIO - known, 0.0, -_RATIO + 0.0 * ratio, known)
+    a, b, c = (one[0] + known * (one[1] + known * one[2]) for one in _SHARE)
+    return 1.0 / (1.0 + x * (a + x * (b + x * c)))
+
+
+class _LayeredMaterial(ContactModel):
+    """What both models of two layers have in common."""
+
+    indenter: Indenter = Field(description="the tip, a sphere")
+
+    @model_validator(mode="after")
+    def _known_tip(self) -> Self:
+        if not isinstance(self.indenter, Sphere | ExactSphere | NeoHookeanSphere):
+            raise ValueError(
+                f"indenter: two layers are known under spheres, not under a {type(self.indenter).__name__}"
+            )
+        return self
+
+    @property
+    def _radius(self) -> float:
+        assert isinstance(self.indenter, Sphere | ExactSphere | NeoHookeanSphere)
+        return self.indenter.radius
+
+    def _pressed(self, depth: Any, rate: Any, theta: Sequence[Any], thickness: Any) -> Any:
+        skin, deep, viscosity = theta[:3]
+        x = (self._radius * depth) ** 0.5 / thickness
+        modulus = deep * (skin / deep) ** layer_share(log(skin / deep), x)
+        elastic = 8.0 / 3.0 * modulus * self.indenter.profile_area(depth)
+        return elastic + 8.0 * viscosity * self.indenter.contact_radius(depth) * rate
+
+    def _widest(self, depth: float, thickness: float) -> str:
+        x = math.sqrt(self._radius * depth) / thickness
+        tip = self.indenter.validity(depth)
+        wide = "" if x <= _WIDEST else f"the contact radius is {x:.1f} of the layer's thickness; known to {_WIDEST:g}"
+        return "; ".join(text for text in (tip, wide) if text)
+
+
+class TwoLayers(_LayeredMaterial):
+    """A layer of known thickness h, bonded to a half-space of another modulus, under a sphere.
+
+    F = 8/3 E_s^w E^(1 - w) A(d) + 8 eta a(d) d', w = 1/(1 + a x + b x^2 + c x^3) with x = sqrt(R d)/h and coefficients
+    that depend on ln(E_s/E): a press that is shallow against h feels the layer, a deep one what is below. Within 2 % of
+    the exact solution (Hankel transforms, Fredholm's equation over the contact) for E_s/E from 1/12 to 12, x to 3.5.
+    One deep press, or presses by two tips, determine both moduli; a shallow one only that of the layer, which the
+    uncertainty of the other says. Assumes incompressible layers, small strain, no friction, one viscosity for both.
+    Source: Dhaliwal and Rau 1970; the fit by palpate.
+    """
+
+    parameters: ClassVar[tuple[Parameter, ...]] = (SKIN_ELASTICITY, DEEP_ELASTICITY, VISCOSITY)
+
+    skin_thickness: Depth = Field(gt=0, description="thickness h of the layer on top")
+
+    def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
+        """8/3 E_s^w E^(1 - w) A(d) + 8 eta a(d) d' [N]."""
+        return self._pressed(depth, rate, theta, self.skin_thickness)
+
+    def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
+        """E of what is below the layer, and eta."""
+        return _material(theta, 3)
+
+    def validity(self, depth: float) -> str:
+        """What does not hold of the tip, or of the layer's share, at a depth [m]."""
+        return self._widest(depth, self.skin_thickness)
+
+
+class FreeTwoLayers(_LayeredMaterial):
+    """A layer of unknown thickness h_s, bonded to a half-space of another modulus, under a sphere.
+
+    F = 8/3 E_s^w E^(1 - w) A(d) + 8 eta a(d) d' as in `two-layers`, with the thickness in w among the unknowns.
+    A press has to reach from depths that feel the layer alone, sqrt(R d) well below h_s, to ones that feel what is
+    below; else thickness and moduli stand for one another, which their uncertainties and correlations say.
+    Source: Dhaliwal and Rau 1970; the fit by palpate.
+    """
+
+    parameters: ClassVar[tuple[Parameter, ...]] = (SKIN_ELASTICITY, DEEP_ELASTICITY, VISCOSITY, SKIN_THICKNESS)
+
+    def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
+        """8/3 E_s^w E^(1 - w) A(d) + 8 eta a(d) d' [N]."""
+        return self._pressed(depth, rate, theta, theta[3])
+
+    def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
+        """E of what is below the layer, and eta."""
+        return _material(theta, 4)
+
+    def validity(self, depth: float) -> str:
+        """What does not hold of the tip at a depth [m]."""
+        return self.indenter.validity(depth)
+
+
+def _material(theta: Sequence[float], count: int) -> tuple[MaterialValue, ...]:
+    elastic = tuple(float(place == 1) for place in range(count))
+    viscous = tuple(float(place == 2) for place in range(count))
+    below = "of what lies below the layer; it is determined where the press is deep against the layer's thickness"
+    return (
+        MaterialValue("elasticity", theta[1], elastic, below),
+        MaterialValue("viscosity", theta[2], viscous, "one for both layers"),
+    )
