@@ -166,7 +166,8 @@ def grid_run(root, breast, tmp_path_factory):
     head, rest = (root / "pipelines" / "points.toml").read_text().split("[trajectory.points]")
     motion = (
         '[trajectory.points]\ntype = "grid-points"\nsize = ["24 mm", "24 mm"]\npitch = "4 mm"\nduration = "1.5 s"\n'
-        'press = { bias = "4 mm", amplitude = "1 mm", frequency = "2 Hz" }\n[[device.rig.specimen.inclusions]]\nshape = "sphere"\nplace = ["5 mm", "3 mm"]\n'
+        'press = { bias = "4 mm", amplitude = "1 mm", frequency = "2 Hz" }\n'
+        '[[device.rig.specimen.inclusions]]\nshape = "sphere"\nplace = ["5 mm", "3 mm"]\n'
         f'[surface.breast]\ntype = "mesh"\nfile = "{breast.file}"\nposition = ["0 mm", "0 mm", "-40 mm"]\n\n'
     )
     head = head.replace('relief = { roughness = "0.05 mm", length = "10 mm", tilt_y = "0.3 deg" }', "")

@@ -5,6 +5,9 @@ import math
 import numpy as np
 import pytest
 from palpate import ConfigurationError, surface_points
+from palpate.host import load_pipeline
+from palpate.pipeline.provenance import run_facts
+from palpate_kit.jobs.staging import input_files
 from palpate_surfaces import Mesh, Plane
 from palpate_testing import check_surface
 
@@ -84,6 +87,12 @@ def test_a_turn_about_the_middle_of_a_ball_changes_nothing(tmp_path):
 def test_what_is_beside_the_body_is_refused(breast, place, reason):
     with pytest.raises(ConfigurationError, match=reason):
         surface_points(Mesh(file=breast, position=(0.0, 0.0, -0.04)), np.array([(0.0,) * len(place), place]))
+
+
+def test_a_run_knows_its_mesh_by_its_digest(breast, point_pipeline):
+    pipeline = load_pipeline(point_pipeline, [f'surface.breast={{type = "mesh", file = "{breast}"}}'])
+    assert f"file.{breast}.sha256" in run_facts(pipeline)["inputs"]
+    assert breast in list(input_files(pipeline))
 
 
 def without(faces, vertices, centre, count):

@@ -167,12 +167,17 @@ def palpations(root, tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_palpations_of_runs_are_touches(palpations):
-    results = tuple(palpations / f"{n}" / "result.json" for n in range(6))
-    touches = read_touches(results)
-    assert len(touches) == 6
+def test_the_palpations_of_runs_are_touches(palpations, palpate, tmp_path):
+    runs = [palpations / f"{n}" for n in range(6)]
+    done = palpate("calibrate", "touches", *runs, "-o", tmp_path / "touches.csv")
+    assert done.returncode == 0, done.stderr
+    assert "6 touches, known to" in done.stdout
+    touches, again = read_touches(runs), read_touches([tmp_path / "touches.csv"])
+    np.testing.assert_allclose(again.position, touches.position, atol=1e-9)
+    assert again.name == touches.name
     assert set(touches.radius) == {0.005}
-    points = surface_points(TouchedSurface(touches=results), np.array([[0.0, 0.0]]))
+    surface = TouchedSurface(touches=(tmp_path / "touches.csv",))
+    points = surface_points(surface, np.array([[0.0, 0.0]]))
     off = math.acos(points.normal[0, 2]) - math.radians(8.0)
     assert abs(off) < 3 * points.normal_std[0]
     assert points.normal_std[0] < math.radians(4.0)

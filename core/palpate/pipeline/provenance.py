@@ -55,7 +55,8 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
 
 def _input_files(pipeline: Pipeline) -> list[Path]:
     """The files, other than logs, that parts and tables take data from."""
-    parts = (pipeline.devices, pipeline.indenters, pipeline.models, pipeline.trajectories, pipeline.tables)
+    parts = (pipeline.devices, pipeline.indenters, pipeline.models, pipeline.trajectories, pipeline.surfaces)
+    parts = (*parts, pipeline.tables)
     return list(dict.fromkeys(file for named in parts for part in named.values() for file in input_files(part)))
 
 

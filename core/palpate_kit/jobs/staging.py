@@ -145,7 +145,7 @@ def brought(job: Job, stage: Stage, outcome: Outcome) -> Outcome:
 def input_files(pipeline: Pipeline) -> Iterator[Path]:
     """Every file that a pipeline's settings name and that is there; of a folder, such as a bag, all that is in it."""
     parts = (pipeline.devices, pipeline.indenters, pipeline.models, pipeline.estimators, pipeline.trajectories)
-    for path in _paths([pipeline.run, pipeline.safety, *parts, pipeline.sinks, pipeline.tables]):
+    for path in _paths([pipeline.run, pipeline.safety, *parts, pipeline.surfaces, pipeline.sinks, pipeline.tables]):
         whole = Path(os.path.abspath(path))
         yield from filter(Path.is_file, sorted(whole.rglob("*")) if whole.is_dir() else [whole])
 

@@ -52,7 +52,8 @@ def _draw(
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     seen = np.flatnonzero(sign * normal[:, along] > 0)
     seen = seen[np.argsort(sign * corners[seen, :, along].mean(axis=1), kind="stable")]
-    shown = PolyCollection(
+    collection: Any = PolyCollection
+    shown = collection(
         1e3 * corners[seen][:, :, (across, up)],
         array=values[surface_map.faces[seen]].mean(axis=1),
         cmap=colours,

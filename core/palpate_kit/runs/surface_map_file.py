@@ -94,5 +94,5 @@ def _parsed(content: bytes) -> SurfaceMap:
     rows = faces["rows"].astype(np.int64)
     if len(rows) and (rows.min() < 0 or rows.max() >= len(place)):
         raise ValueError("a triangle names a vertex that is none")
-    values = [np.array(vertices[key]) for key in (name, f"{name}_std", "p")]
-    return SurfaceMap(place, rows, *values, name, unit)
+    value, std, p = (np.array(vertices[key]) for key in (name, f"{name}_std", "p"))
+    return SurfaceMap(place, rows, value, std, p, name, unit)

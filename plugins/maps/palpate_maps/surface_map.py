@@ -48,7 +48,7 @@ def surface_of_run(run: Path, name: str | None = None) -> Surface | None:
     known = recorded_pipeline(run).surfaces
     if name is None and len(known) == 1:
         return next(iter(known.values()))
-    if name not in known:
+    if name is None or name not in known:
         what = "choose one of its surfaces" if name is None else f"it has no surface {name!r}"
         raise ConfigurationError(f"--surface: {run}: {what} (there are: {', '.join(known) or 'none'})")
     return known[name]

@@ -43,5 +43,8 @@ def palpate_commands() -> dict[str, Command]:
     return {
         "calibrate surface": Command(
             "palpate_surfaces.surface_command:surface", "Register a mesh by touches.", "hardware"
-        )
+        ),
+        "calibrate touches": Command(
+            "palpate_surfaces.touches_command:touches", "The touches of runs as a table.", "hardware"
+        ),
     }

@@ -46,7 +46,7 @@ class HeightField:
             half = (high - low) / (_SIDE - 1)
             low, high = best - half, best + half
         amplitude, length = np.exp(best)
-        inverse = np.linalg.inv(_covariance(q, q, *fixed, amplitude, length) + np.diag(std**2))
+        inverse: Floats = np.asarray(np.linalg.inv(_covariance(q, q, *fixed, amplitude, length) + np.diag(std**2)))
         return cls(q, *fixed, float(amplitude), float(length), inverse @ height, inverse, height, std)
 
     def mean(self, q: Floats) -> Floats:

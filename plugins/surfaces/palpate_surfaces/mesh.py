@@ -112,7 +112,7 @@ def points_of(
 ) -> SurfacePoints:
     """What is known of a mesh at a pose, below places (n, 3), at feet (n, 3) of its own frame; NaN in unknown rows."""
     turn, count = pose.matrix, len(feet)
-    points = SurfacePoints(*[np.full(shape, np.nan) for shape in _shapes(count)], unknown)
+    points = _nothing_known(count, unknown)
     rows = np.array([row for row in range(count) if row not in unknown], np.int64)
     patches = list(mesh.body.patches(feet[rows], faces[rows]))
     if not patches:
@@ -133,6 +133,6 @@ def points_of(
     return points
 
 
-def _shapes(count: int) -> tuple[tuple[int, ...], ...]:
-    """Of position, normal, height, curvature and the three uncertainties."""
-    return (count, 3), (count, 3), (count,), (count, 2), (count,), (count,), (count, 2)
+def _nothing_known(count: int, unknown: dict[int, str]) -> SurfacePoints:
+    vector, pair, one = (np.full(shape, np.nan) for shape in ((count, 3), (count, 2), (count,)))
+    return SurfacePoints(vector, vector.copy(), one, pair, one.copy(), one.copy(), pair.copy(), unknown)

@@ -42,10 +42,11 @@ class MeshBody:
 
     def nearest(self, points: Floats) -> tuple[Floats, Faces]:
         """Points (n, 3) of the triangles nearest to points (n, 3) [m], and the triangle of each."""
-        from trimesh.proximity import closest_point
+        from trimesh import proximity
 
         if not len(points):
             return points, np.zeros(0, np.int64)
+        closest_point: Any = proximity.closest_point
         feet, _, faces = closest_point(self._in_millimetres, points / _MILLIMETRE)
         return np.asarray(feet) * _MILLIMETRE, np.asarray(faces)
 
@@ -63,10 +64,11 @@ class MeshBody:
 
     def on_the_rim(self, feet: Floats, faces: Faces) -> NDArray[np.bool_]:
         """(n,) whether points (n, 3) of triangles lie on an edge that belongs to one triangle only."""
-        from trimesh.triangles import points_to_barycentric
+        from trimesh import triangles
 
         if not len(feet) or self.triangles.is_watertight:
             return np.zeros(len(feet), bool)
+        points_to_barycentric: Any = triangles.points_to_barycentric
         shares = points_to_barycentric(self.triangles.triangles[faces], feet)
         # The edge across from a corner is the one where that corner has no share.
         return np.asarray(((shares < _ON_AN_EDGE) & self._open_edges[faces]).any(axis=1))
@@ -106,4 +108,4 @@ class MeshBody:
             yield fit_patch(foot, outwards, body.vertices[rows[:: -(-len(rows) // _MOST)]])
 
     def _facing(self, rows: Faces, outwards: Floats) -> Faces:
-        return rows[self.triangles.vertex_normals[rows] @ outwards > _FACING]
+        return np.asarray(rows[self.triangles.vertex_normals[rows] @ outwards > _FACING])

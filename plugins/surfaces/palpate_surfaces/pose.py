@@ -24,7 +24,7 @@ class UncertainPose:
     @property
     def matrix(self) -> Floats:
         """R (3, 3)."""
-        return rotation_matrix(self.rotation)
+        return rotation_matrix(self.rotation.tolist())
 
     def outwards(self, points: Floats) -> Floats:
         """Points (n, 3) of the body in the work frame."""
@@ -41,7 +41,7 @@ class UncertainPose:
     def position_variance(self, position: Floats, normal: Floats) -> Floats:
         """(n,) [m^2] along the normals."""
         jacobian = self.height_jacobian(position, normal)
-        return np.einsum("ni,ij,nj->n", jacobian, self.covariance, jacobian)
+        return np.asarray(np.einsum("ni,ij,nj->n", jacobian, self.covariance, jacobian))
 
     def normal_covariance(self, position: Floats, normal: Floats, shape: Floats) -> Floats:
         """(n, 3, 3) of normals at fixed places, S (n, 3, 3) the shape operators: w x n - S (d + w x (x - c)).

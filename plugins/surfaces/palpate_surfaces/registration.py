@@ -18,6 +18,7 @@ FEWEST = 6  # touches
 FARTHEST = 3.0  # standard deviations
 _UNLIKELY = 0.01  # probability of residuals so large, below which the covariance grows with them
 _OPEN = 0.9  # of the prior's standard deviation, above which touches have told next to nothing
+_LEAST_LEFT = 1e-6  # of its variance, in the residual of a touch that determines a direction alone
 _TURN = 0.1  # [rad] of a turn, as large as a shift of that share of the body's size
 
 
@@ -52,48 +53,72 @@ def register(mesh: Mesh, touches: Touches) -> RegisteredPose:
     r its radius. What the touches leave open stays where it was, with the uncertainty that it had. Raises
     ConfigurationError where no pose is found.
     """
-    before = mesh.pose
-    low = np.full(6, -np.inf)
-    root = np.linalg.cholesky(before.covariance)  # unknowns in standard deviations of the prior
-    std = np.hypot(touches.std, mesh.shape_uncertainty)
-
-    def scaled(unknowns: Floats) -> tuple[Floats, Floats]:
-        pose = moved(before, root @ unknowns)
-        points = _points_at(mesh, pose, touches.centre)
-        jacobian = _turned_jacobian(before, unknowns, root, points)
-        return (points.height - touches.radius) / std, -jacobian / std[:, None]
-
-    def normal(unknowns: Floats) -> Floats:
-        residual, slopes = scaled(unknowns)
-        rows = np.vstack([np.column_stack([residual, slopes]), np.column_stack([unknowns, np.eye(6)])])
-        return rows.T @ rows
-
-    minimum = least_squares(normal, np.zeros(6), low, -low, most=100, gain=1e-8)
-    if not minimum.converged:
-        raise ConfigurationError(f"{mesh.file}: no pose fits the touches, from where it is stated to stand")
-    unknowns = minimum.x
-    residual, slopes = scaled(unknowns)
-    information = slopes.T @ slopes + np.eye(6)
-    inner = np.linalg.inv(information)
+    search = _PoseSearch.of(mesh, touches)
+    unknowns = search.minimum()
+    residual, slopes = search.scaled(unknowns)
+    inner: Floats = np.asarray(np.linalg.inv(slopes.T @ slopes + np.eye(6)))
     chi_square = float(residual @ residual + unknowns @ unknowns)
     probability = _chi_square_tail(chi_square, len(touches))
     scale = chi_square / len(touches) if probability < _UNLIKELY else 1.0
+    by = search.root @ unknowns
+    turns = np.eye(6)  # of the body as it is now, in place of growth of the rotation vector
+    turns[3:, 3:] = _left_jacobian(by[3:])
+    spread = turns @ search.root
+    pose = replace(moved(mesh.pose, by), covariance=scale * spread @ inner @ spread.T)
     left = 1.0 - np.einsum("ni,ij,nj->n", slopes, inner, slopes)  # of a touch's own variance, in its residual
-    by = root @ unknowns
-    small = np.eye(6)  # turns of the body as it is now, in place of growth of the rotation vector
-    small[3:, 3:] = _left_jacobian(by[3:])
-    pose = replace(moved(before, by), covariance=scale * small @ root @ inner @ root.T @ small.T)
-    deviation = residual / np.sqrt(np.maximum(left, 1e-6))
     beyond = mesh.body.on_the_rim(*mesh.body.nearest(pose.inwards(touches.centre)))
-    directions = _open_directions(mesh, before, inner, root)
     return RegisteredPose(
-        pose, residual * std, deviation, probability, scale, directions, tuple(np.flatnonzero(beyond).tolist())
+        pose=pose,
+        distance=residual * search.std,
+        deviation=residual / np.sqrt(np.maximum(left, _LEAST_LEFT)),
+        probability=probability,
+        scale=scale,
+        open=_open_directions(mesh, inner, search.root),
+        beyond=tuple(np.flatnonzero(beyond).tolist()),
     )
+
+
+@dataclass(frozen=True)
+class _PoseSearch:
+    """Least squares over displacement and turn, in standard deviations of what was known before."""
+
+    mesh: Mesh
+    touches: Touches
+    root: Floats  # (6, 6) Cholesky's factor of the pose's covariance
+    std: Floats  # (n,) [m] of a touch, with the body's shape
+
+    @classmethod
+    def of(cls, mesh: Mesh, touches: Touches) -> _PoseSearch:
+        root: Floats = np.asarray(np.linalg.cholesky(mesh.pose.covariance))
+        return cls(mesh, touches, root, np.hypot(touches.std, mesh.shape_uncertainty))
+
+    def scaled(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Distances (n,) in standard deviations, and their slopes (n, 6)."""
+        pose = moved(self.mesh.pose, self.root @ unknowns)
+        points = _points_at(self.mesh, pose, self.touches.centre)
+        jacobian = pose.height_jacobian(points.position, points.normal)
+        # The turn of a rotation vector w that grows by dw is J(w) dw, J the left Jacobian of rotations.
+        jacobian[:, 3:] = jacobian[:, 3:] @ _left_jacobian((self.root @ unknowns)[3:])
+        return (points.height - self.touches.radius) / self.std, -jacobian @ self.root / self.std[:, None]
+
+    def minimum(self) -> Floats:
+        """(6,) raises ConfigurationError where there is none."""
+
+        def normal(unknowns: Floats) -> Floats:
+            residual, slopes = self.scaled(unknowns)
+            rows = np.vstack([np.column_stack([residual, slopes]), np.column_stack([unknowns, np.eye(6)])])
+            return np.asarray(rows.T @ rows)
+
+        high = np.full(6, np.inf)
+        found = least_squares(normal, np.zeros(6), -high, high, most=100, gain=1e-8)
+        if not found.converged:
+            raise ConfigurationError(f"{self.mesh.file}: no pose fits the touches, from where it is stated to stand")
+        return found.x
 
 
 def moved(pose: UncertainPose, by: Floats) -> UncertainPose:
     """A pose after a displacement and a turn (6,) of the body about its pivot, which goes along."""
-    turn = rotation_matrix(by[3:])
+    turn = rotation_matrix(by[3:].tolist())
     pivot = pose.pivot + by[:3]
     translation = pivot + turn @ (pose.translation - pose.pivot)
     return replace(pose, rotation=rotation_vector(turn @ pose.matrix), translation=translation, pivot=pivot)
@@ -105,26 +130,15 @@ def _points_at(mesh: Mesh, pose: UncertainPose, places: Floats) -> SurfacePoints
     return points_of(pose, mesh, places, feet, faces, {})
 
 
-def _turned_jacobian(before: UncertainPose, unknowns: Floats, root: Floats, points: SurfacePoints) -> Floats:
-    """(n, 6) by how much the surface rises below each touch with the unknowns.
-
-    The turn of a rotation vector w that grows by dw is J(w) dw, J the left Jacobian of rotations.
-    """
-    by = root @ unknowns
-    pose = moved(before, by)
-    small = pose.height_jacobian(points.position, points.normal)
-    small[:, 3:] = small[:, 3:] @ _left_jacobian(by[3:])
-    return small @ root
-
-
 def _left_jacobian(vector: Floats) -> Floats:
+    """J (3, 3) of a rotation vector (3,) [rad]. Source: Chirikjian 2011, section 10.6."""
     angle = float(np.linalg.norm(vector))
     x, y, z = vector
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     if angle < 1e-6:
         return np.eye(3) + cross / 2
     one, two = (1 - math.cos(angle)) / angle**2, (angle - math.sin(angle)) / angle**3
-    return np.eye(3) + one * cross + two * cross @ cross
+    return np.asarray(np.eye(3) + one * cross + two * cross @ cross)
 
 
 def _chi_square_tail(value: float, degrees: int) -> float:
@@ -133,13 +147,13 @@ def _chi_square_tail(value: float, degrees: int) -> float:
     return float(gammaincc(degrees / 2, value / 2))
 
 
-def _open_directions(mesh: Mesh, before: UncertainPose, inner: Floats, root: Floats) -> tuple[str, ...]:
+def _open_directions(mesh: Mesh, inner: Floats, root: Floats) -> tuple[str, ...]:
     """What touches say next to nothing about, in words: the directions in which the covariance is that from before."""
     shares, directions = np.linalg.eigh(inner)
     by = (root @ directions * np.sqrt(shares))[:, shares > _OPEN**2]
     # Of directions that are all open any mixture is one: shifts are told from turns.
     _, _, apart = np.linalg.svd(by[3:], full_matrices=True) if by.size else (None, None, np.zeros((0, 0)))
-    return tuple(_words(before, way, mesh.body.size) for way in (by @ apart.T).T)
+    return tuple(_words(mesh.pose, way, mesh.body.size) for way in (by @ apart.T).T)
 
 
 def _words(pose: UncertainPose, by: Floats, size: float) -> str:

@@ -60,7 +60,7 @@ def read_registration(path: Path, mesh: str) -> Registration:
         raise ConfigurationError(f"{path}: not a registration: {where}: {first['msg']}") from error
     covariance = registration.pose.covariance
     numbers = np.concatenate([registration.pose.rotation, registration.pose.translation, covariance.ravel()])
-    if not np.isfinite(numbers).all() or np.linalg.eigvalsh((covariance + covariance.T) / 2)[0] < -1e-12:
+    if not np.isfinite(numbers).all() or np.linalg.eigvalsh((covariance + covariance.T) / 2)[0] <= 0:
         raise ConfigurationError(f"{path}: not a registration: its pose or covariance is not one of finite numbers")
     if registration.mesh != mesh:
         raise ConfigurationError(f"{path}: it registers another mesh; touch this one and register it anew")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -123,17 +123,19 @@ def _far_touches(touches: Touches, distance: Floats, deviation: Floats, far: NDA
 
 def _document(mesh: Mesh, registered: RegisteredPose, touches: int, sources: tuple[str, ...]) -> Registration:
     pose = registered.pose
-    vectors = {"rotation": pose.rotation, "position": pose.translation, "pivot": pose.pivot}
-    return Registration(
-        created=datetime.now(UTC),
-        mesh=file_digest(mesh.file),
-        touches=touches,
-        sources=sources,
-        covariance=tuple(tuple(row) for row in pose.covariance.tolist()),
-        residual=registered.residual,
-        open=registered.open,
-        **{key: tuple(value.tolist()) for key, value in vectors.items()},
-    )
+    document: dict[str, Any] = {
+        "created": datetime.now(UTC),
+        "mesh": file_digest(mesh.file),
+        "touches": touches,
+        "sources": sources,
+        "rotation": tuple(pose.rotation.tolist()),
+        "position": tuple(pose.translation.tolist()),
+        "pivot": tuple(pose.pivot.tolist()),
+        "covariance": tuple(tuple(row) for row in pose.covariance.tolist()),
+        "residual": registered.residual,
+        "open": registered.open,
+    }
+    return Registration(**document)
 
 
 def _lines(mesh: Mesh, registered: RegisteredPose, touches: Touches, output: Path) -> list[str]:

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from palpate_surfaces.base_shape import BaseShape
 from palpate_surfaces.height_field import HeightField
 from palpate_surfaces.surface_patch import SurfacePatch, fit_patch
-from palpate_surfaces.touches import Touches, read_touches
+from palpate_surfaces.touches import Touches, table_touches
 
 _FEWEST, _MOST = 6, 500  # touches
 _LINE = 0.05  # of their extent, that they are across
@@ -37,7 +37,7 @@ class TouchedSurface(Surface):
     """
 
     touches: tuple[InputFile, ...] = Field(
-        min_length=1, description='tables "x [mm],y [mm],z [mm],u [mm]", and result.json of runs that touched it'
+        min_length=1, description='tables "x [mm],y [mm],z [mm],u [mm]"; `palpate calibrate touches` makes one of runs'
     )
     uncertainty: Depth | None = Field(
         default=None, gt=0, description="standard uncertainty of the touches in tables that do not state it"
@@ -73,7 +73,7 @@ class TouchedSurface(Surface):
 
     @cached_property
     def _given(self) -> Touches:
-        return read_touches(self.touches, self.uncertainty)
+        return Touches.of(touch for path in self.touches for touch in table_touches(path, self.uncertainty))
 
     @cached_property
     def _shape_and_field(self) -> tuple[BaseShape, HeightField]:
@@ -107,7 +107,7 @@ class TouchedSurface(Surface):
         """Points nearest to places (n, 3) [m]."""
 
         def below(patch: SurfacePatch, place: Floats) -> Floats:
-            return place - ((place - patch.position) @ patch.normal) * patch.normal
+            return np.asarray(place - ((place - patch.position) @ patch.normal) * patch.normal)
 
         return self._points([self._place(place, below) for place in places], places)
 
@@ -132,7 +132,7 @@ class TouchedSurface(Surface):
         for _ in range(_STEPS):
             before, q = q, self._base.coordinates(on_the_tangent(self._patch(q, False), place)[None])[0][0]
             if float(np.abs(q - before).max()) < _STILL:
-                return q
+                return np.asarray(q)
         return np.full(len(q), np.nan)
 
     def _patch(self, q: Floats, uncertain: bool) -> SurfacePatch:

@@ -44,8 +44,8 @@ class Touches:
         """Touches one by one, as columns."""
         rows = list(touches)
         position = np.array([touch.position for touch in rows]).reshape(-1, 3)
-        columns = [np.array([getattr(touch, key) for touch in rows], float) for key in ("radius", "std")]
-        return cls(position, *columns, tuple(touch.name for touch in rows))
+        radius, std = (np.array([getattr(touch, key) for touch in rows], float) for key in ("radius", "std"))
+        return cls(position, radius, std, tuple(touch.name for touch in rows))
 
 
 def read_touches(paths: Iterable[Path], uncertainty: float | None = None) -> Touches:
@@ -56,10 +56,20 @@ def read_touches(paths: Iterable[Path], uncertainty: float | None = None) -> Tou
     found: list[SkinTouch] = []
     for path in paths:
         is_run = path.is_dir() or path.suffix == ".json"
-        found += touches_of_run(path if path.is_dir() else path.parent) if is_run else _table(path, uncertainty)
+        found += touches_of_run(path if path.is_dir() else path.parent) if is_run else table_touches(path, uncertainty)
     if len(found) > _MOST:
         raise ConfigurationError(f"these are {len(found)} touches; {_MOST} are allowed")
     return Touches.of(found)
+
+
+def touches_table(touches: Touches) -> str:
+    """Touches as a table that `read_touches` reads."""
+    rows = ["x [mm],y [mm],z [mm],u [mm],radius [mm],name"]
+    columns = zip(touches.position.tolist(), touches.std, touches.radius, touches.name, strict=True)
+    for place, u, radius, name in columns:
+        numbers = ",".join(f"{1e3 * value:.6f}" for value in (*place, u, radius))
+        rows.append(f'{numbers},"{name}"')
+    return "\n".join(rows) + "\n"
 
 
 def digest_of(path: Path) -> str:
@@ -67,7 +77,8 @@ def digest_of(path: Path) -> str:
     return file_digest(path / RESULT if path.is_dir() else path)
 
 
-def _table(path: Path, uncertainty: float | None) -> Iterator[SkinTouch]:
+def table_touches(path: Path, uncertainty: float | None) -> Iterator[SkinTouch]:
+    """The touches of a table; `uncertainty` [m] where it has no column u. Raises ConfigurationError."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
