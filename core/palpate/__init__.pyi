@@ -93,6 +93,7 @@ from .offers import (
     Diagnosis as Diagnosis,
     Display as Display,
     Fact as Fact,
+    FileSuggestion as FileSuggestion,
     Recorder as Recorder,
     Report as Report,
     ReportSection as ReportSection,

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         Diagnosis,
         Display,
         Fact,
+        FileSuggestion,
         Recorder,
         Report,
         ReportSection,
@@ -133,6 +134,11 @@ def palpate_facts() -> Mapping[str, Fact]:  # type: ignore[empty-body]
 
 
 @_hook
+def palpate_file_suggestions() -> Mapping[str, FileSuggestion]:  # type: ignore[empty-body]
+    """What can be done with files that are no logs, for ``palpate info FILE --suggest``, by name."""
+
+
+@_hook
 def palpate_commands() -> Mapping[str, Command]:  # type: ignore[empty-body]
     """Subcommands of ``palpate`` by name; their modules are imported when they are called."""
 
@@ -189,6 +195,7 @@ _EXTENSIONS = {
     "calibration": ("palpate_calibrations", "palpate.offers:CalibrationReader"),
     "control chart": ("palpate_controls", "palpate.offers:ControlReader"),
     "fact": ("palpate_facts", "palpate.offers:Fact"),
+    "file suggestion": ("palpate_file_suggestions", "palpate.offers:FileSuggestion"),
     "flag": ("palpate_flags", "palpate.flags:FlagMeaning"),
 }
 _KINDS = {

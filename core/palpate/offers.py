@@ -100,6 +100,16 @@ class Fact:
 
 
 @dataclass(frozen=True)
+class FileSuggestion:
+    """What ``palpate info FILE --suggest`` says of a file that is no log: ``function(path)`` answers commands to type.
+
+    It answers a sequence of commands, comments and what is to be filled in, and None for a file of another kind.
+    """
+
+    target: str  # "module:function"
+
+
+@dataclass(frozen=True)
 class CalibrationReader:
     """What reads the file of ``[run] calibration``: ``function(path, valid for [s])`` answers what is taken from it."""
 
@@ -150,6 +160,7 @@ Offer = (
     | ControlReader
     | Display
     | Fact
+    | FileSuggestion
 )
 
 

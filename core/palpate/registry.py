@@ -21,6 +21,7 @@ from palpate.offers import (
     Diagnosis,
     Display,
     Fact,
+    FileSuggestion,
     Recorder,
     Report,
     ReportSection,
@@ -104,6 +105,7 @@ class Registry:
     calibrations: Mapping[str, CalibrationReader] = field(default_factory=dict)
     controls: Mapping[str, ControlReader] = field(default_factory=dict)
     facts: Mapping[str, Fact] = field(default_factory=dict)
+    file_suggestions: Mapping[str, FileSuggestion] = field(default_factory=dict)
     migrations: tuple[Migration, ...] = ()
 
     @property

@@ -143,6 +143,16 @@ def test_the_paper_against_its_dynamometer(palpate, tmp_path):
     assert (tmp_path / "out" / "agreement.png").stat().st_size > 5000
 
 
+def test_a_table_with_decimal_commas(palpate, tmp_path):
+    """As a spreadsheet of another country writes it, with a comment above."""
+    text = "# by Anna\n" + PAPER.replace(",", ";").replace(".", ",")
+    (tmp_path / "paper.csv").write_text(text, encoding="utf-16")
+    found = json.loads(palpate("agree", "paper.csv", "--json", "-o", "out").stdout)
+    assert found["pairs"][0]["value"] == pytest.approx(302.3e3)
+    (tmp_path / "paper.csv").write_text(text.replace("302,3", "high"), encoding="utf-16")
+    assert "paper.csv:3, column 'value': 'high' is not a number" in palpate("agree", "paper.csv").stderr
+
+
 def many(count=8):
     rows = ["specimen,operator,value_kPa,std_kPa,reference_kPa,reference_std_kPa"]
     random = np.random.default_rng(1)
@@ -232,10 +242,50 @@ def test_a_run_against_a_value_and_a_table(measured, palpate, tmp_path):
     assert "agreement: viscosity" in (tmp_path / "page.html").read_text()
 
 
+PRESS = "\n".join(
+    ["strain [%],stress [kPa]", *(f"{0.5 * k},{0.5625 * k + 0.02 * (-1) ** k:.4f}" for k in range(1, 60))]
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("head", "factor", "said"),
+    [
+        ("strain [%],stress [kPa]", 1.0, "taken as uniaxial: bonded specimens read more"),
+        ("shear strain [%],shear stress [kPa]", 3.0, "in shear"),
+    ],
+)
+def test_a_run_against_a_dynamometer(measured, palpate, tmp_path, head, factor, said):
+    """112.5 kPa over strain, alternating by 20 Pa; the slope up to Tabor's 17.9 %, of shear times 2 (1 + nu)."""
+    run = shutil.copytree(measured / "run", tmp_path / "run")
+    (tmp_path / "press.csv").write_text(PRESS.replace("strain [%],stress [kPa]", head))
+    words = ("--reference", "press.csv", "--uncertainty", "1 %", "--speed", "25 mm/s")
+    done = palpate("agree", run, *words, "--json", "-o", "a")
+    assert done.returncode == 0, done.stderr
+    (pair,) = json.loads(done.stdout)["pairs"]
+    assert pair["reference"] == pytest.approx(factor * 112.5e3, rel=2e-3)
+    assert pair["reference_std"] == pytest.approx(0.01 * factor * 112.5e3, rel=0.05)
+    assert any("up to 17.9 %" in remark and said in remark for remark in pair["remarks"])
+    assert not any("not stated" in remark for remark in pair["remarks"])
+    assert (abs(pair["e_n"]) < 1) is (factor == 1.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "said"),
     [
+        (("--reference", "few.csv", "--uncertainty", "2 %"), "has 2 rows up to a strain of 17.9 %, fewer than 3"),
+        (("--reference", "falls.csv", "--uncertainty", "2 %"), "the stress does not rise up to a strain"),
+        (("--reference", "few.csv", "--uncertainty", "2 %", "--quantity", "viscosity"), "gives no viscosity"),
+        (("--reference", "unit.csv", "--uncertainty", "2 %"), "unit.csv:1, column 1 'strain': has no unit"),
+        (("--reference", "negative.csv", "--uncertainty", "2 %"), 'negative.csv:2, column 2 "G\' [kPa]": -3.75e+04 is'),
+        (("--reference", "radians.csv", "--uncertainty", "2 %"), "are they rad/s? State which with --unit"),
+        (
+            ("--reference", "fraction.csv", "--uncertainty", "2 %"),
+            "fraction.csv:3, column 1 'strain [1]': a strain of 20",
+        ),
+        (("--reference", "1 kPa", "--uncertainty", "1 Pa", "--strain", "0.1"), "in per cent, such as '10 %'"),
+        (("--reference", "1 kPa", "--uncertainty", "1 Pa", "--speed", "1 N"), "--frequency, --speed: '1 N'"),
         ((), "--reference is missing"),
         (("--reference", "112.5 kPa"), "--uncertainty is missing"),
         (("--reference", "112.5 mm", "--uncertainty", "1 kPa"), "'112.5 mm' is a length, not a pressure"),
@@ -247,7 +297,17 @@ def test_a_run_against_a_value_and_a_table(measured, palpate, tmp_path):
     ],
 )
 def test_mistakes_with_a_run(measured, palpate, tmp_path, words, said):
-    (tmp_path / "far.csv").write_text(SWEEP.replace("0.2,", "5,").replace("20,", "50,"))
+    tables = {
+        "far": SWEEP.replace("0.2,", "5,").replace("20,", "50,"),
+        "few": "strain [%],stress [kPa]\n1,1\n2,2\n40,50\n",
+        "falls": "strain [%],stress [kPa]\n1,3\n2,2\n3,1\n",
+        "unit": "strain,stress [kPa]\n1,3\n2,2\n3,1\n",
+        "negative": SWEEP.replace("0.2,37.5", "0.2,-37.5"),
+        "radians": SWEEP.replace("0.2,", "0.62832,").replace("20,", "62.832,"),
+        "fraction": "strain [1],stress [kPa]\n10,3\n20,5\n",
+    }
+    for name, text in tables.items():
+        (tmp_path / f"{name}.csv").write_text(text)
     done = palpate("agree", measured / "run", *words)
     assert done.returncode == 2
     assert said in done.stderr

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from palpate.host import registry
 from palpate_reference.fit_command import material_fits
+from palpate_reference.law_fit import supported_fits
 from palpate_reference.material_laws import LAWS, inverse_laplace, law_of
 from palpate_reference.material_table import MaterialTable
-from palpate_reference.table_fit import FitProblem, fit_law, predictions, supported_fits
+from palpate_reference.table_fit import FitProblem, fit_law, predictions
 
 TIME = np.geomspace(0.03, 15.0, 12)
 VALUES = {
@@ -200,15 +201,20 @@ def test_the_command(palpate, tmp_path):
         (["--law", "maxwel"], "there is no law 'maxwel'; did you mean 'maxwell'?"),
         (["--scale", "much"], "--scale 'much': write for example '2 %'"),
         (["--scale", "200 %"], "must be from 0 to 100 %"),
-        (["strain.csv"], "no modulus over several frequencies or over time"),
+        (["strain.csv"], "tension or compression? State --loading"),
+        (["strain.csv", "--loading", "tension"], "2 readings are too few for every law"),
+        (["strain.csv", "--law", "maxwell"], "no law 'maxwell' of stress over strain (there are: mooney-rivlin"),
+        (["strain.csv", "--reference-temperature", "20 °C"], "stress over strain has no time that could be shifted"),
+        (["amplitude.csv"], "no modulus over several frequencies or over time"),
         (["empty"], "is no run folder with a result.json"),
     ],
 )
 def test_mistakes(palpate, tmp_path, words, said):
     written(tmp_path, law_of("maxwell"), VALUES["maxwell"])
     (tmp_path / "strain.csv").write_text("strain [%],stress [kPa]\n1,2\n2,4\n")
+    (tmp_path / "amplitude.csv").write_text("f [Hz],G' [Pa],G'' [Pa],strain [%]\n1,2,3,1\n1,2,3,10\n")
     (tmp_path / "empty").mkdir()
-    sources = [] if words[0] in ("strain.csv", "empty") else ["sweep.csv"]
+    sources = [] if words[0] in ("strain.csv", "amplitude.csv", "empty") else ["sweep.csv"]
     done = palpate("material", "fit", *sources, *words)
     assert done.returncode == 2
     assert said in done.stderr

@@ -18,7 +18,12 @@ from palpate_kit.terminal.layout import layout
 
 def print_json(findings: Any) -> None:
     """Print findings as JSON: numbers in SI, null for what is not finite; dataclasses as tables, paths as texts."""
-    typer.echo(json.dumps(finite_tree(plain_data(findings)), indent=2, allow_nan=False))
+    typer.echo(json_text(findings), nl=False)
+
+
+def json_text(findings: Any) -> str:
+    """Findings as the text of a JSON file: numbers in SI, null for what is not finite."""
+    return json.dumps(finite_tree(plain_data(findings)), indent=2, allow_nan=False) + "\n"
 
 
 def plain_data(value: Any) -> Any:

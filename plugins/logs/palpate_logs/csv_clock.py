@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from palpate import Floats, LogError, to_si
 from palpate_kit.logs.readings import si_unit
+from palpate_kit.tables.clock_times import CLOCK
 
-from palpate_logs.csv_clock_times import CLOCK
 from palpate_logs.csv_names import begins_as_time, role_by_words
 from palpate_logs.csv_sheet import Sheet
 

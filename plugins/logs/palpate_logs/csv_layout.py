@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import IO
 
 from palpate import LogError
+from palpate_kit.tables.cells import POINTS, has_decimal_comma
+from palpate_kit.tables.dialect import MARKS, Dialect, is_blank, is_clock
+from palpate_kit.tables.table_text import bounded_lines
 
-from palpate_logs.csv_cells import POINTS, has_decimal_comma
-from palpate_logs.csv_dialect import MARKS, Dialect, is_blank, is_clock
 from palpate_logs.csv_names import is_electrical, is_unit, plain_unit
-from palpate_logs.csv_text import bounded_lines
 
 LINES = 400  # above the first row of numbers, at the most
 _MANY = 50  # rows that are certainly those of the table

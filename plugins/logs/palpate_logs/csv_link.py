@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from palpate import Batch, Floats, LogError, to_si
 from palpate_kit.logs.readings import LATEST, nanoseconds, sensible, si_unit
+from palpate_kit.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number
+from palpate_kit.tables.clock_times import CLOCK, Days, seconds_of_day
+from palpate_kit.tables.dialect import MARKS
+from palpate_kit.tables.table_text import bounded_lines, open_text
 from pydantic_core import from_json
 
-from palpate_logs.csv_cells import POINTS, has_decimal_comma, is_cut_at_commas, number
-from palpate_logs.csv_clock_times import CLOCK, Days, seconds_of_day
-from palpate_logs.csv_dialect import MARKS
 from palpate_logs.csv_layout import TableLayout, first_lines, layout_of
 from palpate_logs.csv_names import weight_of
-from palpate_logs.csv_text import bounded_lines, open_text
 from palpate_logs.csv_truncation import cut_number
 
 if TYPE_CHECKING:

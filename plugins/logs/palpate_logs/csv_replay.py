@@ -17,15 +17,15 @@ from palpate_kit.logs.log_files import regular
 from palpate_kit.logs.log_link import file_facts
 from palpate_kit.logs.readings import si_unit
 from palpate_kit.logs.recording import Recording, Suggestion, Survey
+from palpate_kit.tables.clock_times import CLOCK
+from palpate_kit.tables.dialect import Dialect
+from palpate_kit.tables.table_text import OTHER_SUFFIXES, SUFFIXES
 from pydantic import Field, model_validator
 
-from palpate_logs.csv_clock_times import CLOCK
-from palpate_logs.csv_dialect import Dialect
 from palpate_logs.csv_link import CsvLink
 from palpate_logs.csv_roles import suggest_csv
 from palpate_logs.csv_sheet import Sheet
 from palpate_logs.csv_survey import survey_csv, tables_csv
-from palpate_logs.csv_text import OTHER_SUFFIXES, SUFFIXES
 
 
 class Column(Settings):

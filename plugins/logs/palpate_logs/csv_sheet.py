@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Floats, LogError, printable
+from palpate_kit.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number_or_nan
+from palpate_kit.tables.clock_times import Days, seconds_or_nan
+from palpate_kit.tables.dialect import Dialect, dialect_of, grouped_or_decimal
+from palpate_kit.tables.table_text import bounded_lines, open_text
+from palpate_kit.tables.workbook import WORKBOOKS
 
-from palpate_logs.csv_cells import POINTS, has_decimal_comma, is_cut_at_commas, number_or_nan
-from palpate_logs.csv_clock_times import Days, seconds_or_nan
-from palpate_logs.csv_dialect import Dialect, dialect_of, grouped_or_decimal
 from palpate_logs.csv_layout import StatedValue, TableLayout, first_lines, layout_of
 from palpate_logs.csv_names import is_electrical, looks_like_unit, plain_unit, unit_of, unit_text
-from palpate_logs.csv_text import bounded_lines, open_text
-from palpate_logs.csv_workbook import WORKBOOKS
 
 KEYS = ("delimiter", "decimal", "thousands", "comment", "encoding", "sheet", "header", "units")  # that can be stated
 _BLOCK = 4096  # rows at once

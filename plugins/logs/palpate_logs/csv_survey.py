@@ -11,8 +11,8 @@ from palpate_kit.logs.field_statistics import FieldStatistics
 from palpate_kit.logs.readings import LATEST, SECOND, nanoseconds, si_unit
 from palpate_kit.logs.recording import Survey, TopicSurvey
 from palpate_kit.logs.suggestion import find_roles
+from palpate_kit.tables.clock_times import CLOCK
 
-from palpate_logs.csv_clock_times import CLOCK
 from palpate_logs.csv_layout import facts_worth_stating
 from palpate_logs.csv_roles import look
 from palpate_logs.csv_truncation import cut_number

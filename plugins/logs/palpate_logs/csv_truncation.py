@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from palpate_logs.csv_workbook import WORKBOOKS
+from palpate_kit.tables.workbook import WORKBOOKS
 
 _TAIL = 1 << 16  # [bytes] that are looked into
 _LINES = 100  # before the last one, of which none is as short by chance: one table in a hundred, where digits vary

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from palpate import Command, ReportSection, plugin
+from palpate import Command, FileSuggestion, ReportSection, plugin
 
 
 @plugin
@@ -15,6 +15,9 @@ def palpate_commands() -> dict[str, Command]:
         "material fit": Command(
             "palpate_reference.fit_command:fit_material", "Laws for tables of a material.", "compare"
         ),
+        "material master": Command(
+            "palpate_reference.superposition.master_command:master", "One curve of several temperatures.", "compare"
+        ),
         "material card": Command(
             "palpate_reference.cards.card_command:card", "A law for Abaqus, ANSYS, FEBio, COMSOL.", "share"
         ),
@@ -22,6 +25,12 @@ def palpate_commands() -> dict[str, Command]:
             "palpate_reference.agreement.agree_command:agree", "Compare runs with a reference instrument.", "compare"
         ),
     }
+
+
+@plugin
+def palpate_file_suggestions() -> dict[str, FileSuggestion]:
+    """Tables of instruments."""
+    return {"instrument": FileSuggestion("palpate_reference.table_suggestion:suggested_commands")}
 
 
 @plugin

@@ -1,30 +1,38 @@
-"""``palpate material fit``: laws for tables of rheometers and DMAs, alone or together with palpations."""
+"""``palpate material fit``: laws for tables of rheometers, DMAs and dynamometers, alone or together with palpations."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
-import numpy as np
 import typer
-from palpate import ConfigurationError, printable, to_si
-from palpate.host import display_unit, make_folder, suggest, write_new
-from palpate_kit.terminal.json_output import plain_data, print_aside, print_json
+from palpate import ConfigurationError, Floats, printable, to_si
+from palpate.host import make_folder, suggest, write_new
+from palpate_kit.terminal.json_output import json_text, print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, FormatOption, JsonOption
-from palpate_kit.terminal.quantities import value_with_uncertainty
-from palpate_kit.terminal.table import Table, console
+from palpate_kit.terminal.table import console
 
 from palpate_reference.cards.prony_series import MATERIAL
-from palpate_reference.material_laws import LAWS, law_of
-from palpate_reference.material_table import MaterialTable, TableSettings, read_tables
-from palpate_reference.run_values import run_values
-from palpate_reference.table_fit import FitProblem, TableFit, fit_law, supported_fits
+from palpate_reference.decade_series import DECADES, decade_series
+from palpate_reference.fit_sources import read_sources
+from palpate_reference.hyperelastic.curve_fit import Loading, fit_curves, stress_curves
+from palpate_reference.hyperelastic.strain_energies import HYPERELASTIC, HyperelasticLaw, stable_stretches
+from palpate_reference.law_fit import AnyFit, TableFit, law_document, law_table, remarks, supported_fits, value_table
+from palpate_reference.material_laws import LAWS, LinearLaw
+from palpate_reference.material_table import MaterialTable
+from palpate_reference.superposition.master_command import (
+    ByOption,
+    ReferenceOption,
+    VerticalOption,
+    curve_at,
+    superposition_remarks,
+)
+from palpate_reference.table_fit import FitProblem, fit_law
 from palpate_reference.table_options import ModulusOption, UnitOption, table_settings
 
-_SMALL = 0.05  # share of an uncertainty that is not printed
 _POISSON_STD = 0.02 / math.sqrt(3)  # as runs take it: known within 0.02 below its value
 
 
@@ -39,38 +47,76 @@ def fit_material(
         typer.Option(metavar="PERCENT", help="Standard uncertainty of a table's scale (gap, geometry), such as '2 %'."),
     ] = None,
     poisson: Annotated[float, typer.Option(min=0.0, max=0.5, help="Poisson's ratio.")] = 0.5,
+    loading: Annotated[
+        Loading | None, typer.Option(help="Of curves of stress over strain where no name says it.")
+    ] = None,
+    reference: ReferenceOption = None,
+    vertical: VerticalOption = False,
+    by: ByOption = "moduli",
     units: UnitOption = None,
     modulus: ModulusOption = None,
     out: FolderOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:
-    """Fit laws of linear materials to tables of one material together, and choose among them.
+    """Fit laws of linear or hyperelastic materials to tables of one material together, and choose among them.
 
-    The laws and their parameters are those of the contact models of the same names. A run of a sine is G' and G'' at
-    its frequency; `palpate spectrum` writes tables of many. Writes material.json and fit.png.
+    The linear laws and their parameters are those of the contact models of the same names. A run of a sine is G' and
+    G'' at its frequency; `palpate spectrum` writes tables of many. With --reference-temperature sweeps at several
+    temperatures are shifted first, as by `palpate material master`; runs are taken as at that temperature. Stress over
+    strain is nominal, of an incompressible solid. Writes material.json and fit.png.
     """
     tables = read_sources(sources, table_settings(units, modulus), poisson)
-    fits = material_fits(tables, laws, _share(scale), poisson)
+    if tables[0].kind == "stress-strain":
+        if reference is not None or vertical:
+            raise ConfigurationError("--reference-temperature: stress over strain has no time that could be shifted")
+        report = _hyperelastic(tables, laws, _share(scale), loading)
+    else:
+        root, doubts = None, []
+        if reference is not None or vertical:
+            runs = [table for table in tables if table.format == "run"]
+            curve = curve_at([table for table in tables if table.format != "run"], reference, vertical, by == "storage")
+            tables, root, doubts = [curve.table(), *runs], curve.shift_root(), superposition_remarks(curve, ())
+        report = _linear(tables, laws, _share(scale), poisson, root)
+        report.findings["remarks"] += doubts
     folder = make_folder("material", out, datetime.now(UTC).astimezone())
-    write_new(folder / MATERIAL, _json_text(document(fits, tables)))
-    from palpate_reference.fit_figure import draw_fits
-
-    draw_fits(supported_fits(fits) or fits[:1], tables, folder / "fit.png")
+    write_new(folder / MATERIAL, json_text(report.findings))
+    report.draw(folder / "fit.png")
     if as_json:
-        print_json({"folder": folder, **document(fits, tables)})
+        print_json({"folder": folder, **report.findings})
         return
     with print_aside(False):
-        _show(fits)
+        _show(report.fits, report.findings["remarks"])
     typer.echo(f"written to {folder}: {MATERIAL}, fit.png", err=layout != "table")
 
 
-def _json_text(findings: dict[str, Any]) -> str:
-    import json
+class _FitsOfTables(NamedTuple):
+    """Fits, the best first, what is written of them, and their figure."""
 
-    from palpate.host import finite_tree
+    fits: Sequence[AnyFit]
+    findings: dict[str, Any]
+    draw: Callable[[Path], None]
 
-    return json.dumps(finite_tree(plain_data(findings)), indent=2, allow_nan=False) + "\n"
+
+def _linear(
+    tables: Sequence[MaterialTable], laws: Sequence[str] | None, scale: float, poisson: float, root: Floats | None
+) -> _FitsOfTables:
+    from palpate_reference.fit_figure import draw_fits
+
+    fits = material_fits(tables, laws, scale, poisson, root)
+    shown = supported_fits(fits) or fits[:1]
+    return _FitsOfTables(fits, document(fits, tables, poisson), lambda path: draw_fits(shown, tables, poisson, path))
+
+
+def _hyperelastic(
+    tables: Sequence[MaterialTable], laws: Sequence[str] | None, scale: float, loading: Loading | None
+) -> _FitsOfTables:
+    from palpate_reference.fit_figure import draw_curves
+
+    fits, curves = curve_fits(tables, laws, scale, loading), stress_curves(tables, loading)
+    return _FitsOfTables(
+        fits, curve_document(fits, tables), lambda path: draw_curves(supported_fits(fits), curves, path)
+    )
 
 
 def _share(scale: str | None) -> float:
@@ -87,128 +133,82 @@ def _percent(scale: str | None) -> float:
     return 0.0 if scale is None else float(scale.strip().removesuffix("%")) / 100.0
 
 
-def read_sources(sources: Sequence[Path], settings: TableSettings, poisson: float) -> list[MaterialTable]:
-    """Tables of files, and one line for each run; raises UserError, also for what no law describes."""
-    tables: list[MaterialTable] = []
-    for path in sources:
-        tables += [_line_of_run(path, poisson)] if path.is_dir() else read_tables(path, settings)
-    usable = [one for one in tables if one.kind != "stress-strain"]
-    usable = [one for one in usable if one.kind != "oscillation" or len(one.x) == 1 or one.sweeps_frequency]
-    if not usable:
-        names = ", ".join(f"{one.name} ({one.kind})" for one in tables)
-        raise ConfigurationError(
-            f"{names}: no modulus over several frequencies or over time, so no law of time follows from it"
-        )
-    return usable
-
-
-def _line_of_run(path: Path, poisson: float) -> MaterialTable:
-    """G' = E/(2 (1 + nu)) and G'' = 2 pi f eta of a palpation by a sine."""
-    elastic, viscous = run_values(path, ("elasticity", "viscosity"), None)
-    frequency = elastic.conditions.frequency
-    if frequency is None:
-        raise ConfigurationError(
-            f"{path}: its motion is not one sine, so that E and eta belong to no frequency; give the spectrum.csv or "
-            "modulus.csv that `palpate spectrum` makes of it"
-        )
-    turn = 2.0 * math.pi * frequency
-    y = np.array([[elastic.value, turn * 2.0 * (1.0 + poisson) * viscous.value]])
-    std = np.array([[elastic.std, turn * 2.0 * (1.0 + poisson) * viscous.std]])
-    return MaterialTable(
-        path.name, elastic.track, "run", "oscillation", False, np.array([frequency]), y, std, None, None
-    )
-
-
 def material_fits(
-    tables: Sequence[MaterialTable], names: Sequence[str] | None, scale: float, poisson: float
-) -> list[TableFit]:
+    tables: Sequence[MaterialTable],
+    names: Sequence[str] | None,
+    scale: float,
+    poisson: float,
+    shift_root: Floats | None = None,
+) -> list[TableFit[LinearLaw]]:
     """Every law, or those of names, by BIC; raises ConfigurationError where none can be fitted."""
     for name in names or ():
-        if law_of(name) is None:
-            raise ConfigurationError(f"--law: there is no law {name!r}{suggest(name, [law.name for law in LAWS])}")
+        known = [*(law.name for law in LAWS), DECADES]
+        if name not in known:
+            raise ConfigurationError(f"--law: there is no law {name!r}{suggest(name, known)}")
     shear = {table.shear for table in tables}
     std = _POISSON_STD if True in shear else 0.0
     scales = tuple(0.0 if table.format == "run" else scale for table in tables)
-    problem = FitProblem(tuple(tables), poisson, std, scales)
-    fits = [fit_law(law, problem) for law in LAWS if not names or law.name in names]
-    found = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)
-    if not found:
-        raise ConfigurationError(f"{problem.count} readings are too few for every law")
-    return found
+    problem = FitProblem(tuple(tables), poisson, std, scales, shift_root)
+    series = decade_series(problem) if not names or DECADES in names else None
+    laws = [law for law in LAWS if not names or law.name in names] + ([series] if series else [])
+    fits = [fit_law(law, problem) for law in laws]
+    ordered = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)
+    if not ordered:
+        raise ConfigurationError(
+            f"{problem.count} readings are too few for every law, or of a kind that it cannot have"
+        )
+    return ordered
 
 
-def _show(fits: Sequence[TableFit]) -> None:
+def curve_fits(
+    tables: Sequence[MaterialTable], names: Sequence[str] | None, scale: float, loading: Loading | None
+) -> list[TableFit[HyperelasticLaw]]:
+    """Every hyperelastic law, or those of names, by BIC; raises ConfigurationError where none can be fitted."""
+    known = [law.name for law in HYPERELASTIC]
+    for name in names or ():
+        if name not in known:
+            raise ConfigurationError(f"--law: there is no law {name!r} of stress over strain{suggest(name, known)}")
+    curves = stress_curves(tables, loading)
+    fits = [fit_curves(law, curves, scale) for law in HYPERELASTIC if not names or law.name in names]
+    ordered = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)
+    if not ordered:
+        count = sum(len(curve.x) for curve in curves)
+        raise ConfigurationError(f"{count} readings are too few for every law, or of a kind that it cannot have")
+    return ordered
+
+
+def _show(fits: Sequence[AnyFit], doubts: Sequence[str]) -> None:
     screen = console()
     screen.print(law_table(fits).view(), highlight=False)
-    best = fits[0]
-    screen.print(value_table(best).view(), highlight=False)
-    for line in remarks(fits):
+    screen.print(value_table(fits[0]).view(), highlight=False)
+    for line in doubts:
         screen.print(printable(line), style="yellow", highlight=False)
 
 
-def law_table(fits: Sequence[TableFit]) -> Table:
-    """Laws by evidence."""
-    standing = supported_fits(fits)
-    rows = [
-        (
-            fit.law.name, ", ".join(f"{100 * s:.2g}" for s in fit.scatter),
-            f"{fit.chi2:.3g} / {fit.freedom}" if fit.freedom else "", f"{fit.bic - fits[0].bic:.3g}",
-            "supported" if fit in standing else "",
-        )
-        for fit in fits
-    ]  # fmt: skip
-    return Table.of("laws", ("law", "residual\n%", "chi^2 / freedom", "BIC above\nthe best", ""), rows, ("law",))
-
-
-def value_table(fit: TableFit) -> Table:
-    """Values of a law, each with its budget."""
-    rows = []
-    for k, (name, unit) in enumerate(fit.law.parameters):
-        word, factor = display_unit(unit)
-        text = value_with_uncertainty(factor * float(fit.values[k]), factor * float(fit.stds[k]))
-        parts = [
-            f"{100 * share[k] / fit.values[k]:.2g} % {source if len(fit.scatter) > 1 else source.split(' of ')[0]}"
-            for source, share in fit.budget.items()
-            if share[k] > _SMALL * fit.stds[k]
-        ]
-        rows.append((name, text, "" if word == "1" else word, "; ".join(parts)))
-    return Table.of(f"{fit.law.name}: {fit.law.formula}", ("parameter", "value", "unit", "from"), rows, ("parameter",))
-
-
-def remarks(fits: Sequence[TableFit]) -> list[str]:
-    """What is to be doubted of the best law."""
-    best, standing = fits[0], supported_fits(fits)
-    found = []
-    if best.undetermined:
-        found.append(f"{best.law.name}: the tables do not determine {', '.join(best.undetermined)}")
-    if not standing:
-        found.append(f"no law describes the tables within their stated uncertainties (best: p = {best.p:.1g})")
-    if len(standing) > 1:
-        found.append(f"the tables do not choose between {' and '.join(fit.law.name for fit in standing)}")
-    return found
-
-
-def document(fits: Sequence[TableFit], tables: Sequence[MaterialTable]) -> dict[str, Any]:
+def document(fits: Sequence[TableFit[LinearLaw]], tables: Sequence[MaterialTable], poisson: float) -> dict[str, Any]:
     """Everything as plain data [SI]; the best law first."""
     standing = supported_fits(fits)
-    return {
-        "sources": [{"name": one.name, "kind": one.kind, "shear": one.shear, "rows": len(one.x)} for one in tables],
-        "poisson": fits[0].poisson,
-        "laws": [
-            {
-                "law": fit.law.name, "formula": fit.law.formula, "supported": fit in standing, "bic": fit.bic,
-                "chi2": fit.chi2, "freedom": fit.freedom, "p": fit.p, "residual": fit.scatter,
-                "autocorrelation": fit.autocorrelation, "undetermined": fit.undetermined,
-                "parameters": {
-                    name: {
-                        "value": float(fit.values[k]), "std": float(fit.stds[k]), "unit": unit,
-                        "budget": {source: float(share[k]) for source, share in fit.budget.items()},
-                    }
-                    for k, (name, unit) in enumerate(fit.law.parameters)
-                },
-                "log_covariance": fit.covariance.tolist(),
-            }
-            for fit in fits
-        ],
-        "remarks": remarks(fits),
-    }  # fmt: skip
+    laws = [
+        {**law_document(fit, fit in standing), "times": fit.law.times, "log_covariance": fit.covariance.tolist()}
+        for fit in fits
+    ]
+    return {**_sources(tables), "poisson": poisson, "laws": laws, "remarks": remarks(fits)}
+
+
+def curve_document(fits: Sequence[TableFit[HyperelasticLaw]], tables: Sequence[MaterialTable]) -> dict[str, Any]:
+    """The same of hyperelastic laws."""
+    standing = supported_fits(fits)
+    stable = [stable_stretches(fit.law, fit.values.tolist()) for fit in fits]
+    laws = [
+        {**law_document(fit, fit in standing), "stable_stretches": one, "covariance": fit.covariance.tolist()}
+        for fit, one in zip(fits, stable, strict=True)
+    ]
+    doubts = remarks(fits)
+    if stable[0] != stable_stretches(HYPERELASTIC[0], [1.0]):
+        low, high = stable[0]
+        doubts.append(f"{fits[0].law.name}: the stress rises between stretches of {low:.3g} and {high:.3g} alone")
+    return {**_sources(tables), "poisson": 0.5, "laws": laws, "remarks": doubts}
+
+
+def _sources(tables: Sequence[MaterialTable]) -> dict[str, Any]:
+    return {"sources": [{"name": one.name, "kind": one.kind, "shear": one.shear, "rows": len(one.x)} for one in tables]}

@@ -14,8 +14,9 @@ from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import FormatOption, JsonOption
 from palpate_kit.terminal.table import Table, console
 
-from palpate_reference.material_table import MaterialTable, frequency_or_time, letters, read_tables
+from palpate_reference.material_table import MaterialTable, frequency_or_time, letters
 from palpate_reference.table_options import ModulusOption, UnitOption, table_settings
+from palpate_reference.table_reader import read_tables
 
 
 def material(

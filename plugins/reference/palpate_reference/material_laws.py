@@ -31,6 +31,7 @@ class LinearLaw:
     modulus: Callable[[Complexes, Sequence[Any], float], Any]  # E*(s) [Pa] of s [1/s], parameters, Poisson's ratio
     starts: Callable[[float, Floats], list[list[float]]]  # from a level [Pa] and times (n,) [s] of the data
     upper: tuple[float, ...] = ()  # of the parameters; infinite where left out
+    times: tuple[float, ...] = ()  # relaxation times [s] of arms that are no parameters
 
     def complex_modulus(self, frequency: Floats, values: Sequence[float], poisson: float) -> Complexes:
         """E' + i E'' (n,) [Pa] at frequencies (n,) [Hz]."""
@@ -73,7 +74,12 @@ def _viscous(poisson: float) -> float:
 
 
 def _branches(s: Complexes, p: Sequence[Any], _: float) -> Any:
-    return p[0] + sum(strength * s * tau / (1.0 + s * tau) for strength, tau in zip(p[1::2], p[2::2], strict=True))
+    return p[0] + arm_moduli(s, p[1::2], p[2::2])
+
+
+def arm_moduli(s: Complexes, strengths: Sequence[Any], times: Sequence[Any]) -> Any:
+    """What Maxwell arms in parallel add to E*(s) [Pa]."""
+    return sum(strength * s * tau / (1.0 + s * tau) for strength, tau in zip(strengths, times, strict=True))
 
 
 def _maxwell(s: Complexes, p: Sequence[Any], poisson: float) -> Any:

@@ -12,8 +12,9 @@ from palpate_reference.instrument_text import InstrumentText, TextLine
 
 TRIOS, RHEOCOMPASS, GENERIC = "TRIOS", "RheoCompass", "table"
 _STEP, _INTERVAL, _NAMES, _RESULT = "[step]", "interval and data points:", "interval data:", "result:"
+_VARIABLES, _POINTS, _POINT = "variables", "number of points", "data point"  # of a step in the LIMS form of TRIOS
 _COMMENT = "#%"
-_SHEAR = re.compile(r"rheometer|\bARES\b|\bARG2\b|\bAR-|\bAR\s?\d|Discovery HR|\bDHR|\bHR-?\d", re.IGNORECASE)
+_SHEAR = re.compile(r"rheometer|\bARES|\bARG2\b|\bAR-|\bAR\s?\d|Discovery HR|\bDHR|\bHR-?\d", re.IGNORECASE)
 _TENSILE = re.compile(r"\bRSA|\bDMA|\bQ800\b", re.IGNORECASE)
 
 
@@ -45,16 +46,30 @@ def table_blocks(text: InstrumentText) -> list[TableBlock]:
 
 
 def _trios(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBlock]:
-    """Steps: the line ``[step]``, its title, names, units, and rows up to an empty line."""
+    """Steps: the line ``[step]``, its title, names, units, and rows up to an empty line; or the LIMS form of them."""
     begins = [k for k, cell in enumerate(first) if cell == _STEP]
     about = " ".join(" ".join(line.cells[:2]) for line in text.lines[: begins[0]] if "nstrument" in line.cell(0))
     shear = True if _SHEAR.search(about) else False if _TENSILE.search(about) else None
     for begin, end in zip(begins, [*begins[1:], len(first)], strict=True):
         if end - begin < 4:
             raise LogError(f"{text.path}:{begin + 1}: the file ends in this step: it has no names and units")
+        if _VARIABLES in first[begin:end]:
+            yield _lims_step(text, first, begin, end, shear)
+            continue
         title, names, units = (text.lines[begin + k] for k in (1, 2, 3))
         rows = tuple(line for line in text.lines[begin + 4 : end] if any(line.cells))
         yield TableBlock(TRIOS, title.cell(0), names.cells, names.number, _padded(units, names), rows, shear)
+
+
+def _lims_step(text: InstrumentText, first: Sequence[str], begin: int, end: int, shear: bool | None) -> TableBlock:
+    """A step whose lines say what they are: step name, number of points, variables, units, data points."""
+    at = {first[k]: text.lines[k] for k in range(begin + 1, end) if first[k] != _POINT}
+    names, units = at[_VARIABLES], at.get("units", TextLine(0, ()))
+    rows = tuple(text.lines[k] for k in range(begin, end) if first[k] == _POINT)
+    if _POINTS in at:
+        _demand_all_rows(text, at[_POINTS], at[_POINTS].cell(1), rows)
+    title = at["step name"].cell(1) if "step name" in at else ""
+    return TableBlock(TRIOS, title, ("", *names.cells[1:]), names.number, _padded(units, names), rows, shear)
 
 
 def _rheocompass(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBlock]:
@@ -71,14 +86,13 @@ def _rheocompass(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBl
         units = below[0] if below and any(cell.startswith("[") for cell in below[0].cells) else None
         rest = below[1:] if units else below
         rows = tuple(line for line in rest if not line.cell(0) and any(line.cells))
-        _demand_all_rows(text, text.lines[begin], rows)
+        _demand_all_rows(text, text.lines[begin], text.lines[begin].cell(2), rows)
         stated = _padded(units, names) if units else ()
         yield TableBlock(RHEOCOMPASS, title, ("", *names.cells[1:]), names.number, stated, rows)
 
 
-def _demand_all_rows(text: InstrumentText, head: TextLine, rows: Sequence[TextLine]) -> None:
-    """Raise LogError where an interval has fewer rows than it says."""
-    stated = head.cell(2)
+def _demand_all_rows(text: InstrumentText, head: TextLine, stated: str, rows: Sequence[TextLine]) -> None:
+    """Raise LogError where a step or an interval has fewer rows than it says."""
     if stated.isdigit() and len(rows) < int(stated):
         raise LogError(f"{text.path}:{head.number}: states {stated} points, but has {len(rows)}: the file is cut short")
 

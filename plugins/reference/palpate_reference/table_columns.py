@@ -22,19 +22,21 @@ _ALIASES = {"sec": "s", "Pa.s": "Pa*s", "Pa-s": "Pa*s", "-": "1", "": "", "rad/s
 _ROLES: Mapping[str, tuple[str, str]] = {
     "frequency": ("Hz", r"freq(uency)?|f"),
     "angular_frequency": ("rad/s", r"ang(ular|\.)? ?freq(uency)?|omega|ω|w"),
-    "storage": ("Pa", r"((?P<kind>shear|tensile|young'?s?|[ge]) )?storage( modulus)?|(?P<kind2>[ge])'"),
+    "storage": ("Pa", r"((?P<kind>shear|tensile|young'?s?|[ge]) )?storage( modulus)?|(?P<kind2>[ge])(?:'| stor)"),
     "loss": ("Pa", r"((?P<kind>shear|tensile|young'?s?|[ge]) )?loss( modulus)?|(?P<kind2>[ge])''"),
     "modulus": ("Pa", r"((?P<kind>shear|tensile|young'?s?) )?relaxation modulus|(?P<kind2>[ge])(?:\(t\)| relax)?|"
                       r"modulus"),
     "compliance": ("1/Pa", r"((?P<kind>shear|tensile) )?(creep )?compliance|(?P<kind2>[jd])(?:\(t\))?"),
     "time": ("s", r"time|t"),
-    "step_time": ("s", r"(step|interval|test) time"),
+    "step_time": ("s", r"(step|interval) time"),
+    "test_time": ("s", r"test time"),
     "strain": ("1", r"((oscillation|shear|axial|compressive|tensile|engineering|nominal) )?strain|amplitude"),
     "stress": ("Pa", r"((shear|axial|compressive|tensile|engineering|nominal) )?stress"),
     "temperature": ("°C", r"temp(erature)?"),
     "viscosity": ("Pa*s", r"(\|?eta\*\|?|complex viscosity|\|n\*\|)"),
     "flow": ("", r"shear rate|viscosity"),
 }  # fmt: skip
+_ZEROS = {"C": 0.0, "K": -273.15}  # [°C] of units of temperature
 _STD = re.compile(r"(?:std|sd|u)[ (](.+)|(.+) (?:std|sd|error|uncertainty)")
 _YOUNG = ("tensile", "young", "youngs", "young's", "e", "d")
 
@@ -118,7 +120,7 @@ def _column(index: int, head: str, name: str, unit: str) -> TableColumn | None:
 
 def si_values(text: InstrumentText, block: TableBlock, column: TableColumn) -> Floats:
     """The numbers (n,) of a column in SI, NaN where a cell is empty; raises LogError with line and column."""
-    factor = _factor(text, block, column)
+    factor, zero = _scale(text, block, column)
     values = np.empty(len(block.rows))
     for k, line in enumerate(block.rows):
         cell = line.cell(column.index)
@@ -130,23 +132,30 @@ def si_values(text: InstrumentText, block: TableBlock, column: TableColumn) -> F
             continue
         if not text.is_number(cell):
             raise LogError(f"{at}: {cell[:40]!r} is not a number")
-        values[k] = text.number(cell) * factor
+        values[k] = text.number(cell) * factor + zero
         if not math.isfinite(values[k]):
             raise LogError(f"{at}: {cell!r} is not a finite number; take the row out")
     return values
+
+
+def _scale(text: InstrumentText, block: TableBlock, column: TableColumn) -> tuple[float, float]:
+    """How much of the SI unit of its role one of a column's unit is, and what nought of it is; raises LogError."""
+    if _ROLES[column.role][0] != "°C":
+        return _factor(text, block, column), 0.0
+    unit = column.unit.lstrip("°º \u02da\N{REPLACEMENT CHARACTER}").removeprefix("deg").strip() or "C"
+    if unit not in _ZEROS:
+        raise LogError(f"{place(text, block, column)}: a temperature is in °C or K, not in {column.unit!r}")
+    return 1.0, _ZEROS[unit]
 
 
 def _factor(text: InstrumentText, block: TableBlock, column: TableColumn) -> float:
     """How much of the SI unit of its role one of a column's unit is; raises LogError."""
     si = _ROLES[column.role][0]
     at = place(text, block, column)
-    if si == "°C":
-        return 1.0
     if not column.unit:
-        examples = {"Hz": "Hz", "1": "%", "1/Pa": "1/Pa"}.get(si, si)
-        other = ' or "rad/s"' if column.role == "frequency" else ' or "1"' if si == "1" else ""
-        option = f'state it with --unit "{column.name}={examples}"{other}'
-        raise LogError(f"{at}: has no unit: {option}")
+        first, *others = example_unit(column.role)
+        rest = "".join(f' or "{other}"' for other in others)
+        raise LogError(f'{at}: has no unit: state it with --unit "{column.name}={first}"{rest}')
     if column.role == "angular_frequency" and column.unit == "Hz":
         raise LogError(
             f'{at}: an angular frequency is in rad/s, and Hz is stated: state which with --unit "{column.name}=rad/s", '
@@ -164,6 +173,13 @@ def _factor(text: InstrumentText, block: TableBlock, column: TableColumn) -> flo
         return to_si(f"1 {column.unit}", si)
     except ValueError as error:
         raise LogError(f"{at}: {error}") from error
+
+
+def example_unit(role: str) -> tuple[str, ...]:
+    """What the unit of a role can be; none for a role that needs none."""
+    si = _ROLES[role][0]
+    others = {"frequency": ("Hz", "rad/s"), "strain": ("%", "1")}
+    return others.get(role, () if si in ("", "°C") else (si,))
 
 
 def place(text: InstrumentText, block: TableBlock, column: TableColumn, row: int | None = None) -> str:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
 
+from palpate_reference.law_fit import TableFit
 from palpate_reference.material_laws import LinearLaw
 from palpate_reference.material_table import MaterialTable
 
@@ -33,36 +34,17 @@ class FitProblem:
     poisson: float
     poisson_std: float
     scales: tuple[float, ...]  # relative standard uncertainty of all values of a table together; 0: exact
+    shift_root: Floats | None = None  # R (2, n, m): errors of ln x and ln y of the first table are R z, z of variance 1
 
     @property
     def count(self) -> int:
         """How many readings there are."""
         return sum(table.y.size for table in self.tables)
 
-
-@dataclass(frozen=True)
-class TableFit:
-    """A law at the values that describe tables best."""
-
-    law: LinearLaw
-    poisson: float
-    values: Floats  # (p,) [SI]
-    stds: Floats  # (p,)
-    covariance: Floats  # (p, p) of the logarithms of the values
-    budget: Mapping[str, Floats]  # share of each source in stds (p,)
-    scatter: tuple[float, ...]  # rms of the relative residuals of each table
-    chi2: float  # of tables that state uncertainties
-    freedom: int  # of those; 0 where none does
-    bic: float
-    autocorrelation: float  # of neighbouring residuals
-    undetermined: tuple[str, ...]  # parameters that the tables do not determine
-
     @property
-    def p(self) -> float:
-        """Probability of so large a chi^2 if the law holds; NaN where no table states uncertainties."""
-        from scipy.stats import chi2
-
-        return float(chi2.sf(self.chi2, self.freedom)) if self.freedom > 0 else math.nan
+    def shift_count(self) -> int:
+        """How many unknowns the shifts of the tables add."""
+        return 0 if self.shift_root is None else self.shift_root.shape[2]
 
 
 def predictions(law: LinearLaw, table: MaterialTable, values: Sequence[float], poisson: float) -> Floats:
@@ -76,7 +58,7 @@ def predictions(law: LinearLaw, table: MaterialTable, values: Sequence[float], p
     return law.relaxation(table.x, values, poisson)[:, None] / per
 
 
-def fit_law(law: LinearLaw, problem: FitProblem) -> TableFit | None:
+def fit_law(law: LinearLaw, problem: FitProblem) -> TableFit[LinearLaw] | None:
     """A law by least squares of relative errors; None where the readings are too few for it, or it fits nowhere.
 
     Readings that state an uncertainty are weighed by it; those of another table by its scatter, which is found with
@@ -115,14 +97,20 @@ def _level_and_times(problem: FitProblem) -> tuple[float, Floats]:
 def _errors(law: LinearLaw, problem: FitProblem, x: Floats) -> list[Floats]:
     """Relative errors (n,) of each table: logarithms of what is predicted over what was read."""
     values = np.exp(x[: len(law.parameters)])
-    shifts = x[len(law.parameters) :]
+    priors = x[len(law.parameters) :]
+    tables = len(problem.tables)
     found = []
     for k, table in enumerate(problem.tables):
+        there, up = table, np.zeros(len(table.x))
+        if k == 0 and problem.shift_root is not None:
+            along, up = problem.shift_root @ priors[tables + 1 :]
+            there = replace(table, x=table.x * np.exp(along))
         with np.errstate(over="ignore", invalid="ignore"):
-            ratio = predictions(law, table, values.tolist(), problem.poisson) / table.y
+            ratio = predictions(law, there, values.tolist(), problem.poisson) / table.y
         sign = -1.0 if table.kind == "creep" else 1.0
-        shift = shifts[k] * problem.scales[k] + (shifts[-1] * _poisson_share(problem) if table.shear else 0.0)
-        found.append((np.log(np.maximum(np.nan_to_num(ratio), _LEAST)) + sign * shift).ravel(order="F"))
+        shift = priors[k] * problem.scales[k] + (priors[tables] * _poisson_share(problem) if table.shear else 0.0)
+        errors = np.log(np.maximum(np.nan_to_num(ratio), _LEAST)) + sign * shift - up[:, None]
+        found.append(errors.ravel(order="F"))
     return found
 
 
@@ -139,7 +127,7 @@ def _weighted(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[f
 
 
 def _minimum(law: LinearLaw, problem: FitProblem, sigmas: Sequence[float], before: Floats | None) -> Floats | None:
-    count, shifts = len(law.parameters), len(problem.tables) + 1
+    count, shifts = len(law.parameters), len(problem.tables) + 1 + problem.shift_count
     uppers = [*law.upper, *[math.inf] * (count - len(law.upper))]
     high = np.array([math.log(u) if u < math.inf else _LOG for u in uppers] + [10.0] * shifts)
     low = np.array([-_LOG] * count + [-10.0] * shifts)
@@ -153,7 +141,7 @@ def _minimum(law: LinearLaw, problem: FitProblem, sigmas: Sequence[float], befor
     return min(finite, key=lambda one: one.cost).x if finite else None
 
 
-def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> TableFit:
+def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> TableFit[LinearLaw]:
     count = len(law.parameters)
     parts = _weighted(law, problem, x, sigmas)
     slopes = _slopes(law, problem, x, sigmas)
@@ -173,6 +161,10 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
         total = total + part
         if size:
             shares[name] = np.sqrt(np.diag(part)[:count])
+    if problem.shift_count:
+        columns = covariance[:, count + len(priors) + 1 :]
+        part = columns @ columns.T
+        shares["time-temperature shift"], total = np.sqrt(np.diag(part)[:count]), total + part
     values = np.exp(x[:count])
     relative = np.sqrt(np.maximum(np.diag(total)[:count], 0.0))
     relative[np.diag(information)[:count] < _NO_SLOPE] = math.nan  # a part next to nothing
@@ -185,7 +177,7 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
     bic = chi2 + float(parts[-1] @ parts[-1]) + count * math.log(problem.count)
     bic += sum(len(e) * math.log(max(float(np.mean(e**2)), 1e-18)) for e in loose)
     return TableFit(
-        law, problem.poisson, values, values * relative, total[:count, :count],
+        law, values, values * relative, total[:count, :count],
         {name: values * share for name, share in shares.items()},
         tuple(math.sqrt(float(np.mean(e**2))) for e in errors), chi2, freedom if stated else 0, bic, correlation,
         tuple(name for (name, _), one in zip(law.parameters, relative, strict=True) if not one < _UNDETERMINED),
@@ -212,9 +204,3 @@ def _autocorrelation(parts: Sequence[Floats]) -> float:
     power = float(sum(part @ part for part in parts))
     product = float(sum(part[1:] @ part[:-1] for part in parts))
     return min(max(product / power, 0.0), _WORST) if power > 0 else 0.0
-
-
-def supported_fits(fits: Sequence[TableFit]) -> list[TableFit]:
-    """Laws whose BIC is within 6 of the best and that stated uncertainties do not refute; the best first."""
-    standing = sorted((fit for fit in fits if not fit.p < 1e-3), key=lambda fit: fit.bic)
-    return [fit for fit in standing if fit.bic - standing[0].bic < 6.0]

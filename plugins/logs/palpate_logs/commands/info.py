@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from palpate import LogError, OutputError, printable
-from palpate.host import Source, plugin_files
+from palpate import ConfigurationError, LogError, OutputError, printable
+from palpate.host import Source, function_of, plugin_files, registry as registries
 from palpate_kit.logs.draft_pipeline import pipeline_of, recording_of, suggestion_of, system_at
 from palpate_kit.logs.recording import Suggestion, Survey, TopicSurvey
 from palpate_kit.runs.replay_source import read_run_log, replay_source, run_log_text, with_other_channels
@@ -54,7 +55,9 @@ def info(
     if suggest or out is not None or picture is not None:
         given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
         choices = {role: text for role, text in given.items() if text is not None}
-        if is_folder_of_logs(log) and picture is None:
+        if not choices and picture is None and (lines := file_suggestion(log)) is not None:
+            _show_commands(log, lines, out, as_json)
+        elif is_folder_of_logs(log) and picture is None:
             suggest_folder(log, choices, out, as_json)
         else:
             _suggest(log, choices, out, picture, as_json)
@@ -68,6 +71,26 @@ def info(
         print_json(survey)
     else:
         console(160).print(survey_view(survey))
+
+
+def file_suggestion(path: Path) -> Sequence[str] | None:
+    """What a plugin says of a file that is no log; None where none knows it."""
+    if not path.is_file():
+        return None
+    offers = registries.load().file_suggestions.values()
+    answers = (function_of(offer)(path) for offer in offers)
+    return next((answer for answer in answers if answer is not None), None)
+
+
+def _show_commands(path: Path, lines: Sequence[str], out: Path | None, as_json: bool) -> None:
+    """Print commands for a file that no pipeline reads; raises ConfigurationError where a pipeline is asked for."""
+    if out is not None:
+        raise ConfigurationError(f"{path}: is not a log: no pipeline reads it (see palpate info {path} --suggest)")
+    if as_json:
+        print_json({"commands": [line for line in lines if not line.startswith("#")], "lines": list(lines)})
+        return
+    for line in lines:
+        typer.echo(printable(line))
 
 
 def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None, as_json: bool) -> None:

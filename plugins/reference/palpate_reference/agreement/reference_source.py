@@ -9,11 +9,13 @@ import numpy as np
 from palpate import ConfigurationError, Floats, to_si
 
 from palpate_reference.agreement.value_pairs import ReferenceOf, ReferenceValue
-from palpate_reference.material_table import MaterialTable, TableSettings, read_tables
+from palpate_reference.material_table import MaterialTable, TableSettings
 from palpate_reference.run_values import Conditions
+from palpate_reference.table_reader import read_tables
 
 QUANTITIES = {"elasticity": "Pa", "viscosity": "Pa*s"}
 _STRAINS = 3.0  # ratio, above which strains are not called the same
+_ROWS = 3  # that make a slope
 _SECANT = 0.1  # strain up to which the slope of stress over strain is taken where a run's is not known
 
 
@@ -55,10 +57,13 @@ def differing(run: Conditions, stated: Conditions) -> list[str]:
     return found
 
 
-def file_reference(path: Path, settings: TableSettings, quantity: str, uncertainty: str | None) -> ReferenceOf:
+def file_reference(
+    path: Path, settings: TableSettings, quantity: str, uncertainty: str | None, stated: Conditions
+) -> ReferenceOf:
     """A table of an instrument, read at the frequency of a run; raises UserError where it has no such value.
 
     A table over frequency gives E' and G''/(2 pi f); one of stress over strain gives the slope up to the run's strain.
+    What a person states of how it was measured counts where the table does not say it.
     """
     tables = read_tables(path, settings)
     sweeps = [table for table in tables if table.kind == "oscillation"]
@@ -72,8 +77,8 @@ def file_reference(path: Path, settings: TableSettings, quantity: str, uncertain
 
     def reference(conditions: Conditions, poisson: float) -> ReferenceValue:
         if sweeps:
-            return _at_frequency(sweeps[0], quantity, conditions, poisson, share)
-        return _slope(presses[0], conditions, share)
+            return _at_frequency(sweeps[0], quantity, conditions, poisson, share, stated)
+        return _slope(presses[0], conditions, poisson, share, stated)
 
     return reference
 
@@ -94,7 +99,7 @@ def _share(path: Path, uncertainty: str | None, table: MaterialTable) -> float:
 
 
 def _at_frequency(
-    table: MaterialTable, quantity: str, conditions: Conditions, poisson: float, share: float
+    table: MaterialTable, quantity: str, conditions: Conditions, poisson: float, share: float, stated: Conditions
 ) -> ReferenceValue:
     """E' or eta by interpolation of logarithms; raises ConfigurationError outside of the table."""
     frequency = conditions.frequency
@@ -118,25 +123,31 @@ def _at_frequency(
     per = per if quantity == "elasticity" else per / (2.0 * (1.0 + poisson) * 2.0 * math.pi * frequency)
     value = per * at(table.y[:, column])
     std = share * value if table.std is None else math.hypot(share * value, per * at(table.std[:, column]))
-    strain = None if table.strain is None else float(np.nanmedian(table.strain))
-    return ReferenceValue(table.name, value, std, tuple(differing(conditions, Conditions(frequency, strain))))
+    strain = stated.strain if table.strain is None else float(np.nanmedian(table.strain))
+    there = Conditions(frequency, strain, stated.speed)
+    return ReferenceValue(table.name, value, std, tuple(differing(conditions, there)))
 
 
-def _slope(table: MaterialTable, conditions: Conditions, share: float) -> ReferenceValue:
+def _slope(
+    table: MaterialTable, conditions: Conditions, poisson: float, share: float, stated: Conditions
+) -> ReferenceValue:
     """Young's modulus as the slope of stress over strain up to the strain of a run, with its standard error."""
     most = conditions.strain or _SECANT
     x, y = np.abs(table.x), np.abs(table.y[:, 0])
     within = x <= most
-    if within.sum() < 3:
-        raise ConfigurationError(f"{table.name}: has {int(within.sum())} rows up to a strain of {100 * most:.3g} %")
-    design = np.column_stack([x[within], np.ones(int(within.sum()))])
+    count = int(within.sum())
+    if count < _ROWS:
+        raise ConfigurationError(
+            f"{table.name}: has {count} rows up to a strain of {100 * most:.3g} %, fewer than {_ROWS}"
+        )
+    design = np.column_stack([x[within], np.ones(count)])
     (slope, _), rest, *_ = np.linalg.lstsq(design, y[within], rcond=None)
-    freedom = len(design) - 2
-    error = math.sqrt(float(rest[0]) / freedom * float(np.linalg.inv(design.T @ design)[0, 0])) if freedom else math.nan
+    if not slope > 0.0:
+        raise ConfigurationError(f"{table.name}: the stress does not rise up to a strain of {100 * most:.3g} %")
+    error = math.sqrt(float(rest[0]) / (count - 2) * float(np.linalg.inv(design.T @ design)[0, 0]))
+    per = 2.0 * (1.0 + poisson) if table.shear else 1.0
+    about = "in shear" if table.shear else "taken as uniaxial: bonded specimens read more"
     return ReferenceValue(
-        table.name, float(slope), math.hypot(error, share * float(slope)),
-        (
-            f"slope of stress over strain up to {100 * most:.3g} %, taken as uniaxial: bonded specimens read more",
-            "frequency and speed of the reference are not stated",
-        ),
+        table.name, per * float(slope), per * math.hypot(error, share * float(slope)),
+        (f"slope of stress over strain up to {100 * most:.3g} %, {about}", *differing(conditions, stated)),
     )  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from pathlib import Path
 from palpate import LogError, to_si
 from palpate.host import suggest
 
+from palpate_reference.instrument_text import InstrumentText, TextLine, read_text
 from palpate_reference.run_values import Conditions, run_values
 from palpate_reference.table_columns import name_and_unit
 
@@ -61,34 +61,27 @@ def table_pairs(path: Path, quantity: str, unit: str, track: str | None) -> list
 
     A column `run` stands for value and std: a run folder, relative to the file. Raises UserError with line and column.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(line for line in file if not line.startswith("#")))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise LogError(f"{path}: cannot be read: {error}") from error
+    text = read_text(path)
+    rows = [line for line in text.lines if any(line.cells) and not line.cell(0).startswith("#")]
     if len(rows) < 2:
         raise LogError(f"{path}: has no rows below its names")
     names, units = _heads(path, rows[0], unit)
     wanted = {"specimen", *_NUMBERS} - ({"value", "std"} if "run" in names else set())
     if missing := sorted(wanted - set(names)):
-        known = "specimen, run or value and std, reference, reference_std"
-        raise LogError(f"{path}:1: the column {missing[0]!r} is missing{suggest(missing[0], names)}; wanted: {known}")
-    found = []
-    for line, cells in enumerate(rows[1:], 2):
-        if any(cells):
-            found.append(_pair(path, line, dict(zip(names, cells, strict=False)), units, quantity, track))
-    return found
+        known = f"{suggest(missing[0], names)}; wanted: specimen, run or value and std, reference, reference_std"
+        raise LogError(f"{path}:{rows[0].number}: the column {missing[0]!r} is missing{known}")
+    return [_pair(text, line, dict(zip(names, line.cells, strict=False)), units, quantity, track) for line in rows[1:]]
 
 
-def _heads(path: Path, head: Sequence[str], unit: str) -> tuple[list[str], dict[str, float]]:
+def _heads(path: Path, head: TextLine, unit: str) -> tuple[list[str], dict[str, float]]:
     """Names without units, and what one of each is in SI; raises LogError for a number without one."""
     names, factors = [], {}
-    for column, cell in enumerate(head, 1):
+    for column, cell in enumerate(head.cells, 1):
         plain, written = name_and_unit(cell)
         name = plain.strip().lower().replace(" ", "_")
         names.append(name)
         if name in _NUMBERS:
-            at = f"{path}:1, column {column} {cell!r}"
+            at = f"{path}:{head.number}, column {column} {cell!r}"
             if not written:
                 raise LogError(f'{at}: has no unit; write for example "{name} [kPa]"')
             try:
@@ -99,20 +92,26 @@ def _heads(path: Path, head: Sequence[str], unit: str) -> tuple[list[str], dict[
 
 
 def _pair(
-    path: Path, line: int, row: Mapping[str, str], units: Mapping[str, float], quantity: str, track: str | None
+    text: InstrumentText,
+    line: TextLine,
+    row: Mapping[str, str],
+    units: Mapping[str, float],
+    quantity: str,
+    track: str | None,
 ) -> ValuePair:
     numbers = {}
     for name in units:
-        cell = row.get(name, "").strip()
+        cell = row.get(name, "")
+        at = f"{text.path}:{line.number}, column {name!r}: {cell!r}"
         try:
-            numbers[name] = float(cell) * units[name]
+            numbers[name] = text.number(cell) * units[name]
         except ValueError as error:
-            raise LogError(f"{path}:{line}, column {name!r}: {cell!r} is not a number") from error
+            raise LogError(f"{at} is not a number") from error
         if not math.isfinite(numbers[name]) or (name.endswith("std") and numbers[name] <= 0):
-            raise LogError(f"{path}:{line}, column {name!r}: {cell!r} is not a number above zero, as an uncertainty is")
-    run, label = None, f"row {line}"
+            raise LogError(f"{at} is not a number above zero, as an uncertainty is")
+    run, label = None, f"row {line.number}"
     if "run" in row:
-        run = path.parent / row["run"].strip()
+        run = text.path.parent / row["run"].strip()
         (found,) = run_values(run, (quantity,), track)
         numbers |= {"value": found.value, "std": found.std}
         label = row["run"].strip()

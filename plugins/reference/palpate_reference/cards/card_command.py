@@ -2,32 +2,44 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
-from palpate import LogError
-from palpate.host import write_new
+from palpate import ConfigurationError, LogError
+from palpate.host import suggest, write_new
 
-from palpate_reference.cards.card_formats import FORMATS, Program
-from palpate_reference.cards.prony_series import MATERIAL, PronySeries, series_of_fit
+from palpate_reference.cards.card_formats import FORMATS
+from palpate_reference.cards.card_text import Program
+from palpate_reference.cards.hyperelastic_cards import HYPERELASTIC_CARDS, HyperelasticSolid
+from palpate_reference.cards.prony_series import MATERIAL, SERIES, PronySeries, law_remarks, series_of_law
+from palpate_reference.hyperelastic.strain_energies import energy_of
 
 _SAME = 1e-9  # relative error of what is read back
+_OF_TIME = ("*VISCOELASTIC", "TB,PRONY", "<g0>", "G_inf ")  # by which a card has a Prony series
+_SIGNS = {"abaqus": "*HYPERELASTIC", "ansys": "TB,HYPER", "febio": "<material ", "comsol": '[Pa] "'}
 
 
 def card(
     fit: Annotated[Path, typer.Argument(metavar="FIT", help="Folder of `palpate material fit`; or a card.")],
     program: Annotated[Program, typer.Option("--to", help="Program that the card is for.")],
-    law: Annotated[str | None, typer.Option(help="Law. [default: the best that is a Prony series]")] = None,
+    law: Annotated[str | None, typer.Option(help="Law. [default: the best that a card can hold]")] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="File to write. [default: printed]")] = None,
 ) -> None:
-    """Write a neo-Hookean solid with a Prony series, in Pa and s, its uncertainties as comments.
+    """Write a neo-Hookean solid with a Prony series, or a hyperelastic solid, in Pa and s.
 
-    What was written is read again and compared. Cards of the four programs are read as well, to turn one into another.
+    Uncertainties are comments. What was written is read again and compared. Cards of the four programs are read as
+    well, to turn one into another.
     """
-    series = read_series(fit, law)
-    text = FORMATS[program].text(series)
-    _demand_round_trip(series, FORMATS[program].series(text), program)
+    material = read_material(fit, law)
+    if isinstance(material, PronySeries):
+        text = FORMATS[program].text(material)
+        demand_same(_numbers(material), _numbers(FORMATS[program].series(text)), program)
+    else:
+        text = HYPERELASTIC_CARDS[program].text(material)
+        demand_same(material.values, HYPERELASTIC_CARDS[program].solid(text).values, program)
     if out is None:
         typer.echo(text, nl=False)
         return
@@ -35,24 +47,50 @@ def card(
     typer.echo(f"the card is in {out}")
 
 
-def read_series(path: Path, law: str | None) -> PronySeries:
-    """The series of a fit, by its folder or file, or of a card; raises UserError."""
+def read_material(path: Path, law: str | None) -> PronySeries | HyperelasticSolid:
+    """The series or the solid of a fit, by its folder or file, or of a card; raises UserError."""
     path = path / MATERIAL if path.is_dir() else path
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    for name, form in FORMATS.items():
-        if form.sign in text.upper() or form.sign in text:
+    for name in FORMATS:
+        if _SIGNS[name] in text.upper() or _SIGNS[name] in text:
             try:
-                return form.series(text)
-            except (ValueError, KeyError, IndexError) as error:
-                raise LogError(f"{path}: is not a whole card of {name} with a Prony series: {error!r}") from error
-    return series_of_fit(path, law)
+                if any(sign in text.upper() or sign in text for sign in _OF_TIME):
+                    return FORMATS[name].series(text)
+                return HYPERELASTIC_CARDS[name].solid(text)
+            except (ValueError, KeyError, IndexError, StopIteration) as error:
+                raise LogError(f"{path}: is not a whole card of {name}: {error!r}") from error
+    return _material_of_fit(path, text, law)
 
 
-def _demand_round_trip(series: PronySeries, back: PronySeries, program: str) -> None:
+def _material_of_fit(path: Path, text: str, law: str | None) -> PronySeries | HyperelasticSolid:
+    """Of a law of ``material.json``: the stated, or the best that a card can hold; raises UserError."""
+    try:
+        document = json.loads(text)
+        laws: dict[str, dict[str, Any]] = {one["law"]: one for one in document["laws"]}
+        poisson = float(document["poisson"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise LogError(f"{path}: is not a material.json of `palpate material fit`: {error}") from error
+    if law is not None and law not in laws:
+        raise ConfigurationError(f"--law: {path} has no law {law!r}{suggest(law, laws)}")
+    having = [name for name in laws if name in SERIES or energy_of(name)] if law is None else [law]
+    table = laws[having[0] if having else next(iter(laws))]
+    if energy_of(table["law"]) is None:
+        return series_of_law(table, poisson)
+    values = tuple(float(one["value"]) for one in table["parameters"].values())
+    return HyperelasticSolid(table["law"], values, tuple(law_remarks(table, "incompressible")))
+
+
+def _numbers(series: PronySeries) -> list[float]:
+    return [series.lasting, *(one for arm in series.arms for one in arm)]
+
+
+def demand_same(written: Sequence[float], read: Sequence[float], program: str) -> None:
     """Raise RuntimeError, a fault of ours, where a card does not say what it should."""
-    pairs = [(series.lasting, back.lasting), *zip(sum(series.arms, ()), sum(back.arms, ()), strict=True)]
-    if any(abs(one - other) > _SAME * max(series.instant, abs(one)) for one, other in pairs):
-        raise RuntimeError(f"the card of {program} reads back as {back}, not {series}")
+    largest = max(map(abs, written))
+    if len(written) != len(read) or any(
+        abs(one - other) > _SAME * max(largest, abs(one)) for one, other in zip(written, read, strict=True)
+    ):
+        raise RuntimeError(f"the card of {program} reads back as {read}, not {written}")

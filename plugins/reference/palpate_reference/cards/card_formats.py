@@ -9,12 +9,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
+from palpate_reference.cards.card_text import STIFFEST, Program, card_number
 from palpate_reference.cards.prony_series import PronySeries
 
-Program = Literal["abaqus", "ansys", "febio", "comsol"]
-_STIFFEST = 0.495  # Poisson's ratio that FEBio's neo-Hookean solid is given for 0.5
 _PAIRS = 3  # of a line of TBDATA
 
 
@@ -22,23 +20,17 @@ _PAIRS = 3  # of a line of TBDATA
 class CardFormat:
     """How a program's card is written and read."""
 
-    suffix: str
     text: Callable[[PronySeries], str]
     series: Callable[[str], PronySeries]  # raises ValueError, KeyError or IndexError for another text
-    sign: str  # by which such a card is known
-
-
-def _number(value: float) -> str:
-    return f"{value:.12g}"
 
 
 def _abaqus(series: PronySeries) -> str:
     bulk = series.bulk
     lines = [f"** {line}" for line in series.remarks]
     lines += ["** units: Pa, s", "*MATERIAL, NAME=PALPATE", "*HYPERELASTIC, NEO HOOKE, MODULI=INSTANTANEOUS"]
-    lines += [f"{_number(series.instant / 2.0)}, {_number(2.0 / bulk) if bulk else '0.'}"]
+    lines += [f"{card_number(series.instant / 2.0)}, {card_number(2.0 / bulk) if bulk else '0.'}"]
     lines += ["*VISCOELASTIC, TIME=PRONY"]
-    lines += [f"{_number(g)}, {_number(g) if bulk else '0.'}, {_number(tau)}" for g, tau in series.shares]
+    lines += [f"{card_number(g)}, {card_number(g) if bulk else '0.'}, {card_number(tau)}" for g, tau in series.shares]
     return "\n".join(lines) + "\n"
 
 
@@ -54,11 +46,11 @@ def _ansys(series: PronySeries) -> str:
     bulk = series.bulk
     lines = [f"! {line}" for line in series.remarks]
     lines += ["! units: Pa, s", "TB,HYPER,1,1,2,NEO"]
-    lines += [f"TBDATA,1,{_number(series.instant)},{_number(2.0 / bulk) if bulk else '0'}"]
+    lines += [f"TBDATA,1,{card_number(series.instant)},{card_number(2.0 / bulk) if bulk else '0'}"]
     for kind in ("SHEAR", "BULK") if bulk else ("SHEAR",):
         lines.append(f"TB,PRONY,1,1,{len(series.arms)},{kind}")
         for first in range(0, len(series.shares), _PAIRS):
-            cells = [_number(one) for pair in series.shares[first : first + _PAIRS] for one in pair]
+            cells = [card_number(one) for pair in series.shares[first : first + _PAIRS] for one in pair]
             lines.append(f"TBDATA,{2 * first + 1},{','.join(cells)}")
     return "\n".join(lines) + "\n"
 
@@ -86,16 +78,20 @@ def _of_instant(instant: float, compliance: float, shares: Sequence[tuple[float,
 
 
 def _febio(series: PronySeries) -> str:
-    poisson = min(series.poisson, _STIFFEST)
+    poisson = min(series.poisson, STIFFEST)
     lines = ['<?xml version="1.0" encoding="UTF-8"?>']
     lines += [f"<!-- {line.replace('--', '-')} -->" for line in series.remarks]
     lines += ["<!-- units: Pa, s; E by the shear modulus and this v, since v of 0.5 has no finite bulk modulus -->"]
     lines += ['<material id="1" name="palpate" type="viscoelastic">']
-    lines += [f"  <g0>{_number(series.lasting / series.instant)}</g0>"]
+    lines += [f"  <g0>{card_number(series.lasting / series.instant)}</g0>"]
     for k, (share, time) in enumerate(series.shares, 1):
-        lines += [f"  <g{k}>{_number(share)}</g{k}>", f"  <t{k}>{_number(time)}</t{k}>"]
+        lines += [f"  <g{k}>{card_number(share)}</g{k}>", f"  <t{k}>{card_number(time)}</t{k}>"]
     young = 2.0 * (1.0 + poisson) * series.instant
-    lines += ['  <elastic type="neo-Hookean">', f"    <E>{_number(young)}</E>", f"    <v>{_number(poisson)}</v>"]
+    lines += [
+        '  <elastic type="neo-Hookean">',
+        f"    <E>{card_number(young)}</E>",
+        f"    <v>{card_number(poisson)}</v>",
+    ]
     return "\n".join([*lines, "  </elastic>", "</material>"]) + "\n"
 
 
@@ -109,11 +105,11 @@ def _from_febio(text: str) -> PronySeries:
 
 def _comsol(series: PronySeries) -> str:
     about = "; ".join(series.remarks).replace('"', "'")
-    lines = [f'G_inf {_number(series.lasting)}[Pa] "long-time shear modulus; {about}"']
-    lines += [f'nu {_number(series.poisson)} "Poisson\'s ratio"']
+    lines = [f'G_inf {card_number(series.lasting)}[Pa] "long-time shear modulus; {about}"']
+    lines += [f'nu {card_number(series.poisson)} "Poisson\'s ratio"']
     for k, (strength, time) in enumerate(series.arms, 1):
-        lines += [f'G_{k} {_number(strength)}[Pa] "shear modulus of branch {k}"']
-        lines += [f'tau_{k} {_number(time)}[s] "relaxation time of branch {k}"']
+        lines += [f'G_{k} {card_number(strength)}[Pa] "shear modulus of branch {k}"']
+        lines += [f'tau_{k} {card_number(time)}[s] "relaxation time of branch {k}"']
     return "\n".join(lines) + "\n"
 
 
@@ -128,8 +124,8 @@ def _from_comsol(text: str) -> PronySeries:
 
 
 FORMATS: Mapping[Program, CardFormat] = {
-    "abaqus": CardFormat(".inp", _abaqus, _from_abaqus, "*HYPERELASTIC"),
-    "ansys": CardFormat(".mac", _ansys, _from_ansys, "TB,HYPER"),
-    "febio": CardFormat(".xml", _febio, _from_febio, "<material"),
-    "comsol": CardFormat(".txt", _comsol, _from_comsol, "G_inf "),
+    "abaqus": CardFormat(_abaqus, _from_abaqus),
+    "ansys": CardFormat(_ansys, _from_ansys),
+    "febio": CardFormat(_febio, _from_febio),
+    "comsol": CardFormat(_comsol, _from_comsol),
 }

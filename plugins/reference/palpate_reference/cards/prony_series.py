@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError, LogError
-from palpate.host import suggest
+from palpate import ConfigurationError
+
+from palpate_reference.decade_series import DECADES
 
 MATERIAL = "material.json"  # of `palpate material fit`
 _ARMS = ("standard-linear-solid", *(f"generalised-maxwell-{count}" for count in (2, 3, 4)))
-_SERIES = ("maxwell", *_ARMS, "burgers")
+SERIES = ("maxwell", *_ARMS, "burgers", DECADES)
 _NONE = 1e-9  # share of the instantaneous modulus that is nothing
 
 
@@ -45,35 +44,28 @@ class PronySeries:
         return [(strength / self.instant, time) for strength, time in self.arms]
 
 
-def series_of_fit(path: Path, law: str | None) -> PronySeries:
-    """The series of a law of ``material.json``, the stated or the best that has one; raises UserError."""
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        laws = {one["law"]: one for one in document["laws"]}
-        poisson = float(document["poisson"])
-    except (OSError, UnicodeDecodeError, ValueError, KeyError, TypeError) as error:
-        raise LogError(f"{path}: is not a material.json of `palpate material fit`: {error}") from error
-    if law is not None and law not in laws:
-        raise ConfigurationError(f"--law: {path} has no law {law!r}{suggest(law, laws)}")
-    having = [name for name in laws if name in _SERIES] if law is None else [law]
-    if not having or having[0] not in _SERIES:
-        raise ConfigurationError(
-            f"{path}: {law or ', '.join(laws)} is no Prony series; fit one: --law generalised-maxwell-3"
-        )
-    table = laws[having[0]]
+def series_of_law(table: Mapping[str, Any], poisson: float) -> PronySeries:
+    """The series of a law of ``material.json``; raises ConfigurationError for one that has none."""
+    if table["law"] not in SERIES:
+        raise ConfigurationError(f"{table['law']} is no Prony series; fit one: --law generalised-maxwell-3")
     parameters = {name: float(one["value"]) for name, one in table["parameters"].items()}
-    lasting, arms = _young_series(having[0], list(parameters.values()), poisson)
+    lasting, arms = _young_series(table["law"], list(parameters.values()), table.get("times") or (), poisson)
     per = 2.0 * (1.0 + poisson)
     whole = lasting + sum(strength for strength, _ in arms)
     real = tuple((strength / per, time) for strength, time in arms if strength > _NONE * whole)
+    about = f"Young's moduli, Poisson's ratio {poisson:g}"
     return PronySeries(
-        lasting / per if lasting > _NONE * whole else 0.0, real, poisson, tuple(_remarks(table, poisson))
+        lasting / per if lasting > _NONE * whole else 0.0, real, poisson, tuple(law_remarks(table, about))
     )
 
 
-def _young_series(law: str, values: Sequence[float], poisson: float) -> tuple[float, list[tuple[float, float]]]:
+def _young_series(
+    law: str, values: Sequence[float], times: Sequence[float], poisson: float
+) -> tuple[float, list[tuple[float, float]]]:
     """E and E_k, tau_k; those of Burgers' model by Findley, Lai and Onaran 1976."""
     per = 2.0 * (1.0 + poisson)
+    if law == DECADES:
+        return values[0], list(zip(values[1:], times, strict=True))
     if law in _ARMS:
         return values[0], list(zip(values[1::2], values[2::2], strict=True))
     if law == "maxwell":
@@ -87,9 +79,9 @@ def _young_series(law: str, values: Sequence[float], poisson: float) -> tuple[fl
     return 0.0, [(slow, 1.0 / rates[0]), (fast, 1.0 / rates[1])]
 
 
-def _remarks(table: Mapping[str, Any], poisson: float) -> list[str]:
+def law_remarks(table: Mapping[str, Any], about: str) -> list[str]:
     """What the comments of a card say: in SI, standard uncertainties with k = 1."""
-    found = [f"{table['law']}: {table['formula']}; Young's moduli, Poisson's ratio {poisson:g}; k = 1"]
+    found = [f"{table['law']}: {table['formula']}; {about}; k = 1"]
     for name, one in table["parameters"].items():
         std = "not determined" if one["std"] is None else f"u = {one['std']:.3g} {one['unit']}"
         found.append(f"{name} = {one['value']:.6g} {one['unit']}, {std}")

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import IO
 
 from palpate import LogError
+
 from palpate_kit.logs.decompression import DAMAGED
 from palpate_kit.logs.log_files import regular
-
-from palpate_logs.csv_workbook import WORKBOOKS, workbook_text
+from palpate_kit.tables.workbook import WORKBOOKS, workbook_text
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz", *WORKBOOKS)
 OTHER_SUFFIXES = (".txt", ".dat", ".asc", ".lvm")  # a table only if it looks like one

@@ -15,6 +15,7 @@ from typing import Any
 
 from palpate import LogError
 from palpate.host import suggest
+
 from palpate_kit.logs.decompression import largest
 
 WORKBOOKS = (".xlsx", ".xlsm")

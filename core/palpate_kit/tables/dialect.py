@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from palpate_logs.csv_cells import is_grouped, number
-from palpate_logs.csv_clock_times import seconds_of_day
+from palpate_kit.tables.cells import is_grouped, number
+from palpate_kit.tables.clock_times import seconds_of_day
 
 MARKS = ("#", "%", "//", ";", "!")  # at the beginning of a line that is a comment
 _SEPARATORS = ("\t", ";", ",", " ")

@@ -1,0 +1,1 @@
+"""Tables of other programs as text: encodings, workbooks, what separates cells, and the numbers in them."""

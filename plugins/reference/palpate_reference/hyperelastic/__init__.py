@@ -1,0 +1,1 @@
+"""Hyperelastic laws for tables of stress over strain."""

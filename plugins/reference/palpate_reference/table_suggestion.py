@@ -1,0 +1,95 @@
+"""What ``palpate info FILE --suggest`` says of the table of an instrument: commands, and what they need to be told."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from shlex import quote
+
+from palpate import LogError
+
+from palpate_reference.instrument_text import read_text
+from palpate_reference.material_table import MaterialTable, TableSettings, frequency_or_time, letters
+from palpate_reference.table_blocks import GENERIC, TableBlock, table_blocks
+from palpate_reference.table_columns import TableColumn, columns_of, example_unit, name_and_unit
+from palpate_reference.table_reader import read_tables
+
+_STEP = 5.0  # [K] between sweeps that can be shifted
+_LARGEST = 5_000_000  # [bytes] of a table of an instrument
+_SURE = ({"storage", "loss"}, {"modulus"}, {"compliance"}, {"strain", "stress"})  # roles that no log of a press has
+_OF_LOGS = re.compile("force|load|kraft|displacement|extension|position|weg", re.IGNORECASE)
+
+
+def suggested_commands(path: Path) -> Sequence[str] | None:
+    """Commands for a table of an instrument, what they lack as ``...``; None where the file is none."""
+    if path.stat().st_size > _LARGEST:
+        return None
+    try:
+        text = read_text(path)
+        blocks = table_blocks(text)
+        columns = [columns_of(text, block, {}) for block in blocks]
+    except LogError:
+        return None
+    if not any(_is_of_material(block, mine) for block, mine in zip(blocks, columns, strict=True)):
+        return None
+    units = _units_to_state(columns)
+    options = "".join(f" --unit {quote(f'{name}=...')}" for name in units)
+    lines = [f"# {path.name}: a table of an instrument, not a log"]
+    lines += [f"# fill in the unit of {name!r}: {', '.join(examples)}" for name, examples in units.items()]
+    tables: list[MaterialTable] = []
+    if not units:
+        try:
+            tables = read_tables(path, TableSettings({}))
+        except LogError as error:
+            lines.append(f"# to be settled: {error}")
+            options += " --modulus ..." if "--modulus" in str(error) else ""
+    lines += [f"# {_words(table)}" for table in tables]
+    return [*lines, *_commands(quote(str(path)) + options, tables)]
+
+
+def _commands(source: str, tables: Sequence[MaterialTable]) -> list[str]:
+    """What can be done with tables, or with any where they are not known yet."""
+    kinds = {table.kind for table in tables}
+    temperatures = [one for table in tables if table.temperature is not None for one in table.temperature]
+    commands = [f"palpate material {source}"]
+    if temperatures and max(temperatures) - min(temperatures) > _STEP:
+        commands.append(f"palpate material master {source}")
+    commands.append(
+        f"palpate material fit {source} --scale '2 %'" + (" --loading ..." if kinds == {"stress-strain"} else "")
+    )
+    if not kinds or kinds & {"oscillation", "stress-strain"}:
+        commands.append(f"palpate agree RUN --reference {source} --uncertainty '2 %'")
+    return commands
+
+
+def _is_of_material(block: TableBlock, columns: dict[str, TableColumn]) -> bool:
+    """Whether a table holds moduli, or stress over strain without the force and travel of a log."""
+    if block.format != GENERIC and columns:
+        return True
+    named = {
+        role for role, column in columns.items() if len(name_and_unit(column.name)[0]) > 1
+    }  # E and z may be anything
+    if not any(roles <= named for roles in _SURE):
+        return False
+    return not any(_OF_LOGS.search(name) for name in block.names)
+
+
+def _units_to_state(columns: Sequence[dict[str, TableColumn]]) -> dict[str, tuple[str, ...]]:
+    """Columns without a unit that the tables need, and what it can be."""
+    units: dict[str, tuple[str, ...]] = {}
+    for mine in columns:
+        for column in mine.values():
+            examples = example_unit(column.role)
+            if not column.unit and examples:
+                units.setdefault(column.name, examples)
+    return units
+
+
+def _words(table: MaterialTable) -> str:
+    """One line of what is in a table."""
+    unit = frequency_or_time(table.kind)
+    span = f"{table.x.min():.4g} to {table.x.max():.4g} {unit}".removesuffix(" 1")
+    return (
+        f"{table.title or table.source}: {table.kind}, {len(table.x)} rows of {', '.join(letters(table))} over {span}"
+    )
