@@ -1,5 +1,7 @@
 """A surface as the skin of a simulated specimen: the forces of a skin whose radii are given, and Hertz's ellipse."""
 
+import json
+
 import numpy as np
 import pytest
 from palpate import ConfigurationError, Setpoint
@@ -75,3 +77,16 @@ def test_where_there_is_no_skin_there_is_no_force_and_no_motion():
 def test_what_a_body_cannot_have_is_refused(changes, words):
     with pytest.raises(ConfigurationError, match=words):
         Specimen(**{**TRUE, "body": BREAST, **changes})
+
+
+@pytest.mark.slow
+def test_a_lump_below_the_skin_of_a_body_is_found_at_its_place(palpate, root, tmp_path):
+    """The one at (-20, -10) mm, 4 mm below the skin, where that is inclined by 17 degrees."""
+    sets = ["trajectory.points.size=['36 mm', '24 mm']", "trajectory.points.centre=['-20 mm', '-10 mm']"]
+    done = palpate(
+        "run", root / "pipelines" / "breast.toml", *[w for s in sets for w in ("--set", s)], "--out", tmp_path / "out"
+    )
+    assert done.returncode == 0, done.stderr
+    assert palpate("map", "lumps", tmp_path / "out").returncode == 0
+    (lump,) = json.loads((tmp_path / "out" / "maps" / "lumps.json").read_text())["lumps"]
+    assert np.hypot(lump["x"] + 0.020, lump["y"] + 0.010) < 0.003
