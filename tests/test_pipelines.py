@@ -8,6 +8,7 @@ from palpate.host import registry
 
 FOLDER = Path(__file__).parent.parent / "pipelines"
 LONG = (
+    "breast",
     "points",
     "raster",
     "relaxation",

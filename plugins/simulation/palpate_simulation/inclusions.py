@@ -85,8 +85,12 @@ class Inclusion(Settings):
         """Contrast (n,) that a tip with a contact radius [m] feels at x, y (n,) [m]."""
         if self.shape == "image":
             return self._image_contrast(x, y, contact_radius)
+        return self.contrast_at(self._distance(x, y), contact_radius)
+
+    def contrast_at(self, distance: Floats, contact_radius: float) -> Floats:
+        """Contrast (n,) that a tip with a contact radius [m] feels at distances (n,) [m] along the skin."""
         width = (self.radius / 2) ** 2 + (contact_radius / 2) ** 2 + (_BLUR * (self.depth + self.radius)) ** 2
-        return np.asarray(self.contrast_above * np.exp(-(self._distance(x, y) ** 2) / (2 * width)))
+        return np.asarray(self.contrast_above * np.exp(-(distance**2) / (2 * width)))
 
     def _distance(self, x: Floats, y: Floats) -> Floats:
         """Distance (n,) [m] in the plane to the centre line."""

@@ -19,11 +19,12 @@ class _ContactHistory:
     def __init__(self, specimen: Specimen, place: Floats) -> None:
         self._specimen, self._place = specimen, place
         self._model = specimen.model
-        self._theta = [float(np.ravel(value)[0]) for value in specimen.theta(place[None, 0], place[None, 1])]
+        on_the_skin = np.array([[*place[:2], specimen.surface]])
+        self._theta = [float(np.ravel(value)[0]) for value in specimen.theta(on_the_skin)]
         self._states = [0.0] * len(self._model.memory)
         self._share = 1.0 if specimen.scatter is None else float(specimen.scatter.at(place[None, 0], place[None, 1])[0])
         if specimen.form is not None:
-            self._share *= specimen.curvature_share
+            self._share *= float(np.ravel(specimen.curvature_share(on_the_skin))[0])
         if specimen.conditioning is not None:
             self._share *= specimen.conditioning.factor(specimen.palpated)
 

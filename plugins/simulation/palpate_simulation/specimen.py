@@ -16,6 +16,7 @@ from palpate import (
     Quantity,
     Setpoint,
     Settings,
+    Surface,
     contact_force,
     force_over_time,
     loading_cycle_force,
@@ -26,6 +27,7 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_v
 from palpate_simulation.inclusions import Inclusion
 from palpate_simulation.paper_specimens import SPECIMENS
 from palpate_simulation.skin_form import SkinForm, elliptic_share
+from palpate_simulation.skin_on_surface import SkinOnSurface
 from palpate_simulation.specimen_layers import Layer, layered_factors
 from palpate_simulation.specimen_scatter import Conditioning, Scatter
 from palpate_simulation.surface_relief import Relief
@@ -64,6 +66,9 @@ class Specimen(Settings):
     model: ContactModel = Field(description="contact model of the truth; need not be one used for estimation")
     surface: Length = Field(default=0.0, description="height of the skin over the origin of the work frame")
     relief: Relief = Field(default=Relief(), description="tilt, roughness and swell of the skin")
+    body: Surface | None = Field(
+        default=None, description="surface that is its skin, such as an ellipsoid; relief has its roughness alone then"
+    )
     inclusions: tuple[Inclusion, ...] = Field(default=(), description="stiffer or softer bodies below the skin")
     layers: tuple[Layer, ...] = Field(default=(), description="layers on top of the material, from the skin downwards")
     felt_at: Length = Field(
@@ -134,7 +139,9 @@ class Specimen(Settings):
 
     @model_validator(mode="after")
     def _a_curved_skin_needs_a_round_tip(self) -> Self:
-        curvatures = (0.0, 0.0) if self.form is None else self.form.curvatures
+        if self.body is not None:
+            return self._with_a_body()
+        curvatures = (0.0, 0.0) if self.relief.form is None else self.relief.form.curvatures
         if not any(curvatures):
             return self
         if not self._tip_radius:
@@ -143,10 +150,25 @@ class Specimen(Settings):
             raise ValueError("relief: a hollow is narrower than the tip")
         return self
 
-    @property
-    def form(self) -> SkinForm | None:
-        """Tilt and curvature of the skin; None where it is level and flat but for its roughness."""
-        return self.relief.form
+    def _with_a_body(self) -> Self:
+        if self.relief.form is not None:
+            raise ValueError("relief: tilt and radii are those of body: leave one of them out")
+        if not self._tip_radius:
+            raise ValueError("body needs a model whose indenter has a round end, as a sphere has")
+        if any(inclusion.shape != "sphere" for inclusion in self.inclusions):
+            raise ValueError('inclusions: below the skin of a body they have shape = "sphere"')
+        _ = self._over_inclusions
+        return self
+
+    @cached_property
+    def form(self) -> SkinForm | SkinOnSurface | None:
+        """The skin where it is a body's, tilted or curved; None where it is level and flat but for its roughness."""
+        return self.relief.form if self.body is None else SkinOnSurface(self.body)
+
+    @cached_property
+    def _over_inclusions(self) -> list[Floats]:
+        """Places (3,) [m] of a body's skin over its inclusions."""
+        return [self.form.over(one.place) for one in self.inclusions] if isinstance(self.form, SkinOnSurface) else []
 
     @property
     def _indenter(self) -> Indenter | None:
@@ -178,7 +200,9 @@ class Specimen(Settings):
         rise = along_x * velocity[:, 0] + along_y * velocity[:, 1]
         return self.surface + height - position[:, 2], rise - velocity[:, 2]
 
-    def _depth_along_the_normal(self, form: SkinForm, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+    def _depth_along_the_normal(
+        self, form: SkinForm | SkinOnSurface, position: Floats, velocity: Floats
+    ) -> tuple[Floats, Floats]:
         distance, normal = form.near(self._centre(position))
         depth, rate = self._tip_radius - distance, -np.sum(velocity * normal, axis=1)
         if self.relief.roughness > 0:
@@ -199,9 +223,10 @@ class Specimen(Settings):
         radius = self._tip_radius
         return position + radius * (out - np.array([0.0, 0.0, 1.0])), velocity + radius * rate
 
-    @cached_property
-    def curvature_share(self) -> float:
-        """Force on the curved skin over that on a flat one at the same depth."""
+    def curvature_share(self, position: Floats) -> Floats | float:
+        """Force on the curved skin over that on a flat one at the same depth, at positions (n, 3) [m] of the tip."""
+        if isinstance(self.form, SkinOnSurface):
+            return self.form.share(self._centre(position), self._tip_radius)
         curved = self.form is not None and any(self.form.curvatures)
         return elliptic_share(self._tip_radius, self.form.curvatures) if self.form and curved else 1.0
 
@@ -211,13 +236,23 @@ class Specimen(Settings):
             return np.broadcast_to((0.0, 0.0, 1.0), position.shape)
         return self.form.near(self._centre(position))[1]
 
-    def theta(self, x: Floats, y: Floats) -> list[Any]:
-        """The model's parameters where a tip at x, y (n,) [m] feels them."""
+    def theta(self, position: Floats) -> list[Any]:
+        """The model's parameters where a tip at positions (n, 3) [m] feels them.
+
+        On a body, an inclusion is as far away as the skin over it, straight through.
+        """
         theta: list[Any] = [self.parameters[parameter.name] for parameter in self.model.parameters]
         if not self.inclusions:
             return theta
         radius = 0.0 if self._indenter is None else float(self._indenter.contact_radius(self.felt_at))
-        factor = 1.0 + sum(inclusion.contrast(x, y, radius) for inclusion in self.inclusions)
+        if isinstance(self.form, SkinOnSurface):
+            feet = self.form.feet(self._centre(position))
+            far = [np.linalg.norm(feet - over, axis=1) for over in self._over_inclusions]
+            contrasts = [one.contrast_at(rho, radius) for one, rho in zip(self.inclusions, far, strict=True)]
+        else:
+            x, y = position[:, 0], position[:, 1]
+            contrasts = [one.contrast(x, y, radius) for one in self.inclusions]
+        factor = 1.0 + sum(contrasts)
         return self._stiffened(theta, np.maximum(factor, 0.01))
 
     def _stiffened(self, theta: list[Any], factor: Floats) -> list[Any]:
@@ -233,7 +268,7 @@ class Specimen(Settings):
         """
         force = self._force(instants, position, velocity)
         if self.form is not None:
-            force = force * self.curvature_share
+            force = force * self.curvature_share(position)
         if self.scatter is not None:
             force = force * self.scatter.at(position[:, 0], position[:, 1])
         return force if self.conditioning is None else force * self.conditioning.factor(self.palpated)
@@ -251,7 +286,7 @@ class Specimen(Settings):
         if not self.model.memory:
             if not self.model.adhesive and depth.max(initial=0.0) <= 0.0:
                 return np.zeros(len(depth))  # in air: what a live twin is most of the time
-            theta = self.theta(position[:, 0], position[:, 1])
+            theta = self.theta(position)
             if self.layers:
                 theta = self._stiffened(theta, np.interp(depth, *self._layered))
             return np.asarray(contact_force(self.model, depth, rate, theta, pulls=False), float)
@@ -286,8 +321,12 @@ class Specimen(Settings):
     def refuse(self, setpoint: Setpoint) -> None:
         """Raise ConfigurationError where a motion goes through the material or touches beside it."""
         x, y, z = setpoint.position.T
-        height = self.relief.height_at(x, y)
-        depth = self.surface + height - z
+        if isinstance(self.form, SkinOnSurface):
+            place = setpoint.position - np.array([0.0, 0.0, self.surface])
+            self.form.refuse(place)
+            depth = -self.form.near(place)[0]
+        else:
+            depth = self.surface + self.relief.height_at(x, y) - z
         if self.thickness is not None and depth.max() >= self.thickness:
             raise ConfigurationError(
                 f"the trajectory goes {1e3 * depth.max():.3g} mm deep, beyond the specimen's thickness of "

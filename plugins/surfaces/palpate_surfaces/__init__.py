@@ -8,15 +8,22 @@ import lazy_loader
 from palpate import Command, plugin
 
 if TYPE_CHECKING:
+    from palpate_surfaces.half_ellipsoid import HalfEllipsoid
     from palpate_surfaces.mesh import Mesh
     from palpate_surfaces.plane import Plane
     from palpate_surfaces.touched_surface import TouchedSurface
 
 __getattr__, _, _ = lazy_loader.attach(
-    __name__, submod_attrs={"mesh": ["Mesh"], "plane": ["Plane"], "touched_surface": ["TouchedSurface"]}
+    __name__,
+    submod_attrs={
+        "half_ellipsoid": ["HalfEllipsoid"],
+        "mesh": ["Mesh"],
+        "plane": ["Plane"],
+        "touched_surface": ["TouchedSurface"],
+    },
 )
 
-__all__ = ["Mesh", "Plane", "TouchedSurface"]
+__all__ = ["HalfEllipsoid", "Mesh", "Plane", "TouchedSurface"]
 
 
 @plugin
@@ -24,6 +31,7 @@ def palpate_surfaces() -> dict[str, str]:
     """Surfaces."""
     return {
         "plane": "palpate_surfaces.plane:Plane",
+        "half-ellipsoid": "palpate_surfaces.half_ellipsoid:HalfEllipsoid",
         "mesh": "palpate_surfaces.mesh:Mesh",
         "touched": "palpate_surfaces.touched_surface:TouchedSurface",
     }
