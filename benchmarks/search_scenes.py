@@ -41,7 +41,8 @@ class Scene:
         """The true contrast (n,) over the specimen's own stiffness that the tip feels at places (n, 2) [m]."""
         specimen = self.pipeline.devices["rig"].specimen  # type: ignore[attr-defined]
         plain = specimen.model_copy(update={"inclusions": ()})
-        return specimen.theta(*places.T)[0] / plain.theta(*places.T)[0] - 1
+        tips = np.pad(places, ((0, 0), (0, 1)))
+        return specimen.theta(tips)[0] / plain.theta(tips)[0] - 1
 
 
 def scene(seed: int, count: int, peaks: tuple[float, float], body: str) -> Scene:

@@ -49,7 +49,13 @@ def test_every_path_is_a_file_of_data_or_known_as_something_else():
     }
     logs = {f"device.{name}-replay.file" for name in ("mcap", "csv", "rosbag2", "afm")}
     assert {path for path, data in found.items() if not data} == logs | {"twin.ur3e-bota.port"}
-    assert {path.rpartition(".")[2] for path, data in found.items() if data} == {"points", "table", "file"}
+    assert {path.rpartition(".")[2] for path, data in found.items() if data} == {
+        "points",
+        "table",
+        "file",
+        "registration",
+        "touches",
+    }
 
 
 @pytest.mark.parametrize("key", ["run.calibration", "indenter.tip.points"])

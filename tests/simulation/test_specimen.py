@@ -156,7 +156,7 @@ def test_the_papers_specimens_are_known_by_name(name, elasticity, viscosity, con
     assert known.diameter == (0.08 if name == "S5" else 0.05)
     for inclusion, contrast in zip(known.inclusions, contrasts, strict=True):
         x, y = inclusion.line[len(inclusion.line) // 2]
-        assert known.theta(np.array([x]), np.array([y]))[0] / elasticity - 1 == pytest.approx(contrast, abs=0.015)
+        assert known.theta(np.array([[x, y, 0.0]]))[0] / elasticity - 1 == pytest.approx(contrast, abs=0.015)
 
 
 def test_what_is_said_replaces_what_the_papers_specimen_has():
