@@ -14,8 +14,9 @@ from palpate_kit.runs.surface_map_file import read_surface_map, write_surface_ma
 from palpate_maps.lumps import find_lumps
 from palpate_maps.map_grid import make_map
 from palpate_maps.sites import Sites
+from palpate_maps.skin_places import skin_places
 from palpate_maps.surface_map import make_surface_map, sites_on, surface_map_csv
-from palpate_surfaces import Mesh, Plane
+from palpate_surfaces import HalfEllipsoid, Mesh, Plane
 
 from tests.surfaces.bodies import ellipsoid, half, write_body
 
@@ -200,3 +201,15 @@ def test_a_surface_that_the_run_does_not_have_is_refused(grid_run, palpate):
     done = palpate("map", grid_run, "--mcap")
     assert done.returncode == 2
     assert "a map on a surface is a Gaussian process, in a PLY file" in done.stderr
+
+
+def test_the_place_that_is_pressed_is_not_that_of_the_tip():
+    """A tip 5 mm below a half ellipsoid along its normal is up to 3 mm aside of the place that it came from."""
+    body = HalfEllipsoid(half_axes=(0.06, 0.05, 0.04))
+    lateral = np.random.default_rng(4).uniform(-0.03, 0.03, (300, 2))
+    skin, height = body.uppermost(lateral), np.linspace(-0.006, 0.002, 300)
+    tip = (skin.position + height[:, None] * skin.normal)[:, :2]
+    assert np.linalg.norm(tip - lateral, axis=1).max() > 2e-3
+    np.testing.assert_allclose(skin_places(body, tip, height), lateral, atol=0.1e-3)
+    beside = skin_places(body, np.array([[0.09, 0.0]]), np.array([-0.005]))
+    np.testing.assert_array_equal(beside, [[0.09, 0.0]])

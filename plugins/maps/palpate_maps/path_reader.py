@@ -12,7 +12,9 @@ from palpate import Floats, LogError
 from palpate.host import RESULT
 from palpate_kit.runs.pipeline_diff import differences
 from palpate_kit.runs.result_file import open_table
-from palpate_kit.runs.run_folder import RunFolder, TrackTable
+from palpate_kit.runs.run_folder import EstimatesTable, RunFolder
+
+from palpate_maps.skin_places import skin_of, skin_places
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class Path2D:
     track: str
     parameter: str
     time: Floats  # (n,) [s]
-    place: Floats  # (n, 2) [m] x and y
+    place: Floats  # (n, 2) [m] x and y of the tip; over a surface, of the skin that it presses
     value: Floats  # (n,) [SI]
     std: Floats  # (n,) [SI] as the estimator gives it
     nis: float  # mean normalised innovation squared; 1 where model and noise are right
@@ -149,7 +151,7 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
     track = track or next(iter(tracks_of(part.path)), None)
     for table in tables:
         if track is not None and track in table.tracks:
-            found = _path(part.path, table.track(track), track, parameter)
+            found = _path(part, table, track, parameter)
             details = part.result["tracks"].get(track, {}).get("details", {}) if part.finished else {}
             with open_table(part.path / RESULT, f"tracks.{track}.details.relief_sensitivity"):
                 sensitivity = float(details.get("relief_sensitivity", 0.0))
@@ -157,7 +159,8 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
     return None
 
 
-def _path(folder: Path, table: TrackTable, track: str, parameter: str | None) -> Path2D | None:
+def _path(part: RunFolder, read: EstimatesTable, track: str, parameter: str | None) -> Path2D | None:
+    folder, table = part.path, read.track(track)
     parameter = parameter or next(iter(table.values))
     if parameter not in table.values:
         raise LogError(f"{folder}: {track} has no {parameter!r} (there are: {', '.join(table.values)})")
@@ -168,6 +171,8 @@ def _path(folder: Path, table: TrackTable, track: str, parameter: str | None) ->
     rows = usable & known.any(axis=1) & np.isfinite(place).all(axis=1)
     if not rows.any():
         return None
+    if (skin := skin_of(part)) is not None:
+        place[rows] = skin_places(skin, place[rows], read.measured["position"][rows])
     nis = table.others["nis"][rows]
     mean = float(np.nanmean(nis)) if np.isfinite(nis).any() else 1.0
     return Path2D(

@@ -1,0 +1,31 @@
+"""Where on a surface a tip touches that went along its normal: not where the tip's end is, which is below and aside."""
+
+from __future__ import annotations
+
+import numpy as np
+from palpate import Floats, Surface
+from palpate_kit.runs.continuation import recorded_pipeline
+from palpate_kit.runs.run_folder import RunFolder
+
+_CELL = 0.5e-3  # [m] within which a normal is one: on a radius of 20 mm it turns by 1.4 degrees
+_TURNS = 4
+
+
+def skin_of(run: RunFolder) -> Surface | None:
+    """The surface along whose normals force and height of a run are; None where they are along an axis."""
+    name = run.settings.get("alignment", {}).get("surface") if run.began else None
+    return None if name is None else recorded_pipeline(run.path).surfaces[name]
+
+
+def skin_places(surface: Surface, tip: Floats, height: Floats) -> Floats:
+    """Places (n, 2) [m] of the skin, of tips at x and y (n, 2) [m] and heights (n,) [m] along the normal over it.
+
+    q = p - h n(q), by iteration; those of tips that are nowhere over the surface stay.
+    """
+    foot = tip.copy()
+    for _ in range(_TURNS):
+        cells, cell_of = np.unique(np.round(foot / _CELL), axis=0, return_inverse=True)
+        aside = surface.uppermost(cells * _CELL).normal[:, :2]
+        aside = np.where(np.isfinite(aside), aside, 0.0)[cell_of.ravel()]
+        foot = tip - np.nan_to_num(height)[:, None] * aside
+    return foot
