@@ -36,7 +36,7 @@ class HalfEllipsoid(Surface):
 
     @property
     def _squares(self) -> Floats:
-        return np.square(np.array(self.half_axes))
+        return np.array(self.half_axes) ** 2
 
     @property
     def _middle(self) -> Floats:
