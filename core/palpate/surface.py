@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from palpate.errors import ConfigurationError, PluginError
-from palpate.part_failure import answer_of
+from palpate.part_answer import answer_of
 from palpate.parts import Part
 from palpate.vectors import Floats
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import PluginError
-from palpate.part_failure import answer_of
+from palpate.part_answer import answer_of
 from palpate.parts import Part
 from palpate.rotation_vectors import turned_axes
 from palpate.surface import Surface

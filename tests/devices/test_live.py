@@ -75,16 +75,17 @@ def test_the_example_as_it_stands(simulated):
 def test_the_main_job_by_the_real_clients(main_job):
     """The wall clock: ur_rtde, its sockets and a pseudo-terminal have threads and time-outs of their own.
 
-    The values are those of simulated time (`test_the_example_as_it_stands`), unless the twin or the estimates came late
-    on a busy computer, which is told; what was recorded, and its replay, are whole then, too.
+    The paper's filter integrates the arm's states: where a busy computer has them come late, a twentieth of them
+    unseen, its value is that of simulated time (`test_the_example_as_it_stands`) and not this one.
     """
     twin, state, result = main_job
-    if not result.flags:
+    arm = result.run["live"]["devices"]["arm"]
+    if arm["states_unseen"] < arm["states"] / 20:
         assert result.tracks["dr/ekf"].parameters["elasticity"].value == pytest.approx(E_TRUE, rel=0.02)
-        track = result.tracks["dr/kinematic"]
-        elasticity, viscosity = track.parameters["elasticity"], track.parameters["viscosity"]
-        assert elasticity.value == pytest.approx(E_TRUE, rel=0.02)
-        assert abs(viscosity.value - ETA_TRUE) < 2 * viscosity.combined
+    track = result.tracks["dr/kinematic"]
+    elasticity, viscosity = track.parameters["elasticity"], track.parameters["viscosity"]
+    assert elasticity.value == pytest.approx(E_TRUE, rel=0.02)
+    assert abs(viscosity.value - ETA_TRUE) < 2 * viscosity.combined
     assert result.run["live"]["peak_force"] < 12
     commands = result.run["live"]["devices"]["arm"]["commands"]
     assert commands["cycles"] + commands["periods_lost"] > 6000

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.part_failure import answer_of
+from palpate.part_answer import answer_of
 from palpate.surface import Surface
 from palpate.vectors import Floats
 

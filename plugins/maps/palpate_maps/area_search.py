@@ -70,6 +70,7 @@ class AreaSearch:
     _knowledge: Knowledge | None = None
     _visited: bool = False
     _std: float = 0.01
+    _doubtful: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # places (k, 2) [m] to go through
 
     @cached_property
     def _rows(self) -> NDArray[np.intp]:
@@ -99,7 +100,6 @@ class AreaSearch:
             self.lumps = update_progress(find_lumps(sites), before, sites, self.area, self.settings.sure)
         self._visited = visited
         self._knowledge = Knowledge.of(sites, self.area.nodes, self._knowledge)
-        self.__dict__.pop("_doubtful", None)
         coarse = merge_sites(sites, _WIDTH)
         self.patches = []
         while True:
@@ -110,6 +110,7 @@ class AreaSearch:
                 break
             self.patches.append((float(place[0]), float(place[1])))
         self._std = self.hiding.scatter * float(np.median(sites.std))
+        self._doubtful = self._doubtful_places(self._knowledge)
 
     def _on_lumps(self, places: Floats) -> NDArray[np.bool_]:
         found = np.zeros(len(places), bool)
@@ -150,16 +151,13 @@ class AreaSearch:
         lumps = [item.lump for item in self.lumps]
         return np.array([lump.highest or lump.place for lump in lumps]).reshape(-1, 2)
 
-    @cached_property
-    def _doubtful(self) -> Floats:
+    def _doubtful_places(self, known: Knowledge) -> Floats:
         """Places (k, 2) [m] to go through: lumps that are not certain, and likely ones that were not checked."""
-        known, settings = self._knowledge, self.settings
-        assert known is not None
         nodes = known.field.nodes
         unsure = np.array([not self._over(item) for item in self.lumps], bool)
         if unsure.any():
             return np.asarray(self._tops[unsure])
-        _, _, above = known.expectation(settings.contrast)
+        _, _, above = known.expectation(self.settings.contrast)
         likely = np.flatnonzero((above >= SUSPICIOUS) & ~self._on_lumps(nodes))
         return nodes[likely[passes(known.known, nodes[likely], _APART) < CHECKS]]
 

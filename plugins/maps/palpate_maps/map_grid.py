@@ -16,7 +16,7 @@ from palpate_maps.stiffness_field import interpolated
 
 Method = Literal["gaussian-process", "average"]
 
-MOST_CELLS = 250_000
+_MOST_CELLS = 250_000
 _TOGETHER = 4_000_000  # distances that are held at once
 
 
@@ -47,12 +47,7 @@ def make_map(sites: Sites, cell: float = 1e-3, method: Method = "gaussian-proces
     Both methods work on the logarithm, whose
     standard deviation is relative. Raises ConfigurationError for an impossible cell, LogError for too few sites.
     """
-    if len(sites) < 4:
-        raise LogError(f"{len(sites)} sites are too few for a map")
-    x, y = (axis_of(sites.place[:, axis], cell) for axis in (0, 1))
-    if len(x) * len(y) > MOST_CELLS:
-        raise ConfigurationError(f"cell: {1e3 * cell:g} mm makes {len(x) * len(y)} cells; {MOST_CELLS} are allowed")
-    nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    x, y, nodes = cells_over(sites, cell)
     pitch = line_distance(sites)
     used = merge_sites(sites, max(pitch / 3, 1e-3))
     if method == "gaussian-process":
@@ -90,7 +85,20 @@ def significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.bo
     return p, stiff
 
 
-def axis_of(values: Floats, cell: float) -> Floats:
+def cells_over(sites: Sites, cell: float) -> tuple[Floats, Floats, Floats]:
+    """Axes (c,) and (r,) [m] of a grid of cells over sites, and its nodes (r c, 2), row by row.
+
+    Raises ConfigurationError for an impossible cell, LogError for too few sites.
+    """
+    if len(sites) < 4:
+        raise LogError(f"{len(sites)} sites are too few for a map")
+    x, y = (_axis(sites.place[:, axis], cell) for axis in (0, 1))
+    if len(x) * len(y) > _MOST_CELLS:
+        raise ConfigurationError(f"cell: {1e3 * cell:g} mm makes {len(x) * len(y)} cells; {_MOST_CELLS} are allowed")
+    return x, y, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def _axis(values: Floats, cell: float) -> Floats:
     """Places of cells [m] over values (n,) [m]; raises ConfigurationError for an impossible cell."""
     if not (np.isfinite(cell) and cell > 0):
         raise ConfigurationError(f"cell: {cell!r} must be above 0")

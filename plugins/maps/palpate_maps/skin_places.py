@@ -1,9 +1,11 @@
-"""Where on a surface a tip touches that went along its normal: not where the tip's end is, which is below and aside."""
+"""The surface of a run, and where on it a tip touches that went along its normal: aside of where its end is."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
-from palpate import Floats, Surface
+from palpate import ConfigurationError, Floats, Surface
 from palpate_kit.runs.continuation import recorded_pipeline
 from palpate_kit.runs.run_folder import RunFolder
 
@@ -11,10 +13,26 @@ _CELL = 0.5e-3  # [m] within which a normal is one: on a radius of 20 mm it turn
 _TURNS = 4
 
 
+def surface_of_run(run: Path, name: str | None = None) -> Surface | None:
+    """The surface of a run's pipeline that it has, or that is named; None where it has none.
+
+    Raises ConfigurationError where it has several and none is named, or none of that name.
+    """
+    if "surface" not in RunFolder(run).settings and name is None:
+        return None
+    known = recorded_pipeline(run).surfaces
+    if name is None and len(known) == 1:
+        return next(iter(known.values()))
+    if name is None or name not in known:
+        what = "choose one of its surfaces" if name is None else f"it has no surface {name!r}"
+        raise ConfigurationError(f"--surface: {run}: {what} (there are: {', '.join(known) or 'none'})")
+    return known[name]
+
+
 def skin_of(run: RunFolder) -> Surface | None:
     """The surface along whose normals force and height of a run are; None where they are along an axis."""
     name = run.settings.get("alignment", {}).get("surface") if run.began else None
-    return None if name is None else recorded_pipeline(run.path).surfaces[name]
+    return None if name is None else surface_of_run(run.path, name)
 
 
 def skin_places(surface: Surface, tip: Floats, height: Floats) -> Floats:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ConfigurationError, LogError, Surface, surface_points
-from palpate_kit.runs.continuation import recorded_pipeline
-from palpate_kit.runs.run_folder import RunFolder
+from palpate import LogError, Surface, surface_points
 from palpate_kit.runs.surface_map_file import SurfaceMap
 
-from palpate_maps.map_grid import MOST_CELLS, axis_of, line_distance, nearest_distance, significance
+from palpate_maps.map_grid import cells_over, line_distance, nearest_distance, significance
 from palpate_maps.sites import Sites, merge_sites
 from palpate_maps.stiffness_field import interpolated
 
@@ -39,22 +36,6 @@ class MapOnSurface:
         )
 
 
-def surface_of_run(run: Path, name: str | None = None) -> Surface | None:
-    """The surface of a run's pipeline that it has, or that is named; None where it has none.
-
-    Raises ConfigurationError where it has several and none is named, or none of that name.
-    """
-    if "surface" not in RunFolder(run).settings and name is None:
-        return None
-    known = recorded_pipeline(run).surfaces
-    if name is None and len(known) == 1:
-        return next(iter(known.values()))
-    if name is None or name not in known:
-        what = "choose one of its surfaces" if name is None else f"it has no surface {name!r}"
-        raise ConfigurationError(f"--surface: {run}: {what} (there are: {', '.join(known) or 'none'})")
-    return known[name]
-
-
 def sites_on(sites: Sites, surface: Surface) -> Sites:
     """Sites at their places (n, 3) on a surface; raises ConfigurationError where it is not known below one."""
     return replace(sites, place=surface_points(surface, sites.place).position)
@@ -66,12 +47,7 @@ def make_surface_map(sites: Sites, surface: Surface, cell: float, parameter: str
     Distances between points are straight. A vertex is there where a site is nearer in x and y than 1.2 times the
     distance of lines or points, and the surface is known. Raises LogError for too few sites, ConfigurationError.
     """
-    if len(sites) < 4:
-        raise LogError(f"{len(sites)} sites are too few for a map")
-    x, y = (axis_of(sites.place[:, axis], cell) for axis in (0, 1))
-    if len(x) * len(y) > MOST_CELLS:
-        raise ConfigurationError(f"cell: {1e3 * cell:g} mm makes {len(x) * len(y)} cells; {MOST_CELLS} are allowed")
-    nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    x, y, nodes = cells_over(sites, cell)
     pitch = line_distance(sites)
     rows = np.flatnonzero(nearest_distance(sites.place, nodes) <= 1.2 * pitch)
     points = surface.uppermost(nodes[rows])

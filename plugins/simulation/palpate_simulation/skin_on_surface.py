@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
-from palpate import ConfigurationError, Floats, Surface
+from palpate import ConfigurationError, Floats, Surface, SurfacePoints
 
 from palpate_simulation.skin_form import elliptic_share
 
 _RATIOS = np.geomspace(1.0, 100.0, 600)  # of the curvatures in both planes
 
 
-@dataclass(frozen=True)
+@dataclass
 class SkinOnSurface:
-    """A surface as a skin; where the surface is not known, as beside it, there is none."""
+    """A surface as a skin; where the surface is not known, as beside it, there is none.
+
+    Depth, normal, curvatures and inclusions are asked for at the same places, one after the other: the latest are kept.
+    """
 
     surface: Surface
+    _latest: tuple[Floats, SurfacePoints] | None = field(default=None, repr=False, compare=False)
+
+    def _nearest(self, points: Floats) -> SurfacePoints:
+        if self._latest is None or not np.array_equal(self._latest[0], points):
+            self._latest = points, self.surface.nearest(points)
+        return self._latest[1]
 
     def near(self, points: Floats) -> tuple[Floats, Floats]:
         """Distance (n,) [m] of points (n, 3) from the skin, positive outside, and the normals (n, 3) to them."""
-        found = self.surface.nearest(points)
+        found = self._nearest(points)
         distance, normal = found.height.copy(), found.normal.copy()
         for row in found.unknown:
             distance[row], normal[row] = np.inf, (0.0, 0.0, 1.0)
@@ -29,7 +38,7 @@ class SkinOnSurface:
 
     def feet(self, points: Floats) -> Floats:
         """Places (n, 3) [m] of the skin nearest to points (n, 3); the points themselves where it is unknown."""
-        found = self.surface.nearest(points)
+        found = self._nearest(points)
         return np.where(np.isfinite(found.position), found.position, points)
 
     def over(self, place: tuple[float, float]) -> Floats:
@@ -42,7 +51,7 @@ class SkinOnSurface:
 
     def share(self, points: Floats, radius: float) -> Floats:
         """Force (n,) of a sphere of a radius [m] at points (n, 3) over that on a flat skin at the same depth."""
-        sums = 0.5 * (1.0 / radius + np.nan_to_num(self.surface.nearest(points).curvature))
+        sums = 0.5 * (1.0 / radius + np.nan_to_num(self._nearest(points).curvature))
         if sums.min(initial=np.inf) <= 0.0:
             raise ConfigurationError("specimen: a hollow of its surface is narrower than the tip")
         less, more = sums.min(axis=1), sums.max(axis=1)

@@ -54,10 +54,10 @@ class HalfEllipsoid(Surface):
         foot = self._foot(own)
         out = foot / self._squares
         height = np.sum((own - foot) * out, axis=1) / np.linalg.norm(out, axis=1)
+        points = self._points(foot, height)
         unknown = {int(row): _BELOW for row in np.flatnonzero(foot[:, 2] < 0.0)}
-        sharpest = 1.0 / self._curvature(foot)[:, 0]
-        unknown |= {int(row): _INSIDE for row in np.flatnonzero(height < -_DEEP * sharpest)}
-        return self._points(foot, height, unknown)
+        unknown |= {int(row): _INSIDE for row in np.flatnonzero(height < -_DEEP / points.curvature[:, 0])}
+        return points.without(unknown) if unknown else points
 
     def uppermost(self, lateral: Floats) -> SurfacePoints:
         """The points over x and y (n, 2) [m]."""
@@ -65,7 +65,8 @@ class HalfEllipsoid(Surface):
         left = 1.0 - np.sum(own[:, :2] ** 2 / self._squares[:2], axis=1)
         own[:, 2] = self.half_axes[2] * np.sqrt(np.maximum(left, 0.0))
         unknown = {int(row): _BESIDE for row in np.flatnonzero(~(left >= 0.0))}
-        return self._points(own, np.zeros(len(own)), unknown)
+        points = self._points(own, np.zeros(len(own)))
+        return points.without(unknown) if unknown else points
 
     def _foot(self, own: Floats) -> Floats:
         """Points (n, 3) of the whole ellipsoid nearest to points (n, 3), both about its centre and in its axes."""
@@ -90,20 +91,14 @@ class HalfEllipsoid(Surface):
         apart = np.sqrt(np.maximum(mean**2 - inverse.prod() / size**4, 0.0))
         return np.column_stack([mean + apart, mean - apart])
 
-    def _points(self, foot: Floats, height: Floats, unknown: dict[int, str]) -> SurfacePoints:
+    def _points(self, foot: Floats, height: Floats) -> SurfacePoints:
         count, out, curvature = len(foot), foot / self._squares, self._curvature(foot)
-        points = SurfacePoints(
+        return SurfacePoints(
             position=foot @ self._axes + self._middle,
             normal=(out / np.linalg.norm(out, axis=1)[:, None]) @ self._axes,
-            height=height.copy(),
+            height=height,
             curvature=curvature,
             position_std=np.full(count, self.position_uncertainty),
             normal_std=np.full(count, self.normal_uncertainty),
             curvature_std=self.curvature_uncertainty * curvature,
-            unknown=unknown,
         )
-        for row in unknown:
-            for column in (points.position, points.normal, points.height, points.curvature, points.position_std):
-                column[row] = np.nan
-            points.normal_std[row] = points.curvature_std[row] = np.nan
-        return points
