@@ -9,12 +9,12 @@ import pytest
 from palpate import ConfigurationError, LogError, OutputError
 from palpate.host import load_pipeline, run_pipeline
 from palpate_kit.figures import save_figure
+from palpate_kit.runs.skin_places import skin_places
 from palpate_kit.runs.surface_map_figure import surface_map_figure
 from palpate_kit.runs.surface_map_file import read_surface_map, write_surface_map
 from palpate_maps.lumps import find_lumps
 from palpate_maps.map_grid import make_map
 from palpate_maps.sites import Sites
-from palpate_maps.skin_places import skin_places
 from palpate_maps.surface_map import make_surface_map, sites_on, surface_map_csv
 from palpate_surfaces import HalfEllipsoid, Mesh, Plane
 

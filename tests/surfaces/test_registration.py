@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from palpate import ConfigurationError
-from palpate_surfaces import Mesh
+from palpate_surfaces import HalfEllipsoid, Mesh
 from palpate_surfaces.registration import distances, moved, register
 from palpate_surfaces.registration_file import file_digest, read_registration
 from palpate_surfaces.touches import Touches, read_touches
@@ -243,3 +243,25 @@ def test_a_registration_of_another_mesh_is_refused(breast, tmp_path, mesh_and_to
         with pytest.raises(ConfigurationError, match="not a registration"):
             Mesh(file=breast.file, registration=registration)
         registration.write_text(registration.read_text().replace(words, change, 1))
+
+
+@pytest.mark.slow
+def test_palpations_along_the_normals_touch_where_the_skin_is(palpate, root, tmp_path):
+    """The skin of a half ellipsoid that is 1 mm higher than its surface says, where that is inclined by 20 degrees."""
+    grid = ["trajectory.points.size=['18 mm', '12 mm']", "trajectory.points.centre=['-25 mm', '12 mm']"]
+    sets = [*grid, "device.rig.specimen.inclusions=[]", "device.rig.specimen.surface=1 mm"]
+    words = [word for one in sets for word in ("--set", one)]
+    done = palpate("run", root / "pipelines" / "breast.toml", *words, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert palpate("calibrate", "touches", tmp_path / "out", "-o", tmp_path / "touches.csv").returncode == 0
+    table = np.genfromtxt(tmp_path / "touches.csv", delimiter=",", skip_header=1, usecols=range(5)) * 1e-3
+    centre, radius = table[:, :3] + [[0.0, 0.0, 0.005]] - [[0.0, 0.0, 1e-3]], table[:, 4]
+    apart = HalfEllipsoid(half_axes=(0.06, 0.05, 0.04)).nearest(centre).height - radius
+    assert len(apart) == 12
+    np.testing.assert_allclose(apart, 0.0, atol=0.4e-3)
+    text = (tmp_path / "out" / "pipeline.toml").read_text()
+    assert 'surface = "breast"' in text
+    (tmp_path / "out" / "pipeline.toml").write_text(text.replace('surface = "breast"', "normal = [0.0, 0.0, 1.0]"))
+    refused = palpate("calibrate", "touches", tmp_path / "out", "-o", tmp_path / "none.csv")
+    assert refused.returncode == 2
+    assert "its heights are along a stated normal ([alignment] normal), not along z" in " ".join(refused.stderr.split())

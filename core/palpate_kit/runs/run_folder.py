@@ -32,6 +32,7 @@ class TrackTable:
 
     time: Floats  # (n,) [s]
     place: Floats  # (n, 2) [m] x and y of the tip
+    position: Floats  # (n,) [m] its height along the normal; NaN where a table is older
     values: Mapping[str, Floats]  # (n,) each, by parameter
     std: Mapping[str, Floats]  # (n,) each, as the estimator gives it
     others: Mapping[str, Floats]  # (n,) each: surface, surface_std, force, nis, ...
@@ -79,6 +80,7 @@ class EstimatesTable:
         return TrackTable(
             self._column("time_s"),
             np.column_stack([self._column(name) for name in ("x_m", "y_m")]),
+            self.measured["position"],
             {key: own[key] for key in parameters},
             {key: own[f"{key}_std"] for key in parameters},
             {key: column for key, column in own.items() if key.removesuffix("_std") not in parameters},

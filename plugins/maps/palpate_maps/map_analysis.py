@@ -1,5 +1,7 @@
 """Maps: from estimates along a way to a map with uncertainty, the lumps in it, and where to look next."""
 
+from palpate_kit.runs.skin_places import surface_of_run
+
 from palpate_maps.baseline_sites import (
     Baseline,
     Comparison,
@@ -18,7 +20,6 @@ from palpate_maps.path_reader import Path2D, read_path, rejected_runs, tracks_of
 from palpate_maps.search_area import Area, area_of
 from palpate_maps.search_progress import LumpProgress, footprint, update_progress
 from palpate_maps.sites import Sites, line_coordinate, sites_along
-from palpate_maps.skin_places import surface_of_run
 from palpate_maps.surface_map import sites_on
 
 __all__ = [

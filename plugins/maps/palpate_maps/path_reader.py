@@ -12,9 +12,8 @@ from palpate import Floats, LogError
 from palpate.host import RESULT
 from palpate_kit.runs.pipeline_diff import differences
 from palpate_kit.runs.result_file import open_table
-from palpate_kit.runs.run_folder import EstimatesTable, RunFolder
-
-from palpate_maps.skin_places import skin_of, skin_places
+from palpate_kit.runs.run_folder import RunFolder, TrackTable
+from palpate_kit.runs.skin_places import skin_of, skin_places
 
 
 @dataclass(frozen=True)
@@ -151,7 +150,7 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
     track = track or next(iter(tracks_of(part.path)), None)
     for table in tables:
         if track is not None and track in table.tracks:
-            found = _path(part, table, track, parameter)
+            found = _path(part, table.track(track), track, parameter)
             details = part.result["tracks"].get(track, {}).get("details", {}) if part.finished else {}
             with open_table(part.path / RESULT, f"tracks.{track}.details.relief_sensitivity"):
                 sensitivity = float(details.get("relief_sensitivity", 0.0))
@@ -159,11 +158,10 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
     return None
 
 
-def _path(part: RunFolder, read: EstimatesTable, track: str, parameter: str | None) -> Path2D | None:
-    folder, table = part.path, read.track(track)
+def _path(part: RunFolder, table: TrackTable, track: str, parameter: str | None) -> Path2D | None:
     parameter = parameter or next(iter(table.values))
     if parameter not in table.values:
-        raise LogError(f"{folder}: {track} has no {parameter!r} (there are: {', '.join(table.values)})")
+        raise LogError(f"{part.path}: {track} has no {parameter!r} (there are: {', '.join(table.values)})")
     known = np.isfinite(table.place)
     place = np.where(known.any(axis=0), table.place, 0.0)  # a sweep may know one coordinate only
     value, std = table.values[parameter], table.std[parameter]
@@ -172,7 +170,7 @@ def _path(part: RunFolder, read: EstimatesTable, track: str, parameter: str | No
     if not rows.any():
         return None
     if (skin := skin_of(part)) is not None:
-        place[rows] = skin_places(skin, place[rows], read.measured["position"][rows])
+        place[rows] = skin_places(skin, place[rows], table.position[rows])
     nis = table.others["nis"][rows]
     mean = float(np.nanmean(nis)) if np.isfinite(nis).any() else 1.0
     return Path2D(

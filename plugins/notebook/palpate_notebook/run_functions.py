@@ -62,6 +62,7 @@ class RunRecorder:
         return TrackTable(
             column("time"),
             samples.lateral[: len(values)],
+            samples.position[: len(values)],
             {name: values[:, i] for i, name in enumerate(names)},
             {name: std[:, i] for i, name in enumerate(names)},
             {name: column(name) for name in ("surface", "surface_std", "force", "nis", "innovation")},

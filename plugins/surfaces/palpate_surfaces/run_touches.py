@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import LogError
+from palpate import Floats, LogError, Surface, surface_points
 from palpate_kit.runs.run_folder import RunFolder, TrackTable
+from palpate_kit.runs.skin_places import skin_of, skin_places
 
 _SPHERES = ("sphere", "exact-sphere", "neo-hookean-sphere")
 _PAUSE = 0.3  # [s] without estimates between two palpations
@@ -30,7 +31,9 @@ class SkinTouch:
 def touches_of_run(folder: Path) -> Iterator[SkinTouch]:
     """Place and estimated surface of each palpation that stays at a place, in a run and its continuations.
 
-    Of the first track that has both. Raises LogError where there is none, or where the tip is not a sphere.
+    Of the first track that has both. Where force and height are those along a surface's normals, so is the estimated
+    surface; those along one stated normal are not taken. Raises LogError where there is none, where the tip is not a
+    sphere, and for such a normal.
     """
     count = 0
     for part in RunFolder(folder).parts:
@@ -54,16 +57,30 @@ def _of_part(part: RunFolder) -> Iterator[SkinTouch]:
                 f"{part.path}: {name} does not fit its record (lack-of-fit), so that its surface is not one: where the "
                 "skin is not level, palpate each place in a run of its own"
             )
+        if part.settings.get("alignment", {}).get("normal") is not None:
+            raise LogError(f"{part.path}: its heights are along a stated normal ([alignment] normal), not along z")
         radius = _radius(part, document["model"])
         believed = [document["surface"].get(key) for key in ("std", "combined")]
         # What a run knows beyond its estimator, such as tare and compliance, is common to its palpations.
         beyond = np.sqrt(max(believed[1] ** 2 - believed[0] ** 2, 0.0)) if None not in believed else 0.0
+        skin = skin_of(part)
+        if skin is not None:
+            table = replace(table, place=skin_places(skin, table.place, table.position))
         for number, rows in enumerate(_stays(table), 1):
             place = table.place[rows].mean(axis=0)
             height, std = (float(np.mean(table.others[key][rows])) for key in ("surface", "surface_std"))
             label = f"{part.path.name}, palpation {number}"
-            yield SkinTouch((float(place[0]), float(place[1]), height), radius, float(np.hypot(std, beyond)), label)
+            end = (float(place[0]), float(place[1]), height) if skin is None else _end(skin, place, height, radius)
+            yield SkinTouch(end, radius, float(np.hypot(std, beyond)), label)
         return
+
+
+def _end(skin: Surface, place: Floats, height: float, radius: float) -> tuple[float, float, float]:
+    """End (3,) [m] of an upright tool with the same sphere as one along the normal, at a height over a surface."""
+    points = surface_points(skin, place[None])
+    normal = points.normal[0]
+    x, y, z = (points.position[0] + height * normal + radius * (normal - np.array([0.0, 0.0, 1.0]))).tolist()
+    return x, y, z
 
 
 def _stays(table: TrackTable) -> Iterator[Any]:

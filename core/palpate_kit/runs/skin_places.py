@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Surface
+
 from palpate_kit.runs.continuation import recorded_pipeline
 from palpate_kit.runs.run_folder import RunFolder
 
