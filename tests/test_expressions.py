@@ -56,6 +56,7 @@ def attacks(pattern):
                 yield word + body + end
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("where", "pattern", "flags"), expressions(), ids=lambda item: str(item)[:60])
 def test_every_expression_is_linear(where, pattern, flags):
     expression = re.compile(pattern, flags)

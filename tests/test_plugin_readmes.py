@@ -18,6 +18,7 @@ def test_every_family_has_one():
     assert families == {path.parent.name for path in READMES}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "readme",
     [

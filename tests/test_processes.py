@@ -83,6 +83,7 @@ def state():
     )
 
 
+@pytest.mark.slow
 def test_a_call_leaves_nothing_behind(palpate, point_pipeline, tmp_path, monkeypatch):
     monkeypatch.setenv("THEIRS", "1")
     (tmp_path / "mine.py").write_text(CHANGES)
@@ -93,6 +94,7 @@ def test_a_call_leaves_nothing_behind(palpate, point_pipeline, tmp_path, monkeyp
     assert (tmp_path / "done").exists()
 
 
+@pytest.mark.slow
 def test_modules_of_pythonpath_are_those_of_one_call(palpate, tmp_path):
     info = tmp_path / "mine-1.0.dist-info"
     info.mkdir()
@@ -107,6 +109,7 @@ def test_modules_of_pythonpath_are_those_of_one_call(palpate, tmp_path):
     assert "tip-two" not in palpate("list").stdout
 
 
+@pytest.mark.slow
 def test_the_command_itself():
     done = run(PALPATE, "--version")
     assert (done.returncode, done.stdout[:8]) == (0, "palpate ")

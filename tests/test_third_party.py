@@ -121,6 +121,7 @@ def test_two_distributions_that_claim_one_name(palpate, installed, tmp_path):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_distribution_that_fails_to_import_does_not_stop_the_others(palpate, point_pipeline, tmp_path):
     broken = tmp_path / "broken"
     info = broken / "broken-0.1.dist-info"

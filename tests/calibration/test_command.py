@@ -74,6 +74,7 @@ def test_the_file_says_what_it_takes_to_trust_it(palpate, late, tmp_path):
     assert {"offset", "bias", "drift", "force_std", "velocity_std", "paper_velocity_std"} <= set(table["values"])
 
 
+@pytest.mark.slow
 def test_a_recorded_log_calibrates_like_the_rig_that_made_it(palpate, late, tmp_path):
     """Record a shake with `palpate run`, then calibrate from the log."""
     begin, end = late.read_text().index("[trajectory.press]"), late.read_text().index("[calibration]")

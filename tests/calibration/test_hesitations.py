@@ -55,6 +55,7 @@ def test_a_hesitation_is_no_contact_and_no_noise(held_up):
     assert not [note for note in quiet.notes if note.startswith("hesitated")]
 
 
+@pytest.mark.slow
 def test_over_half_is_refused_by_its_name():
     with pytest.raises(LogError, match=r"the arm hesitated [0-9]+ times .*over half of the shake") as caught:
         calibrate([recorded(TOO_OFTEN)], SETTINGS)
@@ -80,6 +81,7 @@ def test_tap_and_press_use_the_motion_as_it_was(held_up):
     assert compliance.value == pytest.approx((1 - 0.25) / (2 * 3e6 * 0.005), rel=0.01)
 
 
+@pytest.mark.slow
 def test_contact_is_still_refused_as_contact_where_the_arm_hesitates():
     low = Shake(amplitude=0.004, height=0.005, duration=4.0)
     touching = {**SOFT, "surface": 0.004}

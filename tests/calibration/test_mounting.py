@@ -61,6 +61,7 @@ def test_readings_of_another_tool_are_refused():
         find_mounting([(forces[[0, 2, 1, 3]] * [1, 2, 1], tools, NOISE)], DOWN, math.radians(0.5), 1, HALF)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_ninety_to_a_hundred_times_of_a_hundred():
     """With noise, and a base that stands half a degree off; the vector of a half turn does not jump to its negative."""
     angle, mounting, inside = math.radians(0.5), np.array([3.1, 0.1, -0.2]), np.zeros(3)

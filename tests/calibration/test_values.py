@@ -72,6 +72,7 @@ def test_without_noise_mass_and_delay_are_exact_at_any_fraction_of_a_sample(dela
     assert fit.delay.value == pytest.approx(delay, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_no_delay_is_liked_better_than_another():
     """Interpolation would pull towards half samples; the scatter about the truth must not depend on the fraction."""
     errors = {
@@ -280,6 +281,7 @@ def test_orientations_that_tell_nothing_are_refused():
         weight_fit(wrenches[:2], poses()[:2], (0.01, 1e-3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.0034, -0.011])
 def test_a_tap_gives_the_delay_too(delay):
     errors, stds = [], []

@@ -133,6 +133,7 @@ def test_a_log_of_zeros_and_a_log_of_one_row(palpate, replay):
     assert "stuck: log repeats one reading" in done.stdout.replace("\n", " ")
 
 
+@pytest.mark.slow
 def test_a_truncated_mcap(refused, run_point, point_pipeline, tmp_path):
     log = run_point("trajectory.press.duration=1 s", name="recording").folder / "log.mcap"
     (tmp_path / "cut.mcap").write_bytes(log.read_bytes()[:400_000])
@@ -142,6 +143,7 @@ def test_a_truncated_mcap(refused, run_point, point_pipeline, tmp_path):
     assert "accept_cut = true" in shown
 
 
+@pytest.mark.slow
 def test_an_output_folder_that_cannot_be_used(refused, point_pipeline, tmp_path):
     assert "cannot make the output folder" in refused("run", point_pipeline.name, "--out", "/proc/none/out")
     (tmp_path / "taken").mkdir()

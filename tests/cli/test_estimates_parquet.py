@@ -33,6 +33,7 @@ def growing(tmp_path, monkeypatch):
         yield table
 
 
+@pytest.mark.slow
 def test_a_run_in_parquet_reads_back_as_one_in_text(run_point):
     short = "trajectory.press.duration=2 s"
     text, columns = run_point(short, name="text"), run_point(short, "estimates.format=parquet", name="columns")

@@ -33,6 +33,7 @@ def test_csv_is_a_table_of_equal_rows(palpate, run, command):
     assert "┃" not in done.stdout
 
 
+@pytest.mark.slow
 def test_each_column_is_one_quantity_with_its_unit(palpate, run):
     done = palpate("replay", run, "--format", "csv")
     head, row = rows_of(done.stdout)[:2]

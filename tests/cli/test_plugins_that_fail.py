@@ -71,6 +71,7 @@ def with_plugin(point_pipeline):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "code", "words"),
     [

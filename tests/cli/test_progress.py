@@ -58,6 +58,7 @@ def test_nobody_hears_of_short_work(capsys):
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

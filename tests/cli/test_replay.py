@@ -36,6 +36,7 @@ def tracks(folder):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["run", "run/log.mcap"])
 def test_the_same_bits_from_a_run_folder_and_from_its_log(recorded, palpate, tmp_path, source):
     done = palpate("replay", recorded.parent / source, "--out", tmp_path / "again")
@@ -152,6 +153,7 @@ def flagged(folder):
     return said
 
 
+@pytest.mark.slow
 def test_another_channel_leaves_tip_and_mass_those_of_the_run(recorded, palpate, tmp_path):
     """Only what the choice touches is assumed: the delays of channels that the run did not read."""
     log = recorded / "log.mcap"
@@ -163,6 +165,7 @@ def test_another_channel_leaves_tip_and_mass_those_of_the_run(recorded, palpate,
     assert value == pytest.approx(tracks(recorded)["dr/ekf"]["parameters"]["elasticity"]["value"], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_one_more_model_takes_what_the_others_say(recorded, palpate, tmp_path):
     short = ["--estimators", "ekf", "--models", "kelvin-voigt", "--out"]
     done = palpate("compare", recorded / "log.mcap", *short, tmp_path / "out", "--set", "indenter.tip.radius=3 mm")
@@ -174,6 +177,7 @@ def test_one_more_model_takes_what_the_others_say(recorded, palpate, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_suggestion_begins_from_what_the_log_carries(recorded, palpate, tmp_path):
     done = palpate("info", recorded / "log.mcap", "--suggest", "--out", tmp_path / "own.toml")
     assert done.returncode == 0, done.stderr
@@ -183,6 +187,7 @@ def test_a_suggestion_begins_from_what_the_log_carries(recorded, palpate, tmp_pa
     assert tracks(tmp_path / "again") == tracks(recorded)
 
 
+@pytest.mark.slow
 def test_repeat_takes_logs(recorded, palpate, tmp_path, root):
     logs = [shutil.copy(recorded / "log.mcap", tmp_path / f"{name}.mcap") for name in ("one", "two")]
     done = palpate("repeat", *logs, "--json", cwd=tmp_path)

@@ -15,6 +15,7 @@ from tests.processes import DEVNULL, PALPATE, PIPE, run, start
 SHORT = ("--set", "trajectory.press.duration=2 s")
 
 
+@pytest.mark.slow
 def test_the_example_prints_the_truth_beside_the_estimates(palpate, point_pipeline, tmp_path):
     done = palpate("run", point_pipeline, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
@@ -26,12 +27,14 @@ def test_the_example_prints_the_truth_beside_the_estimates(palpate, point_pipeli
     assert f"written to {tmp_path / 'out'}" in done.stdout.replace("\n", " ")
 
 
+@pytest.mark.slow
 def test_details_are_everything(palpate, point_pipeline, tmp_path):
     done = palpate("run", point_pipeline, *SHORT, "--details", "--out", tmp_path / "out")
     for text in ("eta/G", "surface", "NIS", "on trust", "not-converged: only 1.5 s were tracked"):
         assert text in " ".join(done.stdout.split())
 
 
+@pytest.mark.slow
 def test_the_run_folder(palpate, point_pipeline, tmp_path):
     assert palpate("run", point_pipeline, *SHORT, "--seed", 7).returncode == 0
     (folder,) = (tmp_path / "runs").iterdir()
@@ -82,6 +85,7 @@ def test_the_same_input_gives_the_same_result_bit_for_bit(palpate, palpate_proce
     assert (tmp_path / "one" / "estimates.csv").read_bytes() != (tmp_path / "three" / "estimates.csv").read_bytes()
 
 
+@pytest.mark.slow
 def test_json_is_the_only_thing_on_standard_output(palpate, point_pipeline, tmp_path):
     done = palpate("run", point_pipeline, *SHORT, "--json", "--out", tmp_path / "out")
     assert json.loads(done.stdout) == json.loads((tmp_path / "out" / "result.json").read_text())

@@ -21,6 +21,7 @@ def run(*arguments, **env):
     return subprocess.run([*COMMAND, *map(str, arguments)], env={**given, **env}, capture_output=True, timeout=120)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "env",
     [

@@ -89,6 +89,7 @@ def codes(folder):
     }
 
 
+@pytest.mark.slow
 def test_a_run_on_the_reference_becomes_a_check_and_stands_behind_later_runs(palpate, place):
     done = control(palpate, place, "run", *STATED)
     assert done.returncode == 0, done.stderr
@@ -258,6 +259,7 @@ def test_a_spring_is_a_reference(palpate, tmp_path):
     assert read_chart(tmp_path / "chart.toml").quantity == "stiffness"
 
 
+@pytest.mark.slow
 def test_the_picture_is_the_same_file_each_time(palpate, place):
     control(palpate, place, "run", *STATED, "--plot", "first.svg")
     control(palpate, place, "--plot", "second.svg")

@@ -292,6 +292,7 @@ def test_the_tips_place_comes_along_or_is_unknown():
     assert np.isnan(plain.lateral).all()
 
 
+@pytest.mark.slow
 def test_readings_that_no_instant_can_need_are_forgotten():
     """A minute in blocks of 50 ms: what is held does not grow."""
     aligner, count = aligner_of(RIG), 0

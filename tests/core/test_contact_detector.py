@@ -116,6 +116,7 @@ def pushed(given, at, count=6, force=0.5):
     return [Batch("wrench", wrench.time, wrench.received, values), tip]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rest", [1.0, 2.0])  # within what the tare is settled on, and after it
 def test_a_push_on_the_way_down_is_no_touch(rest):
     height = ramp(4e-3, rest, air=1.5e-3)

@@ -105,6 +105,7 @@ def test_sinks_open_before_real_time_scheduling_and_can_start_processes_there(ru
     assert EVENTS == ["open", "undisturbed", "close"]
 
 
+@pytest.mark.slow
 def test_innovations_are_in_the_table_and_in_the_log(run_point):
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory

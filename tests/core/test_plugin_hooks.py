@@ -104,6 +104,7 @@ def test_a_hook_that_asks_for_an_argument(distribution, palpate, point_pipeline)
         registry.load([file])
 
 
+@pytest.mark.slow
 def test_the_other_hooks_of_a_plugin_that_fails_work(palpate, distribution, point_pipeline):
     text = SENSOR.format(hook="palpate_models", body="1 / 0") + (
         "class Cone(Indenter):\n    '''A cone.'''\n    def contact_radius(self, depth):\n        return depth\n"

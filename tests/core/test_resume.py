@@ -47,6 +47,7 @@ def motion_of(pipeline):
     return motion
 
 
+@pytest.mark.slow
 def test_a_rest_that_is_cut_again_leaves_the_lines_that_nobody_has_made(simulated, tmp_path):
     firsts, pipeline, folder = [], simulated, tmp_path / "run"
     for share in (0.5, 0.6, 1.0):

@@ -32,6 +32,7 @@ def policies(urgent):
     return found
 
 
+@pytest.mark.slow
 def test_only_an_urgent_thread_has_it_and_nothing_inherits_it():
     with real_time_section(print) as text:
         if "not permitted" in text:

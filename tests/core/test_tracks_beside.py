@@ -49,6 +49,7 @@ def test_numbers_are_those_of_one_after_the_other(recorded):
                     np.testing.assert_array_equal(getattr(one, name), getattr(expected[track], name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", [0, 1])
 def test_what_a_track_raises_on_purpose_is_heard_when_all_are_done(recorded, monkeypatch, which):
     pipeline, blocks = recorded

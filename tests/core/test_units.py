@@ -68,6 +68,7 @@ COMPOSED = {
 }
 
 
+@pytest.mark.slow
 def test_units_are_read_as_pint_reads_them_to_the_bit():
     import pint
 

@@ -35,6 +35,7 @@ ACTIONS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("act", ACTIONS)
 def test_an_action_is_taken_back_and_the_next_one_is_the_one_before(desk, act):
     desk.mark(NAMES[5], "bad", "first")

@@ -264,6 +264,7 @@ def test_what_the_robot_says_is_doubted(rig, fault, words, delay):
     assert truth["fastest_tip"] < 1.2 * LIMITS.speed
 
 
+@pytest.mark.slow
 def test_what_a_lost_link_holds_back_is_never_carried_out(rig):
     """Not even half a second later, when the network delivers again; the watchdog is far too slow to help."""
     why, _, height, after = moved_into(rig, "half-open 0.6", watchdog="1 Hz")
@@ -296,6 +297,7 @@ def test_a_link_that_is_held_up_for_a_moment_is_none_that_is_lost(rig):
     assert truth["fastest_tip"] < LIMITS.speed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "words", "leaves"),
     [
@@ -396,6 +398,7 @@ def test_it_waits_while_the_sensor_says_nothing(simulated):
     assert twin.state()["low"][2] == pytest.approx(-0.005, abs=3e-4)
 
 
+@pytest.mark.slow
 def test_an_error_in_the_servo_loop_stops_the_arm_and_is_told(simulated, monkeypatch):
     """Whatever the client library, or we, did not expect."""
     twin = simulated(*SHORT)

@@ -89,6 +89,7 @@ def run_with(rig, monkeypatch, how, begins, out):
     return state
 
 
+@pytest.mark.slow
 def test_a_motion_that_cannot_be_planned_leaves_nothing(rig, monkeypatch):
     for count, how in enumerate(("raise", "nan", "short"), 1):
         with monkeypatch.context() as context:
@@ -96,6 +97,7 @@ def test_a_motion_that_cannot_be_planned_leaves_nothing(rig, monkeypatch):
         assert not (rig.folder / f"out{count}").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["raise", pytest.param("nan", marks=pytest.mark.slow)])
 def test_a_motion_that_goes_wrong_once_the_run_has_begun_leaves_result_and_log(rig, monkeypatch, how):
     """All its setpoints are asked for once more when the arm is to follow: after single ones, for the way there."""

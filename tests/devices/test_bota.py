@@ -205,6 +205,7 @@ def test_readings_that_the_sensor_does_not_vouch_for_are_none(restored, fault):
     assert health["unusable"] == health["readings"]
 
 
+@pytest.mark.slow
 def test_settings_are_json(restored):
     device = BotaSensor(port="x")
     json.dumps(device.model_dump())

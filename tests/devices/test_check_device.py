@@ -48,6 +48,7 @@ class Live(Device):
         yield _Link(self.silent, self.broken)
 
 
+@pytest.mark.slow
 def test_it_ends_and_does_not_ask_for_the_same_readings():
     check_device(Live(), listen=0.2)
 

@@ -106,6 +106,7 @@ HARMLESS = {f.__name__: f for f in (in_order, jittered_arrival, duplicated, out_
 SAID = {"duplicated": "repeated", "out_of_order": "backwards", "with_gap": "gap"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HARMLESS)
 def test_estimates_stay_right(tmp_path, name):
     stamps, logged, order = HARMLESS[name](np.random.default_rng(5), true_stamps())
@@ -116,6 +117,7 @@ def test_estimates_stay_right(tmp_path, name):
         assert any(SAID[name] in str(flag) for flag in flags), flags
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["wrapped", "restarted"])
 def test_stamps_that_jump_back_are_said(tmp_path, kind):
     """A counter of 32 bits that wraps, or a driver that starts anew: what comes after is never mixed in silently."""
@@ -135,6 +137,7 @@ def test_stamps_that_jump_back_are_said(tmp_path, kind):
     assert elasticity == pytest.approx(TRUTH, rel=0.08)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("drift", "said"), [(200e-6, True), (-200e-6, True), (20e-6, False), (0.0, False)])
 def test_a_force_whose_clock_runs_otherwise_than_that_of_the_motion_is_said(tmp_path, drift, said):
     """200 ppm are 1 ms after 5 s, and a millisecond between force and motion is taken for viscosity."""

@@ -28,6 +28,7 @@ def driven(periods, delay, heard=lambda i: True, sent=lambda i: True):
     return silences
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("delay", "longest"), [(1, 0), (2, 1), (10, 9)])
 def test_a_delay_is_no_silence(delay, longest):
     """Nor are more commands than there are numbers; at the beginning it is one."""

@@ -161,6 +161,7 @@ def commanded(guard, commands, turns=None, look=None, leaving=False):
     return None, len(commands)
 
 
+@pytest.mark.slow
 def test_a_lawful_motion_passes_with_the_noise_of_a_pd_law():
     rng = np.random.default_rng(0)
     motion = straight_path(np.array([0.0, 0.0, 0.005]), np.array([0.0, 0.0, -0.004]), LAW)

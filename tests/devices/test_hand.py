@@ -46,6 +46,7 @@ def test_a_hard_push_is_taken_for_a_collision(hand):
     assert "a safety stop holds the arm" in hand.say("freedrive")
 
 
+@pytest.mark.slow
 def test_a_hand_leads_the_tip_to_a_place_and_turns_the_tool(hand):
     assert "not in freedrive" in hand.say("lead 0 0 20 0 0 0")
     hand.fault("freedrive")

@@ -151,6 +151,7 @@ def sometimes(length, every):
     return lambda: length if chance.random() < 1 / every else chance.uniform(0.0, 0.3e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("share", "length", "late"),
     [(0.9, 0.003, 0.03), (0.9, 0.008, 0.1), (0.5, 0.030, 0.4), (1.0, 0.008, 0.2), (0.9, 0.100, 1.5)],

@@ -75,6 +75,7 @@ def test_what_says_which_device_it_is():
     assert identity_in(facts) == {"serial": "A1", "identity": "S/N: 7"}
 
 
+@pytest.mark.slow
 def test_the_noise_at_standstill_and_the_devices_are_found(simulated, tmp_path):
     text = PIPELINE.read_text()
     others, after = text.index("[calibration.orientations]"), text.index("[trajectory.press]")

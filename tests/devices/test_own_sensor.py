@@ -94,6 +94,7 @@ def test_a_sensor_of_ones_own(sensor, gauge):
     assert b"start\n" in gauge.heard
 
 
+@pytest.mark.slow
 def test_a_sensor_that_is_unplugged(sensor, gauge):
     with sensor.connect(0) as link:
         first_readings(link, 5)
@@ -102,6 +103,7 @@ def test_a_sensor_that_is_unplugged(sensor, gauge):
             list(link.batches())
 
 
+@pytest.mark.slow
 def test_a_sensor_that_falls_silent(sensor, gauge):
     with sensor.model_copy(update={"sensor_timeout": 0.3}).connect(0) as link:
         first_readings(link, 5)
@@ -110,12 +112,14 @@ def test_a_sensor_that_falls_silent(sensor, gauge):
             list(link.batches())
 
 
+@pytest.mark.slow
 def test_a_port_that_is_not_there(sensor):
     absent = sensor.model_copy(update={"port": "/tmp/palpate-no-such-port"})
     with pytest.raises(DeviceError, match="cannot be opened: No such file"), absent.connect(0):
         pass
 
 
+@pytest.mark.slow
 def test_another_content_than_that_of_the_parent_is_not_executed(sensor, plugin_file):
     plugin_file.write_text(f"{plugin_file.read_text()}\nraise SystemExit\n")
     with pytest.raises(DeviceError, match=r"gauge\.py .*is not executed: its content is not what"), sensor.connect(0):

@@ -25,6 +25,7 @@ def test_two_runs_are_the_same_to_the_bit(simulated, tmp_path):
     assert one == json.loads(json.dumps(other).replace(f'"{tmp_path}/b"', f'"{tmp_path}/a"'))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("process", "duration"),
     [("robot", 0.008), *(pytest.param(*case, marks=pytest.mark.slow) for case in HELD_UP)],

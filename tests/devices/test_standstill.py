@@ -35,6 +35,7 @@ def test_noise_that_the_filter_was_not_told(simulated, tmp_path):
     assert (result.folder / "estimates.csv").read_bytes() == (again.folder / "estimates.csv").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_sensor_that_is_stuck_moves_nothing(rig):
     rig.fault("stuck-force")
     before = rig.state()["height"]
@@ -43,6 +44,7 @@ def test_a_sensor_that_is_stuck_moves_nothing(rig):
     assert rig.state()["height"] == pytest.approx(before, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_an_offset_that_no_tip_explains(simulated):
     twin = simulated(*SHORT, "twin.bench.bias=25 N")
     before = twin.state()["height"]

@@ -222,6 +222,7 @@ def test_what_cannot_be_is_refused_before_anything_moves(dome, changes, words):
     assert not ticks or quiet(ticks) < 1e-4
 
 
+@pytest.mark.slow
 def test_a_tool_that_is_not_along_the_first_normal_is_refused(dome):
     twin, ticks = dome("twin.bench.tool_rotation=[0, 0, 0]", "safety.orientation=3 deg")
     with pytest.raises(DeviceError, match=r"turned by 8\.3 deg from the normal of the first place, more than"):

@@ -87,6 +87,7 @@ def ask(host, text):
         return greeting.strip(), lines.readline().strip()
 
 
+@pytest.mark.slow
 def test_the_dashboard(restored):
     greeting, version = ask(restored.host, "PolyscopeVersion")
     assert greeting == "Connected: Universal Robots Dashboard Server"

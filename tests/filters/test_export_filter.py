@@ -50,6 +50,7 @@ def _exported(palpate, tmp_path, estimator, track="dr/filter"):
     return palpate("model", "export", file, "--track", track, "-o", tmp_path / "filter")
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize(
     ("estimator", "track"),
@@ -95,6 +96,7 @@ def test_shares_of_any_size_give_the_same_numbers(palpate, tmp_path, share):
     assert 0.6 * samples < shared <= samples
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("estimator", ['type = "ekf"', pytest.param('type = "kinematic-ekf"', marks=pytest.mark.slow)])
 def test_it_neither_allocates_nor_calls_itself(palpate, tmp_path, estimator):
@@ -133,6 +135,7 @@ def test_the_check_sees_a_number_that_is_off(palpate, tmp_path):
     assert "numbers differ" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("arm-none-eabi-gcc"), reason="no gcc-arm-none-eabi here")
 def test_it_compiles_for_a_microcontroller(palpate, tmp_path):
     assert _exported(palpate, tmp_path, 'type = "kinematic-ekf"').returncode == 0

@@ -50,6 +50,7 @@ def errors(name: str, records: list[Samples], **settings) -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start_from", ["fit", "guess"])
 def test_a_force_bias_leaves_the_elasticity_unbiased_and_honest(start_from):
     """The sum of eight squared errors is below 20.1 in 99 of 100 cases; a start that ignores the bias makes it 60."""
@@ -101,6 +102,7 @@ def test_a_random_walk_is_another_thing_than_a_drift():
     assert abs(found[0]) < 2.6
 
 
+@pytest.mark.slow
 def test_ten_minutes_of_a_sensor_that_warms_up():
     """1.5 N/h is 0.25 N at the end, which a filter without a bias takes for 1 % of E at a stated 0.02 %."""
     samples = palpation(5, 0.02, 1.5 / HOUR, 600.0)

@@ -33,6 +33,7 @@ def test_its_errors_are_as_large_as_it_says():
     assert 2.4 < np.mean(found) < 3.7
 
 
+@pytest.mark.slow
 def test_it_finds_the_truth_of_every_model(contact_models: dict[str, tuple[ContactModel, list[float]]]):
     for name, (model, theta) in contact_models.items():
         if name == "relaxing":
@@ -59,6 +60,7 @@ def test_a_force_bias_is_found():
     assert abs(plain[0] - TRUTH[0]) > abs(found.values[-1, 0] - TRUTH[0])
 
 
+@pytest.mark.slow
 def test_outliers_do_less_harm_to_students_t():
     errors = {4.0: [], None: []}
     for seed in range(6):

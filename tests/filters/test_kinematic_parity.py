@@ -134,6 +134,7 @@ def apart(found: Floats, expected: Floats) -> float:
     return float(np.max(np.abs(found - expected) / np.abs(expected).max(axis=0)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "speed", "count"),
     [

@@ -96,6 +96,7 @@ def slow(seed, truth, kind=KinematicFilter):
     return TrackEvidence("t", model, estimator, MASS, keeper.kept, *keeper.air, values, std, std, surface, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [KinematicFilter, partial(KinematicSmoother, passes=1)])
 def test_noise_of_the_rate_lowers_the_viscosity_of_a_kinematic_filter_by_what_is_predicted(kind):
     """Where the rate is 0.55 mm/s (RMS) and its noise in the filter's state a third of that: -12 +- 1 %."""
@@ -123,6 +124,7 @@ def test_a_smoother_that_is_relinearised_has_another_bias_which_is_predicted_too
     assert abs(np.mean(left)) < 1.0
 
 
+@pytest.mark.slow
 def test_the_starting_fit_is_not_bent_by_the_noise_of_the_motion():
     """With raw heights and rates it found 16 % of the viscosity, and E was 5 standard deviations off for good."""
     truth = np.array([1.09e6, 4870.0])

@@ -31,6 +31,7 @@ def test_a_smoother_with_the_right_noise_has_no_flag_of_its_innovations(judged):
     assert track.parameters["elasticity"].value == pytest.approx(112.5e3, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [{"force_std": '"0.01 N"'}, {"start_from": '"guess"'}])
 def test_a_smoother_whose_forward_pass_disagrees_says_so(judged, wrong):
     """Too small a noise; and a start that ends far off (E of some MPa for 0.1125 at a NIS of thousands)."""

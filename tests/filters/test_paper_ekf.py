@@ -106,6 +106,7 @@ def test_what_it_cannot_do_is_flagged_and_never_nan(run_point, overrides, expect
             assert np.isfinite(found.combined) or (name == "viscosity" and "force-late" in flags)
 
 
+@pytest.mark.slow
 def test_soft_material_found_by_a_finer_touch_is_still_not_identifiable(run_point):
     overrides = ["device.rig.specimen.elasticity=2 kPa", "device.rig.specimen.viscosity=10 Pa*s"]
     track = run_point(*overrides, "alignment.touch_force=0.02 N").tracks["dr/ekf"]

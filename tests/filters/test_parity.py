@@ -48,6 +48,7 @@ def test_the_ekf_is_filterpys() -> None:
     agree(SPHERE, [1.1e5, 360.0], ExtendedKalmanFilter(**START), FilterpyFilter(filter="ekf", **START))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["quartic", "kelvin-voigt", "hunt-crossley"])
 def test_the_ekf_is_filterpys_on_other_models(
     model: str, contact_models: dict[str, tuple[ContactModel, list[float]]]

@@ -27,6 +27,7 @@ def press(seed, air=0.5e-3, deep=2.2e-3, rate=500.0):
     return Samples(stamp, time, np.diff(time, prepend=0.0), force, measured, np.full(n, -SPEED), contact, contact)
 
 
+@pytest.mark.slow
 def test_the_tare_of_a_slow_ramp_is_that_of_the_air():
     """More than half of what is before the threshold is contact; the air is 0.6 s of 500 Hz."""
     surfaces, stds = [], []

@@ -54,6 +54,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(noise, profile):
     assert np.all((held >= 0.9) & (held <= 1.0))
 
 
+@pytest.mark.slow
 def test_the_white_noise_formula_would_not_hold_it():
     made, _ = NOISES["coloured"]
     model = DimensionalityReduction(indenter=cases.SPHERE)

@@ -118,6 +118,7 @@ def cells_of(track):
     return {key: repr(value) for key, value in cells.items()} | {"verdict": track["verdict"], "flags": codes}
 
 
+@pytest.mark.slow
 def test_a_row_is_what_fit_says_of_the_curve_alone(folder, palpate):
     palpate(*EACH, "--jobs", "1")
     alone = palpate("fit", "curves/3.csv", "--pipeline", "reader.toml", "--out", "one", "--no-pictures", "--json")
@@ -176,6 +177,7 @@ def test_what_was_torn_is_gone_on_with_to_the_same_bytes(folder, palpate):
     assert table.read_bytes() == whole  # nothing was left to do
 
 
+@pytest.mark.slow
 def test_other_settings_are_not_mixed_in(folder, palpate):
     palpate(*EACH, "--no-refit")
     refused = palpate(*EACH, "--set", "indenter.tip.radius=6 mm")
@@ -186,6 +188,7 @@ def test_other_settings_are_not_mixed_in(folder, palpate):
     assert "no fits to go on with" in palpate(*EACH[:-1], "other").stderr
 
 
+@pytest.mark.slow
 def test_curves_of_one_file_begin_where_a_channel_changes(folder, palpate):
     marked = [np.column_stack([curve(truth, i), np.full(len(curve(truth, i)), i)]) for i, truth in enumerate(TRUTHS)]
     np.savetxt("all.csv", np.concatenate(marked), delimiter=",")

@@ -36,6 +36,7 @@ def files(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_folder_in_two_dialects_is_one_table_and_what_was_done_stands_beside_it(files, palpate):
     done = palpate("fit", "curves", *TIP, "--out", "out")
     assert done.returncode == 1
@@ -54,6 +55,7 @@ def test_a_folder_in_two_dialects_is_one_table_and_what_was_done_stands_beside_i
     assert again.stdout == done.stdout
 
 
+@pytest.mark.slow
 def test_python_says_the_same_in_three_lines(files, palpate):
     palpate("fit", "curves/0.csv", *TIP, "--out", "out")
     found = python.fit(python.read("curves/0.csv"), tip="sphere 3 mm", model="dr")
@@ -86,6 +88,7 @@ def test_a_mistake_is_named(files, palpate, options, words):
     assert words in refused.stderr
 
 
+@pytest.mark.slow
 def test_a_folder_that_is_fitted_again_shows_its_files_and_what_ails_many_is_told_once(files, palpate):
     for number in range(3):
         np.savetxt(
@@ -136,6 +139,7 @@ def test_tables_of_all_kinds_give_the_elasticity_of_the_plain_one(tmp_path, palp
         assert float(found[kind.name]["elasticity"]) == pytest.approx(expected, rel=0.005), kind.name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "asked", "answer"),
     [
@@ -164,6 +168,7 @@ def press_file(path, names, extra=()):
     return p
 
 
+@pytest.mark.slow
 def test_what_is_guessed_is_said_and_counts_as_assumed(tmp_path, palpate):
     press_file(tmp_path / "a.csv", ("time", "force", "height"))
     command = ["fit", str(tmp_path / "a.csv"), *TIP, "--out", str(tmp_path / "out")]

@@ -24,6 +24,7 @@ def stiff(seed, **changed):
     return bench.Draw(5000 + seed, "sphere", **draw)
 
 
+@pytest.mark.slow
 def test_noise_of_the_height_takes_nothing_from_the_stiffness():
     """Left alone it takes 2 standard deviations of E: the mean of 8 errors over theirs is within 2.6/sqrt(8)."""
     errors = []

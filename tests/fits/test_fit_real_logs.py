@@ -140,6 +140,7 @@ def press(shared, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_the_foam_is_touched_before_the_force_says_so(press):
     result = press("foam_white_1_p.db3.gz", [0, 2, 4, 5], "load")
     track = result.tracks["dr/fit"]

@@ -28,6 +28,7 @@ def record(model, theta, seed):
     return samples(time, depth, ting_force(model, time, depth, theta), seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "theta"),
     [

@@ -48,6 +48,7 @@ def look(model, theta, fitted=HERTZ, parameters=None, settings=None, **how):
     )
 
 
+@pytest.mark.slow
 def test_without_noise_everything_is_found():
     found = look(HERTZ, [1e5, 0.0], noise=1e-9, surface=0.3e-3, tilt=2.0)
     assert found.fit.modulus == pytest.approx(1e5, rel=1e-6)
@@ -75,6 +76,7 @@ def test_the_truth_is_within_the_uncertainty():
     assert 50 <= contact <= 60
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_profiles_and_spread_hold_the_truth(seed):
     found = look(HERTZ, [1e5, 0.0], noise=0.03, seed=seed)
@@ -104,6 +106,7 @@ def test_a_robust_fit_bears_outliers():
     assert abs(robust.modulus - 1e5) < 4 * robust.modulus_std
 
 
+@pytest.mark.slow
 def test_large_strain_is_told_from_a_paraboloid():
     large = DimensionalityReduction(indenter=NeoHookeanSphere(radius=RADIUS))
     found = look(large, [1e5, 0.0], noise=2e-3, deep=4e-3)
@@ -114,6 +117,7 @@ def test_large_strain_is_told_from_a_paraboloid():
     assert chosen.fit.modulus < 0.95e5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(
     ("model", "name", "theta"),
@@ -197,6 +201,7 @@ def test_a_real_record_without_air_is_refused(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_gaps_in_the_force_are_left_out():
     samples = record(HERTZ, [1e5, 0.0], noise=1e-3)
     samples.force[100:140] = np.nan
@@ -217,6 +222,7 @@ def test_a_law_that_cannot_be_is_refused(model, parameters, words):
         law_of(model, "dr", parameters)
 
 
+@pytest.mark.slow
 def test_a_model_without_a_tip_has_its_own_modulus_over_depth():
     model = HuntCrossley(exponent=1.5)
     theta = [1.0 if p.role == "elastic" else 0.0 for p in model.parameters]

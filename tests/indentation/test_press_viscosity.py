@@ -26,6 +26,7 @@ def looked_at(samples, model=HERTZ, **given):
     return analyse_press(law_of(model, "dr", {}), press_of(samples), PressSettings(), **given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_press_tells_its_viscosity_by_the_way_out(seed):
     """At 8 mm/s the viscosity makes 20 % of the force 1 mm deep: taken for elastic, it moves the modulus by 12 %."""
@@ -38,6 +39,7 @@ def test_a_press_tells_its_viscosity_by_the_way_out(seed):
     assert not found.flags
 
 
+@pytest.mark.slow
 def test_speed_that_changes_on_the_way_in_tells_it_too():
     samples = record(HERTZ, [STIFF, 0.0], speed=4e-3, air=2e-3)
     half = samples[: len(samples) // 2]
@@ -54,6 +56,7 @@ def test_speed_that_changes_on_the_way_in_tells_it_too():
     assert abs(found.fit.modulus - STIFF) < 2.5 * found.combined
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_way_in_at_one_speed_bounds_it_and_says_so(seed):
     """At one speed the viscous force has the shape of a surface that lies higher; the modulus is 60 % too large."""
@@ -78,6 +81,7 @@ def test_the_truth_is_within_the_uncertainty_of_a_way_in(eta, speed):
     assert inside >= 3
 
 
+@pytest.mark.slow
 def test_adhesion_on_the_way_out_is_not_taken_for_viscosity():
     """A pull of jkr makes the way out lower, as viscosity would, and no law of both ways explains it."""
     found = looked_at(record(JohnsonKendallRoberts(radius=RADIUS), [3e4, 20.0], noise=0.02, air=4e-3))
@@ -85,6 +89,7 @@ def test_adhesion_on_the_way_out_is_not_taken_for_viscosity():
     assert found.viscosity.value == 0.0
 
 
+@pytest.mark.slow
 def test_an_elastic_material_keeps_its_modulus():
     found = looked_at(record(HERTZ, [STIFF, 0.0], noise=0.02, speed=8e-3))
     assert abs(found.fit.modulus - STIFF) < 2.5 * found.combined
@@ -92,6 +97,7 @@ def test_an_elastic_material_keeps_its_modulus():
     assert not found.flags
 
 
+@pytest.mark.slow
 def test_a_viscosity_that_is_stated_comes_before_all_others():
     samples = record(HERTZ, [STIFF, ETA], noise=0.02, speed=8e-3)
     law = law_of(HERTZ, "dr", {"viscosity": f"{ETA} Pa*s"})
@@ -111,6 +117,7 @@ def test_the_tip_ranks_first_or_none_does():
     assert min(looked_at(samples).spheres, key=lambda one: one.log_squares).tip == "sphere"
 
 
+@pytest.mark.slow
 def test_a_model_without_viscosity_needs_none():
     model = HuntCrossley(exponent=1.5)
     law = law_of(model, "hc", {})
@@ -149,6 +156,7 @@ def declared(**uncertainties):
     return Declared(AlignmentSettings(force="a.f", position="a.z", tip_mass=0.14, series_stiffness=3e4), uncertainties)
 
 
+@pytest.mark.slow
 def test_rows_of_the_budget_are_what_another_analysis_finds():
     """Each number of tip, model and readings changed by its uncertainty, and the press fitted again."""
     samples = record(HERTZ, [STIFF, ETA], noise=1e-4, speed=8e-3, deep=3e-3)
@@ -176,6 +184,7 @@ def test_rows_of_the_budget_are_what_another_analysis_finds():
     assert rows["compliance"].contribution > 0.01 * STIFF
 
 
+@pytest.mark.slow
 def test_what_is_not_declared_has_the_defaults_of_a_track():
     found = looked_at(record(HERTZ, [STIFF, 0.0], noise=0.02))
     rows = {row.source: row for row in found.budget}

@@ -97,6 +97,7 @@ def test_a_viewer_gets_what_it_subscribes_to(child, a_run, samples, estimates):
         assert found["elasticity_combined"] == pytest.approx(1e-3)
 
 
+@pytest.mark.slow
 def test_one_who_comes_late_gets_how_things_stand(child, a_run):
     feed = PageFeed(a_run(), child.send, {})
     feed.health({"time": 1.0, "tracks": {"dr/a": {"parameters": {"elasticity": FOUND}}}})
@@ -139,6 +140,7 @@ JUNK = [
 ]
 
 
+@pytest.mark.slow
 def test_nothing_else_can_be_asked_for(child, a_run):
     PageFeed(a_run(), child.send, {})
     with viewer(child) as socket:

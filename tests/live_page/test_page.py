@@ -21,6 +21,7 @@ COLOURED = """Array.from(document.querySelectorAll('.chart canvas')).map((canvas
 })"""
 
 
+@pytest.mark.slow
 def test_all_panels_are_drawn(point_pipeline, tmp_path):
     pipeline = load_pipeline(point_pipeline, ['run.tracks=["*/ekf"]', "trajectory.press.duration=3 s"])
     asked = []

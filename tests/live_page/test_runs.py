@@ -203,6 +203,7 @@ def test_what_cannot_be_watched_is_said(arguments, said, palpate, tmp_path):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_the_option_is_the_sink(palpate, point_pipeline):
     done = palpate("run", point_pipeline, "--live", "--set", "trajectory.press.duration=1 s", "--out", "out")
     assert done.returncode == 0, done.stderr

@@ -101,11 +101,13 @@ def test_the_server_refuses_and_serves(child):
         pass
 
 
+@pytest.mark.slow
 def test_it_listens_on_this_machine_only(child):
     with socket.socket() as other, pytest.raises(OSError, match="refused"):
         other.connect(("127.0.0.2", child.port))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("said", [b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"], ids=["nothing", "half a request"])
 def test_connections_without_a_token_keep_nobody_away(child, said):
     """Of 300 that say nothing the oldest are gone when the next one comes; who has the token stays."""
@@ -223,6 +225,7 @@ def test_a_page_that_stands_still_or_dies_holds_nobody_up(child, a_run, samples,
     assert ("ended from outside" if how == signal.SIGKILL else "too slow") in told
 
 
+@pytest.mark.slow
 def test_messages_that_got_through_are_whole(child, a_run, samples):
     feed = PageFeed(a_run(), child.send, {})
     os.kill(child.pid, signal.SIGSTOP)
@@ -243,6 +246,7 @@ def drain(socket):
         socket.recv(timeout=20)
 
 
+@pytest.mark.slow
 def test_a_slow_browser_is_let_go(a_run, samples):
     """It may come again and gets the history; nobody remembers what it did not take."""
     child = PageServer(0, None, patient=True)

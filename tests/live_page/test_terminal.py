@@ -67,6 +67,7 @@ def test_the_panel_takes_no_text_for_markup(watcher):
     assert "kPa" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("terminal_", "clears"), [("", False), ("1", True)])
 def test_it_shows_a_run(terminal_, clears, point_pipeline, tmp_path, monkeypatch, capsys):
     """A panel on a terminal, which it clears when it ends; lines elsewhere."""

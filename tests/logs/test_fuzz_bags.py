@@ -42,6 +42,7 @@ def test_a_database_cut_anywhere_is_refused_or_read(bag, data):
     assert found is None or found <= 300
 
 
+@pytest.mark.slow
 @FUZZ
 @given(data=st.data())
 def test_flipped_bits_never_crash(bag, data):

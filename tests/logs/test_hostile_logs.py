@@ -112,6 +112,7 @@ def test_definitions_without_end_or_measure(text, words):
     assert len(str(refusal.value)) < 1000
 
 
+@pytest.mark.slow
 def test_layouts_that_all_differ_are_neither_kept_nor_compared_with_all(monkeypatch):
     """Two sequences of one total length: every message of the block has a layout of its own."""
     topic = Topic("/t", "a/T", schema=b"uint8[] a\nuint8[] b\nuint8[] c")
@@ -147,6 +148,7 @@ def test_layouts_are_kept_as_long_as_they_are_small():
     assert sum(layout.cost for layout in decoder._layouts) <= FREE
 
 
+@pytest.mark.slow
 def test_a_topic_is_walked_in_proportion_to_its_bytes():
     """Structures within structures: 30 elements for every byte, in message after message."""
     chain = [f"a/S{i}\nS{i + 1} s" for i in range(28)]

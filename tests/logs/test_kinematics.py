@@ -215,6 +215,7 @@ def test_kinematics_that_make_no_sense_are_refused(tmp_path, keys, words):
         Kinematics.model_validate(table(**keys))
 
 
+@pytest.mark.slow
 def test_joint_states_and_a_wrench_in_the_tool_lead_to_the_elasticity(tmp_path):
     """The force is along the skin's normal; the sensor's frame is the tool's, whose orientation the joints give."""
     time, height, q, _ = swing()

@@ -49,6 +49,7 @@ def test_what_is_recovered_is_whole_and_the_same(palpate, recording, tmp_path):
         assert "seed" in next(m for m in reader.iter_metadata() if m.name == "palpate").metadata
 
 
+@pytest.mark.slow
 def test_recovery_of_a_whole_log_of_nothing_and_onto_something(palpate, recording, tmp_path):
     done = palpate("log", "recover", recording, "-o", "again.mcap")
     assert done.stdout.startswith("the log was whole: ")
@@ -224,6 +225,7 @@ def test_exports_that_cannot_be(palpate, bag, tmp_path, arguments, words):
     assert words in refused.stderr
 
 
+@pytest.mark.slow
 def test_an_exported_recording_replays_from_csv(palpate, recording, tmp_path):
     assert palpate("log", "export", recording, "-o", "x.csv", "--topic", "/rig/wrench").returncode == 0
     with (tmp_path / "x.csv").open() as file:

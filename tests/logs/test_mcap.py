@@ -194,6 +194,7 @@ def test_a_file_that_is_no_log(tmp_path):
         _ = McapReplay(file=tmp_path / "none.mcap").streams
 
 
+@pytest.mark.slow
 def test_topics_can_be_named(recording):
     named = McapReplay(file=recording, topics={"force": "/rig/wrench"})
     assert [stream.name for stream in named.streams] == ["force"]
@@ -214,6 +215,7 @@ def test_real_logs_of_others_are_read_or_refused_in_words(shared):
         assert path.name in words
 
 
+@pytest.mark.slow
 def test_the_readers_of_npm_find_the_same(recording):
     """NODE_PATH must lead to @mcap/core, @foxglove/rosmsg, @foxglove/rosmsg2-serialization and fzstd."""
     node = shutil.which("node")

@@ -165,6 +165,7 @@ def test_nothing_is_left_where_the_new_log_cannot_be_written(tmp_path, monkeypat
         McapReplay.recover(tmp_path / "bad.mcap", tmp_path / "none" / "good.mcap")
 
 
+@pytest.mark.slow
 def test_many_small_chunks_and_topics(tmp_path):
     """As a live recording has them: read together, written one by one."""
     rng = np.random.default_rng(1)

@@ -280,6 +280,7 @@ def test_roles_are_found_in_numbers_without_names(tmp_path, sign):
     assert len(desired) == len(time)
 
 
+@pytest.mark.slow
 def test_two_wrenches_are_never_picked_by_accident(tmp_path):
     wrench = "geometry_msgs/msg/WrenchStamped"
     _, height, _, force = press()
@@ -306,6 +307,7 @@ def test_two_wrenches_are_never_picked_by_accident(tmp_path):
         Rosbag2Replay.suggest(path, {"force": "/none"})
 
 
+@pytest.mark.slow
 def test_the_authors_bags_hold_what_their_notes_say(shared):
     counts = {"ur3e_load_unload_soft_1": (9744, 3, 5), "foam_white_1_p": (4800, 2, 5)}
     for name, (count, position, force) in counts.items():

@@ -110,6 +110,7 @@ def test_a_record_that_begins_in_contact_has_no_tare(tmp_path):
     assert "tare" not in CsvReplay.suggest(written(tmp_path / "c.csv", [time, force, height]), {}).alignment
 
 
+@pytest.mark.slow
 def test_what_cannot_be_known_is_never_said_as_if_it_were(tmp_path):
     """A force that is proportional to the depth, on both sides of zero, has no sign that anything tells."""
     time, height, _, _ = swinging()
@@ -252,6 +253,7 @@ def test_a_pipeline_file_elsewhere_and_a_picture(palpate, tmp_path):
     assert "exists already" in palpate("info", "logs/log.csv", "-o", "pipelines/log.toml").stderr
 
 
+@pytest.mark.slow
 def test_a_force_that_counts_the_other_way_is_asked_for(palpate, tmp_path):
     time, height, _, force = press(4.0)
     written(tmp_path / "log.csv", [time, force, height], ["time_s", "force_N", "position_m"])
@@ -304,6 +306,7 @@ def test_what_nobody_has_stated_is_flagged_until_somebody_does(palpate, tmp_path
     assert said("run", "own.toml")[0] == ""
 
 
+@pytest.mark.slow
 def test_names_that_command_terminals_are_spelled_out(palpate, tmp_path):
     time, height, _, force = press(2.0)
     written(tmp_path / "log.csv", [time, force, height], ["time_s", "\x1b[2Jf [N]", "z\x07 [m]"])
@@ -314,6 +317,7 @@ def test_names_that_command_terminals_are_spelled_out(palpate, tmp_path):
         assert "\\u001b[2Jf" in done.stdout + done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("header", "unit", "newton"),
     [

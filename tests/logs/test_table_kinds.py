@@ -191,6 +191,7 @@ def folder(path):
     return path
 
 
+@pytest.mark.slow
 def test_a_folder_is_suggested_once_and_what_is_unlike_is_named(tmp_path, monkeypatch, palpate):
     monkeypatch.chdir(tmp_path)
     folder(tmp_path / "curves")

@@ -25,12 +25,14 @@ def test_false_alarms_are_as_rare_as_promised():
     assert alarms < 8  # 2 expected
 
 
+@pytest.mark.slow
 def test_p_values_of_the_baseline_itself_are_uniform():
     dice = np.random.default_rng(3)
     p = np.concatenate([prediction_p(log, find_baseline(log, share=0.0)) for log in dice.standard_normal((400, 12))])
     assert np.quantile(p, [0.05, 0.5, 0.95]) == pytest.approx([0.05, 0.5, 0.95], abs=0.02)
 
 
+@pytest.mark.slow
 def test_the_prediction_interval_keeps_its_rate_where_welch_does_not():
     """Between-site spread 0.5 %, 10 repeats of 0.3 % each, p < 0.01: as computed for the paper's way of testing."""
     dice = np.random.default_rng(4)

@@ -45,6 +45,7 @@ def raster_run(root, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "said"),
     [
@@ -220,6 +221,7 @@ def last_time(table):
     return float(rows[-1].split(",")[0]) if rows else 0.0
 
 
+@pytest.mark.slow
 def test_a_motion_that_can_only_be_done_as_one_does_not_resume(palpate, sweep_run, tmp_path):
     cut = tmp_path / "cut"
     shutil.copytree(sweep_run, cut)
@@ -308,6 +310,7 @@ def test_a_sweep_is_told_by_its_range_and_not_by_its_last_sample(raster_run):
     assert found["last"]["value"] == pytest.approx(float(path.value[-1]), rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("killed", ["run", "part-2"])
 def test_the_best_track_of_each_part_is_taken_and_named(palpate, raster_run, tmp_path, killed):
     """A part that was killed has no estimates by the smoother, whichever part it is."""
@@ -323,6 +326,7 @@ def test_the_best_track_of_each_part_is_taken_and_named(palpate, raster_run, tmp
     assert f"of {killed}: dr/kinematic: background" in palpate("map", "lumps", run).stdout
 
 
+@pytest.mark.slow
 def test_a_run_of_a_sweep_prints_ranges(palpate, root, tmp_path):
     line = ['trajectory.sweep.start=["0 mm", "-22 mm"]', 'trajectory.sweep.end=["0 mm", "-10 mm"]']
     settings = [*line, "trajectory.sweep.settle=2 s", 'run.tracks=["dr/kinematic"]']

@@ -142,6 +142,7 @@ def test_the_stay_before_a_raster_is_no_point_on_its_lump():
     assert not lump.checked
 
 
+@pytest.mark.slow
 def test_homogeneous_areas_raise_no_alarm():
     alarms = [len(find_lumps(area(np.random.default_rng(seed), [])).lumps) for seed in range(25)]
     assert sum(alarms) == 0

@@ -28,6 +28,7 @@ def test_the_scatter_is_that_of_the_speed_at_which_the_skin_rises(speed, sensiti
     assert sites_along(path).relief == pytest.approx(expected * np.sinc(0.2) ** 2, rel=0.1, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_rough_skin_under_a_fading_filter_is_no_lump():
     """0.3 mm and 1 degree at 6 mm/s, nothing in it: two lumps of 11 % where the relief does not count."""
     settings = ["device.rig.specimen.inclusions=[]", bench.RELIEF, "device.rig.specimen.relief.seed=1007"]

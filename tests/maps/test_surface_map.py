@@ -65,6 +65,7 @@ def test_a_plane_that_stands_oblique_is_the_same_map_stretched():
     assert lump.height == pytest.approx(lump.place[0], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_its_vertices_lie_on_the_body_and_look_outwards(made, breast):
     shown = made.map
     own = shown.vertices + np.array([0.0, 0.0, 0.04])
@@ -84,6 +85,7 @@ def test_the_lump_is_where_it_is_with_its_p_value(made):
     assert not made.stiff[np.linalg.norm(made.map.vertices[:, :2] - CENTRE, axis=1) > 0.015].any()
 
 
+@pytest.mark.slow
 def test_lumps_on_the_body_have_a_height(breast):
     (lump,) = find_lumps(sites_on(sites(), breast)).lumps
     assert math.dist(lump.place, CENTRE) < 3e-3
@@ -147,6 +149,7 @@ def test_damaged_files_are_named(made, tmp_path, damage):
         read_surface_map(tmp_path / "no.ply")
 
 
+@pytest.mark.slow
 def test_the_table_and_the_picture(made, tmp_path):
     rows = surface_map_csv(made).splitlines()
     assert rows[0] == "x_m,y_m,z_m,elasticity,elasticity_std,p,stiff"

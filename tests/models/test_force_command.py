@@ -40,6 +40,7 @@ def test_a_ramp_is_the_papers_formula():
     assert found[0] == 0
 
 
+@pytest.mark.slow
 def test_a_sine_goes_to_a_file_and_a_picture(tmp_path):
     out, picture = tmp_path / "f.csv", tmp_path / "f.svg"
     result = force(*SPHERE, *VALUES, "--frequency", "2 Hz", "--cycles", 2, "-o", out, "--picture", picture)

@@ -101,6 +101,7 @@ def test_a_material_that_relaxes_is_found_when_its_time_is_known(tmp_path):
     assert "slow against the relaxation time" in track.table()["derived"]["viscosity"]["caveat"]
 
 
+@pytest.mark.slow
 def test_a_flat_tip_makes_e_of_a_linear_spring(tmp_path):
     model = 'type = "kelvin-voigt"\nindenter = "face"'
     track = run(tmp_path, model, 'stiffness = "0.9 N/mm"\ndamping = "3 N*s/m"')
@@ -112,6 +113,7 @@ def test_a_flat_tip_makes_e_of_a_linear_spring(tmp_path):
     assert "flat tip only" in table["elasticity"]["caveat"]
 
 
+@pytest.mark.slow
 def test_a_range_that_is_left_is_flagged(tmp_path):
     thin = THICK.replace("22 mm", "12 mm")
     model = f'type = "dimensionality-reduction"\nindenter = "tip"\n{thin}'

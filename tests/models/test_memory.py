@@ -49,6 +49,7 @@ def test_maxwell_answers_a_sine_with_its_complex_modulus(frequency):
     np.testing.assert_allclose(force[late], exact[late], atol=2e-5 * np.max(np.abs(exact)))
 
 
+@pytest.mark.slow
 def test_slow_motion_of_a_solid_is_kelvin_voigt():
     tip, tau = ExactSphere(radius=RADIUS), 1e-3
     solid = StandardLinearSolid(indenter=tip)

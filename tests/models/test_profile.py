@@ -46,6 +46,7 @@ def test_sampled_sphere_with_uneven_points_and_rounded_numbers(tmp_path):
     np.testing.assert_allclose(tip.profile_area(deep), exact.profile_area(deep), rtol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("formula", "constants", "exact", "tolerance"),
     [
@@ -69,6 +70,7 @@ def test_formula_is_the_tip_it_writes_down(formula, constants, exact, tolerance)
     np.testing.assert_allclose(tip.profile_area(depths), exact.profile_area(depths), rtol=tolerance)
 
 
+@pytest.mark.slow
 def test_beyond_its_edge_a_tip_is_a_shaft_and_says_so():
     tip = Profile(formula="r**2 / (2 * R)", constants={"R": R}, radius=2e-3)
     end = 2e-3**2 / R

@@ -77,6 +77,7 @@ def pipeline(folder: Path, body: str = RIGHT, replay: Path | None = None) -> Pat
     return path
 
 
+@pytest.mark.slow
 def test_ten_lines_run_in_simulation_filter_and_replay(tmp_path):
     live = run_pipeline(load_pipeline(pipeline(tmp_path)), tmp_path / "live")
     found = live.tracks["dr/ekf"].parameters

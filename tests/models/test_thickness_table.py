@@ -94,6 +94,7 @@ def test_a_mistake_on_the_command_line_is_one_sentence(options, words, tmp_path)
         call(["model", "thickness", *options, "--set", "radius=5 mm", "--out", str(tmp_path / "t.csv")])
 
 
+@pytest.mark.slow
 def test_compression_between_plates_that_hold():
     """1.705 at zero strain for D/H = 2.32; these few elements are 1 % stiffer."""
     pytest.importorskip("skfem", reason="scikit-fem is not installed")

@@ -51,6 +51,7 @@ def fitted(record):
     return palpate.fit(record, tip=Sphere(radius="5 mm"), model="dr")
 
 
+@pytest.mark.slow
 def test_a_run_is_that_of_the_command_line(kept):
     written = json.loads((kept.folder / "result.json").read_text())
     assert kept.document == written
@@ -74,6 +75,7 @@ def test_the_budget_is_what_the_combined_uncertainty_is_made_of(kept):
     assert frame.loc["estimator", "elasticity"] == quantity.std
 
 
+@pytest.mark.slow
 def test_without_a_folder_nothing_stays(short):
     run = short.set("trajectory.press.duration", "0.2 s").run()
     folder = run.folder
@@ -205,6 +207,7 @@ def test_a_change_makes_a_new_draft(short):
 # Records
 
 
+@pytest.mark.slow
 def test_a_value_is_a_number_in_si_wherever_one_is_wanted(fitted):
     elasticity, viscosity = fitted.elasticity, fitted.viscosity
     value = elasticity.value
@@ -231,6 +234,7 @@ def test_a_value_is_written_by_a_specification(spec, text):
     assert format(UncertainQuantity("elasticity", 112840.0, 160.0, 200.0, "Pa"), spec) == text
 
 
+@pytest.mark.slow
 def test_a_value_for_other_libraries(fitted):
     viscosity = fitted.viscosity
     twice = 2 * viscosity.to_uncertainties()
@@ -319,6 +323,7 @@ def test_a_thick_specimen_is_known_better(record, kept):
     assert found.combined < 0.05 * found.value
 
 
+@pytest.mark.slow
 def test_units_of_any_kind_make_the_same_record(arrays, record):
     import pint
     import xarray
@@ -340,6 +345,7 @@ def test_units_of_any_kind_make_the_same_record(arrays, record):
         np.testing.assert_array_equal(other.columns.time, record.columns.time)
 
 
+@pytest.mark.slow
 def test_pint_converts_what_it_knows_and_refuses_another_dimension(arrays):
     import pint
 
@@ -368,6 +374,7 @@ def test_declared_delay_and_sign_act_as_in_a_pipeline(arrays):
     np.testing.assert_array_equal(record.samples["force"], plain.samples["force"])
 
 
+@pytest.mark.slow
 def test_what_is_not_declared_is_flagged(arrays):
     fit = palpate.fit(palpate.record(**arrays), tip=Sphere(radius="5 mm"))
     assert "delay-unclear" in {flag["code"] for key in ("flags", "immaterial") for flag in fit.track.document[key]}
@@ -378,6 +385,7 @@ def test_the_same_fit_to_the_bit(record, fitted):
     assert again.track.document["parameters"] == fitted.track.document["parameters"]
 
 
+@pytest.mark.slow
 def test_a_tip_mass_of_zero(arrays):
     record = palpate.record(**arrays, tip_mass=0, timing="0.1 ms")
     light = palpate.compare(record, tip=Sphere(radius="5 mm"), estimators=["kinematic-ekf", "casadi-fit"])
@@ -387,6 +395,7 @@ def test_a_tip_mass_of_zero(arrays):
         palpate.compare(record, tip=Sphere(radius="5 mm"), estimators=["ekf"])
 
 
+@pytest.mark.slow
 def test_parts_are_classes_with_units(record):
     model = DimensionalityReduction(indenter=Sphere(radius="5 mm"), poisson=0.49)
     run = palpate.compare(record, models=[model, "kv"], estimators=["casadi-fit"])
@@ -395,6 +404,7 @@ def test_parts_are_classes_with_units(record):
     assert run.estimates["stiffness"].sel(track="dimensionality-reduction/casadi-fit").isnull().all()
 
 
+@pytest.mark.slow
 def test_a_log_is_a_record(kept):
     record = palpate.read(kept.folder)
     found = palpate.fit(record, tip=Sphere(radius="5 mm"))
@@ -425,6 +435,7 @@ def test_other_signals_of_a_log_begin_from_what_it_carries(kept):
     np.testing.assert_allclose(other.samples["force"], own.samples["force"], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_what_nobody_stated_of_a_foreign_log_is_flagged(arrays, tmp_path):
     path = tmp_path / "mine.csv"
     pd.DataFrame(arrays).to_csv(path, index=False)
@@ -522,6 +533,7 @@ def test_a_record_that_is_gone(arrays):
 # Sweeps and maps
 
 
+@pytest.mark.slow
 def test_a_sweep_is_a_frame(short):
     found = palpate.sweep(short.set("trajectory.press.duration", "0.3 s"), {"run.seed": range(2)}, jobs=1)
     frame = found.frame

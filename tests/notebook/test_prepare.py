@@ -41,6 +41,7 @@ def test_a_record_in_memory_comes_to_what_a_run_writes(fitter, tmp_path):
     assert found.run.document["run"].keys() == written["run"].keys()
 
 
+@pytest.mark.slow
 def test_the_order_of_the_records_changes_no_digit(fitter):
     records = [press(seed, n) for seed, n in enumerate((700, 900, 650))]
     forth = [numbers(fit) for fit in fitter.each(records)]
@@ -73,6 +74,7 @@ def test_a_record_that_the_alignment_refuses_is_told_and_still_has_its_readings(
     assert readings.values.shape == (700, 3)
 
 
+@pytest.mark.slow
 def test_a_folder_is_written_when_it_is_asked_for(fitter, tmp_path):
     found = fitter.fit(press(4))
     assert found.run.tip_mass == 0

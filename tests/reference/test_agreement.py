@@ -123,6 +123,7 @@ def test_precision_is_that_of_a_simulation_and_of_anova():
     assert precision([alone([1])]) is None
 
 
+@pytest.mark.slow
 def test_the_paper_against_its_dynamometer(palpate, tmp_path):
     """From its published numbers: only the sphere of 2 mm reads less; no tip agrees within the stated scatter."""
     (tmp_path / "paper.csv").write_text(PAPER)
@@ -143,6 +144,7 @@ def test_the_paper_against_its_dynamometer(palpate, tmp_path):
     assert (tmp_path / "out" / "agreement.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_a_table_with_decimal_commas(palpate, tmp_path):
     """As a spreadsheet of another country writes it, with a comment above."""
     text = "# by Anna\n" + PAPER.replace(",", ";").replace(".", ",")

@@ -53,6 +53,7 @@ def test_shifts_come_back(kind):
     assert np.sqrt(np.mean(np.log(table.y / there) ** 2)) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vertical", [False, True])
 def test_their_uncertainty_covers(vertical):
     """Over seeds and temperatures the errors are those of a standard normal."""

@@ -57,6 +57,7 @@ def outcome(palpate, made, folder, reader, seed):
     return answer.returncode
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "reader", [("report", "budget", "run"), ("repeat", "run", "run"), ("map", "curves", "run")], ids=str
 )

@@ -32,6 +32,7 @@ def test_every_format_in_a_column_s_width_is_the_same_file_again(palpate, point,
     assert wide == int(120 / 25.4 * 200)
 
 
+@pytest.mark.slow
 def test_the_numbers_are_those_of_the_run(palpate, point, tmp_path):
     palpate("plot", point, "force-depth", "--out", tmp_path, "--track", "dr/kinematic")
     with (tmp_path / "force-depth.csv").open() as file:

@@ -27,6 +27,7 @@ CASES = {
 SLOW = ("a model without the material's memory", "a filter that expects one material, on a sweep")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", [pytest.param(case, marks=[pytest.mark.slow] if case in SLOW else []) for case in CASES]
 )

@@ -178,6 +178,7 @@ def delay_of(tmp_path, *args, **keys):
     return record_delay(tmp_path / "log.csv", pipeline)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("delay", "viscous"), [(0.0, 8e-3), (22e-3, 8e-3), (14e-3, 0.5e-3)])
 def test_a_record_tells_the_sum_of_delay_and_viscosity_and_bounds_the_delay(tmp_path, delay, viscous):
     told = delay_of(tmp_path, delay, viscous, [(2.0, 1.2)])
@@ -186,6 +187,7 @@ def test_a_record_tells_the_sum_of_delay_and_viscosity_and_bounds_the_delay(tmp_
     assert abs(told.delay - delay) <= 2 * told.std
 
 
+@pytest.mark.slow
 def test_several_frequencies_tell_the_delay_and_one_does_not(tmp_path):
     one = delay_of(tmp_path, 5e-3, 8e-3, [(2.0, 1.2)], noise=0.05)
     several = delay_of(tmp_path, 5e-3, 8e-3, [(0.5, 0.8), (2.0, 0.6), (5.0, 0.4)], noise=0.05)
@@ -273,6 +275,7 @@ track = "dr/fit"
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [{}, {"elasticity": 1.1, "viscosity": 1.3}, {"elasticity": 0.9, "viscosity": 0.7}])
 def test_a_wrong_value_of_a_record_turns_outside(palpate, tmp_path, monkeypatch, wrong):
     for name, text in PAPER.items():
@@ -292,6 +295,7 @@ def test_a_wrong_value_of_a_record_turns_outside(palpate, tmp_path, monkeypatch,
     assert done.returncode == (1 if wrong else 0)
 
 
+@pytest.mark.slow
 def test_without_recordings_all_of_them_are_named_and_skipped(palpate, tmp_path):
     done = palpate("reproduce", "visc_silic", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr

@@ -42,6 +42,7 @@ def heard(link, seconds):
     return (np.concatenate([getattr(batch, key) for batch in parts]) for key in ("time", "received", "values"))
 
 
+@pytest.mark.slow
 def test_every_message_comes_with_its_number_and_its_time(publish, domain):
     publish(wrenches(2.5))
     with device(domain).connect(0) as link:

@@ -205,6 +205,7 @@ def test_nobody_is_told_with_the_router_to_look_for(port):
         pass
 
 
+@pytest.mark.slow
 def test_a_peer_that_is_none_is_told_without_zenohs_own_source(port):
     with (
         pytest.raises(DeviceError, match=r"zenoh does not come up: .* foo protocol; peers are \['foo/bar:1'\]$"),
@@ -277,6 +278,7 @@ def listening(port):
         yield found, tokens
 
 
+@pytest.mark.slow
 def test_what_is_found_is_published_where_rmw_zenoh_looks(listening, port, tmp_path):
     found, tokens = listening
     file = tmp_path / "simulated.toml"

@@ -29,6 +29,7 @@ def test_the_force_is_that_of_the_depth_that_is_left(root):
     assert soft[-1] < 0.95 * stiff[-1]
 
 
+@pytest.mark.slow
 def test_what_is_declared_tells_what_is_missing(root, tmp_path):
     """E is low by what the declared stiffness says, and the flag stands there."""
     sets = [*SHORT, "device.rig.series_stiffness=100 N/mm", "alignment.series_stiffness=100 N/mm"]
@@ -40,6 +41,7 @@ def test_what_is_declared_tells_what_is_missing(root, tmp_path):
     assert abs(found.value - 112.5e3) < 2 * found.combined
 
 
+@pytest.mark.slow
 def test_what_remembers_is_refused(root):
     class Remembers:
         memory = True

@@ -72,6 +72,7 @@ def test_an_image_is_read_and_blurred(tmp_path):
         Inclusion(shape="image")
 
 
+@pytest.mark.slow
 def test_relief_has_the_slopes_and_the_roughness_that_it_says():
     relief = Relief(roughness=1e-4, length=0.01, tilt_x=0.02, tilt_y=-0.01, seed=5)
     dice = np.random.default_rng(0)

@@ -26,6 +26,7 @@ def lines_of(values, sines, viscosity=362.0, **known):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sines", [ONE, pytest.param(THREE, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("values", [(112.6e3, 118.0e3, 106.6e3), (71e3, 74e3, 78e3, 81e3)])
 def test_a_joint_value_lies_within_its_recordings(values, sines):
@@ -43,6 +44,7 @@ def test_a_joint_value_lies_within_its_recordings(values, sines):
     assert f"the {len(values)} recordings scatter by" in sentence(law_fits(lines), lines)
 
 
+@pytest.mark.slow
 def test_recordings_that_agree_do_not_scatter_and_keep_what_they_share():
     lines = lines_of((112.5e3, 112.5e3, 112.5e3, 112.5e3), THREE)
     solid = fit_law(LAWS[0], lines)

@@ -48,6 +48,7 @@ def test_a_large_amplitude_takes_the_radius_of_the_whole_cycle(amplitude, change
     assert line.shear == pytest.approx(E / 3 + 10j * np.pi * ETA, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model", [SOFT, DimensionalityReduction(indenter=SPHERE, thickness=Thickness(law="dimitriadis", height=22e-3))]
 )
@@ -90,6 +91,7 @@ def test_the_noise_interval_holds_the_truth_as_often_as_it_says():
     assert ((low <= inside) & (inside <= high)).all(), inside
 
 
+@pytest.mark.slow
 def test_a_delay_and_a_solid_are_told_apart_and_other_laws_refuted():
     recording = rig.recorded(SOFT, (E, ETA), {0.5: 0.5e-3, 2.0: 0.4e-3, 5.0: 0.4e-3, 10.0: 0.3e-3}, seed=1, delay=2e-3)
     fits = {fit.law.name: fit for fit in law_fits(answer(recording).lines)}
@@ -105,6 +107,7 @@ def test_a_single_sine_cannot_tell_a_delay():
     assert law_fits(answer(rig.recorded(SOFT, (E, ETA), {2.0: 1e-3}, seed=1)).lines) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mass", "failed"), [(0.14, False), (0.45, True)])
 def test_a_wrong_mass_is_against_kramers_and_kronig(mass, failed):
     sines = {1.0: 0.3e-3, 3.0: 0.3e-3, 8.0: 0.3e-3, 16.0: 0.2e-3}

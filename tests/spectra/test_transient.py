@@ -56,6 +56,7 @@ def test_a_fading_sum_is_the_integral():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "theta", "modulus"),
     [
@@ -75,6 +76,7 @@ def test_the_modulus_of_every_law_comes_back(model, theta, modulus):
     assert one.rig.surface == pytest.approx(2e-4, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_slow_ramp_is_taken_off():
     """A ramp of 1.5 s: a step from its end would be up to 10 % off, the curve is not."""
     one = found(GeneralisedMaxwell2(indenter=TIP), TWO, speed=2e-3)
@@ -220,6 +222,7 @@ def test_the_command_on_a_run_folder(palpate, folder, tmp_path):
     assert (tmp_path / "out" / "relaxation.csv").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -242,6 +245,7 @@ def test_mistakes_are_one_clear_message(palpate, folder, tmp_path, arguments, sa
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_sine_has_no_hold(palpate, root, tmp_path):
     done = palpate("spectrum", "relaxation", root / "pipelines" / "filters.toml", "--out", tmp_path / "out")
     assert done.returncode == 2

@@ -39,6 +39,7 @@ def test_it_is_the_one_of_the_repository(what, tmp_path, monkeypatch):
     assert f"pipelines/{PIPELINES[what]}.toml" not in (tmp_path / "sub" / "mine.toml").read_text()
 
 
+@pytest.mark.slow
 def test_the_log_finds_what_it_was_simulated_with(tmp_path):
     init("log", tmp_path / "mine.toml")
     result = run_pipeline(load_pipeline(tmp_path / "mine.toml"), tmp_path / "out")

@@ -16,6 +16,7 @@ def result(point_pipeline, tmp_path):
     return run_pipeline(load_pipeline(point_pipeline, ['run.tracks=["dr/ekf","dr/fit"]']), tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_it_is_read_as_it_was(result):
     assert any(track.report and track.report.correlations for track in result.tracks.values())
     answers.write_cache(result)

@@ -58,6 +58,7 @@ def test_the_loop_passes_four_fifths_of_two_hertz():
     assert np.abs(path.depth - 0.004).max() == pytest.approx(0.8e-3, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_path_is_the_integral_of_its_derivatives():
     path = sine_path(0.004, [(0.5, 0.0003), (2.0, 0.0005)], 2.0, 5000.0, DesignLoop())
     step = 2 / 5000.0
@@ -86,6 +87,7 @@ def test_slopes_are_those_of_the_model(tip):
     assert by_rate == pytest.approx(difference(v=1e-6), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_least_squares_scatters_by_the_bound():
     """Monte Carlo: a Gauss-Newton fit of E, eta and surface, offset known to its prior."""
     path = sine_path(0.004, [(2.0, 0.001)], 4.0, 500.0, DesignLoop())
@@ -122,6 +124,7 @@ def test_what_cannot_be_told_is_infinite():
     assert {*found.parameters.values(), found.surface} == {np.inf}
 
 
+@pytest.mark.slow
 def test_the_recommendation_keeps_the_limits():
     settings = DesignSettings(
         frequencies=(1.0, 3.0, 5.0, 20.0), amplitudes=(0.0005, 0.0015, 0.005), top_acceleration=1.0
@@ -210,6 +213,7 @@ def test_what_a_straight_line_between_readings_moves(frequency, rate):
     )
 
 
+@pytest.mark.slow
 def test_the_bias_of_a_design_is_the_one_that_a_run_has(root, tmp_path):
     """The fit at 5 Hz and 1.5 mm, no noise, a tip of no weight: E and eta are low by what `design` says."""
     theta = {"elasticity": 282.1e3, "viscosity": 860.0}

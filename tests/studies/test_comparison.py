@@ -35,6 +35,7 @@ def test_tables_by_model_with_the_number_of_usable_tracks_and_a_csv(palpate, poi
     assert float(truth["elasticity"]) == 112.5e3
 
 
+@pytest.mark.slow
 def test_a_sweep_prints_its_best_rows(palpate, point_pipeline):
     text = point_pipeline.read_text() + '\n[sweep]\n"estimator.ekf.force_std" = ["0.05 N", "0.1 N"]\n'
     point_pipeline.write_text(text)
@@ -66,6 +67,7 @@ def palpate_models():
 '''
 
 
+@pytest.mark.slow
 def test_what_lacks_a_key_or_does_not_start_leaves_the_others(point_pipeline):
     from palpate.host import Source
     from palpate_studies.compare_command import _chosen

@@ -12,6 +12,7 @@ def file(root):
     return root / "pipelines" / "late.toml"
 
 
+@pytest.mark.slow
 def test_table_and_recommendation(palpate, file):
     done = palpate("plan", "design", file, "--set", 'design.parameters={elasticity="282.1 kPa", viscosity="860 Pa*s"}')
     assert done.returncode == 0, done.stderr
@@ -25,11 +26,13 @@ def test_table_and_recommendation(palpate, file):
     assert "recommended within the limits: 5 Hz, 1.5 mm" in " ".join(done.stdout.split())
 
 
+@pytest.mark.slow
 def test_the_truth_of_a_simulated_rig_is_what_is_expected(palpate, file):
     done = palpate("plan", "design", file)
     assert "elasticity 1.125e+05 Pa, viscosity 362 Pa*s" in done.stdout
 
 
+@pytest.mark.slow
 def test_json_has_every_bound(palpate, file):
     done = palpate("plan", "design", file, "--json")
     assert done.returncode == 0, done.stderr
@@ -85,6 +88,7 @@ stiffness = "3 N/mm"
 """
 
 
+@pytest.mark.slow
 def test_the_robots_own_limits_count(palpate, file, tmp_path):
     """5 Hz and 1.5 mm, which would be best, are 1.5 m/s^2 and 5.5 mm deep."""
     bound = tmp_path / "bound.toml"
@@ -98,6 +102,7 @@ def test_the_robots_own_limits_count(palpate, file, tmp_path):
     assert amplitude < 1.5
 
 
+@pytest.mark.slow
 def test_the_picture(palpate, file, tmp_path):
     pytest.importorskip("matplotlib")
     few = ("--set", "design.frequencies=[1.0, 2.0]", "--set", 'design.amplitudes=["1 mm"]')
@@ -106,6 +111,7 @@ def test_the_picture(palpate, file, tmp_path):
     assert (tmp_path / "bounds.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "words"), [(".", "ends in .png"), ("no/such/bounds.png", "cannot write")])
 def test_a_picture_that_cannot_be_written_is_one_message(palpate, file, name, words):
     few = ("--set", "design.frequencies=[1.0]", "--set", 'design.amplitudes=["1 mm"]')

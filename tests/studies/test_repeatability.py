@@ -97,6 +97,7 @@ def test_a_difference_says_which_is_taken_from_which():
     assert row["difference"] == pytest.approx(np.mean(GROUPS["slow"]) - np.mean(GROUPS["fast"]))
 
 
+@pytest.mark.slow
 def test_the_picture_has_three_panels_with_both_limits(monkeypatch, tmp_path):
     pytest.importorskip("matplotlib")
     from matplotlib.figure import Figure

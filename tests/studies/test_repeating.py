@@ -47,6 +47,7 @@ def test_each_is_a_run_of_its_own_and_moved_on(repeated, palpate, tmp_path):
     assert one.tracks["dr/kinematic"].parameters["elasticity"].value == found["values"][2]
 
 
+@pytest.mark.slow
 def test_all_are_checked_before_anything_moves(repeated, palpate, tmp_path):
     with repeated.open("a", encoding="utf-8") as file:
         file.write(
@@ -59,6 +60,7 @@ def test_all_are_checked_before_anything_moves(repeated, palpate, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_what_cannot_be_repeated_is_told(point_pipeline, repeated):
     with pytest.raises(ConfigurationError, match="count"):
         load_pipeline(repeated, ["repeat.count=1"])
@@ -86,6 +88,7 @@ def test_what_goes_by_the_clock_waits_between_palpations(repeated, palpate, tmp_
     assert second - first > lasted + 0.4  # the first block of readings comes a moment before its time
 
 
+@pytest.mark.slow
 def test_a_simulated_specimen_knows_what_was_done_to_it(repeated, tmp_path):
     """It softens at one place, is fresh at the next, and a run folder holds what it had been through."""
     soft = ['device.rig.specimen.conditioning={ softening = 0.1, palpations = 1.0, recovery = "100 s" }']

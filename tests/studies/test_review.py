@@ -64,6 +64,7 @@ def runs(tmp_path):
     return [tmp_path / f"run_{i}" for i in range(6)]
 
 
+@pytest.mark.slow
 def test_a_rejected_run_is_left_out_and_comes_back(palpate, runs):
     before = (runs[5] / "result.json").read_bytes()
     found = palpate("repeat", "review", *runs, "--json")
@@ -87,6 +88,7 @@ def test_a_rejected_run_is_left_out_and_comes_back(palpate, runs):
     assert json.loads(palpate("repeat", *runs, "--json").stdout)["groups"]["runs"]["count"] == 6
 
 
+@pytest.mark.slow
 def test_mistakes_are_told(palpate, runs):
     unknown = palpate("repeat", "review", *runs, "--reject", "run_55", "--reason", "x")
     assert unknown.returncode == 2
@@ -99,6 +101,7 @@ def test_mistakes_are_told(palpate, runs):
     assert "is no review of palpate" in partly.stderr
 
 
+@pytest.mark.slow
 def test_cycles_of_a_fit_are_reviewed_one_by_one(tmp_path, palpate):
     rows = [
         {"log": "bag", "track": "dr/fit", "cycle": k, "rms": 0.1, "flags": [],

@@ -43,6 +43,7 @@ def test_a_sweep_is_not_gone_on_with_by_other_settings_and_half_a_result_is_none
     assert (out / "sweep.csv").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_what_is_refused_leaves_no_folder(palpate, sweep_file, tmp_path):
     for command in ("run", "sweep"):
         done = palpate(command, sweep_file, "--set", "estimator.ekf.force_std=-1 N")
@@ -57,6 +58,7 @@ def test_what_is_refused_leaves_no_folder(palpate, sweep_file, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("table", ["sweep", "repeat"])
 def test_one_run_of_a_file_that_asks_for_many_says_so(palpate, sweep_file, table, tmp_path):
     more = ("--set", "repeat.count=3") if table == "repeat" else ()
@@ -66,6 +68,7 @@ def test_one_run_of_a_file_that_asks_for_many_says_so(palpate, sweep_file, table
     assert (tmp_path / "one" / "result.json").is_file()
 
 
+@pytest.mark.slow
 def test_a_part_of_other_settings_is_no_part(point_pipeline, tmp_path):
     first, other = (load_pipeline(point_pipeline, [f"estimator.ekf.force_std={std}"]) for std in (0.05, 0.06))
     for folder, pipeline in ((tmp_path / "run", first), (tmp_path / "run" / "part-2", other)):
@@ -122,6 +125,7 @@ def test_a_batch_goes_on_after_a_bad_one(palpate, point_pipeline, run_point, tmp
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.slow
 def test_sites_are_counted_by_place_and_points_without_one_are_sites(palpate, run_point, tmp_path):
     runs = [run_point("trajectory.press.duration=1 s", f"run.seed={n}", name=f"r{n}").folder for n in (1, 2)]
     more = []

@@ -61,6 +61,7 @@ def test_every_combination_gets_a_row_and_a_failure_its_reason(palpate, point_pi
     assert (out / "00001" / "result.json").stat().st_mtime_ns == stamps[out / "00001" / "result.json"]
 
 
+@pytest.mark.slow
 def test_a_list_pairs_its_values(palpate, point_pipeline, tmp_path):
     table = '[sweep]\ncombine = "list"\n"run.seed" = [1, 2]\n"estimator.ekf.force_std" = [0.04, 0.06]\n'
     out = tmp_path / "out"

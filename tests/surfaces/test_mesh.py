@@ -23,6 +23,7 @@ def breast(tmp_path_factory):
     return write_body(tmp_path_factory.mktemp("breast") / "breast.stl", *half(*ellipsoid()))
 
 
+@pytest.mark.slow
 def test_it_passes_the_checks_of_every_surface(breast):
     check_surface(Mesh(file=breast, position=(0.0, 0.0, -0.04), rotation=(0.1, 0.2, 0.3)), PLACES)
 
@@ -40,6 +41,7 @@ def test_a_level_mesh_is_the_plane(tmp_path):
         np.testing.assert_allclose(own.curvature, 0.0, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_normals_and_curvatures_are_those_of_the_body(breast):
     mesh = Mesh(file=breast, position=(0.0, 0.0, -0.04), **SURE)
     points = surface_points(mesh, PLACES)
@@ -54,6 +56,7 @@ def test_normals_and_curvatures_are_those_of_the_body(breast):
     assert (points.curvature_std < 0.05 * mean[:, None]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "unit"), [("a.ply", 1e-3), ("a.obj", 1e-3), ("a.obj", 1.0), ("a.stl", 1e-2)])
 def test_formats_and_units_say_the_same(breast, tmp_path, name, unit):
     other = write_body(tmp_path / name, *half(*ellipsoid()), unit=unit)
@@ -63,6 +66,7 @@ def test_formats_and_units_say_the_same(breast, tmp_path, name, unit):
     np.testing.assert_allclose(second.curvature, first.curvature, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_shift_turns_the_normal_by_itself_over_the_radius(tmp_path):
     """A body of 50 mm radius that may be 1 mm beside its place: 1.1 degrees."""
     file = write_body(tmp_path / "ball.stl", *icosphere(3, 0.05))
@@ -72,6 +76,7 @@ def test_a_shift_turns_the_normal_by_itself_over_the_radius(tmp_path):
     np.testing.assert_allclose(points.position_std, 1e-3, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_a_turn_about_the_middle_of_a_ball_changes_nothing(tmp_path):
     file = write_body(tmp_path / "ball.stl", *icosphere(3, 0.05))
     sure = {"position_uncertainty": 1e-9, "shape_uncertainty": 0.0}
@@ -138,6 +143,7 @@ def test_bad_meshes_are_named(tmp_path, name):
         Mesh(file=write_body(tmp_path / "bad.obj", vertices, faces))
 
 
+@pytest.mark.slow
 def test_files_that_are_no_mesh_are_named(breast, tmp_path):
     data = breast.read_bytes()
     texts = {"cut.stl": data[: len(data) // 2], "empty.ply": b"", "text.obj": b"hello\n", "x.stl": b"solid\n\x00\x01"}

@@ -77,6 +77,7 @@ def test_rows_without_knowledge_are_not_a_number():
     assert points.unknown == {1: "in a hole", 2: "beside it"}
 
 
+@pytest.mark.slow
 def test_a_pipeline_has_it_by_name(point_pipeline, tmp_path):
     table = 'surface.skin={type = "plane", tilt_x = "10 deg", height = "2 mm"}'
     pipeline = load_pipeline(point_pipeline, [table])

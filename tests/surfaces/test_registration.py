@@ -60,6 +60,7 @@ def test_eight_touches_cover_in_95_of_100(breast):
     assert np.mean([one.probability < 0.01 for one in registered]) <= 0.05
 
 
+@pytest.mark.slow
 def test_eight_touches_register_it(breast):
     height, turn, registered = attempt(breast, 3)
     assert np.abs(height).max() < 3
@@ -94,6 +95,7 @@ def test_a_body_of_revolution_keeps_its_spin(tmp_path):
     assert abs((registered.pose.matrix @ [1.0, 0.0, 0.0]) @ [0.0, 1.0, 0.0]) < 0.03
 
 
+@pytest.mark.slow
 def test_a_sheet_keeps_its_place_along_itself(tmp_path):
     mesh = Mesh(file=write_body(tmp_path / "sheet.obj", *sheet()))
     rng = np.random.default_rng(0)
@@ -103,6 +105,7 @@ def test_a_sheet_keeps_its_place_along_itself(tmp_path):
     assert sum("axis (0.00, 0.00," in words for words in registered.open) == 1
 
 
+@pytest.mark.slow
 def test_touches_that_scatter_more_than_they_say_widen_it(breast):
     rng = np.random.default_rng(5)
     touches = touches_on(breast, rng.uniform(-0.012, 0.012, (12, 2)), 0.0, rng)
@@ -133,6 +136,7 @@ def mesh_and_touches(breast, tmp_path):
     return breast.file.with_name("breast.toml"), tmp_path, true
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_the_mesh_reads(mesh_and_touches, palpate):
     pipeline, folder, true = mesh_and_touches
     registration = folder / "registration.toml"
@@ -167,6 +171,7 @@ def test_later_touches_refine_it_and_count_once(mesh_and_touches, palpate):
     assert "first.csv already; it counts once" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_mesh_5_mm_off_is_refused_by_the_first_touches(mesh_and_touches, palpate):
     pipeline, folder, true = mesh_and_touches
     registration = folder / "registration.toml"
@@ -194,6 +199,7 @@ def test_a_touch_that_does_not_fit_is_named(mesh_and_touches, palpate):
     assert "do not fit the others: bad.csv, touch 7 is 0." in done.stderr
 
 
+@pytest.mark.slow
 def test_a_pipeline_without_its_mesh_is_refused(mesh_and_touches, palpate):
     pipeline, folder, _ = mesh_and_touches
     (folder / "flat.toml").write_text('[surface.table]\ntype = "plane"\n')
@@ -231,6 +237,7 @@ def test_bad_tables_of_touches_are_named(tmp_path, text, words):
         read_touches([file])
 
 
+@pytest.mark.slow
 def test_a_registration_of_another_mesh_is_refused(breast, tmp_path, mesh_and_touches, palpate):
     pipeline, folder, _ = mesh_and_touches
     registration = folder / "registration.toml"

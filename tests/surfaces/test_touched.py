@@ -75,6 +75,7 @@ def test_it_passes_the_checks_of_every_surface(tmp_path):
     check_surface(touched(tmp_path / "t.csv", breast(0)), np.array([[0.0, 0.0], [0.008, 0.002], [-0.007, -0.006]]))
 
 
+@pytest.mark.slow
 def test_an_inclined_plane_stays_one(tmp_path):
     lateral = 0.03 * GRID
     points = surface_points(
@@ -85,6 +86,7 @@ def test_an_inclined_plane_stays_one(tmp_path):
     assert np.abs(points.curvature).max() < 2 * points.curvature_std.max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_ball_and_a_bowl(tmp_path, side):
     """40 mm: touched as far as 60 degrees from its middle; the height of a place above it is along the radius."""
@@ -127,6 +129,7 @@ def test_touches_that_make_no_surface_are_refused(tmp_path, change, words):
         touched(tmp_path / "t.csv", change(breast(0)))
 
 
+@pytest.mark.slow
 def test_more_than_a_half_sphere_and_undercuts_are_refused(tmp_path):
     rng = np.random.default_rng(0)
     out = rng.normal(size=(60, 3))

@@ -95,6 +95,7 @@ def test_waypoints_of_a_file(tmp_path):
     assert motion.at(np.array([2.0])).position[0] == pytest.approx([0.001, 0.0, -0.002], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_map_of_heights_is_followed(bumpy):
     sweep = LineSweep(start=(-0.03, -0.02), end=(0.03, 0.02), settle=0.5, press=PRESS, surface=bumpy)
     check_trajectory(sweep)

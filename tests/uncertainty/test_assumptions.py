@@ -68,6 +68,7 @@ def test_the_modulus_under_a_flat_tip_answers_to_what_its_stiffness_does_not():
     assert percent["poisson"]["elasticity"] == pytest.approx(-2 / 3, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_material_with_memory_answers_to_the_height_by_the_same_power():
     model = StandardLinearSolid(indenter=Sphere(radius=5e-3))
     percent = table_of(with_model(model, [100e3, 60e3, 0.05]))["percent"]
@@ -126,6 +127,7 @@ def ran(tmp_path_factory, root):
     return run_pipeline(pipeline, tmp_path_factory.mktemp("ran") / "run")
 
 
+@pytest.mark.slow
 def test_a_run_says_it_once_in_one_line(ran):
     (line,) = assumption_lines(ran)
     assert line == (

@@ -113,6 +113,7 @@ def test_what_is_not_declared_has_a_default_that_is_stated_as_such():
     assert rows["poisson (not declared)"].effects["viscosity"].percent == pytest.approx(200 * 0.01155, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_tare_that_nobody_knows_is_flagged_with_what_it_may_do():
     unknown = result(tare=Tare(0.0, None, None))
     (flag,) = [flag for flag in unknown.flags if flag.code == "tare-undeclared"]
@@ -124,6 +125,7 @@ def test_a_tare_that_nobody_knows_is_flagged_with_what_it_may_do():
     assert not [f for f in fitted.flags if f.code == "tare-undeclared"]
 
 
+@pytest.mark.slow
 def test_a_derived_value_has_one_cause_for_both_parameters():
     """E under a flat tip is K (1 - nu^2)/(2 R); a force scale moves E as much as K, and eta beside it."""
     model = KelvinVoigt(indenter=Flat(radius=3e-3))

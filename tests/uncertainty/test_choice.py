@@ -52,6 +52,7 @@ def test_the_weights_do_not_depend_on_the_order_or_on_a_shift_of_the_evidence():
     np.testing.assert_allclose(other.weights[::-1], found.weights)
 
 
+@pytest.mark.slow
 def test_the_correlation_time_is_that_of_an_autoregression():
     noise = np.random.default_rng(0).standard_normal(100_000)
     assert correlation_time(noise) == pytest.approx(1.0, abs=0.05)
@@ -82,6 +83,7 @@ def test_the_interval_with_the_geometry_overlaps_the_dynamometer(authors_log, tm
     assert all("model-choice" in {flag.code for flag in track.flags} for track in result.tracks.values())
 
 
+@pytest.mark.slow
 def test_spikes_are_counted_and_a_clean_record_has_none(evidence):
     track = evidence("clean", CasadiFit())
     assert outliers([track]) == {}
@@ -105,6 +107,7 @@ def test_a_tap_is_no_spike():
     assert not len(spikes_of(np.round(contact, 1), every))
 
 
+@pytest.mark.slow
 def test_a_candidate_without_a_result_is_flagged(evidence):
     tracks = [evidence("clean", CasadiFit()), evidence("thickness", CasadiFit())]
     tables = {"choice": ChoiceSettings(candidates=("a", "b", "gone"))}

@@ -45,6 +45,7 @@ DAMPED = 'elasticity = "100 kPa"\nviscosity = "400 Pa*s"'
 RELAXING = 'elasticity = "100 kPa"\nrelaxing_elasticity = "50 kPa"\nrelaxation_time = "80 ms"'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("truth", "values", "others"),
     [("dr", DAMPED, "dr,kv"), pytest.param("sls", RELAXING, "dr,sls", marks=pytest.mark.slow)],

@@ -36,6 +36,7 @@ def filtered(seed, share):
     return noise[200:]
 
 
+@pytest.mark.slow
 def test_noise_is_rejected_as_often_as_it_should_be():
     found = np.array([p_of(np.random.default_rng(seed).standard_normal(N)) for seed in range(300)])
     assert np.mean(found < 0.1) == pytest.approx(0.1, abs=0.055)  # three standard deviations of a binomial
@@ -47,6 +48,7 @@ def test_a_pattern_of_a_hundredth_of_the_noises_power_is_found_where_no_other_te
     assert whiteness_tests(noise, ONE_RUN, TIME, TIME, None, WHITE).p > 1e-2
 
 
+@pytest.mark.slow
 def test_slow_noise_of_a_filtered_channel_is_no_pattern():
     found = [p_of(filtered(seed, 0.8), null_of(filtered(1000 + seed, 0.8)[:800])) for seed in range(40)]
     assert min(found) > 1e-3
@@ -63,6 +65,7 @@ def test_what_explains_a_record_nearly_as_well_is_named_too():
     assert near_best(tests) == ["tip", "layer"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.8])
 def test_without_a_standstill_only_what_is_slower_than_a_channel_is_memory(share):
     residual = Null(np.zeros(0), 0, "residual")

@@ -44,6 +44,7 @@ def test_a_score_misses_nothing_that_a_directed_test_finds(evidence, reason):
     assert significant
 
 
+@pytest.mark.slow
 def test_a_clean_record_is_not_suspected(evidence):
     """One of seven scores is below its level by chance in 1 record of 15."""
     found = []

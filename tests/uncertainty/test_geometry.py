@@ -50,6 +50,7 @@ def test_a_layer_of_22_mm_is_stiffer_by_what_dimitriadis_says():
     assert stiffer_by(np.sqrt(20e-6), 22e-3) == pytest.approx(0.290, abs=0.001)
 
 
+@pytest.mark.slow
 def test_one_frequency_is_a_flag_where_a_tenth_of_the_stiffness_is_more_than_a_tenth_of_the_viscosity():
     found = one_frequency([TRACK])["t"]
     assert found.table["looks_like"]["viscosity"]["value"] == pytest.approx(149.0, rel=0.02)  # of 362

@@ -53,6 +53,7 @@ JUDGED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [140, 500])
 @pytest.mark.parametrize("held_up", [(0.0, 1.0), (0.008, 1.0), (0.008, 2.5), (0.020, 1.0), (0.020, 2.5)])
 def test_a_hesitation_is_no_fault_of_the_model(tmp_path, monkeypatch, held_up, mass):

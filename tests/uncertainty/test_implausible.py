@@ -18,6 +18,7 @@ def pressed(times=1.0, radius=5e-3, deepest=5e-3):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("times", "flagged"), [(1e3, True), (1.0, False), (1e-3, True)])
 def test_millimetres_as_metres_and_metres_as_millimetres(times, flagged):
     """3.5 Pa and 3.5 GPa where 112 kPa is true."""
@@ -25,12 +26,14 @@ def test_millimetres_as_metres_and_metres_as_millimetres(times, flagged):
     assert ("implausible" in {flag.code for flag in fit.flags}) == flagged
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tip", "flagged"), [(Sphere, True), (ExactSphere, False)])
 def test_a_paraboloid_far_beyond_its_radius(tip, flagged):
     fit = palpate.fit(pressed(radius=2e-3), tip=tip(radius="2 mm"), model="dr")
     assert ("beyond-model-range" in {flag.code for flag in fit.flags}) == flagged
 
 
+@pytest.mark.slow
 def test_innovations_as_large_as_they_should_be_are_not_flagged(run_point):
     tracks = run_point("trajectory.press.duration=4 s", 'run.tracks=["*/kinematic"]').tracks
     assert "inconsistent" not in {flag.code for flag in tracks["dr/kinematic"].flags}

@@ -39,18 +39,21 @@ def p_values(values, null, seed=0):
     return whiteness_tests(values, ONE_RUN, TIME, np.sin(phase), phase, null)
 
 
+@pytest.mark.slow
 def test_white_noise_passes_as_often_as_it_should():
     found = [p_values(np.random.default_rng(seed).standard_normal(N), WHITE).p for seed in range(200)]
     assert np.mean(np.array(found) < 0.1) < 0.16  # binomial: 0.16 is exceeded once in 200 times
     assert min(found) > 1e-4
 
 
+@pytest.mark.slow
 def test_noise_that_is_filtered_is_judged_by_the_noise_at_standstill():
     found = [p_values(coloured(seed, N, 0.9), null_of(coloured(1000 + seed, 500, 0.9))).p for seed in range(30)]
     assert min(found) > LEVEL
     assert p_values(coloured(0, N, 0.9), WHITE).p < 1e-50
 
 
+@pytest.mark.slow
 def test_the_inertia_of_an_uneven_motion_is_no_lack_of_fit():
     """What a slope over 11 samples leaves of jolts of 2 samples: no noise of a standstill, and none of the model's."""
     found = []
@@ -132,6 +135,7 @@ def test_a_keeper_keeps_the_air_after_the_last_contact_however_it_is_cut():
     assert Keeper().air_after.shape == (3, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", [CasadiFit(), KinematicFilter(), KinematicSmoother(), ExtendedKalmanFilter()])
 @pytest.mark.parametrize("colour", [0.0, 0.8])
 def test_a_clean_record_is_not_flagged(evidence, estimator, colour):
@@ -141,6 +145,7 @@ def test_a_clean_record_is_not_flagged(evidence, estimator, colour):
     assert finding.table["p"] > LEVEL
 
 
+@pytest.mark.slow
 def test_a_model_without_a_force_at_its_numbers_is_named_and_the_others_are_judged(evidence, monkeypatch):
     """An adhesive model divides by its modulus, which a fit that diverged may leave at 0."""
     judge = module._judge
@@ -161,6 +166,7 @@ def test_a_refit_may_begin_at_nothing(evidence):
     assert other.surface == pytest.approx(found.surface, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", [CasadiFit(), KinematicFilter(), ExtendedKalmanFilter()])
 @pytest.mark.parametrize("kind", ["thickness", "memory"])
 def test_a_wrong_model_is_flagged_with_its_reason_and_the_uncertainty_holds_the_truth(evidence, estimator, kind):
@@ -173,6 +179,7 @@ def test_a_wrong_model_is_flagged_with_its_reason_and_the_uncertainty_holds_the_
         assert abs(track.values[0] - E) < 2 * finding.terms["elasticity"]
 
 
+@pytest.mark.slow
 def test_a_faint_memory_that_moves_the_elasticity_is_not_taken_for_noise_of_the_motion(evidence):
     """A branch of 3 %: E is 4 % high and only 20 blocks of time tell."""
     track = evidence("memory", CasadiFit(), share=0.03)
@@ -182,6 +189,7 @@ def test_a_faint_memory_that_moves_the_elasticity_is_not_taken_for_noise_of_the_
     assert finding.unknown or abs(track.values[0] - E) < 2 * finding.terms["elasticity"]
 
 
+@pytest.mark.slow
 def test_where_no_alternative_explains_the_residual_its_size_bounds_the_effect(evidence):
     finding = judged(evidence("wrong-tip", CasadiFit()))
     assert not finding.unknown
@@ -190,6 +198,7 @@ def test_where_no_alternative_explains_the_residual_its_size_bounds_the_effect(e
     assert finding.table["effect"]["elasticity"] > 25  # per cent; it is 54
 
 
+@pytest.mark.slow
 def test_a_drifting_sensor_is_told_from_a_relaxing_material(evidence):
     track = evidence("drift", CasadiFit())
     finding = judged(track)
@@ -197,6 +206,7 @@ def test_a_drifting_sensor_is_told_from_a_relaxing_material(evidence):
     assert abs(track.values[0] - E) < 2 * finding.terms["elasticity"]
 
 
+@pytest.mark.slow
 def test_a_sweep_is_not_judged_as_a_point(evidence):
     track = evidence("clean", KinematicFilter(sweep_speed=4e-3))
     found = judged(track)  # by its innovations along the way
@@ -207,6 +217,7 @@ def test_a_sweep_is_not_judged_as_a_point(evidence):
     assert lack_of_fit([replace(point, kept=replace(point.kept, lateral=lateral))]) == {}
 
 
+@pytest.mark.slow
 def test_without_a_standstill_what_nothing_explains_may_be_the_channel(evidence):
     track = evidence("clean", CasadiFit())
     kept = track.kept

@@ -48,6 +48,7 @@ def test_a_clean_sweep_is_not_flagged_nor_one_over_a_lump(softer):
     assert found.table["p"] > LEVEL
 
 
+@pytest.mark.slow
 def test_a_layer_under_a_sweep_is_flagged_and_the_value_has_no_uncertainty():
     track = sweep(2, height=8e-3)
     assert track.values[0] > 2 * E
@@ -56,6 +57,7 @@ def test_a_layer_under_a_sweep_is_flagged_and_the_value_has_no_uncertainty():
     assert "elasticity" in found.unknown or found.terms["elasticity"] > 0.02 * track.values[0]
 
 
+@pytest.mark.slow
 def test_a_fading_filter_is_not_judged_by_its_innovations():
     tracks = [
         sweep(3, height=8e-3, estimator=estimator, name=name)

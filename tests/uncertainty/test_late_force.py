@@ -47,6 +47,7 @@ def test_what_the_material_takes_in_hides_so_much():
     assert force_lateness(tail(8e-3, damping), MASS) == pytest.approx(3e-3, abs=5e-4)
 
 
+@pytest.mark.slow
 def test_no_false_alarm():
     """Elastic contact, the hardest case: 300 records, in half of which the tip comes from above."""
     false = [force_lateness(tail(0.0, seed=seed, approach=bool(seed % 2)), MASS) for seed in range(300)]
@@ -66,6 +67,7 @@ def test_a_ramp_or_a_hold_or_a_force_of_the_wrong_sign_says_nothing():
         assert force_lateness(Tail(TIME, force, position, velocity, table, table, *[nothing] * 5), MASS) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", ["8 ms", "11.7 ms"])
 def test_a_run_names_the_timing(run_point, delay):
     """Before, nothing of a viscosity of -45 Pa*s named the 11.7 ms; eta/G is 9.65 ms."""
@@ -78,6 +80,7 @@ def test_a_run_names_the_timing(run_point, delay):
         assert np.isfinite(elasticity.combined)
 
 
+@pytest.mark.slow
 def test_what_diverges_names_it_too():
     from palpate.alignment import AlignmentReport, AlignmentSettings
     from palpate.estimation import Estimates, Samples, Status

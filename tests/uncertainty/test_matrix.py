@@ -31,6 +31,7 @@ def result(tmp_path_factory):
     return benchmark.matrix(1, tmp_path_factory.mktemp("matrix") / "out", TRACKS, "5 s")
 
 
+@pytest.mark.slow
 def test_a_few_of_them_are_right(tmp_path):
     result = benchmark.matrix(1, tmp_path / "out", ["dr/ekf", "dr/kinematic", "hc/fit"], "5 s")
     assert len(result.tracks) == 3

@@ -52,6 +52,7 @@ def signs(track):
     return {flag["code"] for flag in flags} | {sign["code"] for flag in flags for sign in flag.get("evidence", ())}
 
 
+@pytest.mark.slow
 def test_at_least_sixty_kinds_each_with_its_own_name(laboratory):
     kinds = laboratory["kinds"].KINDS
     assert len(kinds) >= 61
@@ -59,6 +60,7 @@ def test_at_least_sixty_kinds_each_with_its_own_name(laboratory):
     assert [mistake.name for mistake in kinds if mistake.palpation() == kinds[0].palpation()] == ["nothing"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["casadi-fit", "kinematic-ekf"])
 def test_without_a_mistake_nothing_is_in_doubt(estimated, estimator):
     track = estimated("nothing", estimator)
@@ -68,6 +70,7 @@ def test_without_a_mistake_nothing_is_in_doubt(estimated, estimator):
     assert not signs(track) & {"force-in-air", "pull-off", "commanded-motion", "lack-of-fit"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "code", "rough"),
     [
@@ -87,6 +90,7 @@ def test_what_moves_the_viscosity_is_told_with_its_size(estimated, kind, code, r
     assert abs(viscosity["value"] - ETA) < 2 * viscosity["combined"]
 
 
+@pytest.mark.slow
 def test_a_tare_taken_in_contact_shows_after_the_contact(estimated):
     track = estimated("tare-loaded")
     assert "force-in-air" in signs(track)
@@ -94,6 +98,7 @@ def test_a_tare_taken_in_contact_shows_after_the_contact(estimated):
     assert abs(track["parameters"]["elasticity"]["value"] - E) < 2 * track["parameters"]["elasticity"]["combined"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "off"),
     [
@@ -113,6 +118,7 @@ def test_the_way_in_shows_what_the_sine_does_not(estimated, kind, off):
     assert abs(elasticity["value"] - E) < 2.5 * elasticity["combined"]
 
 
+@pytest.mark.slow
 def test_a_kinematic_filter_tells_a_material_that_relaxes(estimated):
     track = estimated("relaxing", "kinematic-ekf")
     assert track["parameters"]["elasticity"]["value"] > 1.3 * E
@@ -120,6 +126,7 @@ def test_a_kinematic_filter_tells_a_material_that_relaxes(estimated):
     assert track["verdict"] == "doubtful"
 
 
+@pytest.mark.slow
 def test_a_position_whose_timing_is_declared_is_taken_at_its_word(estimated):
     declared = {"position": {"channel": "record.height", "uncertainty": "0.1 ms"}}
     assert "commanded-motion" not in signs(estimated("commanded", **declared))
@@ -137,6 +144,7 @@ def test_records_that_differ_in_their_noise_alone_do_not_jump(way):
     assert share_of_command(1e-8, 1e-4) == share_of_command(float("nan"), way) == 0.0
 
 
+@pytest.mark.slow
 def test_what_the_record_does_not_show_is_not_told(laboratory, estimated):
     """A tip of twice the radius: the same force with another modulus."""
     kinds = {mistake.name: mistake for mistake in laboratory["kinds"].KINDS}

@@ -49,6 +49,7 @@ def test_the_command_prints_both(run, capsys):
     assert "dr/fit elasticity: u" in capsys.readouterr().out.replace("\n", " ")
 
 
+@pytest.mark.slow
 def test_too_few_draws_and_a_run_without_a_log_are_refused(run, tmp_path):
     with pytest.raises(ConfigurationError, match="--monte-carlo"):
         budget(run, monte_carlo=1)

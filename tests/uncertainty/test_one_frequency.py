@@ -23,6 +23,7 @@ def runs(root, tmp_path_factory):
     return {name: run_pipeline(load_pipeline(file, list(sets)), folder / name) for name, sets in tables.items()}
 
 
+@pytest.mark.slow
 def test_what_it_says_is_what_a_fading_material_does(runs):
     said = runs["stays"].tracks["dr/kinematic"].diagnoses["one-frequency"]
     assert said["frequency"] == pytest.approx(2.0, abs=0.01)

@@ -30,6 +30,7 @@ def test_a_multi_sine_tells_the_delay_and_the_viscosity_without_it(late):
         assert "kelvin-voigt" in one.flags[0].message  # never a delay without its law
 
 
+@pytest.mark.slow
 def test_the_viscosity_without_the_delay_is_that_of_the_material():
     track = evidence(MULTI, 3e-3, 5)
     bias = diagnose_delay([track])["t"].biases["viscosity"]
@@ -37,6 +38,7 @@ def test_the_viscosity_without_the_delay_is_that_of_the_material():
     assert track.values[1] - bias.shift == pytest.approx(ETA, abs=2 * np.hypot(track.std[1], bias.std))
 
 
+@pytest.mark.slow
 def test_a_fit_that_looks_for_the_delay_gets_the_spread_of_the_laws():
     track = evidence(MULTI, 3e-3, 6, estimator=CasadiFit(unknowns=("delay",), profile=False))
     found = diagnose_delay([track])["t"]
@@ -98,6 +100,7 @@ def test_white_residuals_count_as_white():
     assert _inflation(slow) == pytest.approx(9.0, rel=0.15)  # (1 + 0.8)/(1 - 0.8)
 
 
+@pytest.mark.slow
 def test_a_single_sine_and_declared_timing_are_left_alone():
     assert not is_rich(evidence(SINE, 0.0, 8))
     assert not is_rich(evidence(MULTI, 0.0, 8, declared="0.1 ms"))

@@ -62,6 +62,7 @@ def fitted(model, theta, force):
     return (found.x * scale)[:-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_a_late_force_shifts_a_fit_as_predicted(name):
     model, theta = MODELS[name]

@@ -44,6 +44,7 @@ def test_a_gap_takes_the_samples_after_it():
     assert np.flatnonzero(~known).tolist() == [0, 1, 500, 501]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("coefficient", "n"), [(0.0, 500), (0.7, 500), (0.9, 4000)])
 def test_the_mean_of_correlated_readings_is_as_uncertain_as_it_scatters(coefficient, n):
     """Over 400 records; the long-run std of an autoregression is s/(1 - c)."""

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from palpate.host import Pipeline
 
 from palpate_kit.curves.curve_files import Curve
-from palpate_kit.curves.curve_fits import CurveReader, offline, record_tracks
+from palpate_kit.curves.curve_fits import CurveReader, Row, offline, record_tracks
 from palpate_kit.curves.curve_list import add_curves
 from palpate_kit.curves.curve_pool import on_cores
 from palpate_kit.curves.curve_table import SETTINGS, FitTable
@@ -18,6 +19,7 @@ from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import read_own
 from palpate_kit.terminal.progress import report_progress
 
+Pool = Callable[[CurveReader, Iterable[Curve]], Iterator[list[Row]]]  # the rows of every curve, in any order
 FEW = 32  # curves that are not worth a second process
 
 
@@ -29,11 +31,13 @@ def fit_each(
     workers: int | None = None,
     settings: str = SETTINGS,
     fitting: bool = True,
+    pool: Pool | None = None,
 ) -> FitTable:
     """Fit every curve that has no row by its present settings yet, and append its rows.
 
     Curves that are known by their files are listed in ``curves.csv``; ``own.toml`` adds settings of single ones.
-    Without `fitting` that is all. Raises LogError, OutputError.
+    Without `fitting` that is all. They are fitted by the `pool`, or by so many processes of this machine. Raises
+    LogError, OutputError.
     """
     table = FitTable(folder, pipeline, reader.device, settings)
     reader = replace(reader, settings=table.settings)
@@ -45,10 +49,11 @@ def fit_each(
     curves = [replace(curve, own=own.get(curve.name, ())) for curve in curves] if own else curves
     left = table.left(curves, reader) if fitting else ()
     found = len(table.done)
-    for count, rows in enumerate(on_cores(reader, left, workers or len(os.sched_getaffinity(0))), start=found + 1):
+    pool = pool or partial(on_cores, workers=workers or len(os.sched_getaffinity(0)))
+    for count, rows in enumerate(pool(reader, left), start=found + 1):
         table.add(rows)
         report_progress(count)
-    table.compact()
+    table.compact([curve.name for curve in curves] if isinstance(curves, Sequence) else ())
     return table
 
 

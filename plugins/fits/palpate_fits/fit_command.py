@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -134,8 +135,8 @@ def fit(
         return
     if each or by:
         if scheduler is not None:
-            raise ConfigurationError("--each fits curves on the cores of this machine; it has no --scheduler")
-        _each(sources, pipeline, overrides or [], out, by, jobs, as_json, not no_refit)
+            _demand_seen_files(by, stage, jobs)
+        _each(sources, pipeline, overrides or [], out, by, scheduler, jobs, as_json, not no_refit)
         return
     if scheduler is not None:  # workers stand elsewhere
         sources, pipeline = [source.resolve() for source in sources], pipeline.resolve() if pipeline else None
@@ -222,12 +223,22 @@ def _show(
     terminal.print(f"written to {folder}", highlight=False, markup=False, soft_wrap=True)
 
 
+def _demand_seen_files(by: str | None, stage: str | None, jobs: int | None) -> None:
+    """Raise ConfigurationError for what many curves on the workers of a scheduler cannot have."""
+    for option, given in (("--by", by), ("--stage", stage)):
+        if given:
+            raise ConfigurationError(f"{option}: with --each, workers read each curve from a file that they can see")
+    if jobs is not None:
+        raise ConfigurationError("--jobs is of this machine: with --scheduler, its workers say how many run at a time")
+
+
 def _each(
     sources: Sequence[Path],
     reader: Path | None,
     overrides: list[str],
     out: Path | None,
     by: str | None,
+    scheduler: str | None,
     workers: int | None,
     as_json: bool,
     fitting: bool,
@@ -242,10 +253,15 @@ def _each(
     pipeline = offline(load_pipeline(reader, assignments))
     log = pipeline.devices[device]
     curves = curves_by([log.model_copy(update={"file": Path(one.file)}) for one in files], by) if by else files
-    told = CurveReader(pipeline.text, str(pipeline.path), tuple(assignments), device, approved_plugins())
+    told = CurveReader(pipeline.text, str(pipeline.path.resolve()), tuple(assignments), device, approved_plugins())
     folder = out or make_folder("fit", None, datetime.now(UTC).astimezone())
+    pool = None
+    if scheduler is not None:
+        from palpate_fits.curve_cluster import on_workers
+
+        pool = partial(on_workers, scheduler, folder.resolve())
     with progress("fit", "curves", None if by else len(files)):
-        table = fit_each(pipeline, told, curves, folder, workers, fitting=fitting)
+        table = fit_each(pipeline, told, curves, folder, workers, fitting=fitting, pool=pool)
     if not fitting:
         typer.echo(f"{len(files)} curves to fit: palpate fit {folder}")
         return
