@@ -29,6 +29,8 @@ def gone_through(bench, tmp_path, steps, before=(), limits=PATIENT):
     words = [word for step in steps for word in ("--step", step)]
     person = Person(twin, tmp_path / "a", str(PIPELINE), *words, before=before)
     code, out = person.go_through()
+    if "this computer is too busy to watch the arm" in person.said:
+        pytest.skip("this computer is too busy to watch an arm")
     table = json.loads((tmp_path / "a" / "acceptance.json").read_text())
     assert "to sign" in out
     return code, person.said, {step["name"]: step for step in table["steps"]}, table
