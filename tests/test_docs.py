@@ -78,9 +78,10 @@ def test_the_first_level_of_the_site_is_short():
 
 
 def test_the_pages_agree_on_how_often_a_log_is_flushed():
-    from palpate_devices.mcap_sink import _FLUSH_EVERY, McapSink
+    from palpate_devices.log_recorder import FLUSH_EVERY
+    from palpate_devices.mcap_sink import McapSink
 
-    words = {4: "four", 5: "five", 6: "six", 7: "seven", 10: "ten"}[int(1 / _FLUSH_EVERY)]
+    words = {4: "four", 5: "five", 6: "six", 7: "seven", 10: "ten"}[int(1 / FLUSH_EVERY)]
     for text in ((ROOT / "docs/logs.md").read_text(), (ROOT / "docs/results.md").read_text(), McapSink.__doc__):
         (said,) = re.findall(r"[Ff]lush(?:ed|es)(?: it)? (\w+) times", " ".join(text.split()))
         assert said == words

@@ -158,8 +158,8 @@ def test_a_full_disk_ends_the_run_with_one_message_and_a_log_that_opens(flushes,
     """A limit on the size of files stands for the disk: the write fails in the same place."""
     script = (
         "import resource\n"
-        "from palpate_devices import mcap_sink\n"
-        f"mcap_sink._FLUSH_EVERY = {0.15 if flushes == 'in time' else 60.0}\n"
+        "from palpate_devices import log_recorder\n"
+        f"log_recorder.FLUSH_EVERY = {0.15 if flushes == 'in time' else 60.0}\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))\n"
         "from palpate.cli import main\nmain()\n"
     )

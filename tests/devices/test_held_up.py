@@ -142,7 +142,7 @@ def _ends_by_an_exception(monkeypatch):
         raise SystemExit(code)
 
     monkeypatch.setattr("os._exit", end)
-    monkeypatch.setattr("palpate_devices.ur.worker._Loop._halt_in_doubt", lambda self: "")
+    monkeypatch.setattr("palpate_devices.ur.robot_watch.RobotWatch.halt_in_doubt", lambda self: "")
 
 
 def sometimes(length, every):

@@ -240,9 +240,9 @@ def test_the_readers_of_npm_find_the_same(recording):
 
 
 def test_a_log_of_a_newer_palpate_is_refused_by_name(monkeypatch, run_point, tmp_path):
-    from palpate_devices import mcap_sink
+    from palpate_devices import log_recorder
 
-    monkeypatch.setattr(mcap_sink, "LOG_SCHEMA", 7)
+    monkeypatch.setattr(log_recorder, "LOG_SCHEMA", 7)
     folder = run_point("trajectory.press.duration=1 s").folder
     with pytest.raises(LogError, match=r"newer palpate, with schema 7; this one reads up to 1"):
         McapReplay(file=folder / "log.mcap").streams  # noqa: B018

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import socket
-import struct
-from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
 
@@ -26,6 +22,7 @@ from palpate_kit.kinematics.ur_arm import (
 )
 from palpate_kit.kinematics.work_frame import WorkFrame
 
+from palpate_devices.ur.client_sockets import drop_unsent, send_at_once
 from palpate_devices.ur.command_echo import RTDE_PORT, Echo, ReadBack
 from palpate_devices.ur.controller_states import PLAYING
 from palpate_devices.ur.fence import ArmState
@@ -40,7 +37,6 @@ _VARIABLES = [
 ]
 _LOAD = ["payload", "payload_cog"]
 _NEAR = 5e-3  # [m] between the controller's pose and that of the nominal kinematics
-_NO_LINGER = struct.pack("ii", 1, 0)
 _SWING, _FASTEST = 5e-3, 3.0  # [m], [m/s] of a tip: the largest arm of the series reaches 2 m/s
 _TAKES = 0.2  # [s] until the controller's states show a new TCP or payload
 
@@ -235,47 +231,6 @@ class Robot:
             self._turned = turn.copy(), rotation.tolist()
         number = self._echo.number(self.stamp, position)
         return bool(self.control.servoL([*target, *self._turned[1]], 0.5, number, *self._servo))
-
-
-def send_at_once(port: int) -> int:
-    """Let this process's connections to a port of another host send without waiting; how many there are.
-
-    The client library leaves Nagle's algorithm on: a command waits for the acknowledgement of the one before, which
-    comes with a state, or after 40 ms; then several come at once, and the arm leaps.
-    """
-    return _set(port, socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-
-
-def drop_unsent(port: int) -> int:
-    """Let the end of this process, whatever its cause, reset its connections to a port; how many there are.
-
-    Else the system would go on delivering what lies on a lost link, and the arm would carry it out.
-    """
-    return _set(port, socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
-
-
-def _set(port: int, level: int, option: int, value: int | bytes) -> int:
-    count = 0
-    for link in _links(port):
-        link.setsockopt(level, option, value)
-        count += 1
-    return count
-
-
-def _links(port: int) -> Iterator[socket.socket]:
-    """This process's connections to a port of another host, which the client library holds."""
-    for descriptor in map(int, os.listdir("/proc/self/fd")):
-        try:
-            link = socket.socket(fileno=descriptor)
-        except OSError:  # no socket
-            continue
-        try:
-            if (link.family, link.type) == (socket.AF_INET, socket.SOCK_STREAM) and link.getpeername()[1] == port:
-                yield link
-        except OSError:  # without a peer
-            continue
-        finally:
-            link.detach()  # borrowed: a copy would hold open what its owner closes
 
 
 def by_joints(state: list[float], tool: Floats, model: Model) -> list[float]:

@@ -20,11 +20,11 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_devices.ur.client_library import missing_library
 from palpate_devices.ur.command_echo import RTDE_PORT
-from palpate_devices.ur.controller_states import NORMAL, RUNNING, STOPPED, complaint, slowdown
 from palpate_devices.ur.fence import ArmState, Fence, Verdict
 from palpate_devices.ur.force_watch import ForceEye
 from palpate_devices.ur.layout import RETRACT, ROW, SETPOINT, STOP
 from palpate_devices.ur.robot import Robot, by_joints
+from palpate_devices.ur.robot_watch import RobotFaultError, RobotWatch
 from palpate_devices.ur.servo import Commander, ServoLaw
 from palpate_devices.ur.servo_pace import Beat, Pace
 from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
@@ -32,14 +32,9 @@ from palpate_devices.ur.station_plane import StationPlane
 
 _BLIND = 2_300_000  # [ns] without a new state: of more commands than two on their way only the last would count
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
-_LOST = 0.1  # [s], likewise
 _OWN = 0.85  # of the speed limit: two steps of that in one tick are still below 1.2 of it
 _EXPLAIN = 10  # periods
-_MUTE = 25  # periods in which a stop has to reach the other connection, too
-_HEARD = 0.25  # [s] for a stop to be carried out
 _LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
-_SAFETY_MODES = range(1, 14)  # that a controller has
-_LEAP = "no arm does that; was another TCP set meanwhile?"
 _MOVING = ("retreat", "stay", "approach", "follow")
 
 
@@ -81,7 +76,7 @@ class _Offer:
 class _Loop:
     def __init__(self, parent: Parent, ring: Ring, robot: Robot, settings: dict[str, Any]) -> None:
         self._parent, self._ring, self._robot = parent, ring, robot
-        self._controller_timeout, self._host_timeout = settings["controller_timeout"], settings["host_timeout"]
+        self._host_timeout = settings["host_timeout"]
         self._law = ServoLaw(**settings["law"])
         work = WorkFrame.model_construct(**settings["work"])
         self._fence = Fence(settings["own"], work, robot.tool, robot.model, self._law.acceleration)
@@ -90,13 +85,15 @@ class _Loop:
         self._setpoint = np.zeros(SETPOINT.size)
         self._offered: _Offer | None = None
         self._cycles = 0
-        self._safety = NORMAL  # mode, at the start of the motion
+        self._watch = RobotWatch(robot, settings["controller_timeout"], lambda: ring.beat(clock().now_ns()))
         self._beat = Beat()
 
     def run(self) -> NoReturn:
         """One cycle after another, each at its deadline; an error ends the process, and the motion, at once."""
         try:
             Pace(self._ring, self._beat, lambda: self._following).run(self._cycle, self._take_state)
+        except RobotFaultError as fault:
+            self._fail(str(fault))
         except Exception as error:
             self._fail(f"its servo loop failed: {type(error).__name__}: {error}")
 
@@ -165,7 +162,7 @@ class _Loop:
     def _stop_for(self, verdict: Verdict, commander: Commander) -> None:
         """Retract where the arm follows its commands, else stop it where it is."""
         if not verdict.trusted or commander.mode not in _MOVING:
-            self._fail(verdict.text + self._halt_in_doubt())
+            self._fail(verdict.text + self._watch.halt_in_doubt())
         self._parent.tell("limit", text=verdict.text, at=clock().now_ns())
         commander.retract()
 
@@ -182,12 +179,7 @@ class _Loop:
     def _take_state(self) -> None:
         robot = self._robot
         if robot.poll():
-            if not robot.is_number:
-                self._fail(self._garbled("the controller's pose or joints are no numbers"))
-            if robot.control is not None and (robot.leap is not None or robot.wrong_size is not None):
-                self._fail(
-                    self._garbled(f"the tip leapt by {1e3 * (robot.leap or 0.0):.0f} mm between two states: {_LEAP}")
-                )
+            self._watch.check_state()
             if self._commander is None:
                 self._commander = Commander(self._law, robot.look().position, robot.turn())
                 self._setpoint = self._commander.setpoint
@@ -197,57 +189,13 @@ class _Loop:
             self._ring.write(stamps, [*state, *robot.modes, *robot.paces, *self._setpoint])
 
     def _check(self, now: int) -> None:
-        robot, commander = self._robot, self._commander
-        if robot.control is not None and complaint(robot.modes, None) is not None:
-            moving = commander is not None and commander.mode != "hold"
-            text = str(complaint(robot.modes, robot.height if moving else None))
-            if robot.modes[1] not in _SAFETY_MODES:
-                self._fail(self._garbled(text))
-            self._fail(text + (self._mute_control() if robot.modes == (RUNNING, NORMAL, STOPPED) else ""))
-        self._check_pace(commander)
-        age = (now - robot.seen) / 1e9
-        if not robot.receive.isConnected():
-            self._fail("the controller has closed the link")
-        if robot.control is not None and robot.unheard > _LOST:
-            self._fail(
-                f"the control link is lost: the controller has taken no command for {1e3 * robot.unheard:.0f} ms. What "
-                "was sent meanwhile is dropped, and the controller's watchdog stops the arm. Check cable and switch"
-            )
-        if age > self._controller_timeout:
-            self._fail(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
-
-    def _garbled(self, text: str) -> str:
-        """Why a state makes no sense, once the arm is stopped: the other connection shows whether its packets do."""
-        heard = self._halt_in_doubt()
-        self._robot.read_back()
-        if (sizes := self._robot.wrong_size) is not None:
-            text = (
-                f"the controller sends states of {sizes[0]} bytes in place of {sizes[1]}: what the client library "
-                "makes of them is not where the arm is"
-            )
-        return text + heard
-
-    def _check_pace(self, commander: Commander | None) -> None:
-        """A robot that is slower than its commands does not begin, and leaves the material in a motion."""
-        robot = self._robot
-        if robot.control is None:
-            return
+        commander = self._commander
+        self._watch.check_modes(moving=commander is not None and commander.mode != "hold")
         if commander is None or commander.mode == "hold":
-            self._safety = robot.modes[1]
-            if (text := slowdown(robot.paces, self._safety, None)) is not None:
-                self._fail(text)
-        elif commander.mode in _MOVING:
-            text = slowdown(robot.paces, robot.modes[1], self._safety)
-            if text is not None:
-                self._stop_for(Verdict(text), commander)
-
-    def _mute_control(self) -> str:
-        """A program that the control link still reports as running, although the other link reports that it is not."""
-        for _ in range(_MUTE):
-            if not self._robot.control.isProgramRunning():
-                return ""
-            clock().sleep(PERIOD)
-        return " The control link still reports it as running: that link is mute, and commands did not arrive."
+            self._watch.check_start()
+        elif commander.mode in _MOVING and (text := self._watch.slowdown()) is not None:
+            self._stop_for(Verdict(text), commander)  # it leaves the material
+        self._watch.check_links(now)
 
     def _listen(self, now: int) -> None:
         head, commander = self._ring.head, self._commander
@@ -332,7 +280,7 @@ class _Loop:
 
     def _finish(self) -> NoReturn:
         """The motion is over, one way or the other."""
-        self._halt()
+        self._watch.halt()
         self._parent.tell("done")
         while not self._parent.gone:
             self._ring.beat(clock().now_ns())
@@ -342,24 +290,8 @@ class _Loop:
             clock().sleep(PERIOD)
         host().leave(0)
 
-    def _halt(self) -> None:
-        """Stop servoing, then the program; both wait for the controller, who was heard of a moment ago."""
-        if self._robot.control is not None:
-            self._robot.control.servoStop()
-            self._robot.control.stopScript()
-
-    def _halt_in_doubt(self) -> str:
-        """Stop a robot that may not hear: the library would wait for its answer for minutes; the watchdog does not."""
-        halting = clock().thread(self._halt, "halt")
-        halting.start()
-        deadline = clock().now() + _HEARD
-        while halting.is_alive() and clock().now() < deadline:
-            self._ring.beat(clock().now_ns())
-            clock().sleep(PERIOD)
-        return " The control link does not answer: commands do not arrive." if halting.is_alive() else ""
-
     def _leave(self) -> NoReturn:
-        self._halt_in_doubt()
+        self._watch.halt_in_doubt()
         host().leave(0)
 
     def _fail(self, text: str) -> NoReturn:

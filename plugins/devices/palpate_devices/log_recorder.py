@@ -1,0 +1,186 @@
+"""The log of a run as MCAP: channels, messages and metadata, flushed and synced as it grows."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import IO, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Batch, Estimates, Floats, Run, Samples, Stream, Thread, clock
+
+from palpate_devices.log_file import Bookmark, LogFile
+from palpate_devices.mcap_blocks import add_messages
+from palpate_devices.mcap_index import keep_index_in
+from palpate_devices.messages import LOG_SCHEMA, STANDARD, MessageType, numbers_type, pack_messages
+
+FLUSH_EVERY = 0.15  # [s]; with what is on its way, a kill costs some 0.05 s more, on a busy machine twice that
+_FLUSH_FROM = 1 << 18  # [bytes]; a replay writes that much sooner, and a full disk costs no more of it
+_SYNC_EVERY = 1.0  # [s]; what a power cut can cost
+_TOGETHER = 1 << 14  # messages that are made at once
+_SAMPLE_FIELDS = ("time", "interval", "force", "position", "velocity", "contact", "active")
+_PLACE = ("x", "y")
+
+
+class LogRecorder:
+    """The MCAP file of a run, open for writing; used by one thread at a time."""
+
+    def __init__(self, file: LogFile, run: Run, index: IO[bytes]) -> None:
+        from mcap.writer import CompressionType, Writer
+
+        self._file = file
+        self._log: Any = Writer(cast(Any, file), compression=CompressionType.ZSTD)
+        keep_index_in(self._log, index)
+        self._log.start(profile="ros2", library=f"palpate {run.facts.get('palpate', '')}")
+        self._schemas: dict[str, int] = {}
+        self._streams: dict[tuple[str, str], tuple[int, Stream]] = {}
+        for device, streams in run.streams.items():
+            for stream in streams:
+                kind = STANDARD.get(stream.layout) or _own_type(device, stream)
+                topic = f"/{device}/{stream.name}" if stream.name else f"/{device}"
+                facts = {"palpate": json.dumps(_facts(device, stream))}
+                self._streams[device, stream.name] = self._channel(topic, kind, facts), stream
+        self._samples = self._channel("/palpate/samples", numbers_type("Samples", (*_SAMPLE_FIELDS, *_PLACE)))
+        self._tracks = {}
+        for track, parameters in run.tracks.items():
+            names = [parameter.name for parameter in parameters]
+            kind = numbers_type(_type_name(track), _estimate_fields(names))
+            self._tracks[track] = self._channel(f"/palpate/estimates/{track}", kind)
+        self._log.add_metadata("palpate", {"schema": str(LOG_SCHEMA), **run.facts})
+        for name, text in run.documents.items():
+            self._log.add_attachment(0, 0, name, "application/toml", text.encode())
+        self._whole = Bookmark(self._log, file)
+        self._flushed = self._synced = clock().now()
+        self._syncing: Thread | None = None
+        self._unsynced: OSError | None = None
+
+    def _channel(self, topic: str, kind: MessageType, facts: dict[str, str] | None = None) -> int:
+        if kind.name not in self._schemas:
+            self._schemas[kind.name] = self._log.register_schema(kind.name, "ros2msg", kind.definition.encode())
+        return int(self._log.register_channel(topic, "cdr", self._schemas[kind.name], facts or {}))
+
+    def mark(self, facts: Mapping[str, str]) -> None:
+        """What became of the run, as metadata."""
+        self._log.add_metadata("palpate result", dict(facts))
+
+    def batch(self, device: str, batch: Batch) -> None:
+        """Raw readings, as messages of their stream."""
+        channel, stream = self._streams[device, batch.stream]
+        names = [entry.name for entry in stream.channels]
+        joints = tuple(names[: len(names) // 2]) if stream.layout == "joints" else ()
+        self._write(channel, batch.time, batch.received, stream.frame or device, batch.values, joints)
+
+    def samples(self, samples: Samples) -> None:
+        """Aligned samples."""
+        columns = [np.asarray(getattr(samples, name), float) for name in _SAMPLE_FIELDS]
+        numbers = np.column_stack([*columns, samples.lateral])
+        self._write(self._samples, samples.stamp, samples.stamp, "surface", numbers)
+
+    def estimates(self, track: str, estimates: Estimates, stamps: NDArray[np.int64], lateral: Floats) -> None:
+        """Estimates of samples with these stamps (n,) [ns] and places (n, 2) [m], or of a whole record."""
+        columns = (
+            estimates.surface,
+            estimates.surface_std,
+            estimates.force,
+            estimates.nis,
+            estimates.status.astype(float),
+        )
+        if len(stamps) != len(estimates):  # an offline estimator: all samples at once
+            stamps = np.rint(estimates.time * 1e9).astype(np.int64)
+            lateral = np.broadcast_to(np.nan, (len(estimates), 2))
+        ends = (lateral, estimates.innovation)
+        whole = (estimates.time, estimates.values, estimates.std, *columns, *ends)
+        for begin in range(0, len(stamps), _TOGETHER):  # those of an offline estimator are of the whole record
+            rows = slice(begin, begin + _TOGETHER)
+            numbers = np.column_stack([column[rows] for column in whole])
+            self._write(self._tracks[track], stamps[rows], stamps[rows], "surface", numbers)
+
+    def _write(
+        self,
+        channel: int,
+        stamps: NDArray[np.int64],
+        logged: NDArray[np.int64],
+        frame: str,
+        numbers: Floats,
+        joints: tuple[str, ...] = (),
+    ) -> None:
+        add_messages(self._log, channel, logged, stamps, pack_messages(stamps, frame, numbers, joints))
+
+    def save(self) -> None:
+        """Flush, and sync, where it is time to."""
+        now = clock().now()
+        if now - self._flushed < FLUSH_EVERY and self._file.unmarked() < _FLUSH_FROM:
+            return
+        self._log.flush()
+        self._whole.set()
+        self._flushed = now
+        if self._unsynced is not None:
+            raise self._unsynced
+        if now - self._synced >= _SYNC_EVERY and not (self._syncing is not None and self._syncing.is_alive()):
+            self._syncing = clock().thread(self._sync, "mcap sync")
+            self._syncing.start()
+            self._synced = now
+
+    def _sync(self) -> None:
+        """A busy disk takes some 0.3 s for this, during which the writer must keep flushing."""
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self._unsynced = error
+
+    def finish(self) -> None:
+        """Write index and summary; raises OSError."""
+        if self._syncing is not None:
+            self._syncing.join()
+        self._log.finish()
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def close_early(self) -> None:
+        """End the log with its last whole chunk; raises OSError."""
+        if self._syncing is not None:
+            self._syncing.join()
+        self._whole.close()
+        os.fsync(self._file.fileno())
+
+
+def _facts(device: str, stream: Stream) -> dict[str, Any]:
+    """What a replay must know of a stream and the messages do not state."""
+    return {
+        "schema": LOG_SCHEMA,
+        "device": device,
+        "stream": stream.name,
+        "rate": stream.rate,
+        "layout": stream.layout,
+        "frame": stream.frame,
+        "channels": [channel.name for channel in stream.channels],
+        "units": [channel.unit for channel in stream.channels],
+        "limits": [channel.limits for channel in stream.channels],
+    }
+
+
+def _own_type(device: str, stream: Stream) -> MessageType:
+    name = "Setpoint" if stream.layout == "setpoint" else _type_name(f"{device} {stream.name}")
+    return numbers_type(name, [channel.name for channel in stream.channels])
+
+
+def _type_name(text: str) -> str:
+    words = "".join(character if character.isalnum() else " " for character in text).split()
+    return "".join(word[:1].upper() + word[1:] for word in words) or "Numbers"
+
+
+def _estimate_fields(names: Sequence[str]) -> list[str]:
+    return [
+        "time",
+        *names,
+        *(f"{name}_std" for name in names),
+        "surface",
+        "surface_std",
+        "force",
+        "nis",
+        "status",
+        *_PLACE,
+        "innovation",
+    ]
