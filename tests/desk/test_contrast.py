@@ -1,4 +1,4 @@
-"""Texts of the pages can be read: a contrast of 4.5 (WCAG 2.2) of all colours of text on all grounds, light and dark."""
+"""Texts of the pages can be read: a contrast of 4.5 (WCAG 2.2) of every text on every ground, light and dark."""
 
 import itertools
 import re
