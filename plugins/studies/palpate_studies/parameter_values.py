@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from palpate import ConfigurationError, Flag
+from palpate import ConfigurationError, Flag, UserError
 from palpate.host import registry, suggest, verdict
 from palpate_kit.curves.curve_filter import CurveFilter, curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder, stale_words
 from palpate_kit.runs.result_file import read_flags, read_results
 from palpate_kit.runs.run_folder import RunFolder
+
+_TOLD = 20  # files that are left out, one line each
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,17 @@ class ParameterValue:
     def usable(self) -> bool:
         """Whether its value may enter statistics."""
         return self.value is not None and self.verdict != "invalid" and self.rejected is None
+
+
+def tell_left_out(failures: Mapping[str, UserError], others: bool) -> None:
+    """Say which files are left out, and why, up to twenty; raises what the first failed with if there are no others."""
+    told = [*failures][0 if others else 1 :]
+    for path in told[:_TOLD]:
+        typer.echo(f"{path} is left out: {failures[path]}", err=True)
+    if len(told) > _TOLD:
+        typer.echo(f"and {len(told) - _TOLD} more", err=True)
+    if failures and not others:
+        raise next(iter(failures.values()))
 
 
 def natural(path: Path | str) -> list[tuple[int, str]]:

@@ -19,7 +19,7 @@ from palpate_kit.terminal.table import console
 
 from palpate_studies.force_error import force_error
 from palpate_studies.log_estimates import LogRuns
-from palpate_studies.parameter_values import ParameterValue, natural, readings
+from palpate_studies.parameter_values import ParameterValue, natural, readings, tell_left_out
 from palpate_studies.repeat_figure import draw_repeatability
 from palpate_studies.repeat_tables import views
 from palpate_studies.repeatability import against_truth, repeatability, uncertainty_of_mean
@@ -47,7 +47,7 @@ class _Group:
         except ConsentError:
             raise
         except UserError as error:
-            self.failures[str(path)] = error
+            self.failures[str(path)] = error.with_traceback(None)  # which holds the file's contents
             return
         for reading in of_file:
             self.take(reading)
@@ -67,10 +67,7 @@ class _Group:
 
     def demand_values(self, parameter: str) -> None:
         """Say which runs are left out; raises what the first failed with, or LogError, where no run has a value."""
-        for path in [*self.failures][0 if self.values else 1 :]:
-            typer.echo(f"{path} is left out: {self.failures[path]}", err=True)
-        if not self.values and self.failures:
-            raise next(iter(self.failures.values()))
+        tell_left_out(self.failures, others=bool(self.values))
         if not self.values:
             raise LogError(f"group {self.name}: no run has a value of {parameter}")
 
@@ -122,7 +119,7 @@ def repeat(
         draw_repeatability(document, picture)
     _show(document, as_json, details)
     if failures := dict.fromkeys(path for found in groups.values() for path in found.failures):
-        typer.echo(f"{len(failures)} runs failed: {', '.join(failures)}", err=True)
+        typer.echo(f"{len(failures)} runs failed", err=True)
         raise typer.Exit(1)
 
 

@@ -18,7 +18,7 @@ from palpate_kit.terminal.options import FormatOption, TrackOption, WhereOption
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
 
-from palpate_studies.parameter_values import ParameterValue, natural, readings
+from palpate_studies.parameter_values import ParameterValue, natural, readings, tell_left_out
 
 # What is left of the rating by a verdict; what cannot be used is worth nothing.
 _BY_VERDICT = {"good": 1.0, "note": 1.0, "doubtful": 0.6, "invalid": 0.0}
@@ -116,17 +116,16 @@ def _read(
 ) -> tuple[list[ParameterValue], int]:
     """All readings, and how many files could not be read; raises what the only one raised."""
     found: list[ParameterValue] = []
-    failures: dict[Path, UserError] = {}
+    failures: dict[str, UserError] = {}
     for path in sorted(set(runs), key=natural):
         try:
             found += readings(path, track, parameter, first=True, where=where)
         except UserError as error:
-            failures[path] = error
-    for path in [*failures][0 if found else 1 :]:
-        typer.echo(f"{path} is left out: {failures[path]}", err=True)
+            failures[str(path)] = error.with_traceback(None)
+    tell_left_out(failures, others=bool(found))
     if not found:
         nothing = "name at least one run folder" if where is None else f"--where {where!r}: holds of no curve"
-        raise next(iter(failures.values())) if failures else ConfigurationError(nothing)
+        raise ConfigurationError(nothing)
     return found, len(failures)
 
 
