@@ -16,7 +16,7 @@ _HALF = 5  # digits that are looked up at once
 _MOST = 290  # decimal exponents; beyond them powers of ten come near the ends of the floats
 _UNSURE = 1e-4  # of the last digit; so near to a half the product with a power of ten, good to 3e-6, may be beyond it
 _FEW = 400  # numbers; for so few, as a live run has, Python is faster
-_ROWS = 1024  # at once: what is worked on stays in the processor's cache
+_ROWS = 384  # at once: what is worked on stays in the processor's cache
 _BYTE, _WORD = np.uint64(8), np.uint64(64 - 8)
 
 
