@@ -49,8 +49,8 @@ def suspected(course: Course, base: Refit, null: Null, frequency: float | None, 
         added = added - own @ (own.T @ added)
         directions = _directions(added)
         score = float(np.sum((directions.T @ left) ** 2)) / power / null.excess
-        share = score * null.excess / max(len(left), 1)
-        if _SHORT * share > beyond and chance_of_more(slopes.shape[1], score) < _SUSPICIOUS:
+        share = score * null.excess / max(len(left), 1)  # of the variance; a directed test's is of what it leaves
+        if _SHORT * share > beyond * (1.0 - share) and chance_of_more(slopes.shape[1], score) < _SUSPICIOUS:
             return True
     return False
 
