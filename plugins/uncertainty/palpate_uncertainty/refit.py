@@ -134,7 +134,7 @@ def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     )  # fmt: skip
 
 
-class _Motion(NamedTuple):
+class _SmoothMotion(NamedTuple):
     """The motion of kept samples, and where it is known well enough to be fitted."""
 
     runs: Runs  # (n,)
@@ -147,7 +147,7 @@ class _Motion(NamedTuple):
 
 
 @lru_cache(maxsize=2)  # several diagnoses of a track ask
-def _motion(kept: SampleStore) -> _Motion:
+def _motion(kept: SampleStore) -> _SmoothMotion:
     runs, acceleration = runs_of(kept), np.full(len(kept.time), np.nan)
     k = _SLOPE_SAMPLES
     if len(kept.time) > 2 * k:
@@ -162,7 +162,7 @@ def _motion(kept: SampleStore) -> _Motion:
     known = np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
     known &= ~hesitation_samples(kept) & ~corners & ~jerks
     noise = height_noise, rate_noise
-    return _Motion(runs, acceleration, height, np.nan_to_num(rate), np.nan_to_num(smooth), known, noise)
+    return _SmoothMotion(runs, acceleration, height, np.nan_to_num(rate), np.nan_to_num(smooth), known, noise)
 
 
 def _slopes(values: Floats, time: Floats, runs: Runs) -> Floats:
