@@ -38,9 +38,9 @@ def test_a_score_misses_nothing_that_a_directed_test_finds(evidence, reason):
         changed = replace(course, force=course.force + pattern)
         base = refit(changed, track.values, track.surface)
         tests = directed_tests(base, alternatives(changed, base), changed.runs[changed.used], WHITE)
-        if min(len(tests) * test.p for test in tests.values()) < LEVEL:
+        if shares := [test.share for test in tests.values() if len(tests) * test.p < LEVEL]:
             significant += 1
-            assert suspected(changed, base, WHITE, None)
+            assert suspected(changed, base, WHITE, None, beyond=max(shares))
     assert significant
 
 
@@ -54,6 +54,16 @@ def test_a_clean_record_is_not_suspected(evidence):
         base = refit(course, track.values, track.surface)
         found.append(suspected(course, base, WHITE, None))
     assert not all(found)
+
+
+def test_a_score_within_the_noise_of_the_motion_is_not_suspected(evidence):
+    track = evidence("clean", CasadiFit(), seed=5)
+    course = make_course(track, track.kept.used)
+    drifting = replace(course, force=course.force + 100.0 * patterns(course, track.values, track.surface)["drift"])
+    before, base = (refit(one, track.values, track.surface) for one in (course, drifting))
+    share = float(np.var(base.residual) / np.var(before.residual)) - 1.0  # the drift's, of the variance of the rest
+    assert suspected(drifting, base, WHITE, None, beyond=share)
+    assert not suspected(drifting, base, WHITE, None, beyond=8.0 * share)
 
 
 @pytest.mark.parametrize("ratio", [1e-4, 0.02, 0.7, 5.0])

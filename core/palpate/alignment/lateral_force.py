@@ -44,14 +44,16 @@ class LateralForce:
 
     def add(self, forces: Floats) -> None:
         """Take in forces (n, 3) [N]: the one along, and both across."""
-        values = forces * _PER_NEWTON
-        values = values[(np.abs(values) < _LARGEST).all(axis=1)]
-        whole = np.rint(values).astype(np.int64)
-        self._count += len(whole)
+        columns = np.multiply(forces.T, _PER_NEWTON, order="C")  # sums are over whole columns
+        along, first, second = np.abs(columns) < _LARGEST
+        if not (known := along & first & second).all():
+            columns = columns[:, known]
+        whole = np.rint(columns).astype(np.int64)
+        self._count += whole.shape[1]
         for i in range(3):
-            self._sums[i] += int(whole[:, i].sum())
+            self._sums[i] += int(whole[i].sum())
             for j in range(i, 3):
-                self._products[i][j] += int((whole[:, i] * whole[:, j]).sum())
+                self._products[i][j] += int((whole[i] * whole[j]).sum())
 
     @property
     def share(self) -> SidewaysShare | None:

@@ -48,10 +48,9 @@ def apply_diagnoses(
 ) -> dict[str, TrackResult]:
     """The results of all tracks with the findings of all diagnoses; those of what was not estimated only by some."""
     results = {name: track.result for name, track in tracks.items()}
+    estimated = [_evidence(name, track, of_run) for name, track in tracks.items() if track.result.samples]
     for order in sorted({diagnosis.order for diagnosis in diagnoses.values()}):
-        every = [
-            _evidence(name, track, results[name], of_run) for name, track in tracks.items() if results[name].samples
-        ]
+        every = [replace(track, **_numbers(track.model, results[track.name])) for track in estimated]
         for name, diagnosis in diagnoses.items():
             evidence = [track for track in every if diagnosis.lost or np.isfinite(track.values).all()]
             if evidence and diagnosis.order == order:
@@ -138,29 +137,37 @@ def _derived(
     return replace(value, found=_caused(value.found, finding, value.name, shares).diagnosed(cause, share, touched))
 
 
-def _evidence(name: str, track: Diagnosable, result: TrackResult, of_run: RunEvidence) -> TrackEvidence:
-    found = [result.parameters[parameter.name] for parameter in track.model.parameters]
-    record, settings = track.record, of_run.settings
+def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEvidence:
+    """What the record says of a track, with the numbers that it found before any diagnosis."""
+    record = track.record
     time, force, position = record.keeper.air
     return TrackEvidence(
         name,
         track.model,
         track.estimator,
-        settings.tip_mass,
+        of_run.settings.tip_mass,
         record.keeper.kept,
         time,
         force,
         position,
-        np.array([f.value for f in found]),
-        np.array([f.std for f in found]),
-        np.array([f.combined for f in found]),
-        result.surface.value,
-        record.report,
-        of_run.tables,
-        _ending(track, of_run),
-        result.parameters,
-        record.keeper.air_after,
+        surface=track.result.surface.value,
+        report=record.report,
+        tables=of_run.tables,
+        ending=_ending(track, of_run),
+        air_after=record.keeper.air_after,
+        **_numbers(track.model, track.result),
     )
+
+
+def _numbers(model: ContactModel, result: TrackResult) -> dict[str, Any]:
+    """What diagnoses change of a track's evidence, from one order to the next."""
+    found = [result.parameters[parameter.name] for parameter in model.parameters]
+    return {
+        "values": np.array([f.value for f in found]),
+        "std": np.array([f.std for f in found]),
+        "combined": np.array([f.combined for f in found]),
+        "found": result.parameters,
+    }
 
 
 def _ending(track: Diagnosable, of_run: RunEvidence) -> TrackEnd | None:

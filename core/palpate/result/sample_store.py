@@ -16,7 +16,7 @@ _AIR = 4096  # samples before the first contact, and after the last
 _COLUMNS = ("time", "force", "position", "velocity", "x", "y", "used", "surface", "innovation")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SampleStore:
     """Samples in contact of a track, in blocks of 4096 consecutive ones that are spread evenly over the record."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Protocol
 
@@ -44,17 +45,23 @@ def kernel_choice() -> tuple[str, str]:
     wanted = os.environ.get(_VARIABLE, "auto")
     if wanted not in ("auto", "llvm", "vm"):
         raise ConfigurationError(f'environment variable {_VARIABLE}: {wanted!r} is not one of "auto", "llvm", "vm"')
-    try:
-        found = version("llvmlite")
-    except PackageNotFoundError:
+    found = _llvmlite()
+    if found is None:
         if wanted == "llvm":
-            raise ConfigurationError(
-                f'{_VARIABLE}=llvm: llvmlite is not installed; pip install "palpate[fast]"'
-            ) from None
+            raise ConfigurationError(f'{_VARIABLE}=llvm: llvmlite is not installed; pip install "palpate[fast]"')
         return "vm", 'llvmlite is not installed; pip install "palpate[fast]" makes filters some ten times faster'
     if wanted == "vm":
         return "vm", f"{_VARIABLE}=vm asks for it"
     return "llvm", f"llvmlite {found} is installed"
+
+
+@cache
+def _llvmlite() -> str | None:
+    """The installed version; looking it up takes longer than a second of log."""
+    try:
+        return version("llvmlite")
+    except PackageNotFoundError:
+        return None
 
 
 def step_function(step: Step) -> Any:

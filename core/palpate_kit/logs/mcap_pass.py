@@ -16,9 +16,8 @@ from palpate_kit.logs.mcap_definitions import Definitions
 from palpate_kit.logs.mcap_records import Block, Damage
 from palpate_kit.logs.topics import Stamps
 
-_TOGETHER = 1 << 19  # [bytes] of chunks that make a block
 DATA_WRONG = "the checksum of its data is wrong"
-_BLOCK = 1 << 22  # [bytes] of messages outside chunks read at once
+_BLOCK = 1 << 22  # [bytes] of chunks, or of messages outside chunks, that make a block
 
 
 @dataclass(frozen=True)
@@ -211,7 +210,7 @@ def check_data_sum(file: IO[bytes], summary: Definitions) -> bool | None:
 def _enough(pending: list[_Whole]) -> bool:
     """Whether chunks are worth a block; one without a checksum ends it, and is kept apart from those with one."""
     size = sum(len(whole.chunk.data) for whole in pending)
-    return size >= _TOGETHER or not pending[-1].chunk.checked
+    return size >= _BLOCK or not pending[-1].chunk.checked
 
 
 def _joined(pending: list[_Whole]) -> _Whole:

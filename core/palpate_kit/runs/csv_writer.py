@@ -16,7 +16,7 @@ _HALF = 5  # digits that are looked up at once
 _MOST = 290  # decimal exponents; beyond them powers of ten come near the ends of the floats
 _UNSURE = 1e-4  # of the last digit; so near to a half the product with a power of ten, good to 3e-6, may be beyond it
 _FEW = 400  # numbers; for so few, as a live run has, Python is faster
-_ROWS = 1024  # at once: what is worked on stays in the processor's cache
+_ROWS = 512  # at once: what is worked on stays in the processor's cache
 _BYTE, _WORD = np.uint64(8), np.uint64(64 - 8)
 
 
@@ -29,13 +29,13 @@ def csv_rows(table: Floats) -> str:
 
 
 def _some_rows(table: Floats) -> str:
-    cells = np.zeros((*table.shape, 3), np.uint64)
-    cells[..., 0] = ord(",")
-    cells[:, 0, 0] = ord("\n")
-    given = ~np.isnan(table)
-    flat, where = cells.reshape(-1, 3), np.flatnonzero(given)
-    for word, part in enumerate(_written(table[given])):
-        flat[where, word] |= part
+    numbers, cells = table.ravel(), np.empty((*table.shape, 3), np.uint64)
+    missing = np.isnan(numbers)
+    for word, part in enumerate(_written(np.where(missing, 0.0, numbers))):
+        part[missing] = 0
+        cells[..., word] = part.reshape(table.shape)
+    cells[..., 0] |= ord(",")
+    cells[:, 0, 0] ^= ord(",") ^ ord("\n")
     text = cells.astype("<u8", copy=False).tobytes().translate(None, b"\0")
     return text[1:].decode("ascii") + "\n"
 

@@ -20,13 +20,15 @@ from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import relaxation_columns, relaxation_times
 
 _SUSPICIOUS = 1e-2  # p of one score, 80 times what a directed test of eight is significant from
+_SHORT = 4.0  # times the share that a score promises, which a refit may take
 _CLIPPED = 6.0  # standard deviations; what is beyond is an outlier
 _STEP = 1e-6  # of a number's range, and of a parameter
 _DEEPER = 1e-7  # [m]
 
 
-def suspected(course: Course, base: Refit, null: Null, frequency: float | None) -> bool:
-    """Whether a directed test may become significant, by the slopes of the force alone.
+def suspected(course: Course, base: Refit, null: Null, frequency: float | None, beyond: float = 0.0) -> bool:
+    """Whether a directed test may become significant with a share of the variance `beyond` that of the noise of the
+    motion, by the slopes of the force alone.
 
     The score of m numbers is chi square of m degrees of freedom where the model is right, and as the ratio of
     likelihoods near it (Rao 1948): the share of the whitened residual along the slopes of these numbers that the
@@ -47,7 +49,8 @@ def suspected(course: Course, base: Refit, null: Null, frequency: float | None) 
         added = added - own @ (own.T @ added)
         directions = _directions(added)
         score = float(np.sum((directions.T @ left) ** 2)) / power / null.excess
-        if chance_of_more(slopes.shape[1], score) < _SUSPICIOUS:
+        share = score * null.excess / max(len(left), 1)  # of the variance; a directed test's is of what it leaves
+        if _SHORT * share > beyond * (1.0 - share) and chance_of_more(slopes.shape[1], score) < _SUSPICIOUS:
             return True
     return False
 

@@ -26,7 +26,6 @@ _STILL = 1e-4  # [m]
 _STRETCH = 4.0  # [s] of a sweep
 _OF_A_SWEEP = 0.015  # of the variance of innovations; the most of 28 tracks of clean sweeps was 0.008
 _DEEP = 3e-3  # [m], where the surface is looked for first
-_BY_MOTION = 1.0  # of the mean square of the force that noise of the motion makes
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
 _FAINT = 0.01  # the same, of the variance of the noise
 _DRIFTS = 1.5  # times the drift that is allowed, as one of the record is known to some half of it
@@ -80,25 +79,29 @@ class _NullBase:
         if self.course.model.memory:
             return {}
         runs, power = self.course.runs[self.course.used], float(np.var(self.fit.residual))
-        made = self.course.motion_noise(self.fit.theta, self.fit.surface)
         found = directed_tests(self.fit, self.others, runs, self.null)
-        return {reason: test for reason, test in found.items() if test.share * power > _BY_MOTION * made}
+        return {reason: test for reason, test in found.items() if test.share * power > self.made_by_motion}
 
     @property
     def p(self) -> float:
         """Of the directed tests as a family; 1 where their scores leave no doubt that none is significant."""
-        if not self.course.model.memory and not suspected(self.course, self.fit, self.null, self.frequency):
+        beyond = self.made_by_motion / max(float(np.var(self.fit.residual)), 1e-300)
+        if not self.course.model.memory and not suspected(self.course, self.fit, self.null, self.frequency, beyond):
             return 1.0
         return min((1.0, *(len(self.directed) * test.p for test in self.directed.values())))
 
     def by_motion(self, found: WhitenessTest, power: float) -> WhitenessTest:
         """Findings on residuals of this power [N^2]: nothing where the noise of the motion makes such a pattern."""
-        made = self.course.motion_noise(self.fit.theta, self.fit.surface)
-        return replace(found, p=1.0) if found.misfit * power < _BY_MOTION * made else found
+        return replace(found, p=1.0) if found.misfit * power < self.made_by_motion else found
+
+    @cached_property
+    def made_by_motion(self) -> float:
+        """Mean square [N^2] of the force that the noise of the motion makes."""
+        return self.course.motion_noise(self.fit.theta, self.fit.surface)
 
 
 def _judge(track: TrackEvidence, known: dict[Any, _NullBase]) -> Diagnosed | None:
-    if np.count_nonzero(track.kept.used & ~hesitation_samples(track)) < _ENOUGH or not possible(track):
+    if np.count_nonzero(track.kept.used & ~hesitation_samples(track.kept)) < _ENOUGH or not possible(track):
         return None
     fitted = track.report is not None and np.isfinite(track.kept.innovation).any()
     if sweeps(track) and not fitted:
@@ -211,11 +214,11 @@ def _null(track: TrackEvidence, residual: Floats, phase: Floats | None) -> Null:
 def _by_innovations(track: TrackEvidence) -> WhitenessTest:
     """The tests of what the estimator itself left."""
     kept = track.kept
-    rows = kept.used & np.isfinite(kept.innovation) & np.isfinite(kept.position) & ~hesitation_samples(track)
+    rows = kept.used & np.isfinite(kept.innovation) & np.isfinite(kept.position) & ~hesitation_samples(kept)
     time, height, values = kept.time[rows], kept.position[rows], kept.innovation[rows]
     rhythm = oscillation(time, height)
     phase = rhythm[1] if rhythm else None
-    return whiteness_tests(values, runs_of(track)[rows], time, -height, phase, _null(track, values, phase))
+    return whiteness_tests(values, runs_of(kept)[rows], time, -height, phase, _null(track, values, phase))
 
 
 def _table(found: WhitenessTest) -> Diagnosed:

@@ -22,7 +22,7 @@ def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     for track in tracks:
         used = track.kept.used
         force = track.kept.force[used]
-        spikes = spikes_of(force, ~hesitation_samples(track)[used])
+        spikes = spikes_of(force, ~hesitation_samples(track.kept)[used])
         if not len(spikes):
             continue
         share, size = len(spikes) / len(force), float(np.max(np.abs(spikes)))

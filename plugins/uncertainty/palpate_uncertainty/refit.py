@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ContactModel, Floats, TrackEvidence, contact_force, force_over_time
+from palpate import ContactModel, Floats, SampleStore, TrackEvidence, contact_force, force_over_time
 from palpate.host import hesitations
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 
@@ -86,18 +88,16 @@ class Course:
         return np.asarray(by_depth * self.rate + by_rate * self.acceleration)
 
 
-def runs_of(track: TrackEvidence) -> Runs:
-    """Numbers (n,) of the stretches of a track's kept samples that have no gap."""
-    kept = track.kept
+def runs_of(kept: SampleStore) -> Runs:
+    """Numbers (n,) of the stretches of kept samples that have no gap."""
     step = np.diff(kept.time, prepend=kept.time[:1])
     usual = float(np.median(step[1:])) if len(step) > 1 else 0.0
     jumps = np.diff(kept.index, prepend=kept.index[:1] - 1) != 1
     return np.asarray(np.cumsum(jumps | (step > _GAP * usual)), dtype=np.int64)
 
 
-def hesitation_samples(track: TrackEvidence) -> NDArray[np.bool_]:
+def hesitation_samples(kept: SampleStore) -> NDArray[np.bool_]:
     """(n,) True for kept samples within a hesitation of the arm, whose jerk no slope over samples shows as it was."""
-    kept = track.kept
     step = np.diff(kept.time)
     usual = float(np.median(step)) if len(step) else 0.0
     clock = np.cumsum(np.concatenate([[0.0], np.where(np.diff(kept.index) == 1, step, usual)]))[: len(kept.time)]
@@ -125,26 +125,44 @@ def possible(track: TrackEvidence) -> bool:
 
 def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     """The course of a track's kept samples; those at the ends of runs and in hesitations are not fitted."""
-    kept, runs = track.kept, runs_of(track)
-    acceleration = np.full(len(kept.time), np.nan)
+    kept, motion = track.kept, _motion(track.kept)
+    force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(motion.acceleration)
+    first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
+    return Course(
+        track.model, kept.time, force, motion.height, motion.rate, motion.smooth_acceleration, motion.runs,
+        used & motion.known & np.isfinite(force), first, max(last - first, 1e-9), len(track.air_time) > 0, motion.noise,
+    )  # fmt: skip
+
+
+class _SmoothMotion(NamedTuple):
+    """The motion of kept samples, and where it is known well enough to be fitted."""
+
+    runs: Runs  # (n,)
+    acceleration: Floats  # (n,) [m/s^2] of the depth, over some samples; NaN at the ends of runs
+    height: Floats  # (n,) [m]
+    rate: Floats  # (n,) [m/s] of the depth
+    smooth_acceleration: Floats  # (n,) [m/s^2] of the depth
+    known: NDArray[np.bool_]  # (n,)
+    noise: tuple[float, float]  # [m], [m/s] that smoothing has left
+
+
+@lru_cache(maxsize=2)  # several diagnoses of a track ask
+def _motion(kept: SampleStore) -> _SmoothMotion:
+    runs, acceleration = runs_of(kept), np.full(len(kept.time), np.nan)
     k = _SLOPE_SAMPLES
     if len(kept.time) > 2 * k:
         change = kept.velocity[: -2 * k] - kept.velocity[2 * k :]  # depth counts down, height up
         whole = (runs[2 * k :] == runs[: -2 * k]) & (kept.time[2 * k :] > kept.time[: -2 * k])
         span = np.where(whole, kept.time[2 * k :] - kept.time[: -2 * k], np.nan)
         acceleration[k:-k] = change / span
-    force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(acceleration)
     height, height_noise, corners = _quiet(kept.position, runs)
     rate, rate_noise, jerks = _quiet(-kept.velocity, runs)
     # Not the slope that the inertia is taken off by: its noise would make a force that is late.
     smooth = _slopes(rate, kept.time, runs)
-    known = np.isfinite(force) & np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
-    known &= ~hesitation_samples(track) & ~corners & ~jerks
-    first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
-    return Course(
-        track.model, kept.time, force, height, np.nan_to_num(rate), np.nan_to_num(smooth), runs, used & known,
-        first, max(last - first, 1e-9), len(track.air_time) > 0, (height_noise, rate_noise),
-    )  # fmt: skip
+    known = np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
+    known &= ~hesitation_samples(kept) & ~corners & ~jerks
+    noise = height_noise, rate_noise
+    return _SmoothMotion(runs, acceleration, height, np.nan_to_num(rate), np.nan_to_num(smooth), known, noise)
 
 
 def _slopes(values: Floats, time: Floats, runs: Runs) -> Floats:

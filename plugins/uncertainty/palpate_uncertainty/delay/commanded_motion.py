@@ -62,7 +62,7 @@ def position_noise(track: TrackEvidence) -> tuple[float, float]:
 
     Fourth differences of white noise have 70 times its variance, and those of a sine of a few hertz next to none.
     """
-    height, runs = track.kept.position, runs_of(track)
+    height, runs = track.kept.position, runs_of(track.kept)
     whole = runs[4:] == runs[:-4]
     fourth: Floats = np.diff(height, 4)[whole]
     fourth = fourth[np.isfinite(fourth)]
