@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from palpate_fits import CasadiFit
 from palpate_uncertainty.channel_noise import WHITE
-from palpate_uncertainty.directed_scores import suspected
+from palpate_uncertainty.directed_scores import suspects
 from palpate_uncertainty.directed_tests import directed_tests
 from palpate_uncertainty.lack_of_fit import LEVEL
 from palpate_uncertainty.model_alternatives import alternatives, refit
@@ -37,10 +37,11 @@ def test_a_score_misses_nothing_that_a_directed_test_finds(evidence, reason):
         pattern = strength * patterns(course, track.values, track.surface)[reason]
         changed = replace(course, force=course.force + pattern)
         base = refit(changed, track.values, track.surface)
-        tests = directed_tests(base, alternatives(changed, base), changed.runs[changed.used], WHITE)
+        others = [refitted() for refitted in alternatives(changed, base).values()]
+        tests = directed_tests(base, others, changed.runs[changed.used], WHITE)
         if min(len(tests) * test.p for test in tests.values()) < LEVEL:
             significant += 1
-            assert suspected(changed, base, WHITE, None)
+            assert min(tests[name].p for name in suspects(changed, base, WHITE, None)) < LEVEL
     assert significant
 
 
@@ -51,7 +52,7 @@ def test_a_clean_record_is_not_suspected(evidence):
         track = evidence("clean", CasadiFit(), seed=seed)
         course = make_course(track, track.kept.used)
         base = refit(course, track.values, track.surface)
-        found.append(suspected(course, base, WHITE, None))
+        found.append(suspects(course, base, WHITE, None))
     assert not all(found)
 
 

@@ -48,10 +48,9 @@ def apply_diagnoses(
 ) -> dict[str, TrackResult]:
     """The results of all tracks with the findings of all diagnoses; those of what was not estimated only by some."""
     results = {name: track.result for name, track in tracks.items()}
+    whole = {name: _evidence(name, track, of_run) for name, track in tracks.items() if track.result.samples}
     for order in sorted({diagnosis.order for diagnosis in diagnoses.values()}):
-        every = [
-            _evidence(name, track, results[name], of_run) for name, track in tracks.items() if results[name].samples
-        ]
+        every = [_with_uncertainties(evidence, results[name]) for name, evidence in whole.items()]
         for name, diagnosis in diagnoses.items():
             evidence = [track for track in every if diagnosis.lost or np.isfinite(track.values).all()]
             if evidence and diagnosis.order == order:
@@ -138,8 +137,8 @@ def _derived(
     return replace(value, found=_caused(value.found, finding, value.name, shares).diagnosed(cause, share, touched))
 
 
-def _evidence(name: str, track: Diagnosable, result: TrackResult, of_run: RunEvidence) -> TrackEvidence:
-    found = [result.parameters[parameter.name] for parameter in track.model.parameters]
+def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEvidence:
+    found = [track.result.parameters[parameter.name] for parameter in track.model.parameters]
     record, settings = track.record, of_run.settings
     time, force, position = record.keeper.air
     return TrackEvidence(
@@ -154,13 +153,19 @@ def _evidence(name: str, track: Diagnosable, result: TrackResult, of_run: RunEvi
         np.array([f.value for f in found]),
         np.array([f.std for f in found]),
         np.array([f.combined for f in found]),
-        result.surface.value,
+        track.result.surface.value,
         record.report,
         of_run.tables,
         _ending(track, of_run),
-        result.parameters,
+        track.result.parameters,
         record.keeper.air_after,
     )
+
+
+def _with_uncertainties(evidence: TrackEvidence, result: TrackResult) -> TrackEvidence:
+    """The evidence with what diagnoses of lower orders have made of the uncertainty of each parameter."""
+    combined = np.array([result.parameters[parameter.name].combined for parameter in evidence.model.parameters])
+    return replace(evidence, combined=combined, found=result.parameters)
 
 
 def _ending(track: Diagnosable, of_run: RunEvidence) -> TrackEnd | None:

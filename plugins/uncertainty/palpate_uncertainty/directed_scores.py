@@ -10,6 +10,7 @@ from palpate import Floats
 from palpate_uncertainty.channel_noise import Null
 from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.model_alternatives import (
+    MEMORY,
     ModelAlternative,
     Refit,
     fastest_branch,
@@ -25,8 +26,8 @@ _STEP = 1e-6  # of a number's range, and of a parameter
 _DEEPER = 1e-7  # [m]
 
 
-def suspected(course: Course, base: Refit, null: Null, frequency: float | None) -> bool:
-    """Whether a directed test may become significant, by the slopes of the force alone.
+def suspects(course: Course, base: Refit, null: Null, frequency: float | None) -> list[str]:
+    """The reasons whose directed test may become significant, by the slopes of the force alone.
 
     The score of m numbers is chi square of m degrees of freedom where the model is right, and as the ratio of
     likelihoods near it (Rao 1948): the share of the whitened residual along the slopes of these numbers that the
@@ -42,14 +43,14 @@ def suspected(course: Course, base: Refit, null: Null, frequency: float | None) 
     power = max(float(np.mean(left**2)), 1e-300)
     own = np.linalg.qr(white(_model_slopes(course, base)))[0]
     left = left - own @ (own.T @ left)
-    for slopes in _added_slopes(course, base, frequency):
+    found = []
+    for reason, slopes in _added_slopes(course, base, frequency):
         added = white(slopes)
-        added = added - own @ (own.T @ added)
-        directions = _directions(added)
+        directions = _directions(added - own @ (own.T @ added))
         score = float(np.sum((directions.T @ left) ** 2)) / power / null.excess
         if chance_of_more(slopes.shape[1], score) < _SUSPICIOUS:
-            return True
-    return False
+            found.append(reason)
+    return found
 
 
 def _model_slopes(course: Course, base: Refit) -> Floats:
@@ -63,22 +64,22 @@ def _model_slopes(course: Course, base: Refit) -> Floats:
     return np.asarray(np.nan_to_num(np.column_stack(columns))[course.used])
 
 
-def _added_slopes(course: Course, base: Refit, frequency: float | None) -> Iterator[Floats]:
-    """Slopes (n, m) of the fitted samples' force by the numbers that each alternative adds, where they change
-    nothing."""
-    for make in makers(course, base):
+def _added_slopes(course: Course, base: Refit, frequency: float | None) -> Iterator[tuple[str, Floats]]:
+    """By reason, slopes (n, m) of the fitted samples' force by the numbers that each alternative adds, where they
+    change nothing."""
+    for reason, make in makers(course, base).items():
         made = make(course)
         if made.start:
-            yield _slopes_of(made, course, base)
+            yield reason, _slopes_of(made, course, base)
     if (relaxing := relaxing_parameter(course)) is not None:
         times = relaxation_times(course, fastest_branch(course, frequency))
         columns = relaxation_columns(course, base.theta, base.surface, relaxing, times)[:, len(base.theta) :]
         if columns.shape[1]:
-            yield columns[course.used]
+            yield MEMORY, columns[course.used]
 
 
 def _slopes_of(made: ModelAlternative, course: Course, base: Refit) -> Floats:
-    at, columns = made.force(base.theta, base.surface, np.zeros(len(made.start))), []
+    at, columns = course.forces(base.theta, base.surface), []
     for i, (low, high) in enumerate(zip(made.lower, made.upper, strict=True)):
         there = np.zeros(len(made.start))
         there[i] = _STEP * (high - low)
@@ -89,9 +90,8 @@ def _slopes_of(made: ModelAlternative, course: Course, base: Refit) -> Floats:
 def _directions(columns: Floats) -> Floats:
     """Orthonormal directions (n, r) that columns (n, m) of any size span."""
     sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    frame, triangle = np.linalg.qr(columns / sizes)
-    left, strengths, _ = np.linalg.svd(triangle)
-    return np.asarray(frame @ left[:, strengths > 1e-8 * strengths[:1]])
+    directions, strengths, _ = np.linalg.svd(columns / sizes, full_matrices=False)
+    return np.asarray(directions[:, strengths > 1e-8 * strengths[:1]])
 
 
 def _without_outliers(white: Floats) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from palpate.host import acceleration, force_slopes
 _STEP = 1e-4  # of a number, for derivatives by differences
 _SURFACE_STEP = 1e-6  # [m]
 _MOST = 6000  # samples of a model that remembers
+
+
+_latest: WeakKeyDictionary[Tail, tuple[ContactModel, Floats, Along | None]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
@@ -71,11 +75,15 @@ class Along:
 def along(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> Along | None:
     """The model at parameter values (k,) along the `last` samples; None where these determine nothing.
 
-    The memory of a model comes from the whole `tail`.
+    The memory of a model comes from the whole `tail`. Half of the diagnoses of a track ask for it: it is found once.
     """
     if not np.isfinite(values).all():
         return None
-    return _remembered(model, tail, last, values) if model.memory else _instantaneous(model, last, values)
+    known = _latest.get(last)
+    if known is None or known[0] is not model or not np.array_equal(known[1], values):
+        found = _remembered(model, tail, last, values) if model.memory else _instantaneous(model, last, values)
+        known = _latest[last] = model, values, found
+    return known[2]
 
 
 def _instantaneous(model: ContactModel, last: Tail, values: Floats) -> Along | None:

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, TrackEvidence, contact_force, force_over_time
-from palpate.host import hesitations
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 
 from palpate_uncertainty.channel_noise import Runs
 
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 _STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
-_GAP = 2.5  # of the usual interval
 APART = 1e-3  # [m] sideways, from which on it is a sweep
 _WINDOWS = (5, 9, 15, 25, 41)  # samples
 _BENT = 0.1  # of the noise that smoothing may take from the signal
+_LATEST = 8  # answers that a course has at hand
 _CORNER = 4.0  # standard deviations of a mean over the window
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class Course:
 
     def forces(self, theta: Floats, surface: float) -> Floats:
         """Contact force (n,) [N] of the model."""
-        return self._force(self.depth(surface), self.rate, theta)
+        return self._once("forces", theta, surface, lambda: self._force(self.depth(surface), self.rate, theta))
 
     def yielded(self, theta: Floats, surface: float, way: Floats, speed: Floats) -> Floats:
         """Contact force (n,) [N] where a way (n,) [m] of the depth, and its rate (n,) [m/s], are not the material's."""
@@ -64,9 +68,27 @@ class Course:
 
     def elastic(self, theta: Floats, surface: float) -> tuple[Floats, Floats]:
         """Force (n,) [N] at the same depths at rest, and its slope in depth (n,) [N/m]; for models without memory."""
-        depth, still = np.maximum(self.depth(surface), 0.0), np.zeros(len(self.time))
-        low = self._force(depth, still, theta)
-        return low, (self._force(depth + _STEP, still, theta) - low) / _STEP
+
+        def at_rest() -> tuple[Floats, Floats]:
+            depth, still = np.maximum(self.depth(surface), 0.0), np.zeros(len(self.time))
+            low = self._force(depth, still, theta)
+            return low, (self._force(depth + _STEP, still, theta) - low) / _STEP
+
+        return self._once("elastic", theta, surface, at_rest)
+
+    @cached_property
+    def _latest(self) -> dict[Any, Any]:
+        return {}
+
+    def _once(self, what: str, theta: Floats, surface: float, evaluate: Callable[[], _T]) -> _T:
+        """The same for the same numbers, of which a search varies one at a time."""
+        key = what, theta.tobytes(), surface
+        if key not in self._latest:
+            if len(self._latest) >= _LATEST:
+                del self._latest[next(iter(self._latest))]
+            self._latest[key] = evaluate()
+        found: _T = self._latest[key]
+        return found
 
     def motion_noise(self, theta: Floats, surface: float) -> float:
         """Mean square [N^2] of the force that the noise of the smoothed motion makes: slow, and no lack of fit."""
@@ -84,24 +106,6 @@ class Course:
         by_depth = (self._force(depth + _STEP, self.rate, theta) - force) / _STEP
         by_rate = (self._force(depth, self.rate + _RATE_STEP, theta) - force) / _RATE_STEP
         return np.asarray(by_depth * self.rate + by_rate * self.acceleration)
-
-
-def runs_of(track: TrackEvidence) -> Runs:
-    """Numbers (n,) of the stretches of a track's kept samples that have no gap."""
-    kept = track.kept
-    step = np.diff(kept.time, prepend=kept.time[:1])
-    usual = float(np.median(step[1:])) if len(step) > 1 else 0.0
-    jumps = np.diff(kept.index, prepend=kept.index[:1] - 1) != 1
-    return np.asarray(np.cumsum(jumps | (step > _GAP * usual)), dtype=np.int64)
-
-
-def hesitation_samples(track: TrackEvidence) -> NDArray[np.bool_]:
-    """(n,) True for kept samples within a hesitation of the arm, whose jerk no slope over samples shows as it was."""
-    kept = track.kept
-    step = np.diff(kept.time)
-    usual = float(np.median(step)) if len(step) else 0.0
-    clock = np.cumsum(np.concatenate([[0.0], np.where(np.diff(kept.index) == 1, step, usual)]))[: len(kept.time)]
-    return hesitations(clock).hold(clock)
 
 
 def sweeps(track: TrackEvidence) -> bool:
@@ -125,7 +129,7 @@ def possible(track: TrackEvidence) -> bool:
 
 def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     """The course of a track's kept samples; those at the ends of runs and in hesitations are not fitted."""
-    kept, runs = track.kept, runs_of(track)
+    kept, runs = track.kept, track.kept.runs
     acceleration = np.full(len(kept.time), np.nan)
     k = _SLOPE_SAMPLES
     if len(kept.time) > 2 * k:
@@ -139,7 +143,7 @@ def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     # Not the slope that the inertia is taken off by: its noise would make a force that is late.
     smooth = _slopes(rate, kept.time, runs)
     known = np.isfinite(force) & np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
-    known &= ~hesitation_samples(track) & ~corners & ~jerks
+    known &= ~kept.hesitating & ~corners & ~jerks
     first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
     return Course(
         track.model, kept.time, force, height, np.nan_to_num(rate), np.nan_to_num(smooth), runs, used & known,
