@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from palpate import Floats
 
-from palpate_uncertainty.channel_noise import Null
+from palpate_uncertainty.channel_noise import Null, without_outliers
 from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.model_alternatives import (
     MEMORY,
@@ -21,9 +21,9 @@ from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import relaxation_columns, relaxation_times
 
 _SUSPICIOUS = 1e-2  # p of one score, 80 times what a directed test of eight is significant from
-_CLIPPED = 6.0  # standard deviations; what is beyond is an outlier
 _STEP = 1e-6  # of a number's range, and of a parameter
 _DEEPER = 1e-7  # [m]
+_ROUNDING = 1e-12  # of the square of a column of length 1, below which nothing of it is left
 
 
 def suspects(course: Course, base: Refit, null: Null, frequency: float | None) -> list[str]:
@@ -34,23 +34,34 @@ def suspects(course: Course, base: Refit, null: Null, frequency: float | None) -
     slopes of the model's own numbers leave, over its variance.
     """
     runs = course.runs[course.used]
-    _, known = null.whitened(base.residual, runs)
-
-    def white(columns: Floats) -> Floats:
-        return np.column_stack([null.whitened(column, runs)[0][known] for column in columns.T])
-
-    left = _without_outliers(white(base.residual[:, None])[:, 0])
-    power = max(float(np.mean(left**2)), 1e-300)
-    own = np.linalg.qr(white(_model_slopes(course, base)))[0]
-    left = left - own @ (own.T @ left)
-    found = []
-    for reason, slopes in _added_slopes(course, base, frequency):
-        added = white(slopes)
-        directions = _directions(added - own @ (own.T @ added))
-        score = float(np.sum((directions.T @ left) ** 2)) / power / null.excess
+    own, added = _model_slopes(course, base), dict(_added_slopes(course, base, frequency))
+    columns = np.column_stack([own, *added.values()]).T
+    white = np.array([null.whitened(column, runs)[0] for column in columns])
+    left, known = null.whitened(base.residual, runs)
+    left = without_outliers(left[known])
+    white = np.vstack([white[:, known], left])
+    white /= np.maximum(np.linalg.norm(white, axis=1), 1e-300)[:, None]
+    square = _beside(white @ white.T, own.shape[1])
+    found, place = [], 0
+    for reason, slopes in added.items():
+        rows = slice(place, place := place + slopes.shape[1])
+        score = len(left) * _explained(square[rows, rows], square[rows, -1]) / null.excess
         if chance_of_more(slopes.shape[1], score) < _SUSPICIOUS:
             found.append(reason)
     return found
+
+
+def _beside(square: Floats, count: int) -> Floats:
+    """Products of the columns that follow the first ones with one another, less what these explain of them."""
+    own, mixed = square[:count, :count], square[:count, count:]
+    return np.asarray(square[count:, count:] - mixed.T @ np.linalg.pinv(own, _ROUNDING, hermitian=True) @ mixed)
+
+
+def _explained(square: Floats, product: Floats) -> float:
+    """Share of a square that columns explain, by their products with one another (m, m) and with it (m,)."""
+    powers, directions = np.linalg.eigh(square)
+    shares = (product @ directions) ** 2
+    return float(np.sum(shares[powers > _ROUNDING] / powers[powers > _ROUNDING]))
 
 
 def _model_slopes(course: Course, base: Refit) -> Floats:
@@ -85,15 +96,3 @@ def _slopes_of(made: ModelAlternative, course: Course, base: Refit) -> Floats:
         there[i] = _STEP * (high - low)
         columns.append((made.force(base.theta, base.surface, there) - at) / there[i])
     return np.asarray(np.nan_to_num(np.column_stack(columns))[course.used])
-
-
-def _directions(columns: Floats) -> Floats:
-    """Orthonormal directions (n, r) that columns (n, m) of any size span."""
-    sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    directions, strengths, _ = np.linalg.svd(columns / sizes, full_matrices=False)
-    return np.asarray(directions[:, strengths > 1e-8 * strengths[:1]])
-
-
-def _without_outliers(white: Floats) -> Floats:
-    scale = float(np.median(np.abs(white - np.median(white)))) * 1.4826 if len(white) else 0.0
-    return np.clip(white, -_CLIPPED * scale, _CLIPPED * scale) if scale else white

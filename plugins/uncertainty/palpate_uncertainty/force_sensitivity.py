@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -10,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, Tail, contact_force, force_over_time
 from palpate.host import acceleration, force_slopes
+
+from palpate_uncertainty.influence import influence
 
 _STEP = 1e-4  # of a number, for derivatives by differences
 _SURFACE_STEP = 1e-6  # [m]
@@ -48,6 +52,14 @@ class Along:
     def rate(self) -> Floats:
         """Rate of the depth (n,) [m/s]."""
         return self._motion[2][self._motion[3]]
+
+    def answer(self, error: Floats) -> Floats | None:
+        """Shift of parameters and surface (k + 1,) by an error (n,) of the force [N]; None where indistinct."""
+        return None if self._influence is None else self._influence(error)
+
+    @cached_property
+    def _influence(self) -> Callable[[Floats], Floats] | None:
+        return influence(self.jacobian)
 
     def by_number(self, path: tuple[str, ...], value: float, wide: float = 0.0) -> Floats:
         """Derivative (n,) of the force by a number among the model's keys; over a `wide` step upwards, if given."""
