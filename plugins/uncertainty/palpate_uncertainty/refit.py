@@ -174,14 +174,16 @@ def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float, NDArray[np.bool_]
     if noise == 0.0 or not np.isfinite(values).all():
         return values, 0.0, np.zeros(len(values), bool)
     pieces = np.split(values, np.flatnonzero(np.diff(runs)) + 1)
-    smooth, left, corners = values, 0.0, np.zeros(len(values), bool)
+    smooth, longest = values, 0
     for width in _WINDOWS:
         tried = np.concatenate([local_cubic(p, width) if len(p) >= width else p for p in pieces])
         taken = np.convolve(values - tried, np.ones(width) / width, "valid")  # what is slow in it was signal
         if float(np.mean(taken**2)) > (_BENT**2 + 2.0 / width) * noise**2:
             break
-        smooth, left = tried, noise * float(np.linalg.norm(cubic_weights(width)))
-        bent = np.convolve(values - tried, np.full(width, 1.0 / width), "same")
-        corners = np.abs(bent) > _CORNER * noise / np.sqrt(width)
-        corners = np.convolve(corners, np.ones(width), "same") > 0.5
-    return np.asarray(smooth), left, np.asarray(corners)
+        smooth, longest = tried, width
+    if not longest:
+        return values, 0.0, np.zeros(len(values), bool)
+    bent = np.convolve(values - smooth, np.full(longest, 1.0 / longest), "same")
+    corners = np.abs(bent) > _CORNER * noise / np.sqrt(longest)
+    corners = np.convolve(corners, np.ones(longest), "same") > 0.5
+    return np.asarray(smooth), noise * float(np.linalg.norm(cubic_weights(longest))), np.asarray(corners)
