@@ -101,7 +101,7 @@ def _caused(found: UncertainValue, finding: Diagnosed, name: str, shares: Iterab
     """With a share of each source of a finding, and with the delay that the value looks like."""
     for term, share in zip(finding.sources, shares, strict=True):
         found = found.diagnosed(term.cause, share)
-    return replace(found, per_shear=finding.delays.get(name, found.per_shear))
+    return replace(found, per_shear=finding.delays[name]) if name in finding.delays else found
 
 
 def _rows(result: TrackResult, names: Sequence[str], name: str, finding: Diagnosed) -> Iterator[BudgetRow]:
