@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from palpate_fits import CasadiFit
 from palpate_uncertainty.channel_noise import WHITE
-from palpate_uncertainty.directed_scores import suspects
+from palpate_uncertainty.directed_scores import SUSPICIOUS, scores
 from palpate_uncertainty.directed_tests import directed_tests
 from palpate_uncertainty.lack_of_fit import LEVEL
 from palpate_uncertainty.model_alternatives import alternatives, refit
@@ -41,7 +41,9 @@ def test_a_score_misses_nothing_that_a_directed_test_finds(evidence, reason):
         tests = directed_tests(base, others, changed.runs[changed.used], WHITE)
         if min(len(tests) * test.p for test in tests.values()) < LEVEL:
             significant += 1
-            assert min(tests[name].p for name in suspects(changed, base, WHITE, None)) < LEVEL
+            found = scores(changed, base, WHITE, None)
+            assert found.keys() == tests.keys()
+            assert len(tests) * min(tests[reason].p for reason, p in found.items() if p < SUSPICIOUS) < LEVEL
     assert significant
 
 
@@ -52,7 +54,7 @@ def test_a_clean_record_is_not_suspected(evidence):
         track = evidence("clean", CasadiFit(), seed=seed)
         course = make_course(track, track.kept.used)
         base = refit(course, track.values, track.surface)
-        found.append(suspects(course, base, WHITE, None))
+        found.append(min(scores(course, base, WHITE, None).values()) < SUSPICIOUS)
     assert not all(found)
 
 

@@ -20,14 +20,14 @@ from palpate_uncertainty.model_alternatives import (
 from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import relaxation_columns, relaxation_times
 
-_SUSPICIOUS = 1e-2  # p of one score, 80 times what a directed test of eight is significant from
+SUSPICIOUS = 1e-2  # p of one score, 80 times what a directed test of eight is significant from
 _STEP = 1e-6  # of a number's range, and of a parameter
 _DEEPER = 1e-7  # [m]
 _ROUNDING = 1e-12  # of the square of a column of length 1, below which nothing of it is left
 
 
-def suspects(course: Course, base: Refit, null: Null, frequency: float | None) -> list[str]:
-    """The reasons whose directed test may become significant, by the slopes of the force alone.
+def scores(course: Course, base: Refit, null: Null, frequency: float | None) -> dict[str, float]:
+    """By reason, the p of each alternative that adds numbers, by the slopes of the force alone.
 
     The score of m numbers is chi square of m degrees of freedom where the model is right, and as the ratio of
     likelihoods near it (Rao 1948): the share of the whitened residual along the slopes of these numbers that the
@@ -42,12 +42,11 @@ def suspects(course: Course, base: Refit, null: Null, frequency: float | None) -
     white = np.vstack([white[:, known], left])
     white /= np.maximum(np.linalg.norm(white, axis=1), 1e-300)[:, None]
     square = _beside(white @ white.T, own.shape[1])
-    found, place = [], 0
+    found, place = {}, 0
     for reason, slopes in added.items():
         rows = slice(place, place := place + slopes.shape[1])
         score = len(left) * _explained(square[rows, rows], square[rows, -1]) / null.excess
-        if chance_of_more(slopes.shape[1], score) < _SUSPICIOUS:
-            found.append(reason)
+        found[reason] = chance_of_more(slopes.shape[1], score)
     return found
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.channel_noise import ENOUGH, WHITE, Null, null_of
-from palpate_uncertainty.directed_scores import suspects
+from palpate_uncertainty.directed_scores import SUSPICIOUS, scores
 from palpate_uncertainty.directed_tests import DirectedTest, directed_tests, near_best
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.refit import Course, make_course, possible, sweeps
@@ -96,15 +96,13 @@ class _NullBase:
 
     @cached_property
     def p(self) -> float:
-        """Of the directed tests as a family; 1 where none of those that their scores leave in doubt is significant
-        even by itself, so that the others need no refit."""
+        """Of the directed tests as a family; those whose scores leave no doubt need no refit."""
         if self.course.model.memory:
             return 1.0
-        doubtful = suspects(self.course, self.fit, self.null, self.frequency)
-        some = self._directed(self._refitted(doubtful)) if doubtful else {}
-        if all(test.p >= LEVEL for test in some.values()):
-            return 1.0
-        return min((1.0, *(len(self.directed) * test.p for test in self.directed.values())))
+        family = scores(self.course, self.fit, self.null, self.frequency)
+        doubtful = [reason for reason, p in family.items() if p < SUSPICIOUS]
+        tests = self._directed(self._refitted(doubtful)) if doubtful else {}
+        return min((1.0, *(len(family) * test.p for test in tests.values())))
 
     def _directed(self, others: Sequence[Refit]) -> dict[str, DirectedTest]:
         runs, power = self.course.runs[self.course.used], float(np.var(self.fit.residual))

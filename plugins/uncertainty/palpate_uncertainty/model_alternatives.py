@@ -85,6 +85,8 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
             error = (small.force - made.force(*parts(x)))[rows]
         except ValueError:  # a memory that is too short for the samples
             return np.full(len(rows), _TOO_MUCH)
+        if float(np.abs(error).max(initial=0.0)) <= _TOO_MUCH:  # of NaN it is not
+            return error
         return np.clip(np.where(np.isfinite(error), error, _TOO_MUCH), -_TOO_MUCH, _TOO_MUCH)
 
     found = least_squares(normal_by_differences(residual, upper), start, lower, upper, most=40, gain=1e-12)
