@@ -100,6 +100,9 @@ class Course:
 
     def change(self, theta: Floats, surface: float) -> Floats:
         """Slope in time (n,) [N/s] of the model's force."""
+        return self._once("change", theta, surface, lambda: self._change(theta, surface))
+
+    def _change(self, theta: Floats, surface: float) -> Floats:
         depth, force = self.depth(surface), self.forces(theta, surface)
         if self.model.memory:
             return np.asarray(np.gradient(force, self.time))
