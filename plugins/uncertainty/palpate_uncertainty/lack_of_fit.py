@@ -96,13 +96,16 @@ class _NullBase:
 
     @cached_property
     def p(self) -> float:
-        """Of the directed tests as a family; those whose scores leave no doubt need no refit."""
+        """Of the directed tests as a family; 1 where none of those that their scores leave in doubt is significant
+        even by itself, so that the others need no refit."""
         if self.course.model.memory:
             return 1.0
-        family = scores(self.course, self.fit, self.null, self.frequency)
-        doubtful = [reason for reason, p in family.items() if p < SUSPICIOUS]
+        by_score = scores(self.course, self.fit, self.null, self.frequency)
+        doubtful = [reason for reason, p in by_score.items() if p < SUSPICIOUS]
         tests = self._directed(self._refitted(doubtful)) if doubtful else {}
-        return min((1.0, *(len(family) * test.p for test in tests.values())))
+        if all(test.p >= LEVEL for test in tests.values()):
+            return 1.0
+        return min((1.0, *(len(self.directed) * test.p for test in self.directed.values())))
 
     def _directed(self, others: Sequence[Refit]) -> dict[str, DirectedTest]:
         runs, power = self.course.runs[self.course.used], float(np.var(self.fit.residual))
