@@ -131,12 +131,6 @@ SPEED = {
             "ms",
             "`loadtxt` and `curve_fit`",
         ),
-        Row(
-            "the same without profiles",
-            r"fit --each, profile = false +(?P<figure>\S+) ms +(?P<ratio>\S+) x",
-            "ms",
-            "`loadtxt` and `curve_fit`",
-        ),
     ),
 }
 MEMORY = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from palpate_fits import CasadiFit
 from palpate_uncertainty.channel_noise import WHITE
-from palpate_uncertainty.directed_scores import suspected
+from palpate_uncertainty.directed_scores import scores
 from palpate_uncertainty.directed_tests import directed_tests
 from palpate_uncertainty.lack_of_fit import LEVEL
 from palpate_uncertainty.model_alternatives import alternatives, refit
@@ -37,14 +37,17 @@ def test_a_score_misses_nothing_that_a_directed_test_finds(evidence, reason):
         pattern = strength * patterns(course, track.values, track.surface)[reason]
         changed = replace(course, force=course.force + pattern)
         base = refit(changed, track.values, track.surface)
-        tests = directed_tests(base, alternatives(changed, base), changed.runs[changed.used], WHITE)
-        if shares := [test.share for test in tests.values() if len(tests) * test.p < LEVEL]:
+        others = [refitted() for refitted in alternatives(changed, base).values()]
+        tests = directed_tests(base, others, changed.runs[changed.used], WHITE)
+        if min(len(tests) * test.p for test in tests.values()) < LEVEL:
             significant += 1
-            assert suspected(changed, base, WHITE, None, beyond=max(shares))
+            found = scores(changed, base, WHITE, None)
+            assert found.keys() == tests.keys()
+            doubtful = [reason for reason, score in found.items() if score.in_doubt(tests[reason].share)]
+            assert len(tests) * min(tests[reason].p for reason in doubtful) < LEVEL
     assert significant
 
 
-@pytest.mark.slow
 def test_a_clean_record_is_not_suspected(evidence):
     """One of seven scores is below its level by chance in 1 record of 15."""
     found = []
@@ -52,18 +55,19 @@ def test_a_clean_record_is_not_suspected(evidence):
         track = evidence("clean", CasadiFit(), seed=seed)
         course = make_course(track, track.kept.used)
         base = refit(course, track.values, track.surface)
-        found.append(suspected(course, base, WHITE, None))
+        found.append(any(score.in_doubt(0.0) for score in scores(course, base, WHITE, None).values()))
     assert not all(found)
 
 
-def test_a_score_within_the_noise_of_the_motion_is_not_suspected(evidence):
+def test_a_score_within_the_noise_of_the_motion_leaves_no_doubt(evidence):
     track = evidence("clean", CasadiFit(), seed=5)
     course = make_course(track, track.kept.used)
     drifting = replace(course, force=course.force + 100.0 * patterns(course, track.values, track.surface)["drift"])
     before, base = (refit(one, track.values, track.surface) for one in (course, drifting))
     share = float(np.var(base.residual) / np.var(before.residual)) - 1.0  # the drift's, of the variance of the rest
-    assert suspected(drifting, base, WHITE, None, beyond=share)
-    assert not suspected(drifting, base, WHITE, None, beyond=8.0 * share)
+    found = scores(drifting, base, WHITE, None)["drift"]
+    assert found.in_doubt(share)
+    assert not found.in_doubt(8.0 * share)
 
 
 @pytest.mark.parametrize("ratio", [1e-4, 0.02, 0.7, 5.0])

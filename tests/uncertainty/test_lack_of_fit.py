@@ -250,7 +250,7 @@ def test_a_fit_that_has_lost_the_contact_is_judged_without_a_word_of_numpy():
         (0.0, 0.0),
     )
     lost = Refit("", np.array([4e3, 250.0]), -0.037, np.array([[4e3, 250.0]]), course.force)
-    assert {"thickness", "tip"}.isdisjoint(other.reason for other in alternatives(course, lost))
+    assert {"thickness", "wrong-tip"}.isdisjoint(alternatives(course, lost))
 
 
 def test_noise_of_the_motion_makes_a_force_by_the_slopes_of_the_model(evidence):

@@ -25,21 +25,22 @@ def force_slopes(
     """
     if model.memory:
         raise ConfigurationError(f"{type(model).__name__} remembers: its slopes are not those of depth and rate alone")
-    import casadi
-
     hashable: Any = model
     try:
         maps = {n: _slopes_of_many(hashable, len(theta), n) for n in _lengths(len(depth))}
     except TypeError:  # a model that holds what cannot be hashed
         maps = {n: _slopes_of_many.__wrapped__(model, len(theta), n) for n in _lengths(len(depth))}
-    parameters = {n: casadi.repmat(casadi.DM(list(theta)), 1, n) for n in maps}
+    given = [np.ascontiguousarray(column, np.float64) for column in (depth, rate)]
+    parameters = np.array(theta, np.float64)
     f, table = np.empty(len(depth)), np.empty((len(depth), len(theta) + 2))
     for begin in range(0, len(depth), _TOGETHER):
         rows = slice(begin, begin + _TOGETHER)
-        count = len(depth[rows])
-        force, slopes = maps[count](casadi.DM(depth[rows]).T, casadi.DM(rate[rows]).T, parameters[count])
-        # The map puts the (1, k + 2) Jacobians side by side.
-        f[rows], table[rows] = force.full().ravel(), slopes.full().reshape(count, len(theta) + 2)
+        buffer, evaluate = maps[len(depth[rows])].buffer()
+        for i, column in enumerate((given[0][rows], given[1][rows], parameters)):
+            buffer.set_arg(i, memoryview(column))
+        buffer.set_res(0, memoryview(f[rows]))
+        buffer.set_res(1, memoryview(table[rows]))  # the map puts the (1, k + 2) Jacobians side by side
+        evaluate()
     return f, table[:, : len(theta)], table[:, -2], table[:, -1]
 
 
@@ -51,7 +52,7 @@ def _slopes_of_many(model: ContactModel, parameters: int, count: int) -> Any:
     d, v, p = casadi.SX.sym("d"), casadi.SX.sym("v"), casadi.SX.sym("p", parameters)
     force = contact_force(model, d, v, casadi.vertsplit(p))
     slopes = casadi.densify(casadi.jacobian(force, casadi.vertcat(p, d, v)))
-    return casadi.Function("slopes", [d, v, p], [force, slopes]).map(count)
+    return casadi.Function("slopes", [d, v, p], [casadi.densify(force), slopes]).map("slopes", "serial", count, [2], [])
 
 
 def _lengths(count: int) -> set[int]:

@@ -143,14 +143,15 @@ def _rehearsal(facts: Mapping[str, Any]) -> Iterator[Flag]:
 
 def _assumed(pipeline: Pipeline, model: str | None = None) -> Iterator[Flag]:
     """The values of a model, or (None) of what all models share, that the run assumed although they were not stated."""
-    known = values_on_trust(pipeline)
     concerned = [key for key in pipeline.run.assumed if _model_of(key, pipeline) == model]
+    if not concerned:
+        return
+    known = values_on_trust(pipeline)
     others = [key for key in concerned if not known.get(key)]
     settings = tomllib.loads(resolved_text(pipeline)) if others else {}
     known = {**known, **{key: _setting(settings, key) for key in others}}
-    if concerned:
-        assumed = ", ".join(f"{key} = {known[key]}" for key in concerned)
-        yield Flag("assumed", f"not stated, but assumed: {assumed}")
+    assumed = ", ".join(f"{key} = {known[key]}" for key in concerned)
+    yield Flag("assumed", f"not stated, but assumed: {assumed}")
 
 
 def _setting(settings: Mapping[str, Any], key: str) -> str:

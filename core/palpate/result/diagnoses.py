@@ -48,9 +48,9 @@ def apply_diagnoses(
 ) -> dict[str, TrackResult]:
     """The results of all tracks with the findings of all diagnoses; those of what was not estimated only by some."""
     results = {name: track.result for name, track in tracks.items()}
-    estimated = [_evidence(name, track, of_run) for name, track in tracks.items() if track.result.samples]
+    whole = {name: _evidence(name, track, of_run) for name, track in tracks.items() if track.result.samples}
     for order in sorted({diagnosis.order for diagnosis in diagnoses.values()}):
-        every = [replace(track, **_numbers(track.model, results[track.name])) for track in estimated]
+        every = [_with_uncertainties(evidence, results[name]) for name, evidence in whole.items()]
         for name, diagnosis in diagnoses.items():
             evidence = [track for track in every if diagnosis.lost or np.isfinite(track.values).all()]
             if evidence and diagnosis.order == order:
@@ -101,7 +101,7 @@ def _caused(found: UncertainValue, finding: Diagnosed, name: str, shares: Iterab
     """With a share of each source of a finding, and with the delay that the value looks like."""
     for term, share in zip(finding.sources, shares, strict=True):
         found = found.diagnosed(term.cause, share)
-    return replace(found, per_shear=finding.delays.get(name, found.per_shear))
+    return replace(found, per_shear=finding.delays[name]) if name in finding.delays else found
 
 
 def _rows(result: TrackResult, names: Sequence[str], name: str, finding: Diagnosed) -> Iterator[BudgetRow]:
@@ -138,36 +138,34 @@ def _derived(
 
 
 def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEvidence:
-    """What the record says of a track, with the numbers that it found before any diagnosis."""
-    record = track.record
+    found = [track.result.parameters[parameter.name] for parameter in track.model.parameters]
+    record, settings = track.record, of_run.settings
     time, force, position = record.keeper.air
     return TrackEvidence(
         name,
         track.model,
         track.estimator,
-        of_run.settings.tip_mass,
+        settings.tip_mass,
         record.keeper.kept,
         time,
         force,
         position,
-        surface=track.result.surface.value,
-        report=record.report,
-        tables=of_run.tables,
-        ending=_ending(track, of_run),
-        air_after=record.keeper.air_after,
-        **_numbers(track.model, track.result),
+        np.array([f.value for f in found]),
+        np.array([f.std for f in found]),
+        np.array([f.combined for f in found]),
+        track.result.surface.value,
+        record.report,
+        of_run.tables,
+        _ending(track, of_run),
+        track.result.parameters,
+        record.keeper.air_after,
     )
 
 
-def _numbers(model: ContactModel, result: TrackResult) -> dict[str, Any]:
-    """What diagnoses change of a track's evidence, from one order to the next."""
-    found = [result.parameters[parameter.name] for parameter in model.parameters]
-    return {
-        "values": np.array([f.value for f in found]),
-        "std": np.array([f.std for f in found]),
-        "combined": np.array([f.combined for f in found]),
-        "found": result.parameters,
-    }
+def _with_uncertainties(evidence: TrackEvidence, result: TrackResult) -> TrackEvidence:
+    """The evidence with what diagnoses of lower orders have made of the uncertainty of each parameter."""
+    combined = np.array([result.parameters[parameter.name].combined for parameter in evidence.model.parameters])
+    return replace(evidence, combined=combined, found=result.parameters)
 
 
 def _ending(track: Diagnosable, of_run: RunEvidence) -> TrackEnd | None:

@@ -14,9 +14,9 @@ _LONG = 20.0  # lengths of the tail, from which on what a filter gains in one is
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tail:
-    """The latest tracked samples and their estimates."""
+    """The latest tracked samples and their estimates; equal to itself alone."""
 
     time: Floats  # (n,) [s]
     force: Floats  # (n,) [N] measured

@@ -98,6 +98,8 @@ class UncertainValue:
 
         `left` [SI] is the share for the corrected value, where it is another one.
         """
+        if share <= 0 and not unknown and bias is None and left is None:
+            return self
         others = dict(self.left) | ({} if left is None else {cause: left})
         if bias is not None:
             others = {cause: math.hypot(share, bias.std or 0.0)}

@@ -85,8 +85,8 @@ def contact_point(method: str, approach: Approach, threshold: float | None) -> C
         return _crossing(approach, approach.force - approach.force[: approach.air].mean(), level, noise)
     if method == "deviation-from-baseline":
         width = max(int(_SMOOTH / approach.interval) // 2 * 2 + 1, 1)
-        line = np.polyfit(np.arange(approach.air), approach.force[: approach.air], 1)
-        lifted = approach.force - np.polyval(line, np.minimum(np.arange(len(approach.force)), approach.air))
+        level, slope = _line(np.arange(float(approach.air)), approach.force[: approach.air])
+        lifted = approach.force - level - slope * np.minimum(np.arange(len(approach.force)), approach.air)
         smooth = np.convolve(np.pad(lifted, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
         spread = float(smooth[: approach.air].std(ddof=1))
         return _crossing(approach, smooth, _DEVIATION * spread, spread)
@@ -100,10 +100,18 @@ def _crossing(approach: Approach, force: Floats, level: float, noise: float) -> 
         return None
     at = int(below[-1])
     beyond = slice(at, min(at + 20, len(force)))
-    rise = np.polyfit(approach.height[beyond], force[beyond], 1)[0] if np.ptp(approach.height[beyond]) > 0 else 0.0
+    rise = _line(approach.height[beyond], force[beyond])[1]
     step = abs(float(approach.height[at + 1] - approach.height[at]))
     height = 0.5 * float(approach.height[at + 1] + approach.height[at])
     return ContactPoint(height, float(np.hypot(step / np.sqrt(12.0), noise / abs(rise) if rise else np.inf)))
+
+
+def _line(x: Floats, y: Floats) -> tuple[float, float]:
+    """Value at 0 and slope of the straight line through points (n,); no slope where they stand above one another."""
+    across = x - x.mean()
+    square = float(across @ across)
+    slope = float(across @ y) / square if square > 0 else 0.0
+    return float(y.mean()) - slope * float(x.mean()), slope
 
 
 def _by_gradient(approach: Approach) -> ContactPoint | None:

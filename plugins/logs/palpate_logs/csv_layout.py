@@ -68,7 +68,10 @@ def layout_of(
 
     Raises LogError where there are no rows of numbers.
     """
-    rows = [next(dialect.rows([line]), []) for line in lines]
+    if any('"' in line for line in lines):  # each by itself: a quotation mark that stands alone spoils no other line
+        rows = [next(dialect.rows([line]), []) for line in lines]
+    else:
+        rows = list(dialect.rows(lines))
     skipped = [i for i, line in enumerate(lines) if not line.strip() or dialect.is_comment(line)]
     skipped += range(max(header or 0, units or 0))
     run = _rows_of_numbers(rows, {*skipped}, dialect)

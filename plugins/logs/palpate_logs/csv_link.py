@@ -88,9 +88,9 @@ class CsvLink:
             self._layout = layout_of(
                 path, first_lines(file, path, log.header or 0), self._dialect, log.header, log.units
             )
-        self._at = self._places()
-        self._check_units()
-        with open_text(path, log.encoding, log.sheet) as file:
+            self._at = self._places()
+            self._check_units()
+            file.seek(0)
             line = sum(1 for _ in islice(bounded_lines(file, path), self._layout.begin))  # the last that was read
             while text := file.read(_CHARACTERS) + file.readline(_LONGEST):
                 numbers = self._plain(text)

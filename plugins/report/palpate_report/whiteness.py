@@ -39,12 +39,14 @@ def autocorrelation(index: np.ndarray, values: Floats) -> tuple[list[float], int
 
     Pairs over a gap, or with a value that is not known, do not count.
     """
-    known = np.isfinite(values)
-    count = int(np.count_nonzero(known))
-    power = float((values[known] ** 2).mean()) if count else 0.0
+    runs = np.split(values, np.flatnonzero(np.diff(index) != 1) + 1)
+    values = np.concatenate([part for run in runs for part in (run, np.full(LAGS, np.nan))])
+    known = np.isfinite(values).astype(float)
+    values = np.where(known > 0, values, 0.0)
+    count, square = int(known.sum()), float(values @ values)
     shares = []
     for lag in range(1, LAGS + 1):
-        pairs = (index[lag:] - index[:-lag] == lag) & known[lag:] & known[:-lag]
-        products = values[lag:][pairs] * values[:-lag][pairs]
-        shares.append(float(products.mean()) / power if len(products) and power > 0 else 0.0)
+        pairs = float(known[lag:] @ known[:-lag])
+        mean = float(values[lag:] @ values[:-lag]) / pairs if pairs else 0.0
+        shares.append(mean / (square / count) if square > 0 else 0.0)
     return shares, count

@@ -12,7 +12,6 @@ from palpate.host import numbers_of
 
 from palpate_uncertainty.delay.timing_shift import is_viscous
 from palpate_uncertainty.force_sensitivity import Along, along, with_change
-from palpate_uncertainty.influence import answer
 from palpate_uncertainty.refit import depths_in_contact
 from palpate_uncertainty.undeclared_thickness import half_space_from
 from palpate_uncertainty.whiteness import oscillation
@@ -90,7 +89,7 @@ def _percent(found: Along, error: Floats, path: tuple[str, ...] = ()) -> dict[st
 
     With signs; nothing where parameters and surface are indistinct.
     """
-    shifts = answer(found.jacobian, error)
+    shifts = found.answer(error)
     if shifts is None:
         return {}
     model, theta = found.model, found.values.tolist()

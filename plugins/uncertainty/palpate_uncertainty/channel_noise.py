@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
+from palpate_kit.numerics.tip_travel import median
 
 Runs = NDArray[np.int64]  # (n,) number of the stretch without a gap that a sample belongs to
 
 ENOUGH = 200  # samples at standstill
+OUTLIER = 6.0  # standard deviations; what is beyond is an outlier, which is flagged as such
 _HIGHEST = 30  # order of the autoregression
 
 
@@ -35,6 +38,17 @@ class Null:
         return white, known
 
 
+def without_outliers(white: Floats) -> Floats:
+    """Values (n,) with what is beyond 6 standard deviations, by their median size, brought back to these."""
+    scale = deviation(white)
+    return np.clip(white, -OUTLIER * scale, OUTLIER * scale) if scale else white
+
+
+def deviation(values: Floats) -> float:
+    """Standard deviation of normal values (n,), by the median of their distances from their median."""
+    return 1.4826 * median(np.abs(values - median(values))) if len(values) else 0.0
+
+
 WHITE = Null(np.zeros(0), 0, "assumed")
 
 
@@ -45,9 +59,9 @@ def null_of(noise: Floats, source: Literal["standstill", "residual"] = "standsti
     if n < ENOUGH or float(np.ptp(known)) == 0.0:
         return WHITE
     known = known - known.mean()
-    best, best_bic = np.zeros(0), n * float(np.log(np.mean(known**2)))
+    best, best_bic = np.zeros(0), n * math.log(float(np.mean(known**2)))
     for order, (coefficients, power) in enumerate(_burg(known, min(_HIGHEST, n // 20)), start=1):
-        bic = n * float(np.log(max(power, 1e-300))) + order * float(np.log(n))
+        bic = n * math.log(max(power, 1e-300)) + order * math.log(n)
         if bic < best_bic:
             best, best_bic = coefficients, bic
     return Null(best, n, source, _excess(known, best) if len(best) else 1.0)
@@ -69,14 +83,14 @@ def _excess(noise: Floats, coefficients: Floats) -> float:
 
 def _burg(values: Floats, highest: int) -> list[tuple[Floats, float]]:
     """Coefficients (p,) and the power of what is left, for the orders 1 to `highest`."""
-    forward, backward = values[1:].copy(), values[:-1].copy()
-    coefficients, power = np.zeros(0), float(np.mean(values**2))
+    forward, backward = values[1:], values[:-1]
+    coefficients, power = np.zeros(0), float(values @ values) / len(values)
     found = []
     for _ in range(highest):
-        energy = float((forward**2).sum() + (backward**2).sum())
+        energy = float(forward @ forward + backward @ backward)
         if energy <= 0:
             break
-        reflection = 2.0 * float((forward * backward).sum()) / energy
+        reflection = 2.0 * float(forward @ backward) / energy
         coefficients = np.concatenate([coefficients - reflection * coefficients[::-1], [reflection]])
         power *= 1.0 - reflection**2
         found.append((coefficients, power))

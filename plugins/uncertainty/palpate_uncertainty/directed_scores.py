@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from palpate import Floats
 
-from palpate_uncertainty.channel_noise import Null
+from palpate_uncertainty.channel_noise import Null, without_outliers
 from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.model_alternatives import (
+    MEMORY,
     ModelAlternative,
     Refit,
     fastest_branch,
@@ -19,40 +21,59 @@ from palpate_uncertainty.model_alternatives import (
 from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import relaxation_columns, relaxation_times
 
-_SUSPICIOUS = 1e-2  # p of one score, 80 times what a directed test of eight is significant from
+SUSPICIOUS = 1e-2  # p of one score, 80 times what a directed test of eight is significant from
 _SHORT = 4.0  # times the share that a score promises, which a refit may take
-_CLIPPED = 6.0  # standard deviations; what is beyond is an outlier
 _STEP = 1e-6  # of a number's range, and of a parameter
 _DEEPER = 1e-7  # [m]
+_ROUNDING = 1e-12  # of the square of a column of length 1, below which nothing of it is left
 
 
-def suspected(course: Course, base: Refit, null: Null, frequency: float | None, beyond: float = 0.0) -> bool:
-    """Whether a directed test may become significant with a share of the variance `beyond` that of the noise of the
-    motion, by the slopes of the force alone.
+class Score(NamedTuple):
+    """What the slopes of the force alone say of an alternative."""
+
+    p: float  # where the model is right
+    share: float  # of the variance of the whitened residual
+
+    def in_doubt(self, beyond: float) -> bool:
+        """Whether its refit may be significant with a share of the variance that it leaves `beyond` another one."""
+        return self.p < SUSPICIOUS and _SHORT * self.share > beyond * (1.0 - self.share)
+
+
+def scores(course: Course, base: Refit, null: Null, frequency: float | None) -> dict[str, Score]:
+    """By reason, the score of each alternative that adds numbers.
 
     The score of m numbers is chi square of m degrees of freedom where the model is right, and as the ratio of
     likelihoods near it (Rao 1948): the share of the whitened residual along the slopes of these numbers that the
     slopes of the model's own numbers leave, over its variance.
     """
     runs = course.runs[course.used]
-    _, known = null.whitened(base.residual, runs)
+    own, added = _model_slopes(course, base), dict(_added_slopes(course, base, frequency))
+    columns = np.column_stack([own, *added.values()]).T
+    white = np.array([null.whitened(column, runs)[0] for column in columns])
+    left, known = null.whitened(base.residual, runs)
+    left = without_outliers(left[known])
+    white = np.vstack([white[:, known], left])
+    white /= np.maximum(np.linalg.norm(white, axis=1), 1e-300)[:, None]
+    square = _beside(white @ white.T, own.shape[1])
+    found, place = {}, 0
+    for reason, slopes in added.items():
+        rows = slice(place, place := place + slopes.shape[1])
+        share = _explained(square[rows, rows], square[rows, -1])
+        found[reason] = Score(chance_of_more(slopes.shape[1], len(left) * share / null.excess), share)
+    return found
 
-    def white(columns: Floats) -> Floats:
-        return np.column_stack([null.whitened(column, runs)[0][known] for column in columns.T])
 
-    left = _without_outliers(white(base.residual[:, None])[:, 0])
-    power = max(float(np.mean(left**2)), 1e-300)
-    own = np.linalg.qr(white(_model_slopes(course, base)))[0]
-    left = left - own @ (own.T @ left)
-    for slopes in _added_slopes(course, base, frequency):
-        added = white(slopes)
-        added = added - own @ (own.T @ added)
-        directions = _directions(added)
-        score = float(np.sum((directions.T @ left) ** 2)) / power / null.excess
-        share = score * null.excess / max(len(left), 1)  # of the variance; a directed test's is of what it leaves
-        if _SHORT * share > beyond * (1.0 - share) and chance_of_more(slopes.shape[1], score) < _SUSPICIOUS:
-            return True
-    return False
+def _beside(square: Floats, count: int) -> Floats:
+    """Products of the columns that follow the first ones with one another, less what these explain of them."""
+    own, mixed = square[:count, :count], square[:count, count:]
+    return np.asarray(square[count:, count:] - mixed.T @ np.linalg.pinv(own, _ROUNDING, hermitian=True) @ mixed)
+
+
+def _explained(square: Floats, product: Floats) -> float:
+    """Share of a square that columns explain, by their products with one another (m, m) and with it (m,)."""
+    powers, directions = np.linalg.eigh(square)
+    shares = (product @ directions) ** 2
+    return float(np.sum(shares[powers > _ROUNDING] / powers[powers > _ROUNDING]))
 
 
 def _model_slopes(course: Course, base: Refit) -> Floats:
@@ -66,37 +87,24 @@ def _model_slopes(course: Course, base: Refit) -> Floats:
     return np.asarray(np.nan_to_num(np.column_stack(columns))[course.used])
 
 
-def _added_slopes(course: Course, base: Refit, frequency: float | None) -> Iterator[Floats]:
-    """Slopes (n, m) of the fitted samples' force by the numbers that each alternative adds, where they change
-    nothing."""
-    for make in makers(course, base):
+def _added_slopes(course: Course, base: Refit, frequency: float | None) -> Iterator[tuple[str, Floats]]:
+    """By reason, slopes (n, m) of the fitted samples' force by the numbers that each alternative adds, where they
+    change nothing."""
+    for reason, make in makers(course, base).items():
         made = make(course)
         if made.start:
-            yield _slopes_of(made, course, base)
+            yield reason, _slopes_of(made, course, base)
     if (relaxing := relaxing_parameter(course)) is not None:
         times = relaxation_times(course, fastest_branch(course, frequency))
         columns = relaxation_columns(course, base.theta, base.surface, relaxing, times)[:, len(base.theta) :]
         if columns.shape[1]:
-            yield columns[course.used]
+            yield MEMORY, columns[course.used]
 
 
 def _slopes_of(made: ModelAlternative, course: Course, base: Refit) -> Floats:
-    at, columns = made.force(base.theta, base.surface, np.zeros(len(made.start))), []
+    at, columns = course.forces(base.theta, base.surface), []
     for i, (low, high) in enumerate(zip(made.lower, made.upper, strict=True)):
         there = np.zeros(len(made.start))
         there[i] = _STEP * (high - low)
         columns.append((made.force(base.theta, base.surface, there) - at) / there[i])
     return np.asarray(np.nan_to_num(np.column_stack(columns))[course.used])
-
-
-def _directions(columns: Floats) -> Floats:
-    """Orthonormal directions (n, r) that columns (n, m) of any size span."""
-    sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    frame, triangle = np.linalg.qr(columns / sizes)
-    left, strengths, _ = np.linalg.svd(triangle)
-    return np.asarray(frame @ left[:, strengths > 1e-8 * strengths[:1]])
-
-
-def _without_outliers(white: Floats) -> Floats:
-    scale = float(np.median(np.abs(white - np.median(white)))) * 1.4826 if len(white) else 0.0
-    return np.clip(white, -_CLIPPED * scale, _CLIPPED * scale) if scale else white

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats
 
-from palpate_uncertainty.channel_noise import Null, Runs
+from palpate_uncertainty.channel_noise import Null, Runs, without_outliers
 from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.model_alternatives import Refit
 
-_CLIPPED = 6.0  # standard deviations; what is beyond is an outlier
 _NEARLY = 10.0  # of BIC, within which an alternative explains as well as the best
 
 
@@ -52,6 +51,4 @@ def near_best(found: Mapping[str, DirectedTest]) -> list[str]:
 
 def _whitened(residual: Floats, runs: Runs, null: Null) -> Floats:
     white, known = null.whitened(residual, runs)
-    white = white[known]
-    scale = float(np.median(np.abs(white - np.median(white)))) * 1.4826 if len(white) else 0.0
-    return np.clip(white, -_CLIPPED * scale, _CLIPPED * scale) if scale else white
+    return without_outliers(white[known])

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, Tail, contact_force, force_over_time
 from palpate.host import acceleration, force_slopes
 
+from palpate_uncertainty.influence import influence
+
 _STEP = 1e-4  # of a number, for derivatives by differences
 _SURFACE_STEP = 1e-6  # [m]
 _MOST = 6000  # samples of a model that remembers
+
+
+_latest: WeakKeyDictionary[Tail, tuple[ContactModel, Floats, Along | None]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
@@ -45,6 +53,14 @@ class Along:
         """Rate of the depth (n,) [m/s]."""
         return self._motion[2][self._motion[3]]
 
+    def answer(self, error: Floats) -> Floats | None:
+        """Shift of parameters and surface (k + 1,) by an error (n,) of the force [N]; None where indistinct."""
+        return None if self._influence is None else self._influence(error)
+
+    @cached_property
+    def _influence(self) -> Callable[[Floats], Floats] | None:
+        return influence(self.jacobian)
+
     def by_number(self, path: tuple[str, ...], value: float, wide: float = 0.0) -> Floats:
         """Derivative (n,) of the force by a number among the model's keys; over a `wide` step upwards, if given."""
         if wide:
@@ -71,11 +87,15 @@ class Along:
 def along(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> Along | None:
     """The model at parameter values (k,) along the `last` samples; None where these determine nothing.
 
-    The memory of a model comes from the whole `tail`.
+    The memory of a model comes from the whole `tail`. Half of the diagnoses of a track ask for it: it is found once.
     """
     if not np.isfinite(values).all():
         return None
-    return _remembered(model, tail, last, values) if model.memory else _instantaneous(model, last, values)
+    known = _latest.get(last)
+    if known is None or known[0] is not model or not np.array_equal(known[1], values):
+        found = _remembered(model, tail, last, values) if model.memory else _instantaneous(model, last, values)
+        known = _latest[last] = model, values, found
+    return known[2]
 
 
 def _instantaneous(model: ContactModel, last: Tail, values: Floats) -> Along | None:

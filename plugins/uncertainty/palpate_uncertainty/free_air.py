@@ -9,7 +9,7 @@ import numpy as np
 from palpate import Diagnosed, Flag, Floats, TrackEnd, TrackEvidence
 
 from palpate_uncertainty.force_sensitivity import Along, along
-from palpate_uncertainty.influence import answer, effects_by_name
+from palpate_uncertainty.influence import effects_by_name
 from palpate_uncertainty.lack_of_fit import standstill
 from palpate_uncertainty.refit import sweeps
 from palpate_uncertainty.uncertainty_budget import per_newton
@@ -69,7 +69,7 @@ def _tone(track: TrackEvidence, course: Along) -> Iterator[Flag]:
     if size < _SURE * error:
         return
     angle = 2.0 * np.pi * rhythm[0] * course.time
-    parts = [answer(course.jacobian, size * wave) for wave in (np.sin(angle), np.cos(angle))]
+    parts = [course.answer(size * wave) for wave in (np.sin(angle), np.cos(angle))]
     effects = effects_by_name(
         track.model, np.hypot(parts[0], parts[1]) if parts[0] is not None and parts[1] is not None else None
     )
@@ -115,7 +115,7 @@ def _with_motion(track: TrackEvidence, found: _Motion, course: Along) -> Iterato
         height = track.surface - course.depth - found.reference
         error = found.weights[0] * -course.rate + found.weights[1] * height
         text = f"in air the force changes {' and '.join(said)}"
-        yield Flag("force-in-air", text, effects=effects_by_name(track.model, answer(course.jacobian, error)))
+        yield Flag("force-in-air", text, effects=effects_by_name(track.model, course.answer(error)))
 
 
 def _moved_zero(track: TrackEvidence, end: TrackEnd, course: Along) -> Iterator[Flag]:

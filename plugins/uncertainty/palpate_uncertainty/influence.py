@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from palpate import ContactModel, Floats
 
@@ -10,6 +12,12 @@ _INDISTINCT = 1e-6  # ratio of singular values below which parameters and surfac
 
 def answer(jacobian: Floats, error: Floats) -> Floats | None:
     """Shift of parameters and surface (k + 1,) by an error (n,) of the force [N]; None where they are indistinct."""
+    shifts = influence(jacobian)
+    return None if shifts is None else shifts(error)
+
+
+def influence(jacobian: Floats) -> Callable[[Floats], Floats] | None:
+    """That shift as a function of the error, for many errors of one estimate."""
     if len(jacobian) <= jacobian.shape[1]:
         return None
     scale = np.linalg.norm(jacobian, axis=0)
@@ -20,7 +28,7 @@ def answer(jacobian: Floats, error: Floats) -> Floats | None:
     normal = (unit[:, :, None] * unit[:, None, :]).sum(axis=0)
     if np.linalg.cond(normal) > _INDISTINCT**-2:
         return None
-    return np.asarray(np.linalg.solve(normal, (unit * error[:, None]).sum(axis=0)) / scale)
+    return lambda error: np.asarray(np.linalg.solve(normal, (unit * error[:, None]).sum(axis=0)) / scale)
 
 
 def effects_by_name(model: ContactModel, shifts: Floats | None) -> dict[str, float] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.channel_noise import ENOUGH, WHITE, Null, null_of
-from palpate_uncertainty.directed_scores import suspected
+from palpate_uncertainty.directed_scores import scores
 from palpate_uncertainty.directed_tests import DirectedTest, directed_tests, near_best
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
-from palpate_uncertainty.refit import Course, hesitation_samples, make_course, possible, runs_of, sweeps
+from palpate_uncertainty.refit import Course, make_course, possible, sweeps
 from palpate_uncertainty.running_in import SteadyPart, steady_part
 from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
@@ -69,26 +69,48 @@ class _NullBase:
         return self.by_motion(found, float(np.var(residual)))
 
     @cached_property
+    def _alternatives(self) -> dict[str, Callable[[], Refit]]:
+        return alternatives(self.course, self.fit, self.frequency)
+
+    @cached_property
+    def _refits(self) -> dict[str, Refit]:
+        """Those of the alternatives that were asked for."""
+        return {}
+
+    def _refitted(self, reasons: Sequence[str]) -> list[Refit]:
+        for reason in reasons:
+            if reason not in self._refits:
+                self._refits[reason] = self._alternatives[reason]()
+        return [self._refits[reason] for reason in reasons]
+
+    @property
     def others(self) -> list[Refit]:
         """What else the record may be."""
-        return list(alternatives(self.course, self.fit, self.frequency))
+        return self._refitted(list(self._alternatives))
 
     @cached_property
     def directed(self) -> dict[str, DirectedTest]:
         """By reason, what it explains that the model does not; nothing that the noise of the motion makes."""
-        if self.course.model.memory:
-            return {}
-        runs, power = self.course.runs[self.course.used], float(np.var(self.fit.residual))
-        found = directed_tests(self.fit, self.others, runs, self.null)
-        return {reason: test for reason, test in found.items() if test.share * power > self.made_by_motion}
+        return {} if self.course.model.memory else self._directed(self.others)
 
-    @property
+    @cached_property
     def p(self) -> float:
-        """Of the directed tests as a family; 1 where their scores leave no doubt that none is significant."""
+        """Of the directed tests as a family; 1 where none of those that their scores leave in doubt is significant
+        even by itself, so that the others need no refit."""
+        if self.course.model.memory:
+            return 1.0
+        by_score = scores(self.course, self.fit, self.null, self.frequency)
         beyond = self.made_by_motion / max(float(np.var(self.fit.residual)), 1e-300)
-        if not self.course.model.memory and not suspected(self.course, self.fit, self.null, self.frequency, beyond):
+        doubtful = [reason for reason, score in by_score.items() if score.in_doubt(beyond)]
+        tests = self._directed(self._refitted(doubtful)) if doubtful else {}
+        if all(test.p >= LEVEL for test in tests.values()):
             return 1.0
         return min((1.0, *(len(self.directed) * test.p for test in self.directed.values())))
+
+    def _directed(self, others: Sequence[Refit]) -> dict[str, DirectedTest]:
+        runs, power = self.course.runs[self.course.used], float(np.var(self.fit.residual))
+        found = directed_tests(self.fit, others, runs, self.null)
+        return {reason: test for reason, test in found.items() if test.share * power > self.made_by_motion}
 
     def by_motion(self, found: WhitenessTest, power: float) -> WhitenessTest:
         """Findings on residuals of this power [N^2]: nothing where the noise of the motion makes such a pattern."""
@@ -101,7 +123,7 @@ class _NullBase:
 
 
 def _judge(track: TrackEvidence, known: dict[Any, _NullBase]) -> Diagnosed | None:
-    if np.count_nonzero(track.kept.used & ~hesitation_samples(track.kept)) < _ENOUGH or not possible(track):
+    if np.count_nonzero(track.kept.used & ~track.kept.hesitating) < _ENOUGH or not possible(track):
         return None
     fitted = track.report is not None and np.isfinite(track.kept.innovation).any()
     if sweeps(track) and not fitted:
@@ -214,11 +236,11 @@ def _null(track: TrackEvidence, residual: Floats, phase: Floats | None) -> Null:
 def _by_innovations(track: TrackEvidence) -> WhitenessTest:
     """The tests of what the estimator itself left."""
     kept = track.kept
-    rows = kept.used & np.isfinite(kept.innovation) & np.isfinite(kept.position) & ~hesitation_samples(kept)
+    rows = kept.used & np.isfinite(kept.innovation) & np.isfinite(kept.position) & ~kept.hesitating
     time, height, values = kept.time[rows], kept.position[rows], kept.innovation[rows]
     rhythm = oscillation(time, height)
     phase = rhythm[1] if rhythm else None
-    return whiteness_tests(values, runs_of(kept)[rows], time, -height, phase, _null(track, values, phase))
+    return whiteness_tests(values, kept.runs[rows], time, -height, phase, _null(track, values, phase))
 
 
 def _table(found: WhitenessTest) -> Diagnosed:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from palpate import Floats
@@ -19,6 +20,7 @@ _FARTHEST = 0.02  # [m] that the surface may move
 _HEAVIEST = 10.0  # [kg]
 _SOFTEST = 1e3  # [N/m] of arm and base
 _TOO_MUCH = 1e6  # [N]
+MEMORY = "memory"  # the reason that is no change of the force at an instant: a material that relaxes
 
 # From the model's parameters (k,), the surface [m] and the extra numbers:
 Force = Callable[[Floats, float, Floats], Floats]  # the force (n,) [N]
@@ -83,6 +85,8 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
             error = (small.force - made.force(*parts(x)))[rows]
         except ValueError:  # a memory that is too short for the samples
             return np.full(len(rows), _TOO_MUCH)
+        if float(np.abs(error).max(initial=0.0)) <= _TOO_MUCH:  # of NaN it is not
+            return error
         return np.clip(np.where(np.isfinite(error), error, _TOO_MUCH), -_TOO_MUCH, _TOO_MUCH)
 
     found = least_squares(normal_by_differences(residual, upper), start, lower, upper, most=40, gain=1e-12)
@@ -99,35 +103,38 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
     )
 
 
-def alternatives(course: Course, base: Refit, frequency: float | None = None) -> Iterator[Refit]:
-    """Refits of all that the residual may show to be wrong; of a model with memory only timing, drift and mass.
+def alternatives(course: Course, base: Refit, frequency: float | None = None) -> dict[str, Callable[[], Refit]]:
+    """By reason, the refit of all that the residual may show to be wrong; of a model with memory only timing, drift and
+    mass.
 
     `frequency` [Hz] is that of a motion that oscillates with one.
     """
-    for make in makers(course, base):
-        yield refit(course, base.theta, base.surface, make)
+    refits: dict[str, Callable[[], Refit]] = {
+        reason: partial(refit, course, base.theta, base.surface, make) for reason, make in makers(course, base).items()
+    }
     if (relaxing := relaxing_parameter(course)) is not None:
-        fastest = fastest_branch(course, frequency)
-        stays, surface, at_first, residual, branches = fit_relaxation(
-            course, base.theta, base.surface, relaxing, fastest
-        )
-        yield Refit("memory", stays, surface, np.array([stays, at_first]), residual, branches)
+        refits[MEMORY] = partial(_relaxation, course, base, relaxing, fastest_branch(course, frequency))
+    return refits
 
 
-def makers(course: Course, base: Refit) -> list[Maker]:
-    """The respects in which the model of a course may be wrong, but for relaxation."""
+def _relaxation(course: Course, base: Refit, relaxing: int, fastest: float) -> Refit:
+    stays, surface, at_first, residual, branches = fit_relaxation(course, base.theta, base.surface, relaxing, fastest)
+    return Refit(MEMORY, stays, surface, np.array([stays, at_first]), residual, branches)
+
+
+def makers(course: Course, base: Refit) -> dict[str, Maker]:
+    """By reason, the respects in which the model of a course may be wrong, but for relaxation."""
     elastic = [i for i, parameter in enumerate(course.model.parameters) if parameter.role == "elastic"]
-    always: list[Maker] = [_timing, _drift, _mass]
+    always: dict[str, Maker] = {"timing": _timing, "drift": _drift, "mass": _mass}
     shape = _shape(course, base) if elastic and not course.model.memory else None
     if shape is None:
         return always
-    return [
-        *always,
-        lambda c: _thickness(c, base.theta, shape),
-        lambda c: _tip(c, elastic, shape),
-        lambda c: _compliance(c, base),
-        _lift_off,
-    ]
+    return always | {
+        "thickness": lambda c: _thickness(c, base.theta, shape),
+        "wrong-tip": lambda c: _tip(c, elastic, shape),
+        "compliance": lambda c: _compliance(c, base),
+        "lift-off": _lift_off,
+    }
 
 
 def relaxing_parameter(course: Course) -> int | None:

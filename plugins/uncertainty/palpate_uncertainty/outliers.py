@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
-from palpate_uncertainty.refit import hesitation_samples
-
 _REACH = 5  # samples to either side, of the running median
 _SIGMAS = 8.0
 _FEWEST = 100  # samples
@@ -22,7 +20,7 @@ def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     for track in tracks:
         used = track.kept.used
         force = track.kept.force[used]
-        spikes = spikes_of(force, ~hesitation_samples(track.kept)[used])
+        spikes = spikes_of(force, ~track.kept.hesitating[used])
         if not len(spikes):
             continue
         share, size = len(spikes) / len(force), float(np.max(np.abs(spikes)))

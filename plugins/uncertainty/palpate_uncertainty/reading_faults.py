@@ -8,7 +8,7 @@ from palpate import ContactModel, Diagnosed, Flag, Floats, TrackEnd, TrackEviden
 
 from palpate_uncertainty.delay.timing_shift import delay_shifts
 from palpate_uncertainty.force_sensitivity import Along, along
-from palpate_uncertainty.influence import answer, effects_by_name
+from palpate_uncertainty.influence import effects_by_name
 from palpate_uncertainty.uncertainty_budget import per_newton
 
 _LATE = 1e-3  # [s] of the velocity against the position
@@ -47,7 +47,7 @@ def velocity_flags(track: TrackEvidence, end: TrackEnd, course: Along | None) ->
         shifts: Floats | None = late * delay_shifts(track.model, course, track.values)
     else:
         late_rate = None if course.by_rate is None else late * course.by_rate * course.acceleration
-        shifts = None if late_rate is None else answer(course.jacobian, late_rate)
+        shifts = None if late_rate is None else course.answer(late_rate)
     yield Flag("velocity-late", text, effects=effects_by_name(track.model, shifts))
 
 

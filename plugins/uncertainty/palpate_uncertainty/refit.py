@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import NamedTuple
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, SampleStore, TrackEvidence, contact_force, force_over_time
-from palpate.host import hesitations
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 
 from palpate_uncertainty.channel_noise import Runs
 
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 _STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
-_GAP = 2.5  # of the usual interval
 APART = 1e-3  # [m] sideways, from which on it is a sweep
 _WINDOWS = (5, 9, 15, 25, 41)  # samples
 _BENT = 0.1  # of the noise that smoothing may take from the signal
+_LATEST = 8  # answers that a course has at hand
 _CORNER = 4.0  # standard deviations of a mean over the window
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class Course:
 
     def forces(self, theta: Floats, surface: float) -> Floats:
         """Contact force (n,) [N] of the model."""
-        return self._force(self.depth(surface), self.rate, theta)
+        return self._once("forces", theta, surface, lambda: self._force(self.depth(surface), self.rate, theta))
 
     def yielded(self, theta: Floats, surface: float, way: Floats, speed: Floats) -> Floats:
         """Contact force (n,) [N] where a way (n,) [m] of the depth, and its rate (n,) [m/s], are not the material's."""
@@ -66,9 +68,27 @@ class Course:
 
     def elastic(self, theta: Floats, surface: float) -> tuple[Floats, Floats]:
         """Force (n,) [N] at the same depths at rest, and its slope in depth (n,) [N/m]; for models without memory."""
-        depth, still = np.maximum(self.depth(surface), 0.0), np.zeros(len(self.time))
-        low = self._force(depth, still, theta)
-        return low, (self._force(depth + _STEP, still, theta) - low) / _STEP
+
+        def at_rest() -> tuple[Floats, Floats]:
+            depth, still = np.maximum(self.depth(surface), 0.0), np.zeros(len(self.time))
+            low = self._force(depth, still, theta)
+            return low, (self._force(depth + _STEP, still, theta) - low) / _STEP
+
+        return self._once("elastic", theta, surface, at_rest)
+
+    @cached_property
+    def _latest(self) -> dict[Any, Any]:
+        return {}
+
+    def _once(self, what: str, theta: Floats, surface: float, evaluate: Callable[[], _T]) -> _T:
+        """The same for the same numbers, of which a search varies one at a time."""
+        key = what, theta.tobytes(), surface
+        if key not in self._latest:
+            if len(self._latest) >= _LATEST:
+                del self._latest[next(iter(self._latest))]
+            self._latest[key] = evaluate()
+        found: _T = self._latest[key]
+        return found
 
     def motion_noise(self, theta: Floats, surface: float) -> float:
         """Mean square [N^2] of the force that the noise of the smoothed motion makes: slow, and no lack of fit."""
@@ -80,28 +100,15 @@ class Course:
 
     def change(self, theta: Floats, surface: float) -> Floats:
         """Slope in time (n,) [N/s] of the model's force."""
+        return self._once("change", theta, surface, lambda: self._change(theta, surface))
+
+    def _change(self, theta: Floats, surface: float) -> Floats:
         depth, force = self.depth(surface), self.forces(theta, surface)
         if self.model.memory:
             return np.asarray(np.gradient(force, self.time))
         by_depth = (self._force(depth + _STEP, self.rate, theta) - force) / _STEP
         by_rate = (self._force(depth, self.rate + _RATE_STEP, theta) - force) / _RATE_STEP
         return np.asarray(by_depth * self.rate + by_rate * self.acceleration)
-
-
-def runs_of(kept: SampleStore) -> Runs:
-    """Numbers (n,) of the stretches of kept samples that have no gap."""
-    step = np.diff(kept.time, prepend=kept.time[:1])
-    usual = float(np.median(step[1:])) if len(step) > 1 else 0.0
-    jumps = np.diff(kept.index, prepend=kept.index[:1] - 1) != 1
-    return np.asarray(np.cumsum(jumps | (step > _GAP * usual)), dtype=np.int64)
-
-
-def hesitation_samples(kept: SampleStore) -> NDArray[np.bool_]:
-    """(n,) True for kept samples within a hesitation of the arm, whose jerk no slope over samples shows as it was."""
-    step = np.diff(kept.time)
-    usual = float(np.median(step)) if len(step) else 0.0
-    clock = np.cumsum(np.concatenate([[0.0], np.where(np.diff(kept.index) == 1, step, usual)]))[: len(kept.time)]
-    return hesitations(clock).hold(clock)
 
 
 def sweeps(track: TrackEvidence) -> bool:
@@ -129,7 +136,7 @@ def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(motion.acceleration)
     first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
     return Course(
-        track.model, kept.time, force, motion.height, motion.rate, motion.smooth_acceleration, motion.runs,
+        track.model, kept.time, force, motion.height, motion.rate, motion.smooth_acceleration, kept.runs,
         used & motion.known & np.isfinite(force), first, max(last - first, 1e-9), len(track.air_time) > 0, motion.noise,
     )  # fmt: skip
 
@@ -137,7 +144,6 @@ def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
 class _SmoothMotion(NamedTuple):
     """The motion of kept samples, and where it is known well enough to be fitted."""
 
-    runs: Runs  # (n,)
     acceleration: Floats  # (n,) [m/s^2] of the depth, over some samples; NaN at the ends of runs
     height: Floats  # (n,) [m]
     rate: Floats  # (n,) [m/s] of the depth
@@ -148,7 +154,7 @@ class _SmoothMotion(NamedTuple):
 
 @lru_cache(maxsize=2)  # several diagnoses of a track ask
 def _motion(kept: SampleStore) -> _SmoothMotion:
-    runs, acceleration = runs_of(kept), np.full(len(kept.time), np.nan)
+    runs, acceleration = kept.runs, np.full(len(kept.time), np.nan)
     k = _SLOPE_SAMPLES
     if len(kept.time) > 2 * k:
         change = kept.velocity[: -2 * k] - kept.velocity[2 * k :]  # depth counts down, height up
@@ -160,9 +166,9 @@ def _motion(kept: SampleStore) -> _SmoothMotion:
     # Not the slope that the inertia is taken off by: its noise would make a force that is late.
     smooth = _slopes(rate, kept.time, runs)
     known = np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
-    known &= ~hesitation_samples(kept) & ~corners & ~jerks
+    known &= ~kept.hesitating & ~corners & ~jerks
     noise = height_noise, rate_noise
-    return _SmoothMotion(runs, acceleration, height, np.nan_to_num(rate), np.nan_to_num(smooth), known, noise)
+    return _SmoothMotion(acceleration, height, np.nan_to_num(rate), np.nan_to_num(smooth), known, noise)
 
 
 def _slopes(values: Floats, time: Floats, runs: Runs) -> Floats:
@@ -188,14 +194,16 @@ def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float, NDArray[np.bool_]
     if noise == 0.0 or not np.isfinite(values).all():
         return values, 0.0, np.zeros(len(values), bool)
     pieces = np.split(values, np.flatnonzero(np.diff(runs)) + 1)
-    smooth, left, corners = values, 0.0, np.zeros(len(values), bool)
+    smooth, longest = values, 0
     for width in _WINDOWS:
         tried = np.concatenate([local_cubic(p, width) if len(p) >= width else p for p in pieces])
         taken = np.convolve(values - tried, np.ones(width) / width, "valid")  # what is slow in it was signal
         if float(np.mean(taken**2)) > (_BENT**2 + 2.0 / width) * noise**2:
             break
-        smooth, left = tried, noise * float(np.linalg.norm(cubic_weights(width)))
-        bent = np.convolve(values - tried, np.full(width, 1.0 / width), "same")
-        corners = np.abs(bent) > _CORNER * noise / np.sqrt(width)
-        corners = np.convolve(corners, np.ones(width), "same") > 0.5
-    return np.asarray(smooth), left, np.asarray(corners)
+        smooth, longest = tried, width
+    if not longest:
+        return values, 0.0, np.zeros(len(values), bool)
+    bent = np.convolve(values - smooth, np.full(longest, 1.0 / longest), "same")
+    corners = np.abs(bent) > _CORNER * noise / np.sqrt(longest)
+    corners = np.convolve(corners, np.ones(longest), "same") > 0.5
+    return np.asarray(smooth), noise * float(np.linalg.norm(cubic_weights(longest))), np.asarray(corners)

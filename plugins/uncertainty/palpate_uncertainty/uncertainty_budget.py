@@ -14,7 +14,6 @@ from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
 from palpate_uncertainty.flags import OFFSET, compliance_flags, tare_flags, timing_flags
 from palpate_uncertainty.force_sensitivity import Along, along
 from palpate_uncertainty.inclined_skin import AcrossForce
-from palpate_uncertainty.influence import answer
 
 _MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
 
@@ -165,11 +164,11 @@ def _change(found: Along, source: UncertaintySource) -> Floats | None:
 
 def _term(found: Along, cause: str, std: float, unit: str, error: Floats, declared: bool = True) -> list[Term]:
     """The term of an error (n,) of the force [N]; nothing where parameters and surface are indistinct."""
-    shifts = answer(found.jacobian, error)
+    shifts = found.answer(error)
     return [] if shifts is None else [Term(cause, std, unit, shifts[:-1], declared)]
 
 
 def per_newton(found: Along | None) -> Floats | None:
     """Shift (k,) of each parameter per newton of a constant force [unit/N]; None where it cannot be determined."""
-    shifts = answer(found.jacobian, np.ones(len(found.force))) if found is not None else None
+    shifts = found.answer(np.ones(len(found.force))) if found is not None else None
     return None if shifts is None else shifts[:-1]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-from palpate_uncertainty.channel_noise import Null, Runs
+from palpate_uncertainty.channel_noise import OUTLIER, Null, Runs, deviation, without_outliers
 from palpate_uncertainty.chi_square import chance_of_more
 
 LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10
@@ -19,7 +19,6 @@ LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10
 _NEAR = 10
 _BLOCK_LAGS = 20  # blocks of `_NEAR` samples, where no standstill tells the channel's own memory
 _FEWEST = 8  # samples of a bin, for its mean to be nearly normal
-_CLIPPED = 6.0  # standard deviations; what is beyond is an outlier, which is flagged as such
 _SHARE = 0.5  # of the motion's variance in one line of its spectrum, from which on it oscillates
 _CYCLES = 4.0
 
@@ -49,10 +48,9 @@ def whiteness_tests(
     known_runs = runs
     white, known = null.whitened(values, runs)
     white, runs, time, depth = white[known], runs[known], time[known], depth[known]
-    scale = float(np.median(np.abs(white - np.median(white)))) * 1.4826 if len(white) else 0.0
-    if len(white) < 4 * LAGS or scale == 0.0:
+    if len(white) < 4 * LAGS or deviation(white) == 0.0:
         return WhitenessTest(1.0, {}, 0.0, 0.0, null.source)
-    white = np.clip(white, -_CLIPPED * scale, _CLIPPED * scale)
+    white = without_outliers(white)
     white = white / np.sqrt(np.mean(white**2))
     tests, patterns = {}, {}
     if null.source == "residual":  # whitened by themselves they have no memory left to test
@@ -107,8 +105,8 @@ def _slow_memory(values: Floats, runs: Runs) -> tuple[float, float]:
     means = means[np.isfinite(means)]
     if len(means) < 4 * _BLOCK_LAGS:
         return 1.0, 0.0
-    scale = float(np.median(np.abs(means - np.median(means)))) * 1.4826
-    means = np.clip(means - means.mean(), -_CLIPPED * scale, _CLIPPED * scale)
+    limit = OUTLIER * deviation(means)
+    means = np.clip(means - means.mean(), -limit, limit)
     n, power = len(means), max(float((means**2).sum()), 1e-300)
     shares = [float((means[lag:] * means[:-lag]).sum()) / power for lag in range(1, _BLOCK_LAGS + 2)]
     total = sum(n * (n + 2.0) / (n - lag) * share**2 for lag, share in enumerate(shares[1:], start=2))

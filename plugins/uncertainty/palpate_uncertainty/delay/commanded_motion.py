@@ -9,7 +9,6 @@ from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.delay.timing_shift import delay_shifts
 from palpate_uncertainty.force_sensitivity import along
-from palpate_uncertainty.refit import runs_of
 
 _LAG = 0.01  # [s] by which an arm follows its command; 8 to 30 ms of the arms that were measured
 # A joint's encoders give a tip 5 um of noise, 1e-3 of a palpation's way; a command in the same logs has 0.05 um.
@@ -62,7 +61,7 @@ def position_noise(track: TrackEvidence) -> tuple[float, float]:
 
     Fourth differences of white noise have 70 times its variance, and those of a sine of a few hertz next to none.
     """
-    height, runs = track.kept.position, runs_of(track.kept)
+    height, runs = track.kept.position, track.kept.runs
     whole = runs[4:] == runs[:-4]
     fourth: Floats = np.diff(height, 4)[whole]
     fourth = fourth[np.isfinite(fourth)]

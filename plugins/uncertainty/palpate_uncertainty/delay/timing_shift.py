@@ -6,7 +6,6 @@ import numpy as np
 from palpate import ContactModel, Floats, Parameter
 
 from palpate_uncertainty.force_sensitivity import Along
-from palpate_uncertainty.influence import answer
 
 
 def delay_shifts(model: ContactModel, found: Along | None, values: Floats) -> Floats:
@@ -17,7 +16,7 @@ def delay_shifts(model: ContactModel, found: Along | None, values: Floats) -> Fl
     to the parameters that it names.
     """
     closed = np.array(model.delay_shift(values.tolist()), float)
-    slopes = answer(found.jacobian, -found.change) if found is not None else None
+    slopes = found.answer(-found.change) if found is not None else None
     return closed if slopes is None else np.where(closed != 0.0, closed, slopes[: len(values)])
 
 
