@@ -34,10 +34,15 @@ class SkinContact:
         force = contact[:, None] * normal
         if not specimen.friction:
             return force
+        if not contact.any():
+            self._spring = np.zeros(3)
+            self._place = position[-1] if len(position) else self._place
+            return force
         slow = velocity if specimen.model.memory else np.zeros_like(velocity)  # what remembers has no force at rest
-        deeper, as_deep = (specimen.push(instants, position - by * normal, slow) for by in (_DEEPER, 0.0))
-        stiffness = (deeper - as_deep) / _DEEPER
-        damping = (specimen.push(instants, position, velocity - _FASTER * normal) - contact) / _FASTER
+        # A surface keeps what it found at the latest places: another place comes last.
+        faster, as_deep = (specimen.push(instants, position, v) for v in (velocity - _FASTER * normal, slow))
+        deeper = specimen.push(instants, position - _DEEPER * normal, slow)
+        stiffness, damping = (deeper - as_deep) / _DEEPER, (faster - contact) / _FASTER
         poisson = float(getattr(specimen.model, "poisson", 0.5))
         share = 2.0 * (1.0 - poisson) / (2.0 - poisson)
         limit = specimen.friction * contact
