@@ -107,6 +107,7 @@ def test_the_share_is_told_where_it_is_known():
     assert shares[:2] == pytest.approx([1.0, 1.1**-0.5], rel=1e-12)
     assert np.isnan(shares[2])  # a hollow that is narrower than the tip
     assert DimensionalityReduction(indenter=Flat(radius=R)).curved_share(curvature, depth) is None
+    assert Poroelastic(indenter=TIP).curved_share(curvature, depth) is None
 
 
 def test_a_skin_that_is_stated_level_and_flat_has_the_force_of_none():
