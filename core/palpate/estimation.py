@@ -36,10 +36,14 @@ class Samples:
     contact: NDArray[np.bool_]  # (n,) the tip touches the material
     active: NDArray[np.bool_]  # (n,) in contact, and in the part of the motion that is meant for estimation
     lateral: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # (n, 2) [m] x and y of the tip; NaN: not known
+    curvature: Floats = field(
+        default_factory=lambda: np.zeros((0, 2))
+    )  # (n, 2) [1/m] of the skin below; NaN: not known
 
     def __post_init__(self) -> None:
-        if len(self.lateral) != len(self.time):
-            object.__setattr__(self, "lateral", np.broadcast_to(np.nan, (len(self.time), 2)))
+        for key in ("lateral", "curvature"):
+            if len(getattr(self, key)) != len(self.time):
+                object.__setattr__(self, key, np.broadcast_to(np.nan, (len(self.time), 2)))
 
     def __len__(self) -> int:
         return len(self.time)

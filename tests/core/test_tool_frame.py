@@ -215,8 +215,8 @@ class Ball(Surface):
         distance = np.linalg.norm(places, axis=1)
         normal, zero, flat = places / distance[:, None], np.zeros(len(places)), np.zeros((len(places), 2))
         unknown = {int(row): "never touched" for row in np.flatnonzero(places[:, 0] > 0.03)}
-        curvature = np.full((len(places), 2), 20.0)
-        return SurfacePoints(0.05 * normal, normal, distance - 0.05, curvature, zero, zero, flat, unknown)
+        curvature = np.tile([22.0, 18.0], (len(places), 1))
+        return SurfacePoints(0.05 * normal, normal, distance - 0.05, curvature, zero, zero, flat + 0.5, unknown)
 
     def uppermost(self, lateral):
         """Not asked for."""
@@ -242,7 +242,9 @@ def test_force_and_height_are_those_along_the_normal_at_each_place():
     assert np.allclose(samples.force[known], 2.0, atol=1e-5)
     assert np.nanmax(np.abs(samples.velocity[known][1:])) < 2e-5  # of 17 mm/s along the skin
     assert np.isnan(samples.force[~known]).all()  # nothing is extrapolated
-    assert report.turned.curvature == pytest.approx(20.0)
+    assert (samples.curvature[known] == [22.0, 18.0]).all()
+    assert np.isnan(samples.curvature[~known]).all()
+    assert (report.turned.curvature, report.turned.curvature_std) == pytest.approx((20.0, 0.5))
 
 
 def test_samples_over_a_surface_do_not_depend_on_how_a_record_is_cut():

@@ -148,7 +148,7 @@ def test_the_arm_presses_along_the_normals_and_keeps_every_limit_at_every_tick(d
     between = (np.abs(place[:, 0] - 0.001) < 0.004) & (height > 0)
     assert height[between].min() > 0.0028  # a clearance of 3 mm, and no shortcut through the dome
     found = result.tracks["dr/kinematic"].parameters["elasticity"]
-    assert found.value / 112.5e3 == pytest.approx(0.9535, abs=0.03)  # of a dome of 50 mm that is read as flat
+    assert found.value / 112.5e3 == pytest.approx(1.0, abs=0.03)
     assert abs(found.value - 112.5e3) < 2.0 * found.combined
     flags = {flag.code for flag in result.tracks["dr/kinematic"].flags}
     assert not {"turned-weight", "turned-tool", "inclined-skin"} & flags

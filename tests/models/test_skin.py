@@ -18,6 +18,7 @@ from palpate_models import (
     Sphere,
     StandardLinearSolid,
 )
+from palpate_models.skin import Skin
 
 R, THETA = 5e-3, (112.5e3, 362.0)
 TIP = Sphere(radius=R)
@@ -82,6 +83,31 @@ def test_the_area_is_the_integral_of_the_profile_with_the_curvature_added(tip, r
     gap = [depth - own(x) - added * x**2 if x else depth for x in places.tolist()]
     assert contact == pytest.approx(edge, rel=1e-6)
     assert area == pytest.approx(simpson(gap, x=places), rel=1e-4)
+
+
+LAYER = {"law": "dimitriadis", "height": "22 mm"}
+
+
+@pytest.mark.parametrize("radii", [(0.05, 0.05), (0.03, 0.09), (-0.04, 0.1)])
+@pytest.mark.parametrize(
+    ("tip", "thickness"), [(TIP, None), (TIP, LAYER), (ExactSphere(radius=R), None), (Quartic(coefficient=1e7), None)]
+)
+def test_the_share_of_a_curved_skin_is_that_of_the_same_skin_stated(tip, thickness, radii):
+    depth = np.array([1e-4, 1e-3, 4e-3])
+    level = DimensionalityReduction(indenter=tip, thickness=thickness)
+    stated = level.model_copy(update={"skin": Skin(skin_radius=radii[0], skin_radius_across=radii[1])})
+    shares = level.curved_share(np.tile(1 / np.array(radii), (3, 1)), depth)
+    np.testing.assert_allclose(shares, stated.force(depth, 0.0, THETA) / level.force(depth, 0.0, THETA), rtol=1e-12)
+    assert stated.curved_share(np.zeros((3, 2)), depth) is None
+
+
+def test_the_share_is_told_where_it_is_known():
+    curvature, depth = np.array([[0.0, 0.0], [20.0, 20.0], [-250.0, 0.0]]), np.full(3, 1e-3)
+    shares = StandardLinearSolid(indenter=TIP).curved_share(curvature, depth)
+    assert shares[:2] == pytest.approx([1.0, 1.1**-0.5], rel=1e-12)
+    assert np.isnan(shares[2])  # a hollow that is narrower than the tip
+    assert DimensionalityReduction(indenter=Flat(radius=R)).curved_share(curvature, depth) is None
+    assert Poroelastic(indenter=TIP).curved_share(curvature, depth) is None
 
 
 def test_a_skin_that_is_stated_level_and_flat_has_the_force_of_none():

@@ -15,7 +15,13 @@ from palpate_commands.distribution import KINDS, distribution
 from palpate_commands.init import init
 
 ROOT = Path(__file__).parent.parent.parent
-PIPELINES = {"point": "point", "ur3e": "point_ur3e", "raster": "raster", "calibrate": "guided"}
+PIPELINES = {
+    "point": "point",
+    "ur3e": "point_ur3e",
+    "raster": "raster",
+    "calibrate": "guided",
+    "breast-ur3e": "breast_ur3e",
+}
 BLOCK = re.compile(r"^```python\n# file: (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 

@@ -154,7 +154,9 @@ class Aligner:
         contact = np.zeros(len(stamps), bool)
         unknown = np.full(len(stamps), np.nan)
         lateral = [self._roles[role].at(stamps) if role in self._roles else unknown for role in _LATERAL]
-        return Samples(stamps, time, interval, force, position, velocity, contact, measuring, np.column_stack(lateral))
+        curvature = np.zeros((0, 2)) if self._oriented is None else self._oriented.curvatures(len(stamps))
+        motion = force, position, velocity, contact, measuring
+        return Samples(stamps, time, interval, *motion, np.column_stack(lateral), curvature)
 
     def _central_difference(self, stamps: NDArray[np.int64], position: Floats) -> Floats:
         """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and beside a gap."""

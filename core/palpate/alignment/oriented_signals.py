@@ -52,14 +52,16 @@ class OrientedSignals:
         load = self._frame.load((readings[0], readings[1], readings[2]), (x, y, z, w), normal)
         self._lateral.add(np.column_stack([load.along, *load.across]))
         nothing = np.zeros(len(stamps))
-        place, height, curvature, known = (nothing, nothing, nothing), nothing, nothing, np.ones(len(stamps))
+        place, height, known = (nothing, nothing, nothing), nothing, np.ones(len(stamps))
+        curvature, curvature_std = nothing, nothing
         if self.is_projecting:
             place = self._vector("position", stamps)
             height = self._frame.along(place, normal)
         if self._planes is not None:
             planes = self._planes[: len(stamps)]
-            height, curvature, known = planes.height, planes.curvature * planes.known, planes.known
-        self._watch.add(load, place, height, curvature)
+            height, known = planes.height, planes.known
+            curvature, curvature_std = planes.curvature.mean(axis=1) * known, planes.curvature_std
+        self._watch.add(load, place, height, curvature, curvature_std)
         return np.asarray(load.along * known)
 
     def heights(self, stamps: NDArray[np.int64], count: int) -> Floats:
@@ -76,6 +78,13 @@ class OrientedSignals:
     def velocities(self, stamps: NDArray[np.int64]) -> Floats:
         """Velocities (n,) [m/s] of that height."""
         return self._frame.along(self._vector("velocity", stamps), self._normals(len(stamps)))
+
+    def curvatures(self, count: int) -> Floats:
+        """Principal curvatures (n, 2) [1/m] below the first samples that are being made; NaN where they are unknown."""
+        if self._planes is None:
+            return np.full((count, 2), np.nan)
+        planes = self._planes[:count]
+        return planes.curvature * planes.known[:, None]
 
     def _normals(self, count: int) -> Vector | None:
         """Columns (n,) of the normals below the first samples that are being made; None where one is for all."""

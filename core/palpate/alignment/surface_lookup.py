@@ -16,22 +16,24 @@ _HIGHER = 0.2  # of the height above it, in air, likewise
 
 @dataclass(frozen=True)
 class LocalPlanes:
-    """Planes of the surface below places: normals (n, 3), heights (n,) [m] above it, mean curvatures (n,) [1/m]."""
+    """Planes of the surface below places: normals (n, 3), heights (n,) [m] above it, principal curvatures [1/m]."""
 
     normal: Floats
     height: Floats
-    curvature: Floats
+    curvature: Floats  # (n, 2)
+    curvature_std: Floats  # (n,) of their mean, both off together
     known: Floats  # (n,) 1 where the surface is known, else NaN
 
     def __getitem__(self, rows: slice) -> LocalPlanes:
-        return LocalPlanes(self.normal[rows], self.height[rows], self.curvature[rows], self.known[rows])
+        columns = self.normal, self.height, self.curvature, self.curvature_std, self.known
+        return LocalPlanes(*(column[rows] for column in columns))
 
 
 @dataclass(frozen=True)
 class _TangentPlane:
     foot: tuple[float, ...] = (0.0, 0.0, 0.0)
     normal: tuple[float, ...] = (0.0, 0.0, 1.0)
-    curvature: float = 0.0
+    curvature: tuple[float, ...] = (0.0, 0.0, 0.0)  # both, and the uncertainty of their mean
     known: float = np.nan
 
     def height(self, place: tuple[float, ...]) -> tuple[float, float]:
@@ -54,15 +56,15 @@ class SurfaceLookup:
 
     def planes(self, place: Floats, count: int) -> LocalPlanes:
         """Below places (n, 3) [m]; those after the first `count` are asked for again, as the first ones of the next."""
-        columns, kept = np.empty((len(place), 6)), self._plane
+        columns, kept = np.empty((len(place), 8)), self._plane
         for i, where in enumerate(map(tuple, place.tolist())):
             self._plane = self._below(where)
             plane = self._plane
-            columns[i] = (*plane.normal, plane.height(where)[0], plane.curvature, plane.known)
+            columns[i] = (*plane.normal, plane.height(where)[0], *plane.curvature, plane.known)
             if i == count - 1:
                 kept = plane
         self._plane = kept
-        return LocalPlanes(columns[:, :3], columns[:, 3], columns[:, 4], columns[:, 5])
+        return LocalPlanes(columns[:, :3], columns[:, 3], columns[:, 4:6], columns[:, 6], columns[:, 7])
 
     def _below(self, place: tuple[float, ...]) -> _TangentPlane:
         plane = self._plane
@@ -75,4 +77,5 @@ class SurfaceLookup:
         if points.unknown or not np.isfinite(points.normal).all() or not np.isfinite(points.position).all():
             return _TangentPlane(plane.foot, plane.normal)
         foot, normal = points.position[0].tolist(), points.normal[0].tolist()
-        return _TangentPlane(tuple(foot), tuple(normal), float(points.curvature[0].mean()), 1.0)
+        curvature = (*points.curvature[0].tolist(), float(points.curvature_std[0].mean()))
+        return _TangentPlane(tuple(foot), tuple(normal), curvature, 1.0)

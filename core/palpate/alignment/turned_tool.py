@@ -16,7 +16,7 @@ from palpate.vectors import Floats
 _PER_NEWTON, _PER_METRE, _PER_CURVATURE = 1e4, 1e6, 1e4
 _LARGEST = 1e7  # of such parts; what is beyond is no reading
 _FEWEST = 100  # samples
-_WEIGHT, _ALONG, _CURVATURE = slice(3, 6), 6, 11
+_WEIGHT, _ALONG, _CURVATURE, _COLUMNS = slice(3, 6), 6, slice(11, 13), 13
 
 
 @dataclass(frozen=True)
@@ -31,20 +31,21 @@ class TurnedTool:
     apart_std: float  # by noise
     slope: float  # tangent of the angle between the normal and the motion in contact; 0 without a stated normal
     curvature: float  # [1/m] mean of the skin's two in contact, by its surface
+    curvature_std: float  # [1/m] standard uncertainty of it, by its surface
 
 
 class ToolWatch:
     """Sums over all samples; what is in contact is known later than the readings."""
 
     def __init__(self) -> None:
-        self._waiting = np.zeros((0, 12), np.int64)
+        self._waiting = np.zeros((0, _COLUMNS), np.int64)
         self._air, self._contact, self._stays = _Sums(), _Sums(), _Stays()
 
-    def add(self, load: Load, place: Vector, height: Floats, curvature: Floats) -> None:
-        """Take in samples that are to be released: forces [N], where the tip is [m], the skin's curvature [1/m]."""
+    def add(self, load: Load, place: Vector, height: Floats, curvature: Floats, curvature_std: Floats) -> None:
+        """Take in samples to be released: forces [N], place of the tip [m], the skin's curvature [1/m] and its std."""
         forces = np.column_stack([*load.reading, *load.weight, load.weight_along]) * _PER_NEWTON
         places = np.column_stack([*place, height]) * _PER_METRE
-        columns = np.column_stack([forces, places, curvature * _PER_CURVATURE])
+        columns = np.column_stack([forces, places, curvature * _PER_CURVATURE, curvature_std * _PER_CURVATURE])
         columns = np.where(np.isfinite(columns), columns, 2.0 * _LARGEST).clip(-2.0 * _LARGEST, 2.0 * _LARGEST)
         self._waiting = np.concatenate([self._waiting, np.rint(columns).astype(np.int64)])
 
@@ -68,22 +69,22 @@ class ToolWatch:
         spread, apart, std = air.disagreement() if air.count >= _FEWEST else (0.0, None, 0.0)
         turn, weight = float(np.linalg.norm(now[_WEIGHT] - before[_WEIGHT])), float(now[_ALONG])
         slope = self._stays.slope if contact.count >= _FEWEST else 0.0
-        curvature = float(contact.mean[_CURVATURE]) if contact.count else 0.0
-        return TurnedTool(turn, weight - float(before[_ALONG]), weight, spread, apart, std, slope, curvature)
+        curved = contact.mean[_CURVATURE].tolist() if contact.count else (0.0, 0.0)
+        return TurnedTool(turn, weight - float(before[_ALONG]), weight, spread, apart, std, slope, *curved)
 
 
 class _Sums:
-    """Sums and products of whole numbers (n, 12)."""
+    """Sums and products of whole numbers (n, 13)."""
 
     def __init__(self) -> None:
         self.count = 0
-        self._sum = [0] * 12
+        self._sum = [0] * _COLUMNS
         self._products: dict[tuple[int, int], int] = {}
 
     def add(self, rows: NDArray[np.int64]) -> None:
         """Take in rows."""
         self.count += len(rows)
-        for i in range(12):
+        for i in range(_COLUMNS):
             self._sum[i] += int(rows[:, i].sum())
         for i, j in itertools.combinations_with_replacement(range(6), 2):
             self._products[i, j] = self._products.get((i, j), 0) + int((rows[:, i] * rows[:, j]).sum())
@@ -94,8 +95,8 @@ class _Sums:
 
     @property
     def mean(self) -> Floats:
-        """(12,) of forces [N], places [m] and curvature [1/m]."""
-        parts = np.repeat([_PER_NEWTON, _PER_METRE, _PER_CURVATURE], [7, 4, 1])
+        """(13,) of forces [N], places [m], curvature and its standard uncertainty [1/m]."""
+        parts = np.repeat([_PER_NEWTON, _PER_METRE, _PER_CURVATURE], [7, 4, 2])
         return np.asarray(np.array(self._sum, float) / self.count / parts, np.float64)
 
     def disagreement(self) -> tuple[float, float | None, float]:

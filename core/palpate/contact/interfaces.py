@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal
 
 from palpate.contact.expressions import select
 from palpate.parts import Part
+from palpate.vectors import Floats
 
 
 class Indenter(Part, ABC):
@@ -117,6 +118,14 @@ class ContactModel(Part, ABC):
     def validity(self, depth: float) -> str:
         """Which assumption of this model fails at a depth [m], as a sentence; empty where all hold."""
         return ""
+
+    def curved_share(self, curvature: Floats, depth: Floats) -> Floats | None:
+        """Force (n,) on a skin of principal curvatures (n, 2) [1/m] over that on a flat one, at depths (n,) > 0 [m].
+
+        None of a model that does not know, or that states what skin there is. Over a surface that says its curvatures,
+        a track's forces are divided by it, so that its estimates are those of the material.
+        """
+        return None
 
     def other_geometries(self, depth: float, theta: Sequence[float]) -> Mapping[str, tuple[float, ...]]:
         """Parameter values that mean the same force at a depth [m] under each geometry that what is stated admits."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.clocks import clock
@@ -15,8 +17,10 @@ from palpate.estimation import Estimates, Problem, Samples, Tracker
 from palpate.offers import Diagnosis, function_of
 from palpate.pipeline.plugin_failure import PartFailure, check_estimates
 from palpate.result import Diagnosable, RunEvidence, TrackRecord, TrackResult, apply_diagnoses, track_result
+from palpate.vectors import Floats
 
 _FEW = 10  # tracked samples; before that nothing is said of a track
+_SHALLOW = 1e-4  # [m] at which, or deeper, the share of a curved skin is taken
 _MANY = 256  # samples of a block that are worth a thread
 
 
@@ -28,6 +32,7 @@ class RunningTrack:
     tracker: Tracker
     record: TrackRecord
     part_failure: PartFailure
+    is_over_a_surface: bool = False  # whose curvatures samples have
 
     def run(self, samples: Samples) -> Estimates:
         """Estimates for a block, with the time that they took; none from where the estimator or the model raised."""
@@ -36,14 +41,28 @@ class RunningTrack:
             return Estimates.idle(samples, parameters)
         before = clock().now()
         try:
-            estimates = check_estimates(self.tracker.run(samples), samples, parameters)
-            self.record.add(samples, estimates, clock().now() - before)
+            share = self._curved_share(samples)
+            flat = samples if share is None else replace(samples, force=samples.force / share)
+            estimates = check_estimates(self.tracker.run(flat), flat, parameters)
+            self.record.add(flat, estimates, clock().now() - before)
         except PalpateError:
             raise  # on purpose: the user can mend it
         except Exception as error:  # whatever third-party code raises: the other tracks continue
             self.record.failure = self.part_failure.flag(error, samples)
             return Estimates.idle(samples, parameters)
-        return estimates
+        return estimates if share is None else replace(estimates, force=estimates.force * share)
+
+    def _curved_share(self, samples: Samples) -> Floats | None:
+        """Force (n,) on the skin as it is curved over that on a flat one; 1 where that is unknown, None where always.
+
+        The inertia of the tip is divided by it, too: a share of a few per cent of a force that is a hundredth.
+        """
+        if not self.is_over_a_surface:
+            return None
+        known = np.isfinite(samples.curvature).all(axis=1)
+        curvature = np.where(known[:, None], samples.curvature, 0.0)
+        share = self.track.model.curved_share(curvature, np.maximum(-samples.position, _SHALLOW))
+        return None if share is None else np.where(known, share, 1.0)
 
     def result(self, report: AlignmentReport, settings: AlignmentSettings, average: float) -> TrackResult:
         """What the track found."""
@@ -172,5 +191,6 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
         # An offline estimate holds for all of its samples, so all of them are looked at.
         summaries = tuple(function_of(summary)() for summary in pipeline.registry.summaries.values())
         record = TrackRecord(keep if track.estimator.online else math.inf, summaries=summaries)
-        running.append(RunningTrack(track, tracker, record, part_failure))
+        curved = pipeline.alignment.surface is not None
+        running.append(RunningTrack(track, tracker, record, part_failure, curved))
     return running

@@ -112,6 +112,7 @@ class TurnedToolDocument(Document):
     apart_std: float = Field(description="by noise")
     slope: float = Field(description="tangent of the angle between the stated normal and the motion in contact")
     curvature: float = Field(description="mean of the two of the surface in contact [1/m]")
+    curvature_std: float = Field(default=0.0, description="standard uncertainty of it, by the surface [1/m]")
 
 
 class ControlDocument(Document):

@@ -15,12 +15,14 @@ _TURNS = 4
 
 
 def surface_of_run(run: Path, name: str | None = None) -> Surface | None:
-    """The surface of a run's pipeline that it has, or that is named; None where it has none.
+    """The surface of a run's pipeline that is named, along which it was aligned, or that it has; None: it has none.
 
     Raises ConfigurationError where it has several and none is named, or none of that name.
     """
-    if "surface" not in RunFolder(run).settings and name is None:
+    settings = RunFolder(run).settings
+    if "surface" not in settings and name is None:
         return None
+    name = name or settings.get("alignment", {}).get("surface")
     known = recorded_pipeline(run).surfaces
     if name is None and len(known) == 1:
         return next(iter(known.values()))

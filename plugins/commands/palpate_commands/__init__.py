@@ -70,5 +70,8 @@ def palpate_templates() -> dict[str, Template]:
         "raster-ur3e": Template(
             package, f"{folder}/raster_ur3e.toml", "a map with a UR3e and a SensONE, or their twins"
         ),
+        "breast-ur3e": Template(
+            package, f"{folder}/breast_ur3e.toml", "a curved phantom: touched, registered, mapped; with its mesh"
+        ),
         "calibrate": Template(package, f"{folder}/guided.toml", "a calibration step by step, simulated"),
     }

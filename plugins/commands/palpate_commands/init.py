@@ -18,18 +18,20 @@ _VERSION = 'palpate = "0.2"                        # the version for which this 
 _NEXT = {
     "ur3e": "palpate rehearse {0}   # in simulated time; nothing real moves",
     "raster-ur3e": "palpate rehearse {0} --out rehearsal\npalpate map rehearsal",
+    "breast-ur3e": "palpate plan {0}   # docs/tutorials/breast.md goes on from here",
     "raster": "palpate run {0} --out raster\npalpate map raster",
     "calibrate": "palpate calibrate {0} --yes",
 }
 _DEVICE = re.compile(r"^\[device\.", re.MULTILINE)
-_BESIDE = {"log": ("log.csv",)}
+_BESIDE = {"log": ("log.csv",), "breast-ur3e": ("breast.obj",)}
 
 
 def init(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="[WHAT]", help="point, log, ur3e, raster, raster-ur3e or calibrate; with --plugin its name."
+            metavar="[WHAT]",
+            help="point, log, ur3e, raster, raster-ur3e, breast-ur3e or calibrate; with --plugin its name.",
         ),
     ] = "point",
     out: Annotated[

@@ -11,7 +11,7 @@ from pydantic_core import CoreSchema
 
 from palpate_models.other_layers import other_layers
 from palpate_models.parameters import ELASTICITY, VISCOSITY
-from palpate_models.skin import ContactGeometry, Skin
+from palpate_models.skin import ContactGeometry, Skin, curved_share
 from palpate_models.thickness import HALF_SPACE, Thickness
 
 
@@ -84,6 +84,10 @@ class DimensionalityReduction(ContactModel):
     def validity(self, depth: float) -> str:
         """What does not hold of tip, skin or thickness correction at a depth [m]."""
         return ContactGeometry.of(self).validity(depth)
+
+    def curved_share(self, curvature: Floats, depth: Floats) -> Floats | None:
+        """See `palpate_models.skin.curved_share`."""
+        return curved_share(self, curvature, depth)
 
     def other_geometries(self, depth: float, theta: Sequence[float]) -> dict[str, tuple[float, ...]]:
         """Layers that what is stated of the thickness admits as well, see `other_layers`."""

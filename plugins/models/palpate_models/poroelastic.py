@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
-from palpate import Indenter, MaterialValue, Parameter, select
+from palpate import Floats, Indenter, MaterialValue, Parameter, select
 from pydantic import model_validator
 
 from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, Paraboloid, Sphere
@@ -69,6 +69,9 @@ class Poroelastic(RelaxingModel):
         if isinstance(self.thickness, Thickness) or self.skin is not None:
             raise ValueError("poroelastic: is known for a half-space only, without thickness and skin")
         return self
+
+    def curved_share(self, curvature: Floats, depth: Floats) -> None:
+        """None: the relaxation of a gel on a curved skin is not known."""
 
     def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:
         """Strengths [Pa], and rates in D/a^2."""

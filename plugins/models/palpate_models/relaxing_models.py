@@ -20,7 +20,7 @@ from palpate_models.parameters import (
     RELAXATION_TIME,
     RELAXING_ELASTICITY,
 )
-from palpate_models.skin import ContactGeometry, Skin
+from palpate_models.skin import ContactGeometry, Skin, curved_share
 
 _THICKNESS = 'correction for a layer, as for dimensionality-reduction; left out or "none": a half-space'
 
@@ -75,6 +75,10 @@ class RelaxingModel(ContactModel):
             strength * loading - (forgetting if pace is None else pace * forgetting) * state
             for (strength, forgetting), state in zip(arms, memory, strict=True)
         )
+
+    def curved_share(self, curvature: Floats, depth: Floats) -> Floats | None:
+        """See `palpate_models.skin.curved_share`."""
+        return curved_share(self, curvature, depth)
 
     def loading_cycle_force(self, time: Floats, depth: Floats, theta: Sequence[float], reversal: float) -> Floats:
         """Force (n,) [N] over one loading and one unloading, see `ting_force`."""

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from palpate import Angle, Depth, Indenter, Settings, select
+import numpy as np
+from palpate import Angle, Depth, Floats, Indenter, Settings, select
 from pydantic import Field, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
@@ -14,6 +15,7 @@ from palpate_models.indenters import ExactSphere, Flat, NeoHookeanSphere, Sphere
 from palpate_models.thickness import Layer, Thickness, contact_validity, corrected_contact
 
 FLAT: Literal["flat"] = "flat"
+_FACES = (Flat, TiltedFlat, TruncatedCone)  # tips under which curvature is not known
 _STEEPEST = math.radians(45.0)
 _STEPS = 3  # of the depth that is the tip's own; exact in one for a paraboloid
 _SHALLOW = 1e-4  # [m] at which a tip's own radius is taken
@@ -80,7 +82,7 @@ class Skin(Settings):
             raise ValueError('skin: a radius of 0 is no skin; write "flat" where it is not curved')
         if not any(self.curvatures):
             return
-        if isinstance(indenter, Flat | TiltedFlat | TruncatedCone):
+        if isinstance(indenter, _FACES):
             raise ValueError(f"skin: curvature is known for rounded tips, not for the face of a {_name(indenter)}")
         own = float(indenter.contact_radius(_SHALLOW)) ** 2 / _SHALLOW
         if min(self.curvatures) * own <= -1.0:
@@ -91,7 +93,8 @@ class Skin(Settings):
         """Area [m^2] and length [m] in place of A(d) c(d) and its derivative, for forces and depths along the tool."""
         own = indenter.contact_radius(depth) ** 2 / depth  # 2 r^2/z of the tip, R of a sphere
         normal, cosine = self._along_the_normal(own, depth)
-        area, radius = self._curved(indenter, thickness, own, normal)
+        added = _added_curvature(own, *self.curvatures) if any(self.curvatures) else 0.0
+        area, radius = _curved_contact(indenter, thickness, added, own, normal)
         if not self.inclination:
             return area, radius
         drag = self.stick * 2.0 * (1.0 - poisson) / (2.0 - poisson)
@@ -112,28 +115,6 @@ class Skin(Settings):
         root = (1.0 - turn * (2.0 * cosine - turn)) ** 0.5
         return depth * (2.0 * cosine - turn) / (1.0 + root), (cosine - turn) / root
 
-    def _curved(self, indenter: Indenter, thickness: Layer, own: Any, depth: Any) -> tuple[Any, Any]:
-        """Area and its derivative of a tip whose reduced profile is g(x) + k x^2, k the curvature that the skin adds.
-
-        The contact radius is that of the tip at the depth u it has alone, u + k a(u)^2 = d, by Newton's method with
-        a^2 going as u^p, p = 2 (a u - A)/A, and the area is A(u) + 2/3 k a^3.
-        """
-        along, across = self.curvatures
-        if not (along or across):
-            return corrected_contact(indenter, thickness, depth)
-        added = ((1.0 / own + along) * (1.0 / own + across)) ** 0.5 - 1.0 / own
-        alone = depth / (1.0 + added * own)
-        power = 2.0 * (indenter.contact_radius(alone) * alone / indenter.profile_area(alone) - 1.0)
-        for _ in range(_STEPS):
-            square = added * indenter.contact_radius(alone) ** 2
-            alone = alone - (alone + square - depth) / (1.0 + square * power / alone)
-        radius = indenter.contact_radius(alone)
-        area = indenter.profile_area(alone) + 2.0 / 3.0 * added * radius**3
-        if not isinstance(thickness, Thickness):
-            return area, radius
-        factor, slope = thickness.factor(indenter, alone)
-        return area * factor, radius * factor + area * slope / depth
-
     def inclination_at(self, indenter: Indenter, depth: float) -> float:
         """Angle t' [rad] between tool and normal where a tip touches at a depth [m] along the tool."""
         own = float(indenter.contact_radius(depth)) ** 2 / depth
@@ -148,6 +129,44 @@ class Skin(Settings):
         if share <= _LARGE:
             return ""
         return f"the contact is {share:.0%} of the skin's radius; its curvature is known to {_LARGE:.0%}"
+
+
+def curved_share(model: Any, curvature: Floats, depth: Floats) -> Floats | None:
+    """See `ContactModel.curved_share`, of a model with an indenter; NaN in a hollow that is narrower than the tip."""
+    tip = model.indenter
+    if model.skin is not None or isinstance(tip, _FACES):
+        return None
+    own = tip.contact_radius(depth) ** 2 / depth
+    fits = (1.0 + own[:, None] * curvature > 0.0).all(axis=1)
+    added = _added_curvature(own, *np.where(fits[:, None], curvature, 0.0).T)
+    area, _ = _curved_contact(tip, model.thickness, added, own, depth)
+    return np.where(fits, area / corrected_contact(tip, model.thickness, depth)[0], np.nan)
+
+
+def _added_curvature(own: Any, along: Any, across: Any) -> Any:
+    """Curvature k [1/m] that a skin of two curvatures adds to that of a tip of radius `own` [m]."""
+    return ((1.0 / own + along) * (1.0 / own + across)) ** 0.5 - 1.0 / own
+
+
+def _curved_contact(indenter: Indenter, thickness: Layer, added: Any, own: Any, depth: Any) -> tuple[Any, Any]:
+    """Area and its derivative of a tip whose reduced profile is g(x) + k x^2, k the curvature `added` by the skin.
+
+    The contact radius is that of the tip at the depth u it has alone, u + k a(u)^2 = d, by Newton's method with
+    a^2 going as u^p, p = 2 (a u - A)/A, and the area is A(u) + 2/3 k a^3.
+    """
+    if isinstance(added, float) and not added:
+        return corrected_contact(indenter, thickness, depth)
+    alone = depth / (1.0 + added * own)
+    power = 2.0 * (indenter.contact_radius(alone) * alone / indenter.profile_area(alone) - 1.0)
+    for _ in range(_STEPS):
+        square = added * indenter.contact_radius(alone) ** 2
+        alone = alone - (alone + square - depth) / (1.0 + square * power / alone)
+    radius = indenter.contact_radius(alone)
+    area = indenter.profile_area(alone) + 2.0 / 3.0 * added * radius**3
+    if not isinstance(thickness, Thickness):
+        return area, radius
+    factor, slope = thickness.factor(indenter, alone)
+    return area * factor, radius * factor + area * slope / depth
 
 
 def _name(indenter: Indenter) -> str:

@@ -34,10 +34,14 @@ class SkinContact:
         force = contact[:, None] * normal
         if not specimen.friction:
             return force
+        if not contact.any():
+            self._spring = np.zeros(3)
+            self._place = position[-1] if len(position) else self._place
+            return force
         slow = velocity if specimen.model.memory else np.zeros_like(velocity)  # what remembers has no force at rest
-        deeper, as_deep = (specimen.push(instants, position - by * normal, slow) for by in (_DEEPER, 0.0))
-        stiffness = (deeper - as_deep) / _DEEPER
-        damping = (specimen.push(instants, position, velocity - _FASTER * normal) - contact) / _FASTER
+        deeper, faster = position - _DEEPER * normal, velocity - _FASTER * normal
+        deep, as_deep, fast = _pushes(specimen, instants, (deeper, slow), (position, slow), (position, faster))
+        stiffness, damping = (deep - as_deep) / _DEEPER, (fast - contact) / _FASTER
         poisson = float(getattr(specimen.model, "poisson", 0.5))
         share = 2.0 * (1.0 - poisson) / (2.0 - poisson)
         limit = specimen.friction * contact
@@ -68,6 +72,17 @@ class SkinContact:
             found.append((share * whole[0], share * whole[1], share * whole[2]))
         self._spring = np.array([x, y, z])
         return np.array(found).reshape(-1, 3)
+
+
+def _pushes(specimen: Specimen, instants: Floats, *motions: tuple[Floats, Floats]) -> list[Floats]:
+    """Forces (n,) [N] along the normal of several motions: positions (n, 3) and velocities (n, 3) at the same instants.
+
+    All at once, which takes as long as one; but each by itself where the force depends on the motion before.
+    """
+    if specimen.model.memory or specimen.unloading == "ting":
+        return [specimen.push(instants, *motion) for motion in motions]
+    position, velocity = (np.concatenate(columns) for columns in zip(*motions, strict=True))
+    return np.split(specimen.push(np.tile(instants, len(motions)), position, velocity), len(motions))
 
 
 def _across(vectors: Floats, normal: Floats) -> Floats:

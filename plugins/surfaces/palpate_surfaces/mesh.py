@@ -117,7 +117,7 @@ def points_of(
     turn, count = pose.matrix, len(feet)
     points = _nothing_known(count, unknown)
     rows = np.array([row for row in range(count) if row not in unknown], np.int64)
-    patches = list(mesh.body.patches(feet[rows], faces[rows]))
+    patches = mesh.body.patches(feet[rows], faces[rows])
     if not patches:
         return points
     position = pose.outwards(np.array([patch.position for patch in patches]))

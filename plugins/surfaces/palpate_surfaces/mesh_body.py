@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-from palpate_surfaces.surface_patch import SurfacePatch, fit_patch
+from palpate_surfaces.surface_patch import SurfacePatch, fit_patches
 
 _FEWEST = 20  # vertices to which a cubic is fitted
 _MOST = 300  # of more, every second, third, ... counts
@@ -94,18 +93,32 @@ class MeshBody:
 
         return KDTree(self.triangles.vertices)
 
-    def patches(self, feet: Floats, faces: Faces) -> Iterator[SurfacePatch]:
+    @cached_property
+    def _normals(self) -> tuple[Floats, Floats]:
+        """Of the triangles and of the vertices."""
+        return np.array(self.triangles.face_normals), np.array(self.triangles.vertex_normals)
+
+    def patches(self, feet: Floats, faces: Faces) -> list[SurfacePatch]:
         """The patch of surface around each of the points (n, 3) of triangles."""
-        body = self.triangles
+        vertices, outwards = np.array(self.triangles.vertices), self._normals[0][faces]
         around = self._tree.query_ball_point(feet, self.neighbourhood, return_sorted=True) if len(feet) else ()
-        for foot, face, near in zip(feet, faces, around):
-            outwards = body.face_normals[face]
-            rows = self._facing(np.array(near, np.int64), outwards)
-            wanted = _FEWEST
-            while len(rows) < _FEWEST and wanted < min(_ENOUGH, len(body.vertices)):
-                wanted *= 2
-                rows = self._facing(self._tree.query(foot, min(wanted, len(body.vertices)))[1], outwards)[:_FEWEST]
-            yield fit_patch(foot, outwards, body.vertices[rows[:: -(-len(rows) // _MOST)]])
+        sets = [self._neighbours(*each) for each in zip(feet, outwards, around, strict=True)]
+        rows_of: dict[int, list[int]] = {}
+        for row, own in enumerate(sets):
+            rows_of.setdefault(len(own), []).append(row)
+        patches: dict[int, SurfacePatch] = {}
+        for rows in rows_of.values():
+            near = vertices[np.array([sets[row] for row in rows])]
+            patches.update(zip(rows, fit_patches(feet[rows], outwards[rows], near), strict=True))
+        return [patches[row] for row in range(len(feet))]
+
+    def _neighbours(self, foot: Floats, outwards: Floats, near: list[int]) -> Faces:
+        """Vertices about a point (3,) that are on its side of the body."""
+        rows, wanted, whole = self._facing(np.array(near, np.int64), outwards), _FEWEST, len(self._normals[1])
+        while len(rows) < _FEWEST and wanted < min(_ENOUGH, whole):
+            wanted *= 2
+            rows = self._facing(self._tree.query(foot, min(wanted, whole))[1], outwards)[:_FEWEST]
+        return rows[:: -(-len(rows) // _MOST)]
 
     def _facing(self, rows: Faces, outwards: Floats) -> Faces:
-        return np.asarray(rows[self.triangles.vertex_normals[rows] @ outwards > _FACING])
+        return np.asarray(rows[self._normals[1][rows] @ outwards > _FACING])

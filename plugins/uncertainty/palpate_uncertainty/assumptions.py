@@ -57,7 +57,9 @@ def _of(track: TrackEvidence, end: TrackEnd) -> dict[str, Any]:
 
 
 def _of_the_skin(track: TrackEvidence) -> dict[str, Any]:
-    """The inclination [rad], and the radius [m] of a skin, that move an elasticity by 1 %; nothing where it is stated.
+    """The inclination [rad], and the radius [m] of a skin, that move an elasticity by 1 %.
+
+    Nothing where the skin is stated, or a surface says what it is.
 
     A tip that slides on an inclination t has cos(t)^(p + 1) of the force, p the power d a/A of the depth that it goes
     with; a curvature k of the skin adds k r^2/2 to the profile of the tip, and takes k a^3/3 from its area A.
@@ -65,7 +67,8 @@ def _of_the_skin(track: TrackEvidence) -> dict[str, Any]:
     tip, depth = getattr(track.model, "indenter", None), depths_in_contact(track)
     if "skin" not in type(track.model).model_fields or not isinstance(tip, Indenter) or not len(depth):
         return {}
-    if getattr(track.model, "skin", None) is not None:
+    over_a_surface = track.ending is not None and track.ending.settings.surface is not None
+    if getattr(track.model, "skin", None) is not None or over_a_surface:
         return {"skin_stated": True}
     mean = float(np.mean(depth))
     radius, area = float(tip.contact_radius(mean)), float(tip.profile_area(mean))

@@ -102,9 +102,7 @@ def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentRep
         weight = weight_per_mass(settings, turned.along if turned else 0.0, turned.weight if turned else 0.0)
         terms += _term(found, "mass", std, "kg", std * (weight - found.acceleration), declared)
     terms += _of_directions(found, settings, report)
-    curvature = 0.0 if report.turned is None else report.turned.curvature
-    if share := _flatness(found.model, curvature):
-        terms += _term(found, "curvature", abs(curvature), "1/m", share * found.force)
+    terms += _of_curvature(found, settings, report)
     tare = report.tare.offset_std if report.tare else None
     if tare is not None:
         terms += _term(found, "tare", float(tare), "N", np.full(len(found.force), tare))
@@ -138,6 +136,25 @@ def _of_directions(found: Along, settings: AlignmentSettings, report: AlignmentR
     for name, (angle, declared) in settings.orientation_uncertainties.items():
         own = angle * turn if name == "mounting" else (1.0 - math.cos(angle) ** 2.5) * found.force
         yield from _term(found, name, angle, "rad", angle * share * found.force + own, declared)
+
+
+def _of_curvature(found: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
+    """The term of the skin's curvature k, by its surface.
+
+    Where the track's forces were divided by the share s(k) of a curved skin: f = (s(k + u)/s(k) - 1) F, and the inertia
+    that was divided with them, (1/s - 1) m z''. Where the model has the skin as flat all of the shift counts.
+    """
+    turned = report.turned
+    if turned is None or not turned.curvature:
+        return
+    pairs = np.array([[turned.curvature] * 2, [turned.curvature + turned.curvature_std] * 2])
+    shares = found.model.curved_share(pairs, np.full(2, float(found.depth.mean())))
+    if shares is not None and np.isfinite(shares).all():
+        inertia = (1.0 / shares[0] - 1.0) * (settings.tip_mass or 0.0) * found.acceleration
+        error = (shares[1] / shares[0] - 1.0) * found.force + inertia
+        yield from _term(found, "curvature", turned.curvature_std, "1/m", error)
+    elif share := _flatness(found.model, turned.curvature):
+        yield from _term(found, "curvature", abs(turned.curvature), "1/m", share * found.force)
 
 
 def _flatness(model: ContactModel, curvature: float) -> float:
