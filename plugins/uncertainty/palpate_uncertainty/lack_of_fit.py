@@ -96,27 +96,33 @@ class _NullBase:
 
     @cached_property
     def p(self) -> float:
-        """Of the directed tests as a family; 1 where none of those that their scores leave in doubt is significant
-        even by itself, so that the others need no refit."""
+        """Of the directed tests as a family, those first that their scores leave in doubt; 1 once the family is too
+        large for the least p so far, so that the others need no refit."""
         if self.course.model.memory:
             return 1.0
         by_score = scores(self.course, self.fit, self.null, self.frequency)
-        doubtful = [reason for reason, p in by_score.items() if p < SUSPICIOUS]
-        tests = self._directed(self._refitted(doubtful)) if doubtful else {}
-        if all(test.p >= LEVEL for test in tests.values()):
-            return 1.0
-        return min((1.0, *(len(self.directed) * test.p for test in self.directed.values())))
+        tests: dict[str, DirectedTest] = {}
+        least = 1.0
+        for reason, score in sorted(by_score.items(), key=lambda item: item[1]):
+            if score >= SUSPICIOUS and max(len(tests), 1) * least >= LEVEL:
+                return 1.0
+            tests |= self._directed(self._refitted([reason]))
+            least = min((1.0, *(test.p for test in tests.values())))
+        return min(len(tests) * least, 1.0) if tests else 1.0
 
     def _directed(self, others: Sequence[Refit]) -> dict[str, DirectedTest]:
         runs, power = self.course.runs[self.course.used], float(np.var(self.fit.residual))
-        made = self.course.motion_noise(self.fit.theta, self.fit.surface)
         found = directed_tests(self.fit, others, runs, self.null)
-        return {reason: test for reason, test in found.items() if test.share * power > _BY_MOTION * made}
+        return {reason: test for reason, test in found.items() if test.share * power > _BY_MOTION * self.motion_noise}
+
+    @cached_property
+    def motion_noise(self) -> float:
+        """Mean square [N^2] of the force that the noise of the motion makes."""
+        return self.course.motion_noise(self.fit.theta, self.fit.surface)
 
     def by_motion(self, found: WhitenessTest, power: float) -> WhitenessTest:
         """Findings on residuals of this power [N^2]: nothing where the noise of the motion makes such a pattern."""
-        made = self.course.motion_noise(self.fit.theta, self.fit.surface)
-        return replace(found, p=1.0) if found.misfit * power < _BY_MOTION * made else found
+        return replace(found, p=1.0) if found.misfit * power < _BY_MOTION * self.motion_noise else found
 
 
 def _judge(track: TrackEvidence, known: dict[Any, _NullBase]) -> Diagnosed | None:
