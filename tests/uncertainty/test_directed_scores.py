@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from palpate_fits import CasadiFit
 from palpate_uncertainty.channel_noise import WHITE
-from palpate_uncertainty.directed_scores import scores
+from palpate_uncertainty.directed_scores import SUSPICIOUS, scores
 from palpate_uncertainty.directed_tests import directed_tests
 from palpate_uncertainty.lack_of_fit import LEVEL
 from palpate_uncertainty.model_alternatives import alternatives, refit
@@ -43,8 +43,9 @@ def test_a_score_misses_nothing_that_a_directed_test_finds(evidence, reason):
             significant += 1
             found = scores(changed, base, WHITE, None)
             assert found.keys() == tests.keys()
-            doubtful = [reason for reason, score in found.items() if score.in_doubt(tests[reason].share)]
-            assert len(tests) * min(tests[reason].p for reason in doubtful) < LEVEL
+            doubtful = [tests[reason] for reason, score in found.items() if score.p < SUSPICIOUS]
+            assert len(tests) * min(test.p for test in doubtful) < LEVEL
+            assert all(found[reason].counts(test.share) for reason, test in tests.items() if test.p < LEVEL)
     assert significant
 
 
@@ -55,19 +56,19 @@ def test_a_clean_record_is_not_suspected(evidence):
         track = evidence("clean", CasadiFit(), seed=seed)
         course = make_course(track, track.kept.used)
         base = refit(course, track.values, track.surface)
-        found.append(any(score.in_doubt(0.0) for score in scores(course, base, WHITE, None).values()))
+        found.append(any(score.p < SUSPICIOUS for score in scores(course, base, WHITE, None).values()))
     assert not all(found)
 
 
-def test_a_score_within_the_noise_of_the_motion_leaves_no_doubt(evidence):
+def test_a_score_within_the_noise_of_the_motion_does_not_count(evidence):
     track = evidence("clean", CasadiFit(), seed=5)
     course = make_course(track, track.kept.used)
     drifting = replace(course, force=course.force + 100.0 * patterns(course, track.values, track.surface)["drift"])
     before, base = (refit(one, track.values, track.surface) for one in (course, drifting))
     share = float(np.var(base.residual) / np.var(before.residual)) - 1.0  # the drift's, of the variance of the rest
     found = scores(drifting, base, WHITE, None)["drift"]
-    assert found.in_doubt(share)
-    assert not found.in_doubt(8.0 * share)
+    assert found.counts(share)
+    assert not found.counts(8.0 * share)
 
 
 @pytest.mark.parametrize("ratio", [1e-4, 0.02, 0.7, 5.0])

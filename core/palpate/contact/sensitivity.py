@@ -37,9 +37,9 @@ def force_slopes(
         rows = slice(begin, begin + _TOGETHER)
         buffer, evaluate = maps[len(depth[rows])].buffer()
         for i, column in enumerate((given[0][rows], given[1][rows], parameters)):
-            buffer.set_arg(i, memoryview(column))
-        buffer.set_res(0, memoryview(f[rows]))
-        buffer.set_res(1, memoryview(table[rows]))  # the map puts the (1, k + 2) Jacobians side by side
+            buffer.set_arg(i, column.data)
+        buffer.set_res(0, f[rows].data)
+        buffer.set_res(1, table[rows].data)  # the map puts the (1, k + 2) Jacobians side by side
         evaluate()
     return f, table[:, : len(theta)], table[:, -2], table[:, -1]
 

@@ -34,9 +34,9 @@ class Score(NamedTuple):
     p: float  # where the model is right
     share: float  # of the variance of the whitened residual
 
-    def in_doubt(self, beyond: float) -> bool:
-        """Whether its refit may be significant with a share of the variance that it leaves `beyond` another one."""
-        return self.p < SUSPICIOUS and _SHORT * self.share > beyond * (1.0 - self.share)
+    def counts(self, beyond: float) -> bool:
+        """Whether its refit may take a share of the variance, of what it leaves, `beyond` another one."""
+        return _SHORT * self.share > beyond * (1.0 - self.share)
 
 
 def scores(course: Course, base: Refit, null: Null, frequency: float | None) -> dict[str, Score]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.channel_noise import ENOUGH, WHITE, Null, null_of
-from palpate_uncertainty.directed_scores import scores
+from palpate_uncertainty.directed_scores import SUSPICIOUS, scores
 from palpate_uncertainty.directed_tests import DirectedTest, directed_tests, near_best
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.refit import Course, make_course, possible, sweeps
@@ -95,17 +95,22 @@ class _NullBase:
 
     @cached_property
     def p(self) -> float:
-        """Of the directed tests as a family; 1 where none of those that their scores leave in doubt is significant
-        even by itself, so that the others need no refit."""
+        """Of the directed tests as a family, those first that their scores leave in doubt; 1 once the family is too
+        large for the least p so far, so that the others need no refit."""
         if self.course.model.memory:
             return 1.0
         by_score = scores(self.course, self.fit, self.null, self.frequency)
         beyond = self.made_by_motion / max(float(np.var(self.fit.residual)), 1e-300)
-        doubtful = [reason for reason, score in by_score.items() if score.in_doubt(beyond)]
-        tests = self._directed(self._refitted(doubtful)) if doubtful else {}
-        if all(test.p >= LEVEL for test in tests.values()):
-            return 1.0
-        return min((1.0, *(len(self.directed) * test.p for test in self.directed.values())))
+        tests: dict[str, DirectedTest] = {}
+        least = 1.0
+        for reason, score in sorted(by_score.items(), key=lambda item: item[1].p):
+            if not score.counts(beyond):
+                continue
+            if score.p >= SUSPICIOUS and max(len(tests), 1) * least >= LEVEL:
+                return 1.0
+            tests |= self._directed(self._refitted([reason]))
+            least = min((1.0, *(test.p for test in tests.values())))
+        return min(len(tests) * least, 1.0) if tests else 1.0
 
     def _directed(self, others: Sequence[Refit]) -> dict[str, DirectedTest]:
         runs, power = self.course.runs[self.course.used], float(np.var(self.fit.residual))
