@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.hidden_patches import Patch
-from palpate_maps.stiffness_field import way_along
+from palpate_maps.stiffness_field import lengths_along
 
 _SITE = 4e-3  # [m] of a line that is one observation
 
@@ -63,7 +63,7 @@ class Clearance:
 
     def lines(self, row: NDArray[np.intp]) -> Floats:
         """(k,) gained by lines from the first node of a row (k,) to each."""
-        way = way_along(self.grid.nodes, row)
+        way = lengths_along(self.grid.nodes, row)
         step: Any = way[1]
         if self.grid.nodes.shape[1] > 2:  # on a surface steps differ: their mean as far as each node
             step = (np.r_[step, way[1:] / np.arange(1, len(row))])[:, None]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.search_motion import SearchMotion
-from palpate_maps.stiffness_field import way_along
+from palpate_maps.stiffness_field import lengths_along
 
 _LONG = 12  # nodes of a row from which on lines begin and end at every second one: as good, and a quarter as many
 _WORTH = 0.02  # of the gain of all points, below which no line is taken along a row
@@ -126,7 +126,7 @@ class ActionGrid:
 
     def _most(self, row: NDArray[np.intp], sites: Floats) -> float:
         """What a line along a row gains in a second at the most: as if each of its sites stood alone."""
-        along = way_along(self.nodes, row)
+        along = lengths_along(self.nodes, row)
         sums = np.r_[0.0, np.cumsum(sites[row])]
         first, last = np.triu_indices(len(row), 1)
         seconds = self.motion.seconds_along(np.maximum(along[last] - along[first], self.motion.shortest))
@@ -136,7 +136,7 @@ class ActionGrid:
         self, row: NDArray[np.intp], gain: Gain, travel: Floats, through: NDArray[np.bool_]
     ) -> SearchAction | None:
         """The best line along a row."""
-        along, (first, second, *_) = way_along(self.nodes, row), self.nodes[row, :2]
+        along, (first, second, *_) = lengths_along(self.nodes, row), self.nodes[row, :2]
         fewest = max(int(np.ceil(self.motion.shortest / np.hypot(*(second - first)) - 1e-6)), 1)
         stride = 2 if len(row) > _LONG else 1
         best: SearchAction | None = None

@@ -47,7 +47,7 @@ def distances(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
 
 
-def way_along(nodes: Floats, row: NDArray[np.intp]) -> Floats:
+def lengths_along(nodes: Floats, row: NDArray[np.intp]) -> Floats:
     """(k,) [m] from the first node of a row (k,) to each: of nodes (m, 2) straight, of (m, 3) along the surface."""
     if nodes.shape[1] == 2:
         return np.asarray(np.hypot(*(nodes[row] - nodes[row[0]]).T))
