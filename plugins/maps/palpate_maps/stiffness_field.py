@@ -51,7 +51,7 @@ def lengths_along(nodes: Floats, row: NDArray[np.intp]) -> Floats:
     """(k,) [m] from the first node of a row (k,) to each: of nodes (m, 2) straight, of (m, 3) along the surface."""
     if nodes.shape[1] == 2:
         return np.asarray(np.hypot(*(nodes[row] - nodes[row[0]]).T))
-    return np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(nodes[row], axis=0), axis=1))]
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(nodes[row], axis=0), axis=1)))
 
 
 def fit_kernel(place: Floats, log: Floats, own: Floats, start: FieldKernel | None = None) -> FieldKernel:
