@@ -36,7 +36,7 @@ def arc_warning(length: float, reach: float) -> str | None:
     if length <= reach:
         return None
     return (
-        f"it is interpolated over {1e3 * length:.3g} mm by straight distances, which are within 1 % of those "
+        f"the map is interpolated over {1e3 * length:.3g} mm by straight distances, which are within 1 % of those "
         f"along the surface up to {1e3 * reach:.3g} mm"
     )
 

@@ -72,13 +72,8 @@ def fit_patches(points: Floats, outwards: Floats, neighbours: Floats, heights: F
     shape = -(axes @ inverse @ hessian @ inverse @ axes.transpose(0, 2, 1)) / length[:, None, None]
     upwards = np.stack([-d, -e, np.ones_like(d)], axis=-1)
     normal = (upwards[:, None] @ frame)[:, 0] / length[:, None]
-    curvature, directions = np.linalg.eigh((shape + shape.transpose(0, 2, 1)) / 2)
-    # The eigenvalue of the normal itself is 0, and is left out by its direction.
-    own = np.argmax(np.abs(normal[:, None] @ directions)[:, 0], axis=1)
-    curvature[np.arange(len(points)), own] = -np.inf
-    across = np.argsort(-curvature, axis=1)[:, :2]
-    curvature = np.take_along_axis(curvature, across, axis=1)
-    tangential = np.take_along_axis(frame @ directions, across[:, None], axis=2)[:, :2]
+    curvature, directions = _principal(shape, normal)
+    tangential = (frame @ directions)[:, :2]
     beyond = _HIGHER * np.abs(curvature).max(axis=1) ** 3 * scale**2
     tilt = -(axes @ inverse) / length[:, None, None]
     return SurfacePatch(
@@ -92,21 +87,31 @@ def fit_patches(points: Floats, outwards: Floats, neighbours: Floats, heights: F
     )
 
 
+def _principal(shape: Floats, normal: Floats) -> tuple[Floats, Floats]:
+    """Principal curvatures (k, 2), the larger first, and their directions (k, 3, 2), of shape operators (k, 3, 3)."""
+    curvature, directions = np.linalg.eigh((shape + shape.transpose(0, 2, 1)) / 2)
+    # The eigenvalue of the normal itself is 0, and is left out by its direction.
+    own = np.argmax(np.abs(normal[:, None] @ directions)[:, 0], axis=1)
+    curvature[np.arange(len(shape)), own] = -np.inf
+    across = np.argsort(-curvature, axis=1)[:, :2]
+    return np.take_along_axis(curvature, across, axis=1), np.take_along_axis(directions, across[:, None], axis=2)
+
+
 def _curvature_std(directions: Floats, covariance: Floats) -> Floats:
     """Of the curvatures along directions (k, 2, j) of tangent planes (k, j), from the covariances of (a, b, c)."""
     x, y = np.moveaxis(directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-12), 1, 0)
     along = np.stack([x * x, 2 * x * y, y * y], axis=-1)  # (k, j, 3)
-    return np.sqrt(np.maximum(((along @ covariance) * along).sum(axis=-1), 0.0))
+    return np.asarray(np.sqrt(np.maximum(((along @ covariance) * along).sum(axis=-1), 0.0)), np.float64)
 
 
 def _tangent_frames(normals: Floats) -> Floats:
     """(k, 3, 3) rows: two axes across unit vectors (k, 3), and the vectors themselves."""
     other = np.where(np.abs(normals[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
     x = other - (other * normals).sum(axis=1, keepdims=True) * normals
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    return np.stack([x, np.cross(normals, x), normals], axis=1)
+    x = x / np.linalg.norm(x, axis=1, keepdims=True)
+    return np.asarray(np.stack([x, np.cross(normals, x), normals], axis=1), np.float64)
 
 
 def tangent_frame(normal: Floats) -> Floats:
     """(3, 3) rows: two axes across a unit vector (3,), and the vector itself."""
-    return _tangent_frames(normal[None])[0]
+    return np.asarray(_tangent_frames(normal[None])[0])
