@@ -14,6 +14,7 @@ from palpate.device import Batch, Stream
 from palpate.estimation import Estimates, Samples
 from palpate.flags import Flag
 from palpate.parts import Part
+from palpate.surface import Surface
 
 Extent = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest x, y, z
 
@@ -34,6 +35,7 @@ class Run:
     name: str = ""
     duration: float | None = None  # [s] as planned, of the record; None where unknown
     extent: Extent | None = None  # [m] box of the planned motion; None where nothing moves
+    surface: Surface | None = None  # along whose normals force and height are; None where they are along one axis
     # Ends the run with a reason, from any thread, at once: the guard lets the arm retract. It is no emergency stop.
     stop: Callable[[str], None] = _never
 

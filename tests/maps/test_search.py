@@ -108,6 +108,10 @@ def test_a_patch_is_missed_as_often_as_stated():
     assert abs(error) < 4
 
 
+def everywhere_allowed(places):
+    return np.ones(len(places), bool)
+
+
 @dataclass
 class Motion:
     """Times of points and lines."""
@@ -115,6 +119,10 @@ class Motion:
     line_speed: float | None
     first_point: float = 5.0
     shortest: float = 16e-3
+    way_of_turn: float = 0.36
+
+    def can_go(self, proposals):
+        return True
 
     def seconds_to(self, distance):
         return 4.5 + distance / 0.05
@@ -207,7 +215,7 @@ def test_visits_to_lumps_do_not_make_them_the_background(visits):
 
 def searching(settings, seed, budget=400, lump=(0.012, -0.006)):
     """A search over points that say the truth with noise; seconds of motion it took."""
-    search = AreaSearch(Area(NODES, "the plate", lambda places: np.ones(len(places), bool)), Motion(None), settings)
+    search = AreaSearch(Area(NODES, "the plate", everywhere_allowed), Motion(None), settings)
     dice = np.random.default_rng(seed)
     sites = points(seed, 12, lump)
     search.observe(sites, visited=False)
@@ -247,7 +255,7 @@ def test_an_outline_goes_to_the_flanks_and_a_map_to_the_unknown():
     where = {"outline": NODES[NODES[:, 0] < 0.0], "map": NODES}
     nexts = {}
     for aim, nodes in where.items():
-        area = Area(nodes, "the plate", lambda places: np.ones(len(places), bool))
+        area = Area(nodes, "the plate", everywhere_allowed)
         search = AreaSearch(area, Motion(None), SearchSettings(aim, 1, 0.15))
         for _ in range(2):  # a lump is certain once it stays in place
             search.observe(sites, visited=True)

@@ -1,7 +1,10 @@
 """Maps on a surface: those of the plane are the flat ones, lumps are where they are, and files say what was found."""
 
+import base64
+import hashlib
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -193,7 +196,17 @@ def test_the_commands_map_a_run_on_its_surface(grid_run, palpate, tmp_path):
     done = palpate("plot", grid_run, "map", "-o", tmp_path / "plots")
     assert "The map of palpate map on the surface" in done.stdout
     assert palpate("report", grid_run).returncode == 0
-    assert "on the surface" in (grid_run / "report.html").read_text()
+    page = (grid_run / "report.html").read_text()
+    assert "on the surface" in page
+    (script,) = re.findall(r'<script type="module">(.*?)</script>', page, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"img-src data:; script-src 'sha256-{digest}'\">" in page  # no other script may run
+    assert '<figure id="turning" hidden>' in page  # without scripts the picture from three sides stays
+    (data,) = re.findall(r'<script type="application/json" id="skin-data">(.*?)</script>', page, re.DOTALL)
+    skin = json.loads(data)
+    assert len(skin["z"]) == len(skin["values"]) == skin["x"][2] * skin["y"][2]
+    assert len(skin["lumps"]) == 1
+    assert "http" not in script + data
 
 
 @pytest.mark.slow

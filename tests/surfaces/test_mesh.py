@@ -1,6 +1,7 @@
 """The mesh: what it answers, how its pose counts, and what is refused."""
 
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -54,6 +55,22 @@ def test_normals_and_curvatures_are_those_of_the_body(breast):
     off = points.curvature.mean(axis=1) - mean
     assert (np.abs(off) <= 3 * points.curvature_std.max(axis=1)).all()
     assert (points.curvature_std < 0.05 * mean[:, None]).all()
+
+
+def test_places_together_are_those_one_by_one(breast):
+    """The patches to the bit; places are turned into the mesh's frame together, which rounds otherwise for one."""
+    mesh = Mesh(file=breast, position=(0.0, 0.0, -0.04), rotation=(0.02, -0.05, 0.3))
+    rng = np.random.default_rng(0)
+    top = mesh.uppermost(rng.uniform(-0.012, 0.012, (15, 2)))
+    places = top.position + rng.uniform(-0.005, 0.003, (15, 1)) * top.normal
+    feet, faces = mesh.body.nearest(mesh.pose.inwards(places))
+    patches = mesh.body.patches(feet, faces)
+    for field in fields(patches):
+        alone = [getattr(mesh.body.patches(foot[None], face[None]), field.name)[0] for foot, face in zip(feet, faces)]
+        np.testing.assert_array_equal(getattr(patches, field.name), np.array(alone))
+    own, others = mesh.nearest(places), [mesh.nearest(place[None]) for place in places]
+    for key in ("position", "normal", "height", "curvature"):
+        np.testing.assert_allclose(getattr(own, key), np.concatenate([getattr(o, key) for o in others]), atol=1e-11)
 
 
 @pytest.mark.slow

@@ -106,6 +106,7 @@ class _RunContext:
             name=pipeline.run.name,
             duration=planned_duration(pipeline),
             extent=planned_extent(pipeline),
+            surface=pipeline.alignment.surface,
             stop=self.interrupt.stop,
         )
 

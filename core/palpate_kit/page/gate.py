@@ -18,7 +18,8 @@ from websockets.protocol import State
 # As a browser names this machine, whatever the port: `ssh -L 9000:127.0.0.1:8000` makes it another one.
 _HERE = re.compile(r"(?:localhost|127\.0\.0\.1)(?::\d{1,5})?")
 _TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
-_SHARED = ("page.css", "charts.js", "numbers.js", "icon.svg", "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css")
+_UPLOT = ("uplot/uPlot.iife.min.js", "uplot/uPlot.min.css")
+_SHARED = ("page.css", "charts.js", "numbers.js", "skin.js", "icon.svg", *_UPLOT)
 DATA = "data"
 GREETING = 2.0  # [s] in which a connection must have said what it wants
 _STRANGERS = 64  # connections that have not been let in yet; a browser opens about ten for a moment

@@ -13,6 +13,7 @@ from palpate.host import RESULT
 from palpate_kit.runs.run_folder import EstimatesTable, RunFolder, TrackTable
 
 from palpate_live.live_feed import PageFeed
+from palpate_live.recorded_skin import skin_and_extent
 
 _ROWS = 500  # that are sent together
 
@@ -41,7 +42,8 @@ def read_tables(source: Path) -> RecordedRun | None:
         for table in (online, *offline)
         for name in table.tracks
     }
-    run = Run(source, {}, tracks, {}, {}, result["run"]["name"])
+    surface, extent = skin_and_extent(source)
+    run = Run(source, {}, tracks, {}, {}, result["run"]["name"], extent=extent, surface=surface)
     return RecordedRun(run, online, next(iter(offline), None), result)
 
 

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Estimates, Floats, Parameter, Run, Samples, Status
 from palpate.host import display_unit
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.runs.skin_grid import lump_shapes, read_lumps, skin_over
 
 COMMON = ("force", "position", "x", "y", "contact")
 PER_TRACK = ("surface", "force", "nis", "innovation")  # after value and uncertainty of each parameter
@@ -90,6 +92,8 @@ def describe_run(run: Run, recorded: bool) -> dict[str, Any]:
         "recorded": recorded,
         "folder": str(run.folder),
         "columns": columns.count,
+        "skin": None if run.surface is None or run.extent is None else skin_over(run.surface, run.extent),
+        "lumps": lump_shapes(read_lumps(RunFolder(run.folder).maps)) if recorded else [],
         "tracks": [
             {"name": track, "begin": begins[track], "parameters": [_shown(parameter) for parameter in parameters]}
             for track, parameters in run.tracks.items()

@@ -16,6 +16,7 @@ from palpate_kit.terminal.options import Overrides
 
 from palpate_live.estimates_replay import read_tables, tell
 from palpate_live.live_feed import PageFeed
+from palpate_live.recorded_skin import skin_and_extent
 from palpate_live.server_process import PageServer
 from palpate_live.sink import meanings, say
 
@@ -70,7 +71,8 @@ def _serve(port: int, fill: Callable[[PageServer], bool]) -> None:
 def _filled(child: PageServer, pipeline: Pipeline, source: Path) -> bool:
     """Estimate the record again, and send all of it to the page; returns whether it reached its end."""
     tracks = {str(track.name): track.model.parameters for track in pipeline.tracks}
-    run = Run(source, pipeline.ports.streams, tracks, {}, {}, pipeline.run.name)
+    surface, extent = skin_and_extent(source)
+    run = Run(*(source, pipeline.ports.streams, tracks, {}, {}, pipeline.run.name), extent=extent, surface=surface)
     feed = PageFeed(run, child.send, meanings(), recorded=True)
     with tempfile.TemporaryDirectory(prefix="palpate-watch-") as folder:
         result = run_pipeline(pipeline, Path(folder) / "run", observer=feed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ from palpate_maps.search_area import Area
 from palpate_maps.search_motion import SearchMotion
 from palpate_maps.search_progress import CHECKS, SUSPICIOUS, LumpProgress, footprint, update_progress
 from palpate_maps.sites import Sites, line_coordinate, merge_sites
+from palpate_maps.surface_map import arc_warning
 
 _APART = 4e-3  # [m] between places
 _ABOUT = 12e-3  # [m] about the highest place of a lump that has to be known, for its middle to be
@@ -70,24 +71,36 @@ class AreaSearch:
     _knowledge: Knowledge | None = None
     _visited: bool = False
     _std: float = 0.01
-    _doubtful: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # places (k, 2) [m] to go through
+    _doubtful: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # places (n, k) [m] to go through
+
+    def __post_init__(self) -> None:
+        """Raise ConfigurationError where the area's surface is too sharp for the least patch."""
+        if self.area.skin is not None:
+            self.area.skin.demand_gentle(self.settings.radius, self.area.nodes)
+
+    @property
+    def warning(self) -> str | None:
+        """What a surface does that is curved on the scale of the field's interpolation; None where it is not."""
+        if self.area.skin is None or self._knowledge is None:
+            return None
+        return arc_warning(self._knowledge.field.kernel.length, self.area.skin.reach)
 
     @cached_property
     def _rows(self) -> NDArray[np.intp]:
-        """Of the area's nodes those of a grid 0.6 of a patch's radius apart."""
-        nodes = self.area.nodes
+        """Of the area's nodes those of a grid 0.6 of a patch's radius apart, also where a surface is steepest."""
+        nodes, stretch = self.area.nodes, 1.0 if self.area.skin is None else float(self.area.skin.stretch.max())
         kept = np.ones(len(nodes), bool)
         for axis in (0, 1):
             values = np.unique(np.round(nodes[:, axis], 7))
             step = float(np.diff(values).min()) if len(values) > 1 else 1.0
-            stride = max(int(0.6 * self.settings.radius / step + 1e-6), 1)
+            stride = max(int(0.6 * self.settings.radius / stretch / step + 1e-6), 1)
             begin = (len(values) - 1) % stride // 2
             kept &= np.isin(np.round(nodes[:, axis], 7), values[begin::stride])
         return np.flatnonzero(kept)
 
     @cached_property
     def middles(self) -> Floats:
-        """Places (m, 2) [m] at which a patch may hide, and from and to which the tip goes."""
+        """Places (m, k) [m] at which a patch may hide, and from and to which the tip goes."""
         return self.area.nodes[self._rows]
 
     def observe(self, sites: Sites, visited: bool) -> None:
@@ -95,16 +108,20 @@ class AreaSearch:
 
         Of a single line there are no lumps before the first round, which goes beside it.
         """
+        flat, sites = sites, replace(sites, place=self.area.lift(sites.place))
         if visited or (line_coordinate(sites) is None and len(sites) >= FEWEST):
             before = self.lumps if self._visited else []
-            self.lumps = update_progress(find_lumps(sites), before, sites, self.area, self.settings.sure)
+            lumps = find_lumps(sites if line_coordinate(sites) is None or sites.standing.all() else flat)
+            self.lumps = update_progress(lumps, before, sites, self.area, self.settings.sure)
         self._visited = visited
         self._knowledge = Knowledge.of(sites, self.area.nodes, self._knowledge)
         coarse = merge_sites(sites, _WIDTH)
         self.patches = []
         while True:
             covered, on_lumps = (self._on_lumps(places) for places in (coarse.place, self.middles))
-            self.hiding = hidden_patches(coarse[~covered], self.middles, self.settings.patch, on_lumps, self.hiding)
+            self.hiding = hidden_patches(
+                coarse[~covered], self.middles, self.settings.patch, on_lumps, self.hiding, self._extent
+            )
             place, number = self.hiding.likely
             if number < _SURELY or passes(coarse, place[None], self.settings.radius)[0] < CHECKS:
                 break
@@ -116,7 +133,8 @@ class AreaSearch:
         found = np.zeros(len(places), bool)
         for item in self.lumps:
             found |= footprint(places, item.lump, self.settings.contrast, _APART)
-        return found | near(places, np.array(self.patches).reshape(-1, 2), 2 * self.settings.radius)
+        patches = self.area.lift(np.array(self.patches).reshape(-1, 2))
+        return found | near(places, patches, 2 * self.settings.radius)
 
     def next_round(self) -> list[Proposal]:
         """Where to go next: up to so many points, or one line; nothing where every place is known."""
@@ -138,7 +156,9 @@ class AreaSearch:
             gain = Clearance.of(self._patches_grid, self.hiding.expected, self._allowed, self._std)
             closed = closed | self._on_lumps(self.middles)
         actions = self._grid.next_round(gain, self.settings.points, known.known.place[-1], closed, through)
-        return [self._proposal(known, action) for action in actions]
+        proposals = [self._proposal(known, action) for action in actions]
+        alone = self.area.skin is not None and len(proposals) > 1 and not self.motion.can_go(proposals)
+        return proposals[:1] if alone else proposals
 
     @property
     def _allowed(self) -> float:
@@ -147,12 +167,12 @@ class AreaSearch:
 
     @property
     def _tops(self) -> Floats:
-        """Highest places (k, 2) [m] of all lumps."""
+        """Highest places (n, k) [m] of all lumps."""
         lumps = [item.lump for item in self.lumps]
-        return np.array([lump.highest or lump.place for lump in lumps]).reshape(-1, 2)
+        return self.area.lift(np.array([lump.highest or lump.place for lump in lumps]).reshape(-1, 2))
 
     def _doubtful_places(self, known: Knowledge) -> Floats:
-        """Places (k, 2) [m] to go through: lumps that are not certain, and likely ones that were not checked."""
+        """Places (n, k) [m] to go through: lumps that are not certain, and likely ones that were not checked."""
         nodes = known.field.nodes
         unsure = np.array([not self._over(item) for item in self.lumps], bool)
         if unsure.any():
@@ -162,7 +182,7 @@ class AreaSearch:
         return nodes[likely[passes(known.known, nodes[likely], _APART) < CHECKS]]
 
     def _unclear(self, known: Knowledge, places: Floats) -> Floats:
-        """(m,) how uncertain it is that the field's nodes about some places (k, 2) [m] are above the contrast."""
+        """(m,) how uncertain it is that the field's nodes about some places (n, k) [m] are above the contrast."""
         _, _, above = known.expectation(self.settings.contrast)
         return np.asarray(np.where(near(known.field.nodes, places, _ABOUT), above * (1 - above), 0.0))
 
@@ -180,7 +200,7 @@ class AreaSearch:
         return bool(self.lumps) and (rough or self.hiding.risk <= self._allowed)
 
     def _proposal(self, known: Knowledge, action: SearchAction) -> Proposal:
-        end = None if action.end is None else tuple(self.middles[action.end].tolist())
+        end = None if action.end is None else tuple(self.middles[action.end, :2].tolist())
         return known.proposal(self.settings.contrast, int(self._rows[action.start]), end)
 
     def _over(self, item: LumpProgress) -> bool:
@@ -190,7 +210,13 @@ class AreaSearch:
 
     @cached_property
     def _grid(self) -> ActionGrid:
-        return ActionGrid(self.middles, self.motion)
+        skin = self.area.skin
+        return ActionGrid(self.middles, self.motion, None if skin is None else skin.normal[self._rows])
+
+    @cached_property
+    def _extent(self) -> Floats | None:
+        """(m,) area of the skin about each of the middles, relative; None where they are alike."""
+        return None if self.area.skin is None else self.area.skin.stretch[self._rows]
 
     @cached_property
     def _patches_grid(self) -> PatchGrid:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.hidden_patches import Patch
+from palpate_maps.stiffness_field import lengths_along
 
 _SITE = 4e-3  # [m] of a line that is one observation
 
@@ -18,7 +20,7 @@ _SITE = 4e-3  # [m] of a line that is one observation
 class PatchGrid:
     """Nodes at which patches may hide, and what patches at one do at another."""
 
-    nodes: Floats  # (m, 2) [m]
+    nodes: Floats  # (m, 2) [m], or (m, 3) on a surface
     patch: Patch
 
     @cached_property
@@ -61,7 +63,10 @@ class Clearance:
 
     def lines(self, row: NDArray[np.intp]) -> Floats:
         """(k,) gained by lines from the first node of a row (k,) to each."""
-        step = float(np.hypot(*(self.grid.nodes[row[1]] - self.grid.nodes[row[0]])))
+        way = lengths_along(self.grid.nodes, row)
+        step: Any = way[1]
+        if self.grid.nodes.shape[1] > 2:  # on a surface steps differ: their mean as far as each node
+            step = (np.r_[step, way[1:] / np.arange(1, len(row))])[:, None]
         return np.asarray(np.minimum(np.cumsum(self._told[row], axis=0) * (step / _SITE), self.left).sum(axis=1))
 
     def after(self, node: int) -> Clearance:

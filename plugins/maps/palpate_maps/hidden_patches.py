@@ -47,7 +47,7 @@ class Patch:
         return float(np.log1p(self.contrast))
 
     def profile(self, place: Floats, middles: Floats) -> Floats:
-        """Rise (n, m) of the logarithm at places (n, 2) [m] by patches at each of the middles (m, 2) [m]."""
+        """Rise (n, m) of the logarithm at places (n, k) [m] by patches at each of the middles (m, k) [m]."""
         return np.asarray(self.height * np.exp2(-((distances(place, middles) / self.radius) ** 2)))
 
 
@@ -55,7 +55,7 @@ class Patch:
 class Hiding:
     """What the sites say of patches at each of some middles."""
 
-    middles: Floats  # (m, 2) [m]
+    middles: Floats  # (m, 2) [m], or (m, 3) on a surface
     expected: Floats  # (m,) patches that remain there; their sum is that of the area
     reach: float  # [m] radius of the least patch
     scatter: float = 1.0  # of a site, over its standard deviation
@@ -64,7 +64,7 @@ class Hiding:
 
     @property
     def likely(self) -> tuple[Floats, float]:
-        """Where a patch is likeliest (2,) [m], and how many are expected to have their middle about there."""
+        """Where a patch is likeliest (k,) [m], and how many are expected to have their middle about there."""
         k = int(np.argmax(self.expected))
         near = distances(self.middles, self.middles[k][None])[:, 0] <= self.reach
         weight = self.expected[near]
@@ -82,19 +82,22 @@ def hidden_patches(
     patch: Patch,
     on_lumps: NDArray[np.bool_] | None = None,
     before: Hiding | None = None,
+    extent: Floats | None = None,
 ) -> Hiding:
-    """The posterior number of patches at middles (m, 2) [m], by sites that lie on no known lump.
+    """The posterior number of patches at middles (m, k) [m], by sites that lie on no known lump.
 
-    Beforehand patches are a Poisson process with 1.5 of them in the area, so that each of the middles has 1.5/m, and
-    those that were found say nothing of the others. The sites say L(x), the likelihood of a patch at x over that of
-    none, so that 1.5/m L(x) are left there; none is on a known lump (m,). log L = h' P y - h' P h/2 with the rise h by
-    the least patch and P the precision of the logarithms y about an unknown level. A larger or a stiffer patch raises y
-    and thus L: the least patch is the one that is missed most easily. The covariance is not known: scatter between
-    sites, a background that changes over 25 mm, and a drift with time have a size each on a grid, and every combination
-    has the weight of its restricted likelihood; of many sites only those that counted `before`, until there are a
-    quarter more.
+    Beforehand patches are a Poisson process with 1.5 of them in the area, so that each of the middles has 1.5/m, or a
+    share by its extent (m,) where these differ, and those that were found say nothing of the others. The sites say
+    L(x), the likelihood of a patch at x over that of none, so that 1.5/m L(x) are left there; none is on a known lump
+    (m,). log L = h' P y - h' P h/2 with the rise h by the least patch and P the precision of the logarithms y about an
+    unknown level. A larger or a stiffer patch raises y and thus L: the least patch is the one that is missed most
+    easily. The covariance is not known: scatter between sites, a background that changes over 25 mm, and a drift with
+    time have a size each on a grid, and every combination has the weight of its restricted likelihood; of many sites
+    only those that counted `before`, until there are a quarter more.
     """
     expected = np.full(len(middles), EXPECTED / max(len(middles), 1))
+    if extent is not None:
+        expected *= extent / extent.mean()
     if on_lumps is not None:
         expected[on_lumps] = 0.0
     if len(sites) < _FEWEST:

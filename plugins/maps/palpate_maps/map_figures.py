@@ -45,17 +45,18 @@ def map_picture(
 def hiding_picture(hiding: Hiding, lumps: Sequence[Lump]) -> Any:
     """Where a patch may still hide: its probability per square centimetre, and the lumps that are known."""
     figure, axes = figure_of(height=70.0)
-    axis, place = axes[0, 0], 1e3 * hiding.middles
+    axis, place = axes[0, 0], 1e3 * hiding.middles[:, :2]
     steps = [np.diff(np.unique(np.round(column, 4))) for column in place.T]
     wide, high = (float(step.min()) if len(step) else 1.0 for step in steps)
     columns, rows = (np.round((c - c.min()) / s).astype(int) for c, s in zip(place.T, (wide, high), strict=True))
     field = np.full((rows.max() + 1, columns.max() + 1), np.nan)
     field[rows, columns] = np.minimum(100 * hiding.expected / (wide * high / 100), 100.0)
     half = np.array([wide, high]) / 2
+    seen = " seen from above" if hiding.middles.shape[1] > 2 else ""
     low, top = place.min(axis=0) - half, place.max(axis=0) + half
     extent = [low[0], top[0], low[1], top[1]]
     shown = axis.imshow(field, origin="lower", extent=extent, cmap="magma", aspect="equal", vmin=0.0)
-    figure.colorbar(shown, ax=axis, shrink=0.8, label="patches expected [% per cm²]")
+    figure.colorbar(shown, ax=axis, shrink=0.8, label=f"patches expected [% per cm²{seen}]")
     for lump in lumps:
         axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "r+", markersize=7, markeredgewidth=1.5)
     axis.set(title=f"a patch remains with {100 * hiding.risk:.3g} %", xlabel="x [mm]", ylabel="y [mm]")

@@ -58,9 +58,11 @@ def map_npz(field: StiffnessMap, parameter: str) -> bytes:
 
 
 def hiding_csv(hiding: Hiding) -> str:
-    """One row for each place: x, y, and how many patches with their middle there are still expected."""
-    rows = [f"{x:.6f},{y:.6f},{n:.4g}" for (x, y), n in zip(hiding.middles, hiding.expected, strict=True)]
-    return "\n".join(["x_m,y_m,expected_patches", *rows]) + "\n"
+    """One row for each place: x, y, on a surface z, and how many patches with their middle there are still expected."""
+    places = zip(hiding.middles, hiding.expected, strict=True)
+    rows = [",".join([*(f"{at:.6f}" for at in place), f"{number:.4g}"]) for place, number in places]
+    head = ",".join(f"{axis}_m" for axis, _ in zip("xyz", hiding.middles.T))
+    return "\n".join([f"{head},expected_patches", *rows]) + "\n"
 
 
 def lumps_json(findings: Findings, path: Path2D) -> str:

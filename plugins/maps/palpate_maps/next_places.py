@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -31,14 +32,21 @@ class Proposal:
     end: tuple[float, float] | None = None  # [m] of a line
 
 
-def is_placed(before: Lump | None, now: Lump | None, sure: float, within: float = SETTLED) -> bool:
-    """Whether a lump is placed: its p-value is below `sure`, and a round of visits has not moved it [m].
+def lumps_apart(a: Lump, b: Lump, lift: Callable[[Floats], Floats] = np.asarray) -> float:
+    """Distance [m] of the middles of two lumps, over a surface that lifts places (n, 2) [m] to it."""
+    return float(np.hypot.reduce(np.subtract(*lift(np.array([a.place, b.place])))))
+
+
+def is_placed(
+    before: Lump | None, now: Lump | None, sure: float, lift: Callable[[Floats], Floats] = np.asarray
+) -> bool:
+    """Whether a lump is placed: its p-value is below `sure`, and a round of visits has not moved it by a site's width.
 
     A point on the flank of a lump is significant, too; the lump is placed once another round of visits leaves it there.
     """
     if before is None or now is None or now.p >= sure:
         return False
-    return float(np.hypot(now.place[0] - before.place[0], now.place[1] - before.place[1])) < within
+    return lumps_apart(now, before, lift) < SETTLED
 
 
 @dataclass
@@ -75,7 +83,7 @@ class Knowledge:
     def proposal(self, contrast: float, node: int, end: tuple[float, float] | None = None) -> Proposal:
         """A node as a proposal."""
         height, spread, suspicion = (float(values[node]) for values in self.expectation(contrast))
-        x, y = self.field.nodes[node].tolist()
+        x, y = self.field.nodes[node, :2].tolist()
         return Proposal((x, y), float(np.expm1(height)), spread, suspicion, end)
 
 
@@ -86,14 +94,14 @@ def _nodes(place: Floats) -> Floats:
 
 
 def passes(sites: Sites, places: Floats, within: float) -> NDArray[np.intp]:
-    """(m,) how often the tip was nearer than a distance [m] to places (m, 2): points, and each pass of a line."""
+    """(m,) how often the tip was nearer than a distance [m] to places (m, k): points, and each pass of a line."""
     close = distances(places, sites.place) < within
     again = close[:, 1:] & (~close[:, :-1] | sites.standing[1:])
     return np.asarray(again.sum(axis=1) + close[:, 0])
 
 
 def near(nodes: Floats, places: Floats, apart: float) -> NDArray[np.bool_]:
-    """(m,) which nodes [m] are nearer than `apart` [m] to any of some places (n, 2) [m]."""
+    """(m,) which nodes [m] are nearer than `apart` [m] to any of some places (n, k) [m]."""
     from scipy.spatial import KDTree
 
     if not len(places):

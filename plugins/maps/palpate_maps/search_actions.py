@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.search_motion import SearchMotion
+from palpate_maps.stiffness_field import lengths_along
 
 _LONG = 12  # nodes of a row from which on lines begin and end at every second one: as good, and a quarter as many
 _WORTH = 0.02  # of the gain of all points, below which no line is taken along a row
@@ -55,8 +56,9 @@ class SearchAction:
 class ActionGrid:
     """Points at nodes and lines along their rows, with the motions of a rig."""
 
-    nodes: Floats  # (m, 2) [m], of a grid
+    nodes: Floats  # (m, 2) [m], of a grid; on a surface (m, 3), of a grid in x and y
     motion: SearchMotion
+    normal: Floats | None = None  # (m, 3) on a surface
 
     @cached_property
     def _rows(self) -> list[NDArray[np.intp]]:
@@ -75,7 +77,7 @@ class ActionGrid:
     def next_round(
         self, gain: Gain, count: int, tip: Floats, closed: NDArray[np.bool_], through: NDArray[np.bool_]
     ) -> list[SearchAction]:
-        """One line, or up to `count` points, from the tip's place (2,) [m].
+        """One line, or up to `count` points, from the tip's place (2,), or on a surface (3,) [m].
 
         No point is at a closed node (m,); each line goes through one of some nodes (m,), and points are at these.
         """
@@ -96,7 +98,7 @@ class ActionGrid:
     ) -> SearchAction | None:
         """The point or line that gains most in a second; `further` where points go on without a pause."""
         points = gain.points()
-        travel = self.motion.seconds_to(np.hypot(*(self.nodes - tip).T))
+        travel = self._travel(tip)
         idle = float(self.motion.seconds_to(np.zeros(1))[0])
         seconds = travel if further else self.motion.first_point + travel - idle
         worth = np.where(closed, -np.inf, points / seconds)
@@ -114,9 +116,17 @@ class ActionGrid:
             best = line if line is not None and (best is None or line.worth > best.worth) else best
         return best
 
+    def _travel(self, tip: Floats) -> Floats:
+        """What a further point takes at each node (m,), from the tip's place; over a surface the tool turns there."""
+        way = np.hypot.reduce(self.nodes - tip, axis=1)
+        if self.normal is not None:
+            cosine = self.normal @ self.normal[int(np.argmin(way))]
+            way = np.maximum(way, self.motion.way_of_turn * np.arccos(np.clip(cosine, -1.0, 1.0)))
+        return self.motion.seconds_to(way)
+
     def _most(self, row: NDArray[np.intp], sites: Floats) -> float:
         """What a line along a row gains in a second at the most: as if each of its sites stood alone."""
-        along = np.hypot(*(self.nodes[row] - self.nodes[row[0]]).T)
+        along = lengths_along(self.nodes, row)
         sums = np.r_[0.0, np.cumsum(sites[row])]
         first, last = np.triu_indices(len(row), 1)
         seconds = self.motion.seconds_along(np.maximum(along[last] - along[first], self.motion.shortest))
@@ -126,8 +136,8 @@ class ActionGrid:
         self, row: NDArray[np.intp], gain: Gain, travel: Floats, through: NDArray[np.bool_]
     ) -> SearchAction | None:
         """The best line along a row."""
-        along = np.hypot(*(self.nodes[row] - self.nodes[row[0]]).T)
-        fewest = max(int(np.ceil(self.motion.shortest / along[1] - 1e-6)), 1)
+        along, (first, second, *_) = lengths_along(self.nodes, row), self.nodes[row, :2]
+        fewest = max(int(np.ceil(self.motion.shortest / np.hypot(*(second - first)) - 1e-6)), 1)
         stride = 2 if len(row) > _LONG else 1
         best: SearchAction | None = None
         for first in range(0, len(row) - fewest, stride):

@@ -1,15 +1,17 @@
-"""Where a search may go: the given area, the workspace, what the rig does not refuse."""
+"""Where a search may go: the given area, the workspace, as far as the surface is known and the rig does not refuse."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ConfigurationError, Floats, KnowsTruth, Setpoint
+from palpate import ConfigurationError, Floats, KnowsTruth, Setpoint, surface_of, surface_points
 from palpate.host import Pipeline, ask_devices
+
+from palpate_maps.search_skin import SearchSkin, skin_share, tips_on
 
 Box = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
 
@@ -24,20 +26,26 @@ _FEW = 8  # places that are asked for one by one, where one of them is refused
 class Area:
     """Places that may be visited: those of a grid that nothing refuses."""
 
-    nodes: Floats  # (m, 2) [m]
+    nodes: Floats  # (m, 2) [m], or (m, 3) on a surface
     bounded_by: str  # what bounds it, in words
     _allows: Callable[[Floats], NDArray[np.bool_]]
-    share: float = 1.0  # of its grid that may be visited
+    share: float = 1.0  # of its grid that may be visited; over a surface, of the skin
+    skin: SearchSkin | None = None  # at the nodes, over a surface
 
     def allows(self, places: Floats) -> NDArray[np.bool_]:
         """(n,) whether places (n, 2) [m] may be visited."""
         return self._allows(places)
 
+    def lift(self, places: Floats) -> Floats:
+        """Places (n, 2) [m] as they are, or on its surface (n, 3); raises ConfigurationError where that is unknown."""
+        return places if self.skin is None else surface_points(self.skin.surface, places).position
+
 
 def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -> Area:
     """The area given; else the workspace, else the simulated specimen, else where it was palpated (n, 2) [m].
 
-    Inside it, only places that the workspace and every device allow at the deepest of the motion's press.
+    Inside it, only places that the workspace and every device allow at the deepest of the motion's press, over a
+    surface along its normal.
     """
     deepest = motion.press.bias + motion.press.amplitude
     low, high = known.min(axis=0), known.max(axis=0)
@@ -60,25 +68,42 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     def allows(places: Floats) -> NDArray[np.bool_]:
         x, y = places.T
         inside = (x >= x0 - 1e-9) & (x <= x1 + 1e-9) & (y >= y0 - 1e-9) & (y <= y1 + 1e-9)
-        z = motion.surface.at(x, y)[0] - deepest
+        if surface is None:
+            tips = _still(np.column_stack([x, y, motion.surface.at(x, y)[0] - deepest]))
+        else:
+            tips, refused = tips_on(surface.uppermost(places), deepest)
+            inside &= ~refused
         if limits is not None:
-            for axis, values in enumerate((x, y, z)):
+            for axis, values in enumerate(tips.position.T):
                 inside &= (values >= limits.low[axis] - 1e-9) & (values <= limits.high[axis] + 1e-9)
-        places = np.column_stack([x, y, z])
-        for rows in _refused(pipeline, places, np.flatnonzero(inside)):
+        for rows in _refused(pipeline, tips, np.flatnonzero(inside)):
             inside[rows] = False
         return np.asarray(inside)
 
-    grid = _grid(box)
-    nodes = grid[allows(grid)]
-    if not len(nodes):
-        raise ConfigurationError(_why_nothing(pipeline, box, bounded_by, float(motion.surface.at(*known[:1].T)[0][0])))
-    share = 1.0 if bounded_by == _SPECIMEN else len(nodes) / len(grid)  # beyond a specimen there is nothing to visit
-    return Area(nodes, bounded_by, allows, share)
+    def skin_at(place: Floats) -> Floats:
+        if surface is not None:
+            return surface_points(surface, place).position
+        return np.column_stack([place, motion.surface.at(*known[:1].T)[0]])
+
+    surface, grid = surface_of(motion), _grid(box)
+    allowed = allows(grid)
+    if not allowed.any():
+        raise ConfigurationError(_why_nothing(pipeline, box, bounded_by, skin_at))
+    unbounded = bounded_by == _SPECIMEN  # beyond a specimen there is nothing to visit
+    if surface is None:
+        nodes = grid[allowed]
+        return Area(nodes, bounded_by, allows, 1.0 if unbounded else len(nodes) / len(grid))
+    points = surface.uppermost(grid)
+    share, skin = skin_share(points, allowed, 0.0 if unbounded else 1.0), SearchSkin.at(surface, points, allowed)
+    return Area(points.position[allowed], bounded_by, allows, share, skin)
 
 
-def _why_nothing(pipeline: Pipeline, box: Box, bounded_by: str, height: float) -> str:
-    """Why no place of a box may be palpated: the limits, or what the device says of its middle."""
+def _still(places: Floats) -> Setpoint:
+    return Setpoint(places, np.zeros((len(places), 3)), np.ones(len(places), bool))
+
+
+def _why_nothing(pipeline: Pipeline, box: Box, bounded_by: str, skin_at: Callable[[Floats], Floats]) -> str:
+    """Why no place of a box may be palpated: the limits, the surface, or what the device says of its middle."""
     x0, x1, y0, y1 = box
     text = f"{1e3 * x0:g} to {1e3 * x1:g} mm, {1e3 * y0:g} to {1e3 * y1:g} mm"
     name, limits = ("--area" if bounded_by == "--area" else f"the area, {bounded_by}"), pipeline.safety
@@ -86,26 +111,26 @@ def _why_nothing(pipeline: Pipeline, box: Box, bounded_by: str, height: float) -
         low, high = 1e3 * np.array(limits.low), 1e3 * np.array(limits.high)
         within = f"x {low[0]:g} to {high[0]:g} mm, y {low[1]:g} to {high[1]:g} mm"
         return f"{name}: {text} lies outside of the workspace of [safety], {within}"
-    middle = np.array([[(x0 + x1) / 2, (y0 + y1) / 2, height]])
     try:
-        ask_devices(pipeline.devices, Setpoint(middle, np.zeros((1, 3)), np.ones(1, bool)))
+        ask_devices(pipeline.devices, _still(skin_at(np.array([[(x0 + x1) / 2, (y0 + y1) / 2]]))))
     except ConfigurationError as error:
         return f"{name}: {text}: nothing in it may be palpated: {error}"
     return f"{name}: {text}: nothing in it may be palpated as deep as the press goes"
 
 
-def _refused(pipeline: Pipeline, places: Floats, rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
-    """Of rows of places (n, 3) [m] those that a device refuses; what it takes together is not asked one by one."""
+def _refused(pipeline: Pipeline, tips: Setpoint, rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """Of rows of tips (n,) those that a device refuses; what it takes together is not asked one by one."""
     if not len(rows):
         return
     try:
-        ask_devices(pipeline.devices, Setpoint(places[rows], np.zeros((len(rows), 3)), np.ones(len(rows), bool)))
+        turned = None if tips.rotation is None else tips.rotation[rows]
+        ask_devices(pipeline.devices, replace(_still(tips.position[rows]), rotation=turned))
     except ConfigurationError:
         if len(rows) == 1:
             yield rows
             return
         for part in np.array_split(rows, 2 if len(rows) > _FEW else len(rows)):
-            yield from _refused(pipeline, places, part)
+            yield from _refused(pipeline, tips, part)
 
 
 def _grid(box: Box) -> Floats:

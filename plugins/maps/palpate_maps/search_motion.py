@@ -7,12 +7,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, Floats, Trajectory
+from palpate import ConfigurationError, Floats, Surface, Trajectory, duration_of, surface_of
 from palpate.host import Pipeline
 
 from palpate_maps.next_places import Proposal
 
 _DISTANCES = np.array([0.0, 1e-3, 5e-3, 20e-3, 60e-3, 200e-3])  # [m] at which the travel between points is planned
+_PACES = ("travel_speed", "turn_speed")  # of the run's own travel above a surface, which its limits allow
 
 
 @dataclass(frozen=True)
@@ -38,13 +39,15 @@ class SearchMotion:
         """Length of the shortest line [m]: four periods of the sine, and a site more."""
         return 4e-3 + 4.0 * (self.line_speed or 0.0) / float(self.own.press.frequency)
 
-    def along(self, proposals: list[Proposal]) -> Trajectory:
-        """The motion through places, or along one line; raises ConfigurationError."""
+    def along(self, proposals: list[Proposal], level: bool = False) -> Trajectory:
+        """The motion through places, or along one line; raises ConfigurationError. `level`: not over its surface."""
         own, (first, *_) = self.own, proposals
-        settings: dict[str, Any] = {"press": own.press, "surface": own.surface}
+        settings: dict[str, Any] = {"press": own.press} | ({} if level else {"surface": own.surface})
         if first.end is None:
             part: Any = self.pipeline.registry.find("trajectory", "grid-points")
             settings |= {"places": tuple(p.place for p in proposals), "duration": self.duration}
+            if self.surface is not None:
+                settings |= {key: getattr(own, key) for key in _PACES if hasattr(own, key)}
         else:
             part = self.pipeline.registry.find("trajectory", "line-sweep")
             settings |= {"start": first.place, "end": first.end, "speed": self.line_speed, "settle": own.settle}
@@ -53,25 +56,48 @@ class SearchMotion:
         except ValueError as error:
             raise ConfigurationError(f"the places cannot be visited: {error}") from error
 
+    @property
+    def surface(self) -> Surface | None:
+        """That the motion of the run follows; None where it goes by a nominal height."""
+        return surface_of(self.own)
+
+    def can_go(self, proposals: list[Proposal]) -> bool:
+        """Whether a surface is known all the way from each place to the next."""
+        try:
+            duration_of(self.along(proposals))
+        except ConfigurationError:
+            return False
+        return True
+
+    def _seconds(self, proposals: list[Proposal]) -> float:
+        """How long a motion takes that may be anywhere [s]: over a surface, as over a plane."""
+        return float(duration_of(self.along(proposals, level=self.surface is not None)))
+
     def seconds_to(self, distance: Floats) -> Floats:
         """What a further point takes, by its distance [m] from the one before."""
         return np.interp(distance, _DISTANCES, self._steps)
 
     @cached_property
+    def way_of_turn(self) -> float:
+        """How far the tip travels while the tool turns by a radian [m/rad]."""
+        visit: Any = self.along([_at(0.0)], level=True)
+        return float(visit.travel_speed / visit.turn_speed)
+
+    @cached_property
     def _steps(self) -> Floats:
         alone = self.first_point
-        pairs = [self.along([_at(0.0), _at(float(way))]).total_duration for way in _DISTANCES]
+        pairs = [self._seconds([_at(0.0), _at(float(way))]) for way in _DISTANCES]
         return np.array(pairs) - alone
 
     @cached_property
     def first_point(self) -> float:
         """What one point takes, from rest to rest [s]."""
-        return float(self.along([_at(0.0)]).total_duration)
+        return self._seconds([_at(0.0)])
 
     @cached_property
     def _line(self) -> tuple[float, float]:
         ways = (self.shortest, self.shortest + 0.02)
-        short, long = (self.along([Proposal((0.0, 0.0), 0.0, 0.0, 0.0, (way, 0.0))]).total_duration for way in ways)
+        short, long = (self._seconds([Proposal((0.0, 0.0), 0.0, 0.0, 0.0, (way, 0.0))]) for way in ways)
         slope = (long - short) / 0.02
         return short - slope * ways[0], slope
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.lump_criteria import Findings, Lump
-from palpate_maps.next_places import SETTLED, is_placed, passes
+from palpate_maps.next_places import SETTLED, is_placed, lumps_apart, passes
 from palpate_maps.search_area import Area
 from palpate_maps.sites import Sites, line_coordinate
 
@@ -40,43 +40,41 @@ def update_progress(
     """Every lump of a round against those of the round before; the surest first."""
     found = []
     for lump in sorted(findings.lumps, key=lambda lump: lump.p):
-        old = min((w.lump for w in before), key=lambda other: _apart(other, lump), default=None)
+        old = min((w.lump for w in before), key=lambda other: lumps_apart(other, lump, area.lift), default=None)
         open_, cut = borders(sites, lump, area)
-        top = np.array([lump.highest or lump.place])
+        top = area.lift(np.array([lump.highest or lump.place]))
         checked = lump.checked or passes(sites, top, SETTLED)[0] >= CHECKS
-        certain = checked and is_placed(old, lump, sure)
+        certain = checked and is_placed(old, lump, sure, area.lift)
         found.append(LumpProgress(lump, certain, beyond=open_, cut=cut))
     return found
-
-
-def _apart(a: Lump, b: Lump) -> float:
-    return float(np.hypot(a.place[0] - b.place[0], a.place[1] - b.place[1]))
 
 
 def borders(sites: Sites, lump: Lump, area: Area) -> tuple[bool, bool]:
     """Whether a lump's stiffest place lies at the border of what is known: one to cross, one not to cross."""
     from scipy.spatial import ConvexHull
 
-    near = np.linalg.norm(sites.place - np.array(lump.place), axis=1) <= max(*lump.extent, 2 * SETTLED)
+    middle = area.lift(np.array([lump.place]))
+    near = np.linalg.norm(sites.place - middle, axis=1) <= max(*lump.extent, 2 * SETTLED)
     rows = np.flatnonzero(near)
     if not len(rows):
         return False, False
-    peak = sites.place[rows[int(np.argmax(sites.log[rows]))]]
+    lateral = sites.place[:, :2]
+    peak = lateral[rows[int(np.argmax(sites.log[rows]))]]
     turn = np.arange(8) * np.pi / 4
     ring = peak + _RING * np.column_stack([np.cos(turn), np.sin(turn)])
     unknown = np.ones(len(ring), bool)
     if line_coordinate(sites) is None:  # of a line, both sides are unknown
-        edges = ConvexHull(sites.place, qhull_options="QJ").equations  # of half-planes; within, all are negative
+        edges = ConvexHull(lateral, qhull_options="QJ").equations  # of half-planes; within, all are negative
         unknown = (ring @ edges[:, :2].T + edges[:, 2] > 0).any(axis=1)
     allowed = area.allows(ring)
     return bool((unknown & allowed).any()), bool((unknown & ~allowed).any())
 
 
 def footprint(places: Floats, lump: Lump, contrast: float, apart: float) -> NDArray[np.bool_]:
-    """(m,) which places [m] lie on a lump, or on its flanks down to a contrast.
+    """(m,) which places [m] lie on a lump, or on its flanks down to a contrast; over a surface as seen from above.
 
     A flank is taken for a Gaussian of the lump's height, with the lump's extent at half of it.
     """
     wide = np.maximum(lump.extent, 2 * apart) / 2.355
     half = wide * np.sqrt(2 * np.log(max(lump.contrast / contrast, 1.5))) + apart
-    return np.asarray((((places - np.array(lump.place)) / half) ** 2).sum(axis=1) < 1)
+    return np.asarray((((places[:, :2] - np.array(lump.place)) / half) ** 2).sum(axis=1) < 1)

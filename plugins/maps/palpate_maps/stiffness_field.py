@@ -47,6 +47,13 @@ def distances(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
 
 
+def lengths_along(nodes: Floats, row: NDArray[np.intp]) -> Floats:
+    """(k,) [m] from the first node of a row (k,) to each: of nodes (m, 2) straight, of (m, 3) along the surface."""
+    if nodes.shape[1] == 2:
+        return np.asarray(np.hypot(*(nodes[row] - nodes[row[0]]).T))
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(nodes[row], axis=0), axis=1)))
+
+
 def fit_kernel(place: Floats, log: Floats, own: Floats, start: FieldKernel | None = None) -> FieldKernel:
     """The kernel of the largest likelihood of deviations log (n,) at places (n, k) [m], with own variances (n,).
 

@@ -13,7 +13,7 @@ from palpate_maps.map_grid import cells_over, line_distance, nearest_distance, s
 from palpate_maps.sites import Sites, merge_sites
 from palpate_maps.stiffness_field import interpolated
 
-_ARC = 0.5  # of the smallest radius of curvature: as far, a straight distance is within 1 % of that along the surface
+ARC = 0.5  # of the smallest radius of curvature: as far, a straight distance is within 1 % of that along the surface
 
 
 @dataclass(frozen=True)
@@ -28,12 +28,17 @@ class MapOnSurface:
     @property
     def warning(self) -> str | None:
         """Where the surface is curved on the scale of the interpolation, what that does; None where it is not."""
-        if self.length <= self.reach:
-            return None
-        return (
-            f"it is interpolated over {1e3 * self.length:.3g} mm by straight distances, which are within 1 % of those "
-            f"along the surface up to {1e3 * self.reach:.3g} mm"
-        )
+        return arc_warning(self.length, self.reach)
+
+
+def arc_warning(length: float, reach: float) -> str | None:
+    """What is interpolated over a length [m] where straight distances hold up to a reach [m]; None where they do."""
+    if length <= reach:
+        return None
+    return (
+        f"the map is interpolated over {1e3 * length:.3g} mm by straight distances, which are within 1 % of those "
+        f"along the surface up to {1e3 * reach:.3g} mm"
+    )
 
 
 def sites_on(sites: Sites, surface: Surface) -> Sites:
@@ -62,7 +67,7 @@ def make_surface_map(sites: Sites, surface: Surface, cell: float, parameter: str
     p, stiff = significance(there, mean, std, np.ones(len(mean), bool))
     value = np.exp(mean)
     sharpest = float(np.abs(points.curvature[known]).max())
-    reach = _ARC / sharpest if sharpest > 0 else np.inf
+    reach = ARC / sharpest if sharpest > 0 else np.inf
     return MapOnSurface(SurfaceMap(vertices, faces, value, value * std, p, parameter, unit), stiff, length, reach)
 
 

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from typing import Any
-
 import numpy as np
 from palpate import Floats
 from palpate.host import display_unit
 from palpate_kit.figures import WIDTHS, common_limits, figure_of, legend_outside
+from palpate_kit.runs.skin_grid import read_lumps
 from palpate_kit.runs.surface_map_figure import surface_map_figure
 from palpate_kit.runs.surface_map_file import SurfaceMap
 
 from palpate_report.figure_data import Curves, along, moving_samples, swept, thin_rows
 from palpate_report.figure_subject import MOST, TRACKS, ReportFigure, Subject
-from palpate_report.run_contents import RunContents
 from palpate_report.run_map import grid_of, surface_map_of
 
 
@@ -67,7 +64,7 @@ def _line(subject: Subject, parameter: str, label: str, factor: float) -> Report
 
 
 def _from_three_sides(subject: Subject, on_surface: SurfaceMap) -> ReportFigure:
-    lumps = [(lump["x"], lump["y"], lump["z"]) for lump in lumps_of(subject.record) if "z" in lump]
+    lumps = [(lump["x"], lump["y"], lump["z"]) for lump in read_lumps(subject.record.folder.maps) if "z" in lump]
     names = ("x_m", "y_m", "z_m", on_surface.parameter, f"{on_surface.parameter}_std", "p")
     columns = (*on_surface.vertices.T, on_surface.value, on_surface.std, on_surface.p)
     caption = "The map of palpate map on the surface, interpolated between the places; a cross marks a lump"
@@ -86,17 +83,9 @@ def _area(subject: Subject, main: Curves, parameter: str, label: str, factor: fl
     )
     figure.colorbar(shown, ax=axis, shrink=0.8, label=label)
     axis.grid(False)
-    for lump in lumps_of(subject.record):
+    for lump in read_lumps(subject.record.folder.maps):
         x, y = lump.get("highest") or (lump["x"], lump["y"])
         axis.plot(1e3 * x, 1e3 * y, "+", color="red", markersize=7, markeredgewidth=1.2)
     axis.set(xlabel="x [mm]", ylabel="y [mm]")
     x, y = np.meshgrid(grid.x, grid.y)
     return ReportFigure(figure, grid.caption, {"x_m": x.ravel(), "y_m": y.ravel(), parameter: grid.value.ravel()})
-
-
-def lumps_of(record: RunContents) -> list[dict[str, Any]]:
-    """The lumps that `palpate map lumps` has found in a run; none where it was not asked."""
-    try:
-        return list(json.loads((record.folder.maps / "lumps.json").read_text(encoding="utf-8"))["lumps"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return []

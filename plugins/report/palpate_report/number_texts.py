@@ -77,9 +77,9 @@ def chance(p: float | None) -> str:
     return "< 1e-99" if p < 1e-99 else f"{p:.2g}"
 
 
-def embed_json(document: Any) -> str:
+def embed_json(document: Any, indent: int | None = 1) -> str:
     """A document as JSON that may stand within a page's script element, whatever texts are in it."""
-    text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=True)
+    text = json.dumps(document, indent=indent, allow_nan=False, ensure_ascii=True)
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
     return text

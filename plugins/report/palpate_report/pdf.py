@@ -32,7 +32,7 @@ def print_pdf(page: Path, target: Path) -> None:
             "--no-pdf-header-footer",
         ]
         command += [f"--user-data-dir={folder}/profile", f"--print-to-pdf={made}"]
-        # Root has no sandbox; the page is our own, holds no script, and may load nothing.
+        # Root has no sandbox; the page is our own, lets no script but ours run, and may load nothing.
         command += ["--no-sandbox"] if os.geteuid() == 0 else []
         try:
             done = subprocess.run(

@@ -9,15 +9,16 @@ from typing import Any
 from palpate import ADVICE, FlagMeaning, ReportSection
 from palpate.host import SEVERITIES, display_unit, function_of, registry
 from palpate_kit.figures import WIDTHS
+from palpate_kit.runs.skin_grid import read_lumps
 from palpate_kit.terminal.table import Table
 
 from palpate_report import number_texts
 from palpate_report.anonymous import Anonymous
 from palpate_report.figure_subject import Subject
-from palpate_report.map_figure import lumps_of
 from palpate_report.run_contents import RunContents
 from palpate_report.run_figures import PICTURES, draw
 from palpate_report.run_verdict import LEVELS, RunVerdict, judge
+from palpate_report.skin_view import skin_view
 from palpate_report.svg import svg_text
 
 _FACTS = {  # of `run` in the result: what they are called, and their unit
@@ -78,7 +79,8 @@ def page_of(record: RunContents, track: str | None = None, anonymous: bool = Fal
         budgets={name: budget_rows(table) for name, table in document.get("tracks", {}).items()},
         sections=sections,
         last=_last_rows(record) if record.why_not is not None else [],
-        lumps=lumps_of(record),
+        lumps=read_lumps(record.folder.maps),
+        skin=skin_view(subject) if "map" in pictures else None,
         calibration=veil.tree(calibration) if veil else calibration,
         facts=_facts(document.get("run", {})),
         truth=_truth(document),

@@ -117,22 +117,18 @@ def points_of(
     turn, count = pose.matrix, len(feet)
     points = _nothing_known(count, unknown)
     rows = np.array([row for row in range(count) if row not in unknown], np.int64)
-    patches = mesh.body.patches(feet[rows], faces[rows])
-    if not patches:
+    if not len(rows):
         return points
-    position = pose.outwards(np.array([patch.position for patch in patches]))
-    normal = np.array([patch.normal for patch in patches]) @ turn.T
-    scatter = np.array([patch.scatter for patch in patches])
-    shape = turn @ np.array([patch.shape for patch in patches]) @ turn.T
-    variance = pose.position_variance(position, normal) + mesh.shape_uncertainty**2 + scatter**2
-    turned = pose.normal_covariance(position, normal, shape)
-    turned += turn @ np.array([patch.normal_covariance for patch in patches]) @ turn.T
+    patches = mesh.body.patches(feet[rows], faces[rows])
+    position, normal = pose.outwards(patches.position), patches.normal @ turn.T
+    variance = pose.position_variance(position, normal) + mesh.shape_uncertainty**2 + patches.scatter**2
+    turned = pose.normal_covariance(position, normal, turn @ patches.shape @ turn.T)
+    turned += turn @ patches.normal_covariance @ turn.T
     points.position[rows], points.normal[rows] = position, normal
     points.height[rows] = np.einsum("ij,ij->i", places[rows] - position, normal)
     points.position_std[rows] = np.sqrt(variance)
     points.normal_std[rows] = np.sqrt(np.linalg.eigvalsh(turned)[:, -1])
-    points.curvature[rows] = [patch.curvature for patch in patches]
-    points.curvature_std[rows] = [patch.curvature_std for patch in patches]
+    points.curvature[rows], points.curvature_std[rows] = patches.curvature, patches.curvature_std
     return points
 
 

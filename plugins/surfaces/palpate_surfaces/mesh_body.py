@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +17,7 @@ _MOST = 300  # of more, every second, third, ... counts
 _FACING = 0.5  # cosine between the normals of a point and of what belongs to its side of the body
 _ON_AN_EDGE = 1e-7  # of a triangle
 _ENOUGH = 64  # vertices, among which so many are on one side
+_TOGETHER = 500  # patches that are fitted at once
 _MILLIMETRE = 1e-3  # [m]
 
 Faces = NDArray[np.int64]
@@ -93,32 +94,41 @@ class MeshBody:
 
         return KDTree(self.triangles.vertices)
 
-    @cached_property
-    def _normals(self) -> tuple[Floats, Floats]:
-        """Of the triangles and of the vertices."""
-        return np.array(self.triangles.face_normals), np.array(self.triangles.vertex_normals)
+    def patches(self, feet: Floats, faces: Faces) -> SurfacePatch:
+        """The patches of surface around points (n, 3) of triangles; those with as many vertices are fitted together."""
+        outwards, vertices = self._face_normals[faces], np.asarray(self.triangles.vertices)
+        near = self._neighbours(feet, outwards)
+        counts = np.array([len(rows) for rows in near])
+        parts, order = [], []
+        for count in np.unique(counts).tolist():
+            same = np.flatnonzero(counts == count)
+            for some in np.array_split(same, -(-len(same) // _TOGETHER)):
+                order.append(some)
+                around = vertices[np.array([near[row] for row in some])]
+                parts.append(fit_patches(feet[some], outwards[some], around))
+        back = np.argsort(np.concatenate(order))
+        columns = {one.name: [getattr(part, one.name) for part in parts] for one in fields(SurfacePatch)}
+        return SurfacePatch(**{key: np.concatenate(column)[back] for key, column in columns.items()})
 
-    def patches(self, feet: Floats, faces: Faces) -> list[SurfacePatch]:
-        """The patch of surface around each of the points (n, 3) of triangles."""
-        vertices, outwards = np.array(self.triangles.vertices), self._normals[0][faces]
-        around = self._tree.query_ball_point(feet, self.neighbourhood, return_sorted=True) if len(feet) else ()
-        sets = [self._neighbours(*each) for each in zip(feet, outwards, around, strict=True)]
-        rows_of: dict[int, list[int]] = {}
-        for row, own in enumerate(sets):
-            rows_of.setdefault(len(own), []).append(row)
-        patches: dict[int, SurfacePatch] = {}
-        for rows in rows_of.values():
-            near = vertices[np.array([sets[row] for row in rows])]
-            patches.update(zip(rows, fit_patches(feet[rows], outwards[rows], near), strict=True))
-        return [patches[row] for row in range(len(feet))]
-
-    def _neighbours(self, foot: Floats, outwards: Floats, near: list[int]) -> Faces:
-        """Vertices about a point (3,) that are on its side of the body."""
-        rows, wanted, whole = self._facing(np.array(near, np.int64), outwards), _FEWEST, len(self._normals[1])
-        while len(rows) < _FEWEST and wanted < min(_ENOUGH, whole):
+    def _neighbours(self, feet: Floats, outwards: Floats) -> list[Faces]:
+        """Vertices for the patch around each of the points: those within the distance, or the nearest ones."""
+        around = self._tree.query_ball_point(feet, self.neighbourhood, return_sorted=True)
+        near = [self._facing(np.array(rows, np.int64), out) for rows, out in zip(around, outwards, strict=True)]
+        wanted, most = _FEWEST, len(self.triangles.vertices)
+        while wanted < min(_ENOUGH, most) and (few := [row for row, own in enumerate(near) if len(own) < _FEWEST]):
             wanted *= 2
-            rows = self._facing(self._tree.query(foot, min(wanted, whole))[1], outwards)[:_FEWEST]
-        return rows[:: -(-len(rows) // _MOST)]
+            nearest = self._tree.query(feet[few], min(wanted, most))[1]
+            for row, rows in zip(few, nearest, strict=True):
+                near[row] = self._facing(rows, outwards[row])[:_FEWEST]
+        return [rows[:: -(-len(rows) // _MOST)] for rows in near]
 
     def _facing(self, rows: Faces, outwards: Floats) -> Faces:
-        return np.asarray(rows[self._normals[1][rows] @ outwards > _FACING])
+        return np.asarray(rows[self._vertex_normals[rows] @ outwards > _FACING])
+
+    @cached_property
+    def _face_normals(self) -> Floats:
+        return np.array(self.triangles.face_normals)
+
+    @cached_property
+    def _vertex_normals(self) -> Floats:
+        return np.array(self.triangles.vertex_normals)

@@ -1,15 +1,16 @@
 // The page: takes what comes, and draws what can be seen.
 import { Chart, chosen, style } from "./charts.js";
-import { drawMap } from "./map.js";
+import { drawMap, showOnSkin } from "./map.js";
 import { Cards, element, seconds, showDevices, showFlags } from "./panels.js";
 import { unpack } from "./numbers.js";
 import { Record } from "./record.js";
+import { SkinView } from "./skin.js";
 
 const $ = (id) => document.getElementById(id);
 const FAST = 40, NUMBERS = 250, SLOW = 500, MAP = 1000, RETRY = 1000; // [ms]
 const PHASES = { standstill: "standstill: tare and noise are taken", motion: "moving", tripped: "stopped by the guard", over: "the motion is over" };
 
-let record = null, cards = null, fast = [], slow = [], socket = null, over = false, asked = false;
+let record = null, cards = null, view = null, fast = [], slow = [], socket = null, over = false, asked = false;
 let shownAt = null, playing = null; // time that is shown of a recorded run; wall time and record time when playing began
 let stamp = 0, fresh = false, delay = null;
 window.palpate = { latency: [], arrival: [], asked: null, tripped: null, draws: 0 };
@@ -48,6 +49,8 @@ function begin(run) {
   $("name").textContent = run.name;
   $("stop-box").hidden = run.recorded;
   $("player").hidden = !run.recorded;
+  $("skin-panel").hidden = !run.skin;
+  view ??= new SkinView($("skin"));
   $("what-u").textContent = "± u is the standard uncertainty: scatter, settling, timing, mass, tare and declared sources together, as far as they are known by now. What only the whole record shows, such as a lack of fit, joins it in the result.";
   const styles = run.tracks.map((_, i) => style(i));
   cards = new Cards($("tracks"), run, styles);
@@ -210,6 +213,7 @@ function showMap(rows) {
   const k = track ? track.parameters.findIndex((p) => p.name === name) : -1;
   if (k < 0) { $("map").hidden = true; $("map-note").textContent = `${track?.name ?? "no track"} has no ${name}`; return; }
   drawMap(record, rows, track.begin + k, track.parameters[k], $("map"), $("map-note"));
+  if (record.run.skin) showOnSkin(view, record, rows, track.begin + k, track.parameters[k]);
 }
 
 function stop() {

@@ -1,15 +1,8 @@
 // The map as it fills: means over cells of a raster, or along the line of a sweep.
 import { COLOURS } from "./charts.js";
+import { colour, meansOnSkin } from "./skin.js";
 
 const CELLS = 48, ALONG = 160, APART = 2e-3; // [m] between places, from which on there is something to map
-// viridis, from low to high
-const MAP = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
-
-function colour(share) {
-  const at = Math.min(Math.max(share, 0), 1) * (MAP.length - 1), i = Math.min(Math.floor(at), MAP.length - 2), f = at - i;
-  return `rgb(${MAP[i].map((c, k) => Math.round(c + f * (MAP[i + 1][k] - c))).join(",")})`;
-}
-
 function box(record, rows, extent) {
   if (extent) return [[extent[0][0], extent[1][0]], [extent[0][1], extent[1][1]]];
   return [2, 3].map((k) => {
@@ -44,7 +37,7 @@ export function drawMap(record, rows, column, { unit, factor, name }, canvas, no
   const cells = [0, 1].map((k) => !moves[k] ? 1 : line ? ALONG : Math.max(Math.round(CELLS * Math.min(1, wide[k] / Math.max(...wide))), 4));
   const found = means(record, rows, column, ranges, cells), known = found.filter((v) => v === v).sort((a, b) => a - b);
   if (!known.length) { note.textContent = "No estimates yet."; canvas.hidden = true; return; }
-  const low = known[Math.floor(0.03 * (known.length - 1))] * factor, high = known[Math.ceil(0.97 * (known.length - 1))] * factor;
+  const [low, high] = ends(known, factor);
   const axis = (k) => `${"xy"[k]} from ${(1e3 * ranges[k][0]).toFixed(1)} to ${(1e3 * ranges[k][1]).toFixed(1)} mm`;
   const filled = `${Math.round(100 * known.length / found.length)} % of the cells are filled`;
   const scale = `${name} ${low.toPrecision(4)} to ${high.toPrecision(4)} ${unit}`;
@@ -59,6 +52,18 @@ export function drawMap(record, rows, column, { unit, factor, name }, canvas, no
     g.fillStyle = colour((v * factor - low) / (high - low || 1));
     g.fillRect((i % cells[0]) * size, canvas.height - (Math.floor(i / cells[0]) + 1) * size, size, size);
   });
+}
+
+function ends(sorted, factor) { // between which colours go
+  return [Math.floor(0.03 * (sorted.length - 1)), Math.ceil(0.97 * (sorted.length - 1))].map((i) => sorted[i] * factor);
+}
+
+export function showOnSkin(view, record, rows, column, { unit, factor, name }) {
+  const { skin, lumps } = record.run, [height, x, y, values] = [1, 2, 3, column].map((k) => record.columns[k]);
+  const means = meansOnSkin(skin, (i) => [x[i], y[i], height[i], values[i]], rows);
+  const [low, high] = ends(means.filter((v) => v !== null).sort((a, b) => a - b), factor);
+  if (low === undefined || !(low === low)) return;
+  view.show(skin, { values: means.map((v) => (v === null ? null : v * factor)), low, high, label: `${name}, ${unit}`, lumps });
 }
 
 function drawLine(canvas, values, low, high) {

@@ -69,6 +69,8 @@ def search(
         else:
             _show(rounds.propose())
         _tell_hiding(rounds.state, run)
+    if rounds.state.warning:
+        typer.echo(f"warning: {rounds.state.warning}", err=True)
     if as_json:
         print_json(rounds.document)
 

@@ -1,0 +1,70 @@
+"""A skin as the view that turns has it: heights over a grid in x and y, values at its nodes, and lumps to outline."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate import Floats, Surface
+from palpate.host import display_unit
+
+from palpate_kit.runs.surface_map_file import SurfaceMap
+
+_NODES = 41  # along the longer side of a surface that fills while a run goes on
+_MARGIN = 3e-3  # [m] of skin about the planned motion
+
+
+def skin_over(surface: Surface, extent: tuple[tuple[float, ...], tuple[float, ...]]) -> dict[str, Any]:
+    """A surface below the box [m] of a motion, lowest and highest x, y, z.
+
+    As axes [from, to, count] and heights in mm, None where the surface is unknown.
+    """
+    (x0, y0, *_), (x1, y1, *_) = extent
+    axes = (x0 - _MARGIN, x1 + _MARGIN), (y0 - _MARGIN, y1 + _MARGIN)
+    step = max(high - low for low, high in axes) / (_NODES - 1)
+    x, y = (np.linspace(low, high, max(round((high - low) / step), 1) + 1) for low, high in axes)
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return _grid(x, y, surface.uppermost(places).position[:, 2])
+
+
+def skin_of_map(surface_map: SurfaceMap, lumps: list[dict[str, Any]]) -> dict[str, Any]:
+    """A map on a surface with its values, their scale and its lumps, in the units that are shown."""
+    name, factor = display_unit(surface_map.unit)
+    lateral = np.round(surface_map.vertices[:, :2], 7)
+    x, y = (np.unique(axis) for axis in lateral.T)
+    rows = np.searchsorted(y, lateral[:, 1]), np.searchsorted(x, lateral[:, 0])
+    height, value = np.full((2, len(y), len(x)), np.nan)
+    height[rows], value[rows] = surface_map.vertices[:, 2], factor * surface_map.value
+    low, high = (_short(factor * limit) for limit in surface_map.limits)
+    return {
+        **_grid(x, y, height.ravel()),
+        "values": [None if np.isnan(one) else _short(one) for one in value.ravel()],
+        "low": low,
+        "high": high,
+        "label": f"{surface_map.parameter.replace('_', ' ')}, {name}",
+        "lumps": lump_shapes(lumps),
+    }
+
+
+def _grid(x: Floats, y: Floats, height: Floats) -> dict[str, Any]:
+    axes = {key: [round(1e3 * at[0], 3), round(1e3 * at[-1], 3), len(at)] for key, at in (("x", x), ("y", y))}
+    return {**axes, "z": [None if np.isnan(one) else round(1e3 * one, 2) for one in height.tolist()]}
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+def read_lumps(maps: Path) -> list[dict[str, Any]]:
+    """The lumps that `palpate map lumps` has left in a folder of maps; none where it was not asked."""
+    try:
+        return list(json.loads((maps / "lumps.json").read_text(encoding="utf-8"))["lumps"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+
+
+def lump_shapes(lumps: list[dict[str, Any]]) -> list[list[float]]:
+    """Middle and extent of lumps over an area: x, y, along x, along y [mm]."""
+    return [[round(1e3 * one, 2) for one in (lump["x"], lump["y"], *lump["extent"])] for lump in lumps]

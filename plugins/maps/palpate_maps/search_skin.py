@@ -1,0 +1,69 @@
+"""The surface that a search goes over: points of the skin, the normals there, and how far straight distances hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ConfigurationError, Floats, Setpoint, Surface, SurfacePoints
+
+from palpate_maps.surface_map import ARC
+
+_STEEPEST = (
+    0.5  # z of a normal: a skin steeper than 60 degrees is not visited, for x and y hardly tell its places apart
+)
+_REACH = 2.0  # radii of a patch at which it is still felt, by a sixteenth of its height
+
+
+@dataclass(frozen=True)
+class SearchSkin:
+    """A surface at the nodes of a search."""
+
+    surface: Surface
+    normal: Floats  # (m, 3)
+    sharpness: Floats  # (m,) [1/m] larger of the principal curvatures, without its sign
+
+    @classmethod
+    def at(cls, surface: Surface, points: SurfacePoints, rows: NDArray[np.bool_]) -> SearchSkin:
+        """Of some of the points of a grid."""
+        return cls(surface, points.normal[rows], np.abs(points.curvature[rows]).max(axis=1))
+
+    @property
+    def stretch(self) -> Floats:
+        """(m,) area of the skin over that in x and y."""
+        return np.asarray(1.0 / self.normal[:, 2])
+
+    @property
+    def reach(self) -> float:
+        """[m] to which straight distances are within 1 % of those along the skin, wherever it may be palpated."""
+        return float(ARC / max(self.sharpness.max(), 1e-12))
+
+    def demand_gentle(self, radius: float, nodes: Floats) -> None:
+        """Raise ConfigurationError where a patch of a radius [m] is felt farther than straight distances hold."""
+        if self.reach >= _REACH * radius:
+            return
+        k = int(np.argmax(self.sharpness))
+        x, y = (1e3 * nodes[k, :2]).tolist()
+        raise ConfigurationError(
+            f"--radius: {1e3 * radius:g} mm: at x {x:.1f}, y {y:.1f} mm the surface has a radius of curvature of "
+            f"{1e3 / self.sharpness[k]:.3g} mm, on which a search is for patches of up to "
+            f"{1e3 * self.reach / _REACH:.2g} mm; choose a smaller one, or an --area without that place"
+        )
+
+
+def tips_on(points: SurfacePoints, depth: float) -> tuple[Setpoint, NDArray[np.bool_]]:
+    """A tool at each point, along its normal and as deep below [m], and where (n,) the skin is none that it visits."""
+    normal = points.normal
+    refused = ~(normal[:, 2] >= _STEEPEST)  # where nothing is known, too
+    angle = np.arccos(np.clip(normal[:, 2], -1.0, 1.0))
+    turn = np.column_stack([-normal[:, 1], normal[:, 0], np.zeros(len(normal))]) / np.sinc(angle / np.pi)[:, None]
+    still = np.zeros((len(points), 3))
+    inside = np.ones(len(points), bool)
+    return Setpoint(points.position - depth * normal, still, inside, turn, still), refused
+
+
+def skin_share(points: SurfacePoints, allowed: NDArray[np.bool_], beside: float) -> float:
+    """Share of the skin below the points of a grid that is allowed; a point without skin counts as `beside` of one."""
+    area = np.where(np.isfinite(points.normal[:, 2]), 1.0 / np.maximum(points.normal[:, 2], 0.05), beside)
+    return float(area[allowed].sum() / area.sum())
