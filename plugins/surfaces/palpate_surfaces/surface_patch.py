@@ -101,7 +101,8 @@ def _curvature_std(directions: Floats, covariance: Floats) -> Floats:
     level = directions[:, :, :2]
     x, y = np.moveaxis(level / np.maximum(np.linalg.norm(level, axis=2), 1e-12)[:, :, None], 2, 0)
     along = np.stack([x * x, 2 * x * y, y * y], axis=2)
-    return np.sqrt(np.maximum(np.einsum("nij,njk,nik->ni", along, covariance, along), 0.0))
+    variance = np.einsum("nij,njk,nik->ni", along, covariance, along)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def tangent_frame(normal: Floats) -> Floats:
