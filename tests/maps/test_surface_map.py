@@ -12,7 +12,7 @@ import pytest
 from palpate import ConfigurationError, LogError, OutputError
 from palpate.host import load_pipeline, run_pipeline
 from palpate_kit.figures import save_figure
-from palpate_kit.runs.skin_places import skin_places
+from palpate_kit.runs.skin_places import skin_places, surface_of_run
 from palpate_kit.runs.surface_map_figure import surface_map_figure
 from palpate_kit.runs.surface_map_file import read_surface_map, write_surface_map
 from palpate_maps.lumps import find_lumps
@@ -229,3 +229,14 @@ def test_the_place_that_is_pressed_is_not_that_of_the_tip():
     np.testing.assert_allclose(skin_places(body, tip, height), lateral, atol=0.1e-3)
     beside = skin_places(body, np.array([[0.09, 0.0]]), np.array([-0.005]))
     np.testing.assert_array_equal(beside, [[0.09, 0.0]])
+
+
+def test_of_several_surfaces_a_map_takes_the_one_that_the_run_was_aligned_along(root, tmp_path):
+    text = (root / "pipelines" / "breast.toml").read_text() + '\n[surface.table]\ntype = "plane"\n'
+    (tmp_path / "pipeline.toml").write_text(text)
+    assert isinstance(surface_of_run(tmp_path), HalfEllipsoid)
+    assert isinstance(surface_of_run(tmp_path, "table"), Plane)
+    aligned = 'surface = "breast"                     # force and motion along the normal\n'
+    (tmp_path / "pipeline.toml").write_text(text.replace(aligned, "").replace('weight = "turning"\n', ""))
+    with pytest.raises(ConfigurationError, match=r"choose one of its surfaces \(there are: breast, table\)"):
+        surface_of_run(tmp_path)

@@ -59,7 +59,7 @@ class RunningTrack:
         """
         if not self.is_over_a_surface:
             return None
-        known = np.isfinite(samples.curvature).all(axis=1)
+        known = np.isfinite(samples.curvature[:, 0]) & np.isfinite(samples.curvature[:, 1])
         curvature = np.where(known[:, None], samples.curvature, 0.0)
         share = self.track.model.curved_share(curvature, np.maximum(-samples.position, _SHALLOW))
         return None if share is None else np.where(known, share, 1.0)
