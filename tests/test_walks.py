@@ -17,7 +17,6 @@ WALKS = {
     "a user of notebooks": "arrays",
     "a referee": "plus-minus",
     "an owner of a rheometer": "rheometer",
-    "an owner of a breast phantom": "breast",
 }
 # Pages show pictures by IPython, which the tests do not need: a picture is read instead.
 BEFORE = """
