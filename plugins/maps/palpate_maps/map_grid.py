@@ -114,21 +114,25 @@ def line_distance(sites: Sites) -> float:
     For nine sites in ten, the nearest one that was palpated at another time, ten sites away or more, is no farther; so
     lines that were swept twice do not count.
     """
-    order, beside = np.arange(len(sites)), 1 if sites.standing.all() else 10
+    from scipy.spatial import KDTree
 
-    def alone(rows: NDArray[np.intp]) -> Floats:
-        apart = np.linalg.norm(sites.place[rows, None] - sites.place[None], axis=2)
-        apart[(np.abs(rows[:, None] - order[None]) < beside) | (apart < 1e-4)] = np.inf
-        return np.asarray(apart.min(axis=1))
-
-    nearest = np.concatenate([alone(rows) for rows in _portions(len(sites), len(sites))])
+    places, count, beside = sites.place, len(sites), 1 if sites.standing.all() else 10
+    tree, nearest, left, near = KDTree(places), np.full(count, np.inf), np.arange(count), 2 * beside
+    while len(left) and near < count:
+        near = min(2 * near, count)
+        for rows in _portions(left, near):
+            others = tree.query(places[rows], near)[1]
+            apart = np.linalg.norm(places[rows, None] - places[others], axis=2)
+            apart[(np.abs(rows[:, None] - others) < beside) | (apart < 1e-4)] = np.inf
+            nearest[rows] = apart.min(axis=1)
+        left = left[~np.isfinite(nearest[left])]
     known = nearest[np.isfinite(nearest)]
     return float(np.quantile(known, 0.9)) if len(known) else 2e-3
 
 
-def _portions(count: int, others: int) -> list[NDArray[np.intp]]:
-    """Indices of `count` things in portions whose distances to all of the `others` may be held at once."""
-    return np.array_split(np.arange(count), max(count * others // _TOGETHER, 1))
+def _portions(rows: NDArray[np.intp], others: int) -> list[NDArray[np.intp]]:
+    """Rows in portions whose distances to so many others may be held at once."""
+    return np.array_split(rows, max(len(rows) * others // _TOGETHER, 1))
 
 
 def nearest_distance(places: Floats, nodes: Floats) -> Floats:
@@ -153,5 +157,5 @@ def _average(sites: Sites, nodes: Floats, length: float) -> tuple[Floats, Floats
         scatter = weight @ sites.log**2 - mean**2
         return mean, np.sqrt(np.maximum(scatter, 0.0) + weight @ sites.std**2)
 
-    mean, std = zip(*(around(rows) for rows in _portions(len(nodes), len(sites))), strict=True)
+    mean, std = zip(*(around(rows) for rows in _portions(np.arange(len(nodes)), len(sites))), strict=True)
     return np.concatenate(mean), np.concatenate(std), length
