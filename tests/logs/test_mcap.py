@@ -33,6 +33,18 @@ def replay_of(log, pipeline, **device):
     return load_pipeline(pipeline, [f"device.rig={{{text}}}", 'run.tracks=["*/ekf"]'])
 
 
+def test_offline_estimates_are_at_the_times_of_their_samples(run_point):
+    """They come at the end, with times from its beginning, which are no stamps."""
+    from mcap.reader import make_reader
+
+    only = ('estimator.smoother.type="kinematic-smoother"', 'run.tracks=["*/smoother"]')
+    with (run_point(*SHORT, *only, name="offline").folder / "log.mcap").open("rb") as file:
+        times = {channel.topic: [] for channel in make_reader(file).get_summary().channels.values()}
+        for _, channel, message in make_reader(file).iter_messages():
+            times[channel.topic].append(message.log_time)
+    assert times["/palpate/estimates/dr/smoother"] == times["/palpate/samples"]
+
+
 def test_a_replay_gives_the_same_estimates_bit_for_bit(recording, point_pipeline, tmp_path):
     run_pipeline(replay_of(recording, point_pipeline), tmp_path / "replay")
     assert (tmp_path / "replay" / "estimates.csv").read_bytes() == (recording.parent / "estimates.csv").read_bytes()

@@ -79,7 +79,7 @@ class LogRecorder:
         self._write(self._samples, samples.stamp, samples.stamp, "surface", numbers)
 
     def estimates(self, track: str, estimates: Estimates, stamps: NDArray[np.int64], lateral: Floats) -> None:
-        """Estimates of samples with these stamps (n,) [ns] and places (n, 2) [m], or of a whole record."""
+        """Estimates of samples with these stamps (n,) [ns] and places (n, 2) [m]."""
         columns = (
             estimates.surface,
             estimates.surface_std,
@@ -87,9 +87,6 @@ class LogRecorder:
             estimates.nis,
             estimates.status.astype(float),
         )
-        if len(stamps) != len(estimates):  # an offline estimator: all samples at once
-            stamps = np.rint(estimates.time * 1e9).astype(np.int64)
-            lateral = np.broadcast_to(np.nan, (len(estimates), 2))
         ends = (lateral, estimates.innovation)
         whole = (estimates.time, estimates.values, estimates.std, *columns, *ends)
         for begin in range(0, len(stamps), _TOGETHER):  # those of an offline estimator are of the whole record

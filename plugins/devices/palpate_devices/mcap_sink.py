@@ -60,6 +60,7 @@ class _LogWriter:
         self._log, self._path = log, path
         self._stamps: NDArray[np.int64] = np.zeros(0, np.int64)
         self._lateral: Floats = np.zeros((0, 2))
+        self._begin = 0  # [ns] stamp of the time 0 of samples and estimates
         self._waiting = clock().queue(_WAITING)  # of calls; None is the last
         self._failure: Exception | None = None
         self._thread = clock().thread(self._work, "mcap sink")
@@ -72,11 +73,16 @@ class _LogWriter:
     def samples(self, samples: Samples) -> None:
         """Aligned samples."""
         self._stamps, self._lateral = samples.stamp, samples.lateral
+        if len(samples):
+            self._begin = int(samples.stamp[0]) - round(float(samples.time[0]) * 1e9)
         self._put(lambda: self._log.samples(samples))
 
     def estimates(self, track: str, estimates: Estimates) -> None:
         """Estimates of the latest samples, or of all of them."""
         stamps, lateral = self._stamps, self._lateral
+        if len(stamps) != len(estimates):  # an offline estimator: all samples at once
+            stamps = self._begin + np.rint(estimates.time * 1e9).astype(np.int64)
+            lateral = np.broadcast_to(np.nan, (len(estimates), 2))
         self._put(lambda: self._log.estimates(track, estimates, stamps, lateral))
 
     def result(self, table: Mapping[str, Any]) -> None:
