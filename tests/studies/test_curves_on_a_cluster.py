@@ -5,10 +5,22 @@ import csv
 import numpy as np
 import pytest
 
-from tests.fits.test_fit_each import DEADLY, EACH, PIPELINE, curve, folder  # noqa: F401
-from tests.studies.test_cluster import scheduler, store  # noqa: F401
+distributed = pytest.importorskip("distributed")
+import dask  # noqa: E402
+
+from tests.fits.test_fit_each import DEADLY, EACH, PIPELINE, curve, folder  # noqa: E402, F401
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of dask's own, when workers die
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    """Two workers on this machine; a task that has killed two of them is given up."""
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as running,
+    ):
+        yield running.scheduler_address
 
 
 @pytest.mark.slow
