@@ -29,7 +29,7 @@ from pathlib import Path
 
 import many_curves
 import numpy as np
-from loads import HEADING, PALPATE, PIPELINES, watched
+from loads import HEADING, PALPATE, swept, watched
 
 WORKERS = 3
 _TICK = os.sysconf("SC_CLK_TCK")
@@ -101,17 +101,6 @@ def measured(running: Cluster, count: int, *words: object) -> None:
     scheduler = processor(running.scheduler.pid) - before
     each = 1e3 * (found.cpu + scheduler) / count
     print(f"    command {found.cpu:.1f} s, scheduler {scheduler:.1f} s: {each:.2f} ms each", flush=True)
-
-
-def swept(folder: Path, count: int) -> Path:
-    """A second of contact with one filter, so many settings of its noise."""
-    text = (PIPELINES / "filters.toml").read_text().replace('duration = "10 s"', 'duration = "1 s"')
-    stds = ", ".join(f"{0.02 + 0.06 * i / count:.6f}" for i in range(count))
-    pipeline = folder / f"sweep{count}.toml"
-    pipeline.write_text(
-        f'{text.partition("[estimator.kinematic]")[0]}\n[sweep]\n"estimator.ekf.force_std" = [{stds}]\n'
-    )
-    return pipeline
 
 
 def runs(folder: Path, counts: list[int]) -> None:
@@ -194,8 +183,7 @@ def _troubled(folder: Path, count: int) -> None:
         rows = list(csv.DictReader(file))
     again = sum(1 for path in out.iterdir() if path.is_dir() and "." in path.name)
     print(f"{len(rows)} rows of {count}, {done()} whole runs, {again} begun twice", flush=True)
-    few = swept(folder, count)
-    watched("the same here", "sweep", few, "--out", folder / f"here{count}")
+    watched("the same here", "sweep", pipeline, "--out", folder / f"here{count}")
     own, theirs = ((folder / place / "sweep.csv").read_text() for place in (f"here{count}", f"troubles{count}"))
     print("table as here" if _values(own) == _values(theirs) else "TABLE DIFFERS", flush=True)
 

@@ -279,15 +279,20 @@ def csv(options: argparse.Namespace) -> None:
     )
 
 
-def sweep(options: argparse.Namespace) -> None:
-    """A second of contact with one filter, so many settings of its noise."""
-    count, folder = int(options.settings), options.folder
+def swept(folder: Path, count: int) -> Path:
+    """The file of a sweep: a second of contact with one filter, so many settings of its noise."""
     text = (PIPELINES / "filters.toml").read_text().replace('duration = "10 s"', 'duration = "1 s"')
     text = text.partition("[estimator.kinematic]")[0]
     stds = ", ".join(f"{0.02 + 0.06 * i / count:.6f}" for i in range(count))
-    pipeline = folder / "sweep.toml"
+    pipeline = folder / f"sweep{count}.toml"
     pipeline.write_text(f'{text}\n[sweep]\n"estimator.ekf.force_std" = [{stds}]\n')
-    out = folder / "sweep"
+    return pipeline
+
+
+def sweep(options: argparse.Namespace) -> None:
+    """Runs and the same again."""
+    count, folder = int(options.settings), options.folder
+    pipeline, out = swept(folder, count), folder / "sweep"
     each(
         {
             "sweep": lambda: watched(f"sweep of {count}", "sweep", pipeline, "--out", out),

@@ -118,6 +118,7 @@ from .simulated_clock import SimulatedClock as SimulatedClock
 from .simulated_turns import EndOfThread as EndOfThread, HoldUp as HoldUp
 from .sink import (
     EstimatesWriter as EstimatesWriter,
+    Extent as Extent,
     GuardState as GuardState,
     Run as Run,
     Sink as Sink,

@@ -36,9 +36,7 @@ class Samples:
     contact: NDArray[np.bool_]  # (n,) the tip touches the material
     active: NDArray[np.bool_]  # (n,) in contact, and in the part of the motion that is meant for estimation
     lateral: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # (n, 2) [m] x and y of the tip; NaN: not known
-    curvature: Floats = field(
-        default_factory=lambda: np.zeros((0, 2))
-    )  # (n, 2) [1/m] of the skin below; NaN: not known
+    curvature: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # (n, 2) [1/m] of the skin; NaN: not known
 
     def __post_init__(self) -> None:
         for key in ("lateral", "curvature"):

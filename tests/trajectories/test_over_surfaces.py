@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from palpate import ConfigurationError, Surface, SurfacePoints, surface_points
 from palpate.safety import SafetySettings, check_motion
+from palpate_kit.kinematics.turns_to_normals import rotation_rate, rotation_to
 from palpate_surfaces.plane import Plane
 from palpate_testing import check_trajectory
 from palpate_trajectories.grid_points import GridPoints
@@ -14,7 +15,6 @@ from palpate_trajectories.line_sweep import LineSweep
 from palpate_trajectories.point import Point
 from palpate_trajectories.ramp_hold import RampHold
 from palpate_trajectories.raster import Raster
-from palpate_trajectories.stations import rotation_rate, rotation_to
 from palpate_trajectories.translation import TranslatedTrajectory
 
 RADIUS = 0.05

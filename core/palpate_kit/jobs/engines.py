@@ -38,13 +38,18 @@ def demand_scheduler(scheduler: str | None, stage: str | None) -> None:
         raise ConfigurationError("--stage is for workers that share no folder with this machine: give --scheduler")
 
 
+def demand_no_jobs(jobs: int | None) -> None:
+    """Raise ConfigurationError where a number of jobs is asked for although workers run them."""
+    if jobs is not None:
+        raise ConfigurationError("--jobs is of this machine: with --scheduler, its workers say how many run at a time")
+
+
 def engine_of(scheduler: str | None, jobs: int | None, folder: Path, stage: str | None = None) -> Engine:
     """The engine that the options ask for; raises ConfigurationError where they contradict each other."""
     demand_scheduler(scheduler, stage)
     if scheduler is None:
         return partial(on_all_cores, workers=jobs)
-    if jobs is not None:
-        raise ConfigurationError("--jobs is of this machine: with --scheduler, its workers say how many run at a time")
+    demand_no_jobs(jobs)
     from palpate_kit.jobs.cluster import on_cluster
 
     return on_cluster(scheduler, folder, stage)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Floats, Surface
+from palpate import Extent, Floats, Surface
 from palpate.host import display_unit
 
 from palpate_kit.runs.surface_map_file import SurfaceMap
@@ -16,7 +16,7 @@ _NODES = 41  # along the longer side of a surface that fills while a run goes on
 _MARGIN = 3e-3  # [m] of skin about the planned motion
 
 
-def skin_over(surface: Surface, extent: tuple[tuple[float, ...], tuple[float, ...]]) -> dict[str, Any]:
+def skin_over(surface: Surface, extent: Extent) -> dict[str, Any]:
     """A surface below the box [m] of a motion, lowest and highest x, y, z.
 
     As axes [from, to, count] and heights in mm, None where the surface is unknown.

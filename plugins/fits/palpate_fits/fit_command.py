@@ -24,7 +24,7 @@ from palpate_kit.curves.curve_files import curve_files, curves_by
 from palpate_kit.curves.curve_fits import CurveReader, offline
 from palpate_kit.curves.fit_folder import is_fit_folder
 from palpate_kit.curves.folder_fits import fit_each
-from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_scheduler
+from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_no_jobs, demand_scheduler
 from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, WhereOption
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
@@ -228,8 +228,7 @@ def _demand_seen_files(by: str | None, stage: str | None, jobs: int | None) -> N
     for option, given in (("--by", by), ("--stage", stage)):
         if given:
             raise ConfigurationError(f"{option}: with --each, workers read each curve from a file that they can see")
-    if jobs is not None:
-        raise ConfigurationError("--jobs is of this machine: with --scheduler, its workers say how many run at a time")
+    demand_no_jobs(jobs)
 
 
 def _each(

@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from palpate import Surface
+from palpate import Extent, Surface
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.runs.skin_places import skin_of
 
-Box = tuple[tuple[float, ...], tuple[float, ...]]  # [m] lowest and highest x, y, z
 
-
-def skin_and_extent(source: Path) -> tuple[Surface | None, Box | None]:
+def skin_and_extent(source: Path) -> tuple[Surface | None, Extent | None]:
     """Surface of a run folder, None where it has none, and box of its palpated places, None where there is none."""
     folder = RunFolder(source)
     surface = skin_of(folder) if source.is_dir() else None

@@ -47,23 +47,9 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     Inside it, only places that the workspace and every device allow at the deepest of the motion's press, over a
     surface along its normal.
     """
-    deepest = motion.press.bias + motion.press.amplitude
-    low, high = known.min(axis=0), known.max(axis=0)
-    simulated = any(isinstance(device, KnowsTruth) for device in pipeline.devices.values())
-    limits = pipeline.safety
-    if given is not None:
-        box, bounded_by = given, "--area"
-    elif simulated:
-        box = (low[0] - _BEYOND, high[0] + _BEYOND, low[1] - _BEYOND, high[1] + _BEYOND)
-        bounded_by = _SPECIMEN
-    elif limits is not None:
-        box, bounded_by = (limits.low[0], limits.high[0], limits.low[1], limits.high[1]), "the workspace"
-    else:
-        box, bounded_by = (low[0], high[0], low[1], high[1]), "what was palpated; --area extends it"
+    box, bounded_by = _box_of(pipeline, known, given)
     x0, x1, y0, y1 = box
-    if given is not None and not (x1 > x0 and y1 > y0):
-        text = f"{1e3 * x0:g} to {1e3 * x1:g} mm, {1e3 * y0:g} to {1e3 * y1:g} mm"
-        raise ConfigurationError(f"--area: {text} is empty: each axis goes from the lower to the higher coordinate")
+    deepest, surface, limits = motion.press.bias + motion.press.amplitude, surface_of(motion), pipeline.safety
 
     def allows(places: Floats) -> NDArray[np.bool_]:
         x, y = places.T
@@ -85,7 +71,7 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
             return surface_points(surface, place).position
         return np.column_stack([place, motion.surface.at(*known[:1].T)[0]])
 
-    surface, grid = surface_of(motion), _grid(box)
+    grid = _grid(box)
     allowed = allows(grid)
     if not allowed.any():
         raise ConfigurationError(_why_nothing(pipeline, box, bounded_by, skin_at))
@@ -96,6 +82,22 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     points = surface.uppermost(grid)
     share, skin = skin_share(points, allowed, 0.0 if unbounded else 1.0), SearchSkin.at(surface, points, allowed)
     return Area(points.position[allowed], bounded_by, allows, share, skin)
+
+
+def _box_of(pipeline: Pipeline, known: Floats, given: Box | None) -> tuple[Box, str]:
+    """The box of the area, and what bounds it, in words; raises ConfigurationError where the one given is empty."""
+    if given is not None:
+        x0, x1, y0, y1 = given
+        if not (x1 > x0 and y1 > y0):
+            text = f"{1e3 * x0:g} to {1e3 * x1:g} mm, {1e3 * y0:g} to {1e3 * y1:g} mm"
+            raise ConfigurationError(f"--area: {text} is empty: each axis goes from the lower to the higher coordinate")
+        return given, "--area"
+    low, high = known.min(axis=0), known.max(axis=0)
+    if any(isinstance(device, KnowsTruth) for device in pipeline.devices.values()):
+        return (low[0] - _BEYOND, high[0] + _BEYOND, low[1] - _BEYOND, high[1] + _BEYOND), _SPECIMEN
+    if (limits := pipeline.safety) is not None:
+        return (limits.low[0], limits.high[0], limits.low[1], limits.high[1]), "the workspace"
+    return (low[0], high[0], low[1], high[1]), "what was palpated; --area extends it"
 
 
 def _still(places: Floats) -> Setpoint:

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, Setpoint, Surface, SurfacePoints
+from palpate_kit.kinematics.turns_to_normals import rotation_to
 
 from palpate_maps.surface_map import ARC
 
-_STEEPEST = (
-    0.5  # z of a normal: a skin steeper than 60 degrees is not visited, for x and y hardly tell its places apart
-)
+_STEEPEST = 0.5  # z of a normal: a skin steeper than 60 degrees is not visited, x and y hardly tell its places apart
 _REACH = 2.0  # radii of a patch at which it is still felt, by a sixteenth of its height
 
 
@@ -56,11 +55,9 @@ def tips_on(points: SurfacePoints, depth: float) -> tuple[Setpoint, NDArray[np.b
     """A tool at each point, along its normal and as deep below [m], and where (n,) the skin is none that it visits."""
     normal = points.normal
     refused = ~(normal[:, 2] >= _STEEPEST)  # where nothing is known, too
-    angle = np.arccos(np.clip(normal[:, 2], -1.0, 1.0))
-    turn = np.column_stack([-normal[:, 1], normal[:, 0], np.zeros(len(normal))]) / np.sinc(angle / np.pi)[:, None]
     still = np.zeros((len(points), 3))
     inside = np.ones(len(points), bool)
-    return Setpoint(points.position - depth * normal, still, inside, turn, still), refused
+    return Setpoint(points.position - depth * normal, still, inside, rotation_to(normal), still), refused
 
 
 def skin_share(points: SurfacePoints, allowed: NDArray[np.bool_], beside: float) -> float:

@@ -93,8 +93,11 @@ class Skin(Settings):
         """Area [m^2] and length [m] in place of A(d) c(d) and its derivative, for forces and depths along the tool."""
         own = indenter.contact_radius(depth) ** 2 / depth  # 2 r^2/z of the tip, R of a sphere
         normal, cosine = self._along_the_normal(own, depth)
-        added = _added_curvature(own, *self.curvatures) if any(self.curvatures) else 0.0
-        area, radius = _curved_contact(indenter, thickness, added, own, normal)
+        if any(self.curvatures):
+            added = _added_curvature(own, *self.curvatures)
+            area, radius = _curved_contact(indenter, thickness, added, own, normal)
+        else:
+            area, radius = corrected_contact(indenter, thickness, normal)
         if not self.inclination:
             return area, radius
         drag = self.stick * 2.0 * (1.0 - poisson) / (2.0 - poisson)
@@ -154,8 +157,6 @@ def _curved_contact(indenter: Indenter, thickness: Layer, added: Any, own: Any, 
     The contact radius is that of the tip at the depth u it has alone, u + k a(u)^2 = d, by Newton's method with
     a^2 going as u^p, p = 2 (a u - A)/A, and the area is A(u) + 2/3 k a^3.
     """
-    if isinstance(added, float) and not added:
-        return corrected_contact(indenter, thickness, depth)
     alone = depth / (1.0 + added * own)
     power = 2.0 * (indenter.contact_radius(alone) * alone / indenter.profile_area(alone) - 1.0)
     for _ in range(_STEPS):

@@ -9,10 +9,11 @@ from typing import Any, Protocol
 
 import numpy as np
 from palpate import Floats, Setpoint, Surface, angular_velocities
+from palpate_kit.kinematics.turns_to_normals import rotation_rate, rotation_to
 
 from palpate_trajectories.motion_parts import Wave
 from palpate_trajectories.smooth_profile import PEAK, KnotProfile
-from palpate_trajectories.stations import Stations, rotation_rate, rotation_to
+from palpate_trajectories.stations import Stations
 
 _LOOKS = 101  # places of a line at which its slopes are looked at
 _SHORTEST = 1e-3  # [s]
