@@ -30,6 +30,7 @@ from pathlib import Path
 import many_curves
 import numpy as np
 from loads import HEADING, PALPATE, swept, watched
+from soak import family
 
 WORKERS = 3
 _TICK = os.sysconf("SC_CLK_TCK")
@@ -68,9 +69,9 @@ class Cluster:
 
     def worker(self) -> int:
         """The process of one worker: a child of the nannies."""
-        children = Path(f"/proc/{self.workers.pid}/task/{self.workers.pid}/children").read_text().split()
-        named = [int(pid) for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-        return named[0]
+        return next(
+            pid for pid in family(self.workers.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        )
 
     def end(self) -> None:
         """All of it."""
