@@ -13,6 +13,7 @@ from palpate.errors import ConfigurationError
 from palpate.rotation_vectors import angular_velocities
 from palpate.safety.motion_limits import Excess, Reach
 from palpate.safety.settings import SafetySettings
+from palpate.safety.tool_clearance import ToolGap, tool_clearance
 from palpate.surface import Surface, surface_points
 from palpate.trajectory import OwnMotion, Setpoint, Trajectory, duration_of, setpoints_at, surface_of
 from palpate.vectors import Floats
@@ -67,6 +68,7 @@ class _Stretch:
     turn_apart: float  # [rad/s] by which the stated turn and what the rotations do are apart
     askew: float  # [rad] between tool and normal
     depth: float  # [m] below the surface, along its normal
+    clearance: ToolGap  # of the tool above the tip from the surface
     finite: bool
     apart: tuple[float, float, float]  # [m/s] stated velocity and what the positions do: too far apart by, and both
 
@@ -74,9 +76,12 @@ class _Stretch:
     def of(cls, times: Floats, setpoint: Setpoint, limits: SafetySettings, surface: Surface | None) -> _Stretch:
         moved = np.diff(setpoint.position, axis=0) / np.diff(times)[:, None]
         normal, depth = np.broadcast_to(np.array([0.0, 0.0, 1.0]), setpoint.position.shape), 0.0
+        clearance = ToolGap()
         if surface is not None:
             points = surface_points(surface, setpoint.position)
             normal, depth = points.normal, float((-points.height).max(initial=0.0))
+            if limits.tool is not None:
+                clearance = tool_clearance(limits.tool, times, setpoint, surface)
         turn, turn_apart = _turns(times, setpoint, limits)
         return cls(
             (float(times[0]), float(times[-1])),
@@ -89,6 +94,7 @@ class _Stretch:
             turn_apart,
             float(np.arccos(np.clip((setpoint.axes * normal).sum(axis=1), -1.0, 1.0)).max(initial=0.0)),
             depth,
+            clearance,
             bool(np.isfinite(setpoint.position).all() and np.isfinite(setpoint.velocity).all()),
             _apart(moved, setpoint.velocity, limits.acceleration * np.diff(times)),
         )
@@ -103,6 +109,7 @@ class _Stretch:
             max(self.turn_apart, other.turn_apart),
             max(self.askew, other.askew),
             max(self.depth, other.depth),
+            min(self.clearance, other.clearance),
             self.finite and other.finite,
             max(self.apart, other.apart),
         )
@@ -124,6 +131,7 @@ def _judged(
         turn, most = math.degrees(whole.turn), math.degrees(limits.angular_speed)
         problems.append(f"the tool turns at {turn:.1f} deg/s, over the limit of {most:.1f} deg/s")
     problems += _askew(whole, limits, surface is not None)
+    problems += _too_near(whole.clearance)
     return MotionReport(
         whole.times[1] - whole.times[0],
         reach.low,
@@ -157,6 +165,17 @@ def _askew(whole: _Stretch, limits: SafetySettings, on_surface: bool) -> list[st
             "([safety] depth)"
         )
     return problems
+
+
+def _too_near(clearance: ToolGap) -> list[str]:
+    """What is wrong with the way of the tool above the tip."""
+    if clearance.distance > 0.0:
+        return []
+    place = ", ".join(f"{axis} {1e3 * value:.1f}" for axis, value in zip("xyz", clearance.place))
+    return [
+        f"{clearance.time:.2f} s after the start the tool above the tip comes {-1e3 * clearance.distance:.1f} mm too "
+        f"near to the surface ({place} mm), whose uncertainty counts twice ([safety] tool); a longer tip keeps it away"
+    ]
 
 
 def _turns(times: Floats, setpoint: Setpoint, limits: SafetySettings) -> tuple[float, float]:

@@ -9,6 +9,7 @@ from pydantic import Field
 from palpate.arm_limits import NO_DEPTH, ArmLimits
 from palpate.parts import Settings
 from palpate.safety.motion_limits import MotionLimits
+from palpate.safety.tool_clearance import ToolBody
 from palpate.units import Acceleration, Angle, AngularSpeed, Depth, Force, Length, Speed, Stiffness, Time
 
 
@@ -28,6 +29,9 @@ class SafetySettings(Settings):
     high: tuple[Length, ...] = Field(min_length=3, max_length=3, description="the opposite corner")
     depth: Depth | None = Field(
         default=None, gt=0, description="largest depth below a surface that a motion follows, along its normal"
+    )
+    tool: ToolBody | None = Field(
+        default=None, description="what hangs above the tip, to be kept clear of a surface that a motion follows"
     )
     speed: Speed = Field(default=0.05, gt=0, le=1.0, description="fastest tip")
     acceleration: Acceleration = Field(default=1.0, gt=0, le=50.0, description="largest acceleration of the tip")
