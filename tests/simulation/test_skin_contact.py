@@ -115,6 +115,18 @@ def test_a_skin_that_is_tilted_and_rough_is_rough_along_the_normal():
     assert more == pytest.approx(math.cos(0.2) * rough.relief.without_form.height_at(*place.T[:2]))
 
 
+@pytest.mark.parametrize("relief", [{}, {"tilt_x": 0.2}, {"tilt_x": 0.2, "radius_y": 0.05}])
+def test_a_skin_that_is_worked_out_once_pushes_as_one_that_is_worked_out_for_each_speed(relief):
+    body = specimen(viscosity=362.0, roughness=1e-4, seed=3, **relief)
+    position, velocity = np.random.default_rng(2).normal(0.0, 1e-3, (2, 20, 3)) - np.array([0.0, 0.0, 3e-3])
+    time, under = np.arange(20.0), body.under(position)
+    pushes = [under.push(time, speed * velocity) for speed in (0.0, 1.0, 2.0)]
+    for speed, push in zip((0.0, 1.0, 2.0), pushes, strict=True):
+        np.testing.assert_array_equal(push, body.push(time, position, speed * velocity))
+    assert pushes[2] - pushes[1] == pytest.approx(pushes[1] - pushes[0])  # damping is linear in the speed
+    assert (pushes[1] > pushes[0]).any()
+
+
 def test_what_the_model_states_of_the_skin_is_not_the_true_one():
     stated = DimensionalityReduction.model_validate({"indenter": Sphere(radius=R), "skin": {"inclination": "20 deg"}})
     np.testing.assert_array_equal(press(specimen(model=stated)), press(specimen()))
