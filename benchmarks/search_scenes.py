@@ -42,7 +42,7 @@ class Scene:
         specimen = self.pipeline.devices["rig"].specimen  # type: ignore[attr-defined]
         plain = specimen.model_copy(update={"inclusions": ()})
         tips = np.pad(places, ((0, 0), (0, 1)))
-        return specimen.theta(tips)[0] / plain.theta(tips)[0] - 1
+        return specimen.under(tips).theta[0] / plain.under(tips).theta[0] - 1
 
 
 def scene(seed: int, count: int, peaks: tuple[float, float], body: str) -> Scene:

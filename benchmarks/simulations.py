@@ -2,7 +2,7 @@
 
 Run it with: python benchmarks/simulations.py [ROUNDS]. Processor time, in turns in one process, medians. The whole
 is `run_pipeline` on pipelines/raster.toml: motion, rig, alignment, estimates, log, table, diagnoses, result. The
-limit are the same trackers on the same samples, in one block.
+limit are the same trackers on the same samples, in one block. Linear algebra has one thread, as the command sets it.
 """
 
 import os
@@ -16,6 +16,7 @@ from pathlib import Path
 from palpate.config import load_pipeline
 from palpate.estimation import Samples
 from palpate.pipeline import run_pipeline, start_tracks
+from threadpoolctl import threadpool_limits
 
 RASTER = Path(__file__).parent.parent / "pipelines" / "raster.toml"
 
@@ -43,7 +44,7 @@ def main() -> None:
     pipeline, kept = load_pipeline(RASTER), Kept()
     taken: dict[str, list[float]] = {"palpate run, all of it": [], "its filter and smoother alone": []}
     clock: list[float] = []
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, threadpool_limits(limits=1):
         os.chdir(folder)
         run_pipeline(pipeline, Path("warm"), observer=kept)
         samples = Samples.joined(kept.blocks)

@@ -106,7 +106,7 @@ def paths_of(given: Pipeline, samples: Samples) -> Iterator[Path2D]:
 def rmse(path: Path2D, given: Pipeline) -> float:
     """Root mean square error of E [kPa] along the path, without its first and last millimetre."""
     moving = np.abs(path.place[:, 1]) < 0.034
-    error = path.value - given.devices["rig"].specimen.theta(np.pad(path.place, ((0, 0), (0, 1))))[0]  # type: ignore[attr-defined]
+    error = path.value - given.devices["rig"].specimen.under(np.pad(path.place, ((0, 0), (0, 1)))).theta[0]  # type: ignore[attr-defined]
     return float(np.sqrt(np.mean(error[moving] ** 2))) / 1e3
 
 

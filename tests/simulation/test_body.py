@@ -53,7 +53,7 @@ def test_a_lump_is_felt_where_the_skin_is_over_it():
     for row, felt in ((0, True), (1, False)):
         tip = there.position[row] - 0.003 * there.normal[row]
         at = tip + DR.indenter.radius * (there.normal[row] - [0.0, 0.0, 1.0])  # as `upright_place` has it
-        stiff, soft = (float(np.ravel(one.theta(at[None])[0])[0]) for one in (specimen, plain))
+        stiff, soft = (float(np.ravel(one.under(at[None]).theta[0])[0]) for one in (specimen, plain))
         assert (stiff > 1.3 * soft) if felt else (stiff == pytest.approx(soft, rel=1e-3))
 
 

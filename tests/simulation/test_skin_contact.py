@@ -23,7 +23,7 @@ def press(body, pieces=1, speed=10e-3):
     """Force (n, 3) of a press straight down, from the first touch to DEPTH, asked for in so many pieces."""
     touch = 0.0
     for _ in range(50):
-        touch += float(body.depth(np.array([[0.0, 0.0, touch]]), np.zeros((1, 3)))[0][0])
+        touch += float(body.under(np.array([[0.0, 0.0, touch]])).depth[0])
     position, velocity = np.zeros((COUNT, 3)), np.zeros((COUNT, 3))
     position[:, 2], velocity[:, 2] = touch - np.linspace(0.0, DEPTH, COUNT), -speed
     contact, time = SkinContact(), np.linspace(0.0, DEPTH, COUNT) / speed
@@ -110,9 +110,21 @@ def test_the_ellipse_is_that_of_an_ellipsoid_of_pressure(narrow):
 def test_a_skin_that_is_tilted_and_rough_is_rough_along_the_normal():
     rough = specimen(tilt_x=0.2, roughness=1e-4, seed=3)
     smooth = specimen(tilt_x=0.2)
-    place, moving = np.array([[0.01, 0.0, 0.0]]), np.array([[0.0, 0.0, -1e-3]])
-    more = rough.depth(place, moving)[0] - smooth.depth(place, moving)[0]
+    place = np.array([[0.01, 0.0, 0.0]])
+    more = rough.under(place).depth - smooth.under(place).depth
     assert more == pytest.approx(math.cos(0.2) * rough.relief.without_form.height_at(*place.T[:2]))
+
+
+@pytest.mark.parametrize("relief", [{}, {"tilt_x": 0.2}, {"tilt_x": 0.2, "radius_y": 0.05}])
+def test_a_skin_that_is_worked_out_once_pushes_as_one_that_is_worked_out_for_each_speed(relief):
+    body = specimen(viscosity=362.0, roughness=1e-4, seed=3, **relief)
+    position, velocity = np.random.default_rng(2).normal(0.0, 1e-3, (2, 20, 3)) - np.array([0.0, 0.0, 3e-3])
+    time, under = np.arange(20.0), body.under(position)
+    pushes = [under.push(time, speed * velocity) for speed in (0.0, 1.0, 2.0)]
+    for speed, push in zip((0.0, 1.0, 2.0), pushes, strict=True):
+        np.testing.assert_array_equal(push, body.push(time, position, speed * velocity))
+    assert pushes[2] - pushes[1] == pytest.approx(pushes[1] - pushes[0])  # damping is linear in the speed
+    assert (pushes[1] > pushes[0]).any()
 
 
 def test_what_the_model_states_of_the_skin_is_not_the_true_one():

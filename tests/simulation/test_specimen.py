@@ -77,22 +77,22 @@ def test_relief_has_the_slopes_and_the_roughness_that_it_says():
     relief = Relief(roughness=1e-4, length=0.01, tilt_x=0.02, tilt_y=-0.01, seed=5)
     dice = np.random.default_rng(0)
     x, y = dice.uniform(-0.3, 0.3, (2, 4000))
-    height, along_x, along_y = relief.at(x, y)
-    step = 1e-7
-    assert along_x == pytest.approx((relief.at(x + step, y)[0] - relief.at(x - step, y)[0]) / (2 * step), abs=1e-6)
-    assert along_y == pytest.approx((relief.at(x, y + step)[0] - relief.at(x, y - step)[0]) / (2 * step), abs=1e-6)
+    height, slopes, step = relief.height_at(x, y), relief.slopes_at(x, y), 1e-7
+    for slope, tilt, (dx, dy) in zip(slopes, (0.02, -0.01), ((step, 0.0), (0.0, step)), strict=True):
+        rise = relief.height_at(x + dx, y + dy) - relief.height_at(x - dx, y - dy)
+        assert slope + np.tan(tilt) == pytest.approx(rise / (2 * step), abs=1e-6)
     rough = height - np.tan(0.02) * x - np.tan(-0.01) * y
     assert rough.std() == pytest.approx(1e-4, rel=0.1)
-    np.testing.assert_array_equal(height, relief.model_copy().at(x, y)[0])
-    assert not np.allclose(height, Relief(**{**relief.model_dump(), "seed": 6}).at(x, y)[0])
+    np.testing.assert_array_equal(height, relief.model_copy().height_at(x, y))
+    assert not np.allclose(height, Relief(**{**relief.model_dump(), "seed": 6}).height_at(x, y))
 
 
 def test_depth_is_measured_from_the_true_skin():
     tilted = specimen(surface=0.001, relief={"tilt_x": 0.1})
-    position = np.array([[0.02, 0.0, -0.002]])
-    depth, rate = tilted.depth(position, np.array([[0.004, 0.0, -0.001]]))
+    under = tilted.under(np.array([[0.02, 0.0, -0.002]]))
     ahead = 5e-3 * (1 / np.cos(0.1) - 1)  # the sphere touches beside its lowest point
-    assert depth == pytest.approx((0.001 + np.tan(0.1) * 0.02 + 0.002 + ahead) * np.cos(0.1))
+    assert under.depth == pytest.approx((0.001 + np.tan(0.1) * 0.02 + 0.002 + ahead) * np.cos(0.1))
+    rate = under.rate(np.array([[0.004, 0.0, -0.001]]))
     assert rate == pytest.approx((np.tan(0.1) * 0.004 + 0.001) * np.cos(0.1))
 
 
@@ -157,7 +157,7 @@ def test_the_papers_specimens_are_known_by_name(name, elasticity, viscosity, con
     assert known.diameter == (0.08 if name == "S5" else 0.05)
     for inclusion, contrast in zip(known.inclusions, contrasts, strict=True):
         x, y = inclusion.line[len(inclusion.line) // 2]
-        assert known.theta(np.array([[x, y, 0.0]]))[0] / elasticity - 1 == pytest.approx(contrast, abs=0.015)
+        assert known.under(np.array([[x, y, 0.0]])).theta[0] / elasticity - 1 == pytest.approx(contrast, abs=0.015)
 
 
 def test_what_is_said_replaces_what_the_papers_specimen_has():

@@ -99,9 +99,9 @@ class Inclusion(Settings):
             return np.asarray(np.hypot(x - line[0, 0], y - line[0, 1]))
         nearest = np.full(np.shape(x), np.inf)
         for (ax, ay), (bx, by) in itertools.pairwise(line):
-            way = (bx - ax) ** 2 + (by - ay) ** 2
-            along = np.clip(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / way, 0.0, 1.0)
-            nearest = np.minimum(nearest, np.hypot(x - ax - along * (bx - ax), y - ay - along * (by - ay)))
+            dx, dy, way_x, way_y = x - ax, y - ay, bx - ax, by - ay
+            along = np.clip((dx * way_x + dy * way_y) / (way_x**2 + way_y**2), 0.0, 1.0)
+            nearest = np.minimum(nearest, np.hypot(dx - along * way_x, dy - along * way_y))
         return nearest
 
     @cached_property

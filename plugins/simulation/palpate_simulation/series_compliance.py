@@ -32,8 +32,9 @@ def motion_behind_spring(
 
     def pushed(back: Floats, share: Floats) -> Floats:
         there, moving = left(back, share)
-        force = specimen.push(instants, there, moving)
-        return force if specimen.form is None else force * specimen.normal(there)[:, 2]
+        under = specimen.under(there)
+        force = under.push(instants, moving)
+        return force if specimen.form is None else force * under.normal[:, 2]
 
     back, share = np.zeros(len(instants)), np.ones(len(instants))
     for _ in range(_MOST):

@@ -19,22 +19,21 @@ class _ContactHistory:
     def __init__(self, specimen: Specimen, place: Floats) -> None:
         self._specimen, self._place = specimen, place
         self._model = specimen.model
-        on_the_skin = np.array([[*place[:2], specimen.surface]])
-        self._theta = [float(np.ravel(value)[0]) for value in specimen.theta(on_the_skin)]
+        on_the_skin = specimen.under(np.array([[*place[:2], specimen.surface]]))
+        self._theta = [float(np.ravel(value)[0]) for value in on_the_skin.theta]
         self._states = [0.0] * len(self._model.memory)
         self._share = 1.0 if specimen.scatter is None else float(specimen.scatter.at(place[None, 0], place[None, 1])[0])
         if specimen.form is not None:
-            self._share *= float(np.ravel(specimen.curvature_share(on_the_skin))[0])
+            self._share *= float(np.ravel(on_the_skin.share)[0])
         if specimen.conditioning is not None:
             self._share *= specimen.conditioning.factor(specimen.palpated)
 
     def at(self, height: float, speed: float, period: float) -> float:
         """[N] with the tip at a height [m] and speed [m/s], a period [s] after the one before."""
-        position = np.array([[*self._place[:2], height]])
-        depths, rates = self._specimen.depth(position, np.array([[0.0, 0.0, speed]]))
-        depth, rate = float(depths[0]), float(rates[0])
+        under = self._specimen.under(np.array([[*self._place[:2], height]]))
+        depth, rate = float(under.depth[0]), float(under.rate(np.array([[0.0, 0.0, speed]]))[0])
         model, theta, count = self._model, self._theta, len(self._states)
-        upright = float(self._specimen.normal(position)[0, 2])  # of the force along the normal, that along the tool
+        upright = float(under.normal[0, 2])  # of the force along the normal, that along the tool
         if count:
             taken = model.memory_rate(depth, rate, theta, [0.0] * count)
             left = model.memory_rate(depth, rate, theta, [1.0] * count)

@@ -37,6 +37,8 @@ class SkinForm:
         """
         axes, (by_x, by_y) = self._axes, self.curvatures
         along, beside, height = axes @ points.T
+        if not (by_x or by_y):
+            return height, np.broadcast_to(axes[2], points.shape)
         height, up, aside = _from_circle(height, along, by_x)
         distance, rise, across = _from_circle(height, beside, by_y)
         return distance, np.column_stack([rise * aside, across, rise * up]) @ axes

@@ -17,22 +17,19 @@ from palpate import (
     Setpoint,
     Settings,
     Surface,
-    contact_force,
-    force_over_time,
-    loading_cycle_force,
     to_si,
 )
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from palpate_simulation.inclusions import Inclusion
 from palpate_simulation.paper_specimens import SPECIMENS
-from palpate_simulation.skin_form import SkinForm, elliptic_share
+from palpate_simulation.skin_form import SkinForm
 from palpate_simulation.skin_on_surface import SkinOnSurface
+from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen_layers import Layer, layered_factors
 from palpate_simulation.specimen_scatter import Conditioning, Scatter
 from palpate_simulation.surface_relief import Relief
 
-_REVERSAL = 2e-5  # [m] that a position loop may swing back
 _SLIP = 1e-4  # [m/s] of sliding over which friction comes up
 _ROUND = (1e-6, 1e-4, 0.02)  # [m] depths at which a round tip has the same radius a^2/d, and within what
 
@@ -129,7 +126,7 @@ class Specimen(Settings):
 
     @model_validator(mode="after")
     def _layers_need_a_tip(self) -> Self:
-        if self.layers and self._indenter is None:
+        if self.layers and self.indenter is None:
             raise ValueError(
                 "layers need a model with an indenter: the depth that is felt depends on the contact's radius"
             )
@@ -144,20 +141,20 @@ class Specimen(Settings):
         curvatures = (0.0, 0.0) if self.relief.form is None else self.relief.form.curvatures
         if not any(curvatures):
             return self
-        if not self._tip_radius:
+        if not self.tip_radius:
             raise ValueError("relief: radius_x, radius_y need a model whose indenter has a round end, as a sphere has")
-        if min(curvatures) * self._tip_radius <= -1.0:
+        if min(curvatures) * self.tip_radius <= -1.0:
             raise ValueError("relief: a hollow is narrower than the tip")
         return self
 
     def _with_a_body(self) -> Self:
         if self.relief.form is not None:
             raise ValueError("relief: tilt and radii are those of body: leave one of them out")
-        if not self._tip_radius:
+        if not self.tip_radius:
             raise ValueError("body needs a model whose indenter has a round end, as a sphere has")
         if any(inclusion.shape != "sphere" for inclusion in self.inclusions):
             raise ValueError('inclusions: below the skin of a body they have shape = "sphere"')
-        _ = self._over_inclusions
+        _ = self.over_inclusions
         return self
 
     @cached_property
@@ -166,147 +163,51 @@ class Specimen(Settings):
         return self.relief.form if self.body is None else SkinOnSurface(self.body)
 
     @cached_property
-    def _over_inclusions(self) -> list[Floats]:
+    def over_inclusions(self) -> list[Floats]:
         """Places (3,) [m] of a body's skin over its inclusions."""
         return [self.form.over(one.place) for one in self.inclusions] if isinstance(self.form, SkinOnSurface) else []
 
     @property
-    def _indenter(self) -> Indenter | None:
+    def indenter(self) -> Indenter | None:
+        """The tip, of a model that has one."""
         return getattr(self.model, "indenter", None)
 
     @cached_property
-    def _tip_radius(self) -> float:
+    def tip_radius(self) -> float:
         """Radius [m] of a tip with a round end; 0 of any other, which counts as its lowest point."""
-        if self._indenter is None:
+        if self.indenter is None:
             return 0.0
         shallow, deep, within = _ROUND
-        radius, other = (float(self._indenter.contact_radius(depth)) ** 2 / depth for depth in (shallow, deep))
+        radius, other = (float(self.indenter.contact_radius(depth)) ** 2 / depth for depth in (shallow, deep))
         return radius if abs(other / radius - 1.0) < within else 0.0
 
     @cached_property
-    def _layered(self) -> tuple[Floats, Floats]:
+    def layered(self) -> tuple[Floats, Floats]:
         """Depths [m] and the factors of the layers at them."""
-        assert self._indenter is not None
-        return layered_factors(self.layers, self._indenter)
-
-    def depth(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-        """Depth [m] below the true skin and its rate [m/s], (n,), of a tip at positions (n, 3) with velocities.
-
-        Both are along the local normal, and of a round tip those of the place that is deepest in the skin.
-        """
-        if self.form is not None:
-            return self._depth_along_the_normal(self.form, position, velocity)
-        height, along_x, along_y = self.relief.at(position[:, 0], position[:, 1])
-        rise = along_x * velocity[:, 0] + along_y * velocity[:, 1]
-        return self.surface + height - position[:, 2], rise - velocity[:, 2]
-
-    def _depth_along_the_normal(
-        self, form: SkinForm | SkinOnSurface, position: Floats, velocity: Floats
-    ) -> tuple[Floats, Floats]:
-        distance, normal = form.near(self._centre(position))
-        depth, rate = self._tip_radius - distance, -np.sum(velocity * normal, axis=1)
-        if self.relief.roughness > 0:
-            height, along_x, along_y = self.relief.without_form.at(position[:, 0], position[:, 1])
-            depth = depth + normal[:, 2] * height
-            rate = rate + normal[:, 2] * (along_x * velocity[:, 0] + along_y * velocity[:, 1])
-        return depth, rate
-
-    def _centre(self, position: Floats) -> Floats:
-        """Centres (n, 3) [m] of the sphere that a tip ends in, over the origin of the skin."""
-        return np.asarray(position + np.array([0.0, 0.0, self._tip_radius - self.surface]))
+        assert self.indenter is not None
+        return layered_factors(self.layers, self.indenter)
 
     def upright_place(self, position: Floats, velocity: Floats, out: Floats, rate: Floats) -> tuple[Floats, Floats]:
         """Positions and velocities (n, 3) of an upright tip whose round end is where that of a turned tool is.
 
         `out` (n, 3) points from the tip along the tool, and changes at a `rate` (n, 3) [1/s].
         """
-        radius = self._tip_radius
+        radius = self.tip_radius
         return position + radius * (out - np.array([0.0, 0.0, 1.0])), velocity + radius * rate
 
-    def curvature_share(self, position: Floats) -> Floats | float:
-        """Force on the curved skin over that on a flat one at the same depth, at positions (n, 3) [m] of the tip."""
-        if isinstance(self.form, SkinOnSurface):
-            return self.form.share(self._centre(position), self._tip_radius)
-        curved = self.form is not None and any(self.form.curvatures)
-        return elliptic_share(self._tip_radius, self.form.curvatures) if self.form and curved else 1.0
-
-    def normal(self, position: Floats) -> Floats:
-        """Outward normals (n, 3) of the skin under a tip at positions (n, 3) [m]."""
-        if self.form is None:
-            return np.broadcast_to((0.0, 0.0, 1.0), position.shape)
-        return self.form.near(self._centre(position))[1]
-
-    def theta(self, position: Floats) -> list[Any]:
-        """The model's parameters where a tip at positions (n, 3) [m] feels them.
-
-        On a body, an inclusion is as far away as the skin over it, straight through.
-        """
-        theta: list[Any] = [self.parameters[parameter.name] for parameter in self.model.parameters]
-        if not self.inclusions:
-            return theta
-        radius = 0.0 if self._indenter is None else float(self._indenter.contact_radius(self.felt_at))
-        if isinstance(self.form, SkinOnSurface):
-            feet = self.form.feet(self._centre(position))
-            far = [np.linalg.norm(feet - over, axis=1) for over in self._over_inclusions]
-            contrasts = [one.contrast_at(rho, radius) for one, rho in zip(self.inclusions, far, strict=True)]
-        else:
-            x, y = position[:, 0], position[:, 1]
-            contrasts = [one.contrast(x, y, radius) for one in self.inclusions]
-        factor = 1.0 + sum(contrasts)
-        return self._stiffened(theta, np.maximum(factor, 0.01))
-
-    def _stiffened(self, theta: list[Any], factor: Floats) -> list[Any]:
-        """The parameters with those that the force is proportional to made larger by a factor (n,)."""
-        roles = [parameter.role for parameter in self.model.parameters]
-        return [value * factor if role else value for value, role in zip(theta, roles, strict=True)]
+    def under(self, position: Floats) -> SkinUnderTip:
+        """The skin under a tip at positions (n, 3) [m]."""
+        return SkinUnderTip(self, position)
 
     def push(self, instants: Floats, position: Floats, velocity: Floats) -> Floats:
-        """Force (n,) [N] along the normal on a tip at positions (n, 3) with velocities, at instants (n,) [s] in order.
-
-        Raises ConfigurationError where a model with memory is asked for what it cannot: inclusions, or forgetting that
-        is too fast for the instants.
-        """
-        force = self._force(instants, position, velocity)
-        if self.form is not None:
-            force = force * self.curvature_share(position)
-        if self.scatter is not None:
-            force = force * self.scatter.at(position[:, 0], position[:, 1])
-        return force if self.conditioning is None else force * self.conditioning.factor(self.palpated)
+        """Force (n,) [N] along the normal on a tip at positions (n, 3) with velocities; see `SkinUnderTip.push`."""
+        return self.under(position).push(instants, velocity)
 
     def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Self:
         """The specimen after palpations at distances [m] and ages [s]."""
         if self.conditioning is None:
             return self
         return self.model_copy(update={"palpated": self.palpated + self.conditioning.left_of(earlier)})
-
-    def _force(self, instants: Floats, position: Floats, velocity: Floats) -> Floats:
-        depth, rate = self.depth(position, velocity)
-        if self.unloading == "ting":
-            return self._by_ting(instants, depth)
-        if not self.model.memory:
-            if not self.model.adhesive and depth.max(initial=0.0) <= 0.0:
-                return np.zeros(len(depth))  # in air: what a live twin is most of the time
-            theta = self.theta(position)
-            if self.layers:
-                theta = self._stiffened(theta, np.interp(depth, *self._layered))
-            return np.asarray(contact_force(self.model, depth, rate, theta, pulls=False), float)
-        if self.inclusions:
-            raise ConfigurationError("device sim: specimen: a model with memory can have no inclusions")
-        values = [self.parameters[parameter.name] for parameter in self.model.parameters]
-        try:
-            return force_over_time(self.model, instants, depth, rate, values, pulls=False)
-        except ValueError as error:
-            raise ConfigurationError(f"device sim: specimen: {error}") from error
-
-    def _by_ting(self, instants: Floats, depth: Floats) -> Floats:
-        """Contact force (n,) [N] after Ting; raises ConfigurationError for what it is not for."""
-        if self.inclusions or self.layers:
-            raise ConfigurationError('device sim: specimen: unloading = "ting" is for a homogeneous material')
-        values = [self.parameters[parameter.name] for parameter in self.model.parameters]
-        try:
-            return loading_cycle_force(self.model, instants, depth, values, _REVERSAL)
-        except ValueError as error:
-            raise ConfigurationError(f"device sim: specimen: {error}") from error
 
     def with_friction(self, contact: Floats, velocity: Floats) -> Floats:
         """Force (n, 3) [N] on a tip: the contact force (n,) along z, friction against its velocity (n, 3) [m/s].

@@ -72,21 +72,17 @@ class Relief(Settings):
         numbers, phases = plane_waves(self.seed, self.length)
         return numbers, phases, np.full(WAVES, self.roughness * np.sqrt(2.0 / WAVES))
 
-    def at(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Height [m] and its slopes towards x and y, each (n,)."""
-        height, (along_x, along_y) = self._level(x, y), self._tilt
-        slope_x, slope_y = np.full_like(height, along_x), np.full_like(height, along_y)
-        if self.form is not None and any(self.form.curvatures):
-            _, normal = self.form.near(np.column_stack([x, y, height]))
-            slope_x, slope_y = (-normal[:, i] / normal[:, 2] for i in (0, 1))
-        self._rough(lambda rows: self._roughen(x[rows], y[rows], height[rows], slope_x[rows], slope_y[rows]), height)
-        return height, slope_x, slope_y
-
     def height_at(self, x: Floats, y: Floats) -> Floats:
-        """Height (n,) [m], as `at` has it."""
+        """Height (n,) [m] at x, y (n,) [m]."""
         height = self._level(x, y)
-        self._rough(lambda rows: self._roughen(x[rows], y[rows], height[rows], None, None), height)
+        self._rough(lambda rows: self._roughen(x[rows], y[rows], height[rows]), len(height))
         return height
+
+    def slopes_at(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Slopes (n,) of the roughness towards x and y, at x, y (n,) [m]."""
+        slope_x, slope_y = np.zeros_like(x), np.zeros_like(y)
+        self._rough(lambda rows: self._slope(x[rows], y[rows], slope_x[rows], slope_y[rows]), len(x))
+        return slope_x, slope_y
 
     @property
     def _tilt(self) -> tuple[float, float]:
@@ -98,26 +94,27 @@ class Relief(Settings):
         along_x, along_y = self._tilt
         return along_x * x + along_y * y
 
-    def _rough(self, roughen: Callable[[slice], None], height: Floats) -> None:
-        """Have the roughness added, where there is some, to some thousand places at a time; to many by all cores."""
+    def _rough(self, work: Callable[[slice], None], places: int) -> None:
+        """Have work on the roughness done, where there is some: thousands of places at a time, many by all cores."""
         if self.roughness <= 0:
             return
-        rows = [slice(begin, begin + _TOGETHER) for begin in range(0, len(height), _TOGETHER)]
+        rows = [slice(begin, begin + _TOGETHER) for begin in range(0, places, _TOGETHER)]
         if len(rows) < _MANY:
             for one in rows:
-                roughen(one)
+                work(one)
             return
         with ThreadPoolExecutor(os.cpu_count()) as pool:  # cosines of thousands let go of the interpreter
-            for _ in pool.map(roughen, rows):
+            for _ in pool.map(work, rows):
                 pass
 
-    def _roughen(self, x: Floats, y: Floats, height: Floats, slope_x: Floats | None, slope_y: Floats | None) -> None:
-        """Add the roughness to height and slopes (n,)."""
+    def _roughen(self, x: Floats, y: Floats, height: Floats) -> None:
+        """Add the roughness to heights (n,)."""
         for (kx, ky), phase, amplitude in zip(*self._waves, strict=True):
-            angle = kx * x + ky * y + phase
-            height += amplitude * np.cos(angle)
-            if slope_x is None or slope_y is None:
-                continue
-            steepness = -amplitude * np.sin(angle)
+            height += amplitude * np.cos(kx * x + ky * y + phase)
+
+    def _slope(self, x: Floats, y: Floats, slope_x: Floats, slope_y: Floats) -> None:
+        """Add the slopes of the roughness (n,)."""
+        for (kx, ky), phase, amplitude in zip(*self._waves, strict=True):
+            steepness = -amplitude * np.sin(kx * x + ky * y + phase)
             slope_x += kx * steepness
             slope_y += ky * steepness
