@@ -113,7 +113,11 @@ from .result.track_evidence import (
 from .result.track_result import TrackSummary as TrackSummary
 from .result.track_tail import Tail as Tail
 from .result.uncertain_value import Bias as Bias
-from .rotation_vectors import angular_velocities as angular_velocities, turned_axes as turned_axes
+from .rotation_vectors import (
+    angular_velocities as angular_velocities,
+    rotation_rows as rotation_rows,
+    turned_axes as turned_axes,
+)
 from .simulated_clock import SimulatedClock as SimulatedClock
 from .simulated_turns import EndOfThread as EndOfThread, HoldUp as HoldUp
 from .sink import (

@@ -1,12 +1,33 @@
-"""Rotation vectors: what they make of an axis, and how fast a body turns whose rotation vector changes."""
+"""Rotation vectors: their matrices, what they make of an axis, and how fast a body turns whose vector changes."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from palpate.vectors import Floats
 
 _SMALL = 1e-4  # [rad]; below, the series in the angle
+
+Row = tuple[float, float, float]
+
+
+def rotation_rows(vector: Sequence[float]) -> tuple[Row, Row, Row]:
+    """Rotation (3, 3) of a rotation vector [rad] by rows: cos(a) 1 + sin(a) [u]x + (1 - cos(a)) u u^T (Rodrigues)."""
+    x, y, z = vector
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-12:
+        return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    x, y, z = x / angle, y / angle, z / angle
+    c, s = math.cos(angle), math.sin(angle)
+    k = 1.0 - c
+    return (
+        (c + k * (x * x), s * -z + k * (x * y), s * y + k * (x * z)),
+        (s * z + k * (y * x), c + k * (y * y), s * -x + k * (y * z)),
+        (s * -y + k * (z * x), s * x + k * (z * y), c + k * (z * z)),
+    )
 
 
 def turned_axes(rotation: Floats) -> Floats:

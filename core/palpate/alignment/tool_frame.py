@@ -9,6 +9,7 @@ import numpy as np
 
 from palpate.alignment.ports import Port, Ports
 from palpate.alignment.settings import AlignmentSettings
+from palpate.rotation_vectors import rotation_rows
 from palpate.vectors import Floats
 
 GRAVITY = 9.80665  # [m/s^2], standard
@@ -27,21 +28,6 @@ def mounting_of(settings: AlignmentSettings, axis: int) -> tuple[float, ...] | N
     if axis != 2:
         return None
     return _HALF_TURN if settings.force.sign == 1 else (0.0, 0.0, 0.0)
-
-
-def rotation_rows(vector: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-    """Rotation (3, 3) of a rotation vector [rad] by rows: cos(a) 1 + sin(a) [u]x + (1 - cos(a)) u u^T (Rodrigues)."""
-    angle = math.hypot(*vector)
-    if angle < 1e-12:
-        return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    x, y, z = (part / angle for part in vector)
-    c, s = math.cos(angle), math.sin(angle)
-    k = 1.0 - c
-    return (
-        (c + k * x * x, k * x * y - s * z, k * x * z + s * y),
-        (k * y * x + s * z, c + k * y * y, k * y * z - s * x),
-        (k * z * x - s * y, k * z * y + s * x, c + k * z * z),
-    )
 
 
 @dataclass(frozen=True)

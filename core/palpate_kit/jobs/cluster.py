@@ -156,7 +156,7 @@ def _demand_shared(client: Any, folder: Path) -> None:
         if not sees:
             raise ConfigurationError(
                 f"{folder}: worker {worker} does not see this folder: give --out a path that all machines share, "
-                "or --stage, such as s3://bucket/place"
+                "or --stage, such as s3://bucket/place (not with --each)"
             )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from palpate import Floats
+from palpate import Floats, rotation_rows
 
 ALPHA = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)  # [rad]
 _TWIST = tuple((round(math.cos(alpha), 15), round(math.sin(alpha), 15)) for alpha in ALPHA)
@@ -136,23 +136,7 @@ def joints_at(
 
 def rotation_matrix(vector: Sequence[float]) -> Floats:
     """Rotation (3, 3) of a rotation vector [rad] (Rodrigues)."""
-    return np.array(_rotation(vector))
-
-
-def _rotation(vector: Sequence[float]) -> tuple[tuple[float, float, float], ...]:
-    """Its rows: c I + s [u]x + (1 - c) u u'."""
-    x, y, z = vector
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle < 1e-12:
-        return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    x, y, z = x / angle, y / angle, z / angle
-    c, s = math.cos(angle), math.sin(angle)
-    k = 1.0 - c
-    return (
-        (c + k * (x * x), s * -z + k * (x * y), s * y + k * (x * z)),
-        (s * z + k * (y * x), c + k * (y * y), s * -x + k * (y * z)),
-        (s * -y + k * (z * x), s * x + k * (z * y), c + k * (z * z)),
-    )
+    return np.array(rotation_rows(vector))
 
 
 def rotation_vector(matrix: Floats) -> Floats:
@@ -184,7 +168,7 @@ def shortest_turn(axis: Floats) -> Floats:
 
 def matrix_of(pose: Sequence[float]) -> Floats:
     """Pose (4, 4) of UR's six numbers: position [m] and rotation vector [rad]."""
-    rows = [(*row, place) for row, place in zip(_rotation(pose[3:]), pose[:3], strict=True)]
+    rows = [(*row, place) for row, place in zip(rotation_rows(pose[3:]), pose[:3], strict=True)]
     return np.array([*rows, (0.0, 0.0, 0.0, 1.0)])
 
 

@@ -56,7 +56,7 @@ class SkinContact:
         step, speed = (_across(way, normal) for way in (np.diff(position, axis=0, prepend=before), velocity))
         springs, dampers = -stiffness[:, None] * step, -damping[:, None] * speed
         columns = [column.tolist() for column in (*springs.T, *dampers.T, *normal.T, limit)]
-        (x, y, z), force = self._spring.tolist(), []
+        (x, y, z), force = self._spring.tolist(), list[float]()
         for by_x, by_y, by_z, drag_x, drag_y, drag_z, out_x, out_y, out_z, most in zip(*columns, strict=True):
             if most <= 0.0:
                 x = y = z = 0.0
