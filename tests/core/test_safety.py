@@ -497,6 +497,7 @@ def test_contact_is_felt_by_what_a_retreat_takes_away():
         refuse_contact(felt, "s.wrench.z")
     with pytest.raises(DeviceError, match=r"rose by .*sign = -1"):
         refuse_contact(compare_readings(noise[:800], noise[800:1040] + 0.05, 1), "s.wrench.z")
+    refuse_contact(replace(felt, drift=0.1), "s.wrench.z")
     assert compare_readings(noise[:800], noise[:5], 1) is None
 
 

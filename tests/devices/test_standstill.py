@@ -56,6 +56,16 @@ def test_an_offset_that_no_tip_explains(simulated):
 
 
 @pytest.mark.slow
+def test_a_zero_that_drifts_is_no_contact(simulated):
+    """What the sensor may drift by between standstill and retreat is allowed for, and no more."""
+    twin = simulated(*SHORT, "trajectory.press.duration=0.5 s", "twin.bench.drift=500 N/h")
+    with pytest.raises(DeviceError, match=r"rose by 0\.\d+ N, .* when the tip retreated"):
+        twin.run(out="refused")
+    found = twin.run("alignment.drift=600 N/h").run["live"]["felt"]
+    assert 5 * found["std"] < -found["change"] < found["drift"]
+
+
+@pytest.mark.slow
 def test_the_way_to_the_start_keeps_the_box(simulated):
     """The tip stands over the box, near enough to the start: nothing moves, and the doctor says it before."""
     twin = simulated(*SHORT, "twin.bench.height=25 mm")

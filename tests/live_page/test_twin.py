@@ -23,12 +23,12 @@ def test_the_stop_button_ends_a_run_in_contact_with_the_arm_retracted(bench, add
 
     def press():
         try:
-            tab = chromium.open(addresses.get(timeout=60))
-            tab.until("document.getElementById('state')?.textContent === 'moving'", 60)
+            tab = chromium.open(addresses.get(timeout=180))
+            tab.until("document.getElementById('state')?.textContent === 'moving'", 180)
             twin.wait(lambda state: state["height"] < -0.002)
             tab.click("stop")
-            tab.until("document.getElementById('state')?.textContent === 'stopped by the guard'", 60)
-            return tab.until("document.getElementById('why')?.textContent", 60)
+            tab.until("document.getElementById('state')?.textContent === 'stopped by the guard'", 180)
+            return tab.until("document.getElementById('why')?.textContent", 180)
         except BaseException:
             os.kill(os.getpid(), signal.SIGINT)  # the run must not go on without its test
             raise

@@ -75,6 +75,11 @@ class Guard:
         """The force's readings at standstill (n,)."""
         return self._force.at_standstill()
 
+    @property
+    def standstill_middle(self) -> int:
+        """When [ns] that standstill was half over, on the host's clock."""
+        return self._force.standstill_middle
+
     def begin(self, arms: Mapping[str, Arm]) -> None:
         """From now on the arms are to be stopped, and silence is a fault."""
         self._arms, self._moving = list(arms.values()), set(arms)
@@ -149,7 +154,7 @@ class Guard:
         key = (device, batch.stream)
         for watch in (self._force, self._position, self._velocity):
             if self.contact.tare is None and watch is not None and watch.port.key == key:
-                watch.standstill.append(watch.of(batch))
+                watch.add_standstill(batch)
         if self._limits is None:
             return
         if self._force.port.key == key:

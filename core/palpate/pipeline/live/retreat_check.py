@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,10 +26,11 @@ class RetreatCheck:
 
     change: float  # [N] of the force's mean, positive where it fell
     std: float  # [N] standard uncertainty of that change
+    drift: float = 0.0  # [N] what the sensor's zero may have drifted by meanwhile
 
     def table(self) -> dict[str, Any]:
         """As in ``result.json``."""
-        return {"change": self.change, "std": self.std}
+        return {"change": self.change, "std": self.std, "drift": self.drift}
 
 
 def check_tip_is_free(live: LiveRun) -> RetreatCheck | None:
@@ -42,7 +43,8 @@ def check_tip_is_free(live: LiveRun) -> RetreatCheck | None:
         return None
     port = live.guard.force
     took = max(arm.retreat(_RETREAT, _SPEED) for arm in able)
-    after = _force_from(live, host_time_ns() + round(1e9 * (took + _SETTLE)))
+    begin = host_time_ns() + round(1e9 * (took + _SETTLE))
+    after = _force_from(live, begin)
     if live.is_stopped:
         return None
     found = compare_readings(live.guard.standstill_force, after, port.signal.sign)
@@ -50,6 +52,8 @@ def check_tip_is_free(live: LiveRun) -> RetreatCheck | None:
         raise DeviceError(
             f"{port.signal.channel} gave no valid reading after the retreat of 0.5 mm: check the sensor and its cable"
         )
+    apart = (begin - live.guard.standstill_middle) / 1e9 + _LISTEN / 2
+    found = replace(found, drift=live.rig.alignment.drift * apart)
     refuse_contact(found, port.signal.channel)
     return found
 
@@ -70,8 +74,8 @@ def _force_from(live: LiveRun, begin: int) -> Floats:
 
 
 def refuse_contact(found: RetreatCheck, force: str) -> None:
-    """Raise DeviceError where the force changed by more than its scatter explains."""
-    if abs(found.change) <= _SIGNIFICANT * found.std:
+    """Raise DeviceError where the force changed by more than its scatter and the sensor's drift explain."""
+    if abs(found.change) <= _SIGNIFICANT * found.std + found.drift:
         return
     what = (
         f"by {abs(found.change):.3f} N, {abs(found.change) / max(found.std, 1e-9):.0f} times its standard uncertainty"

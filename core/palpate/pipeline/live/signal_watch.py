@@ -14,7 +14,8 @@ class SignalWatch:
 
     def __init__(self, port: Port) -> None:
         self.port, self.name = port, port.signal.channel
-        self.standstill: list[Floats] = []
+        self._standstill: list[Floats] = []
+        self._standstill_times: list[int] = []  # [ns] when they were received: first and last of each batch
         self.heard: int | None = None  # [ns] the latest reading, on the clock of the process that receives it
         self._looks: dict[str, int] = {}  # by stream of the device: when that process last looked [ns]
 
@@ -41,7 +42,17 @@ class SignalWatch:
         self.heard = None
         self._looks.clear()
 
+    def add_standstill(self, batch: Batch) -> None:
+        """Readings of the standstill; there is at least one."""
+        self._standstill.append(self.of(batch))
+        self._standstill_times += [int(batch.received[0]), int(batch.received[-1])]
+
     def at_standstill(self) -> Floats:
         """The finite readings (n,) at standstill."""
-        values = np.concatenate(self.standstill) if self.standstill else np.zeros(0)
+        values = np.concatenate(self._standstill) if self._standstill else np.zeros(0)
         return values[np.isfinite(values)]
+
+    @property
+    def standstill_middle(self) -> int:
+        """When [ns] the standstill was half over, on the clock of the process that receives."""
+        return (self._standstill_times[0] + self._standstill_times[-1]) // 2
