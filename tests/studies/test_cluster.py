@@ -1,15 +1,18 @@
 """Sweeps on the workers of a scheduler: the same table as here, nothing twice, nothing lost, other versions refused."""
 
+import contextlib
 import json
 import os
 import pickle
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -382,6 +385,62 @@ def test_workers_that_share_no_folder_get_inputs_and_give_runs_by_way_of_s3(sche
     assert "combination 1 was run with other settings" in other.stderr or "combination 2 was" in other.stderr
 
 
+class Cable:
+    """Between a client and a server: pulled when a word passes, and from then on nobody answers."""
+
+    def __init__(self, port, word):
+        self._port, self._word = port, word
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self._server.getsockname()[1]}"
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self):
+        while True:
+            try:
+                client, _ = self._server.accept()
+            except OSError:
+                return
+            server = socket.create_connection(("127.0.0.1", self._port))
+            for one, other in ((client, server), (server, client)):
+                threading.Thread(target=self._carry, args=(one, other), daemon=True).start()
+
+    def _carry(self, one, other):
+        with contextlib.suppress(OSError):
+            while data := one.recv(65536):
+                if self._word in data:
+                    self._server.shutdown(socket.SHUT_RDWR)
+                    self._server.close()
+                    break
+                other.sendall(data)
+        for end in (one, other):
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("word", [b"/inputs/", b"runs/00002/log"], ids=["inputs", "run"])
+def test_a_store_that_is_lost_ends_a_sweep_that_the_same_words_continue(
+    scheduler, store, palpate_process, tmp_path, word
+):
+    """It is lost to the machine that asks: while inputs are put there, or while a run is brought."""
+    if store is None:
+        pytest.skip("no S3 server here: pip install 'moto[server]' s3fs")
+    file = _csv_pipeline(tmp_path / "own")
+    file.write_text(file.read_text() + '[sink.log]\ntype = "mcap"\n')
+    place, out = f"s3://bucket/{tmp_path.name}", tmp_path / "out"
+    command = ("sweep", file, "--json", "--scheduler", scheduler, "--stage", place, "--out", out)
+    cable = Cable(int(os.environ["AWS_ENDPOINT_URL"].rpartition(":")[2]), word)
+    lost = palpate_process(*command, AWS_ENDPOINT_URL=cable.url)
+    assert lost.returncode == 2
+    assert re.search(rf"--stage {place}: \w+: .*go on with the same --out", lost.stderr), lost.stderr
+    assert "Traceback" not in lost.stderr
+    assert not (out / "00002").exists()
+    done = palpate_process(*command)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["failed"] == 0
+    assert not [path for path in out.iterdir() if path.name.startswith(".")]
+
+
 OWN = """
 from palpate import plugin
 from palpate_fits import CasadiFit
@@ -448,7 +507,9 @@ def test_an_input_is_put_where_it_belongs_and_nothing_is_written_over(tmp_path):
     (stored,) = (tmp_path / "stage" / "inputs").iterdir()
     stored.write_bytes(content[:100])
     assert "press.csv is not whole there" in str(staging.run_staged(staged))
-    assert not list(log.parent.glob("tmp*"))
+    assert [path.name for path in log.parent.iterdir()] == ["sweep.toml"]
+    nowhere = replace(staged, stage=staging.Stage("http://127.0.0.1:9/stage"))
+    assert re.match(r"--stage http://127\.0\.0\.1:9/stage: \w+: ", str(staging.run_staged(nowhere)))
 
 
 def test_a_stage_without_a_scheduler_or_of_no_kind_is_a_mistake(palpate, point_pipeline, tmp_path):

@@ -81,12 +81,13 @@ class Child:
 
     def check(self, beat_limit: float | None = None) -> None:
         """Raise DeviceError where the child has reported a fault, has died, or has not beaten for so long [s]."""
-        if self.fault is None and self._process.poll() is not None:
+        code = self._process.poll()  # once: what it said before its end is read after it
+        if self.fault is None and code is not None:
             self.messages()
         if self.fault is not None:
             raise DeviceError(f"{self.name}: {self.fault}")
-        if self._process.poll() is not None:
-            raise DeviceError(f"{self.name}: its process ended ({_ending(self._process.poll() or 0)}){self._hint}")
+        if code is not None:
+            raise DeviceError(f"{self.name}: its process ended ({_ending(code)}){self._hint}")
         beat = self.ring.last_beat()
         if beat_limit is not None and beat and (age := (clock().now_ns() - beat) / 1e9) > beat_limit:
             self.kill()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from palpate.host import RESULT, Pipeline
 from pydantic import BaseModel
 
 from palpate_kit.jobs.job import Job, Outcome, Parcel, RunAnswer, cached_result, run_job, unused_folder
+from palpate_kit.jobs.workers import GO_ON
 
 
 @dataclass(frozen=True)
@@ -35,32 +37,37 @@ class Stage:
             raise ConfigurationError(f"--stage {self.url}: {error}") from error
         return files, root.rstrip("/")
 
+    @contextmanager
+    def _access(self) -> Generator[tuple[Any, str]]:
+        """The same while something is asked of it; raises OutputError where it does not answer, however often asked."""
+        files, root = self._reached()
+        try:
+            yield files, root
+        except PalpateError:
+            raise
+        except Exception as error:  # each store's library has errors of its own
+            raise OutputError(f"--stage {self.url}: {type(error).__name__}: {error}; {GO_ON}") from error
+
     def put_inputs(self, pipelines: Iterable[Pipeline]) -> dict[str, str]:
         """Put every file that pipelines name into the place, once; SHA-256 by path.
 
-        Raises ConfigurationError where the place cannot be written to.
+        Raises OutputError where the place cannot be written to.
         """
-        files, root = self._reached()
         digests: dict[str, str] = {}
-        for path in (path for pipeline in pipelines for path in input_files(pipeline)):
-            if str(path) in digests:
-                continue
-            digests[str(path)] = digest = _digest(path)
-            try:
+        with self._access() as (files, root):
+            for path in (path for pipeline in pipelines for path in input_files(pipeline)):
+                if str(path) in digests:
+                    continue
+                digests[str(path)] = digest = _digest(path)
                 if not files.exists(f"{root}/inputs/{digest}"):
                     _put(files, path, f"{root}/inputs/{digest}")
-            except OSError as error:
-                raise ConfigurationError(f"--stage {self.url}: cannot be written to: {error}") from error
         return digests
 
     def get_inputs(self, digests: Mapping[str, str]) -> None:
         """Put inputs to where they are on the machine that asks; raises OutputError where something else is there."""
-        files, root = self._reached()
-        try:
+        with self._access() as (files, root):
             for text, digest in digests.items():
                 self._get_input(files, f"{root}/inputs/{digest}", Path(text), digest)
-        except OSError as error:
-            raise OutputError(f"inputs cannot be put where they belong: {error}") from error
 
     def _get_input(self, files: Any, source: str, path: Path, digest: str) -> None:
         if path.exists():
@@ -68,30 +75,29 @@ class Stage:
                 raise OutputError(f"{path}: this worker has another file of that name")
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as partial:
-            files.get_file(source, partial.name)
-        if _digest(Path(partial.name)) != digest:
-            os.unlink(partial.name)
-            raise OutputError(f"--stage {self.url}: {path} is not whole there: remove inputs/{digest}")
-        os.replace(partial.name, path)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".") as beside:
+            partial = Path(beside, path.name)
+            files.get_file(source, str(partial))
+            if _digest(partial) != digest:
+                raise OutputError(f"--stage {self.url}: {path} is not whole there: remove inputs/{digest}")
+            os.replace(partial, path)
 
     def holds(self, run: str) -> bool:
         """Whether a run is whole in the place."""
-        files, root = self._reached()
-        return bool(files.exists(f"{root}/runs/{run}/{RESULT}"))
+        with self._access() as (files, root):
+            return bool(files.exists(f"{root}/runs/{run}/{RESULT}"))
 
     def put_run(self, folder: Path, run: str) -> None:
         """Put a run folder into the place, its result last."""
-        files, root = self._reached()
         inside = sorted((path for path in folder.rglob("*") if path.is_file()), key=lambda path: path.name == RESULT)
-        for path in inside:
-            _put(files, path, f"{root}/runs/{run}/{path.relative_to(folder).as_posix()}")
+        with self._access() as (files, root):
+            for path in inside:
+                _put(files, path, f"{root}/runs/{run}/{path.relative_to(folder).as_posix()}")
 
     def get_run(self, run: str, folder: Path) -> None:
         """Bring a run here, into a folder that is not there yet: whole or not at all."""
-        files, root = self._reached()
-        source = f"{root}/runs/{run}"
-        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".") as partial:
+        with self._access() as (files, root), tempfile.TemporaryDirectory(dir=folder.parent, prefix=".") as partial:
+            source = f"{root}/runs/{run}"
             for path in files.find(source):
                 target = Path(partial, "run", path.removeprefix(source).lstrip("/"))
                 target.parent.mkdir(parents=True, exist_ok=True)
