@@ -65,7 +65,8 @@ class Cluster:
 
     def _started(self, module: str, *words: object) -> subprocess.Popen[bytes]:
         command = [sys.executable, "-m", f"distributed.cli.{module}", *map(str, words)]
-        return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log)
+        environment = {**os.environ, "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "false"}  # as docs/cluster.md has it
+        return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log, env=environment)
 
     def worker(self) -> int:
         """The process of one worker: a child of the nannies."""

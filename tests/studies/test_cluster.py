@@ -237,9 +237,12 @@ def own_cluster():
     """A scheduler whose workers a test can send away."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).parents[2]))
-        with distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=50
-        ) as running:
+        with (
+            dask.config.set({"distributed.worker.memory.pause": False}),  # only a test pauses
+            distributed.LocalCluster(
+                n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=50
+            ) as running,
+        ):
             yield running
 
 
@@ -258,6 +261,22 @@ def test_where_all_workers_are_gone_it_is_told_and_then_an_end(own_cluster, monk
     told = capsys.readouterr().err.splitlines()
     assert len(told) >= 2
     assert re.match(r"there has been no worker since \d\d:\d\d:\d\d: start some, such as `dask worker ", told[0])
+
+
+@pytest.mark.slow
+def test_workers_that_are_paused_for_their_memory_are_told(own_cluster, monkeypatch, capsys):
+    """dask pauses what is near its limit of memory, and keeps its tasks waiting without a word."""
+    for name, seconds in (("_AGAIN", 0.05), ("_TELL", 0.2), ("_WITHOUT", 2.0)):
+        monkeypatch.setattr(workers, name, seconds)
+    with distributed.Client(own_cluster.scheduler_address, set_as_default=False) as client:
+        (worker,) = own_cluster.workers.values()
+        worker.status = distributed.Status.paused
+        with pytest.raises(UserError, match=r"all workers have been paused near the end of their memory for 2 s"):
+            list(cluster.spread(client, _slow, [0.0, 0.0]))
+        worker.status = distributed.Status.running
+        assert len(list(cluster.spread(client, _slow, [0.0, 0.0]))) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert re.search(r"since \d\d:\d\d:\d\d: restart them, with a larger --memory-limit", told[0])
 
 
 @pytest.mark.slow

@@ -27,17 +27,24 @@ class Watch:
 
     def __init__(self, client: Any) -> None:
         self._client, self._address = client, client.scheduler.address
+        self._paused: frozenset[str] = frozenset()
         self.workers = self._asked() or frozenset()
         self._next = time.monotonic() + _AGAIN
         self._since: float | None = None  # when the last one went
         self._told = 0.0
 
     def _asked(self) -> frozenset[str] | None:
-        """Names of the workers; None where the scheduler does not answer."""
+        """Names of the workers that take work; None where the scheduler does not answer.
+
+        dask pauses a worker whose memory comes near its limit, and one whose memory stays there begins nothing again.
+        """
         try:
-            return frozenset(self._client.scheduler_info(n_workers=-1)["workers"])
+            workers = self._client.scheduler_info(n_workers=-1)["workers"]
         except (OSError, TimeoutError, RuntimeError):  # RuntimeError: it is looking for its scheduler
+            self._paused = frozenset()
             return None
+        self._paused = frozenset(name for name, worker in workers.items() if worker["status"] == "paused")
+        return frozenset(workers) - self._paused
 
     def look(self, at_once: bool = False) -> None:
         """Look again where it is time to, or `at_once`; raises UserError as `spread` does."""
@@ -63,12 +70,19 @@ class Watch:
             self._told = now
             begin = datetime.now(UTC).astimezone() - timedelta(seconds=time.monotonic() - self._since)
             print(
-                f"{self._nobody(workers)} since {begin:%H:%M:%S}: start some, such as `dask worker {self._address}`",
+                f"{self._nobody(workers)} since {begin:%H:%M:%S}: {self._remedy()}",
                 file=sys.stderr,
             )
 
     def _nobody(self, workers: frozenset[str] | None) -> str:
+        if self._paused:
+            return "all workers have been paused near the end of their memory"
         return "the scheduler has not answered" if workers is None else "there has been no worker"
+
+    def _remedy(self) -> str:
+        if self._paused:
+            return "restart them, with a larger --memory-limit"
+        return f"start some, such as `dask worker {self._address}`"
 
 
 def demand_alike(client: Any, address: str, only: Collection[str] | None = None) -> Mapping[str, Mapping[str, str]]:
