@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,14 @@ def finite_rows(values: Floats) -> NDArray[np.bool_]:
     for known in np.isfinite(values).T:
         rows &= known
     return rows
+
+
+def dot_columns(one: Sequence[Floats] | Floats, other: Sequence[Floats] | Floats) -> Floats:
+    """Scalar products (n,) of vectors by their three columns (n,): the same bits however many rows there are.
+
+    A matrix product may differ in its last bits with the size of a block.
+    """
+    return np.asarray(one[0] * other[0] + one[1] * other[1] + one[2] * other[2])
 
 
 class Layout:

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.alignment.distance_expansion import DistanceExpansion, expanded
+from palpate.alignment.distance_expansion import DistanceExpansion, expand_distance
 from palpate.surface import Surface
 from palpate.vectors import Floats
+
+_AHEAD = 1000  # places that are compared with the reach at once
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,10 @@ class SurfaceLookup:
         """Below places (n, 3) [m]; those after the first `count` are asked for again, as the first ones of the next."""
         columns, row, last = np.empty((len(place), 8)), 0, self._last
         while row < len(place):
-            length = _length(last.reaches(place[row:]))
-            if length == 0:
-                last = expanded(self._surface, place[row], last)
-                length = max(_length(last.reaches(place[row:])), 1)
+            length = _length(last.reaches(place[row : row + _AHEAD]))
+            if length == 0:  # where it is expanded it reaches
+                last = expand_distance(self._surface, place[row], last)
+                continue
             columns[row : row + length] = last.planes(place[row : row + length])
             if row < count <= row + length:
                 self._last = last

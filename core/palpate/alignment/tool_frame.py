@@ -10,7 +10,7 @@ import numpy as np
 from palpate.alignment.ports import Port, Ports
 from palpate.alignment.settings import AlignmentSettings
 from palpate.rotation_vectors import rotation_rows
-from palpate.vectors import Floats
+from palpate.vectors import Floats, dot_columns
 
 GRAVITY = 9.80665  # [m/s^2], standard
 _OUT = (0.0, 0.0, -1.0)  # of the skin, in the frame of a tool that looks at it
@@ -97,7 +97,11 @@ class ToolFrame:
         first, second = (self._in_sensor(rows, side) for side in _sides(along))
         force = (x, y, z)
         return Load(
-            _dot(out, force), (_dot(first, force), _dot(second, force)), _three(reading), weight, _dot(out, weight)
+            dot_columns(out, force),
+            (dot_columns(first, force), dot_columns(second, force)),
+            _three(reading),
+            weight,
+            dot_columns(out, weight),
         )
 
     def along(self, place: Vector, normal: Vector | None = None) -> Floats:
@@ -165,10 +169,6 @@ def _sides(normal: tuple[float, ...] | Vector) -> tuple[Vector, Vector]:
     length = np.where(level, np.sqrt(z * z + x * x), np.sqrt(z * z + y * y))
     a, b, c = np.where(level, z, 0.0) / length, np.where(level, 0.0, -z) / length, np.where(level, -x, y) / length
     return (a, b, c), (y * c - z * b, z * a - x * c, x * b - y * a)
-
-
-def _dot(one: Vector, other: Vector) -> Floats:
-    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
 
 
 def _scaled(vector: Vector, factor: float) -> Vector:
