@@ -27,6 +27,7 @@ from palpate.config import (
     build_parts,
     build_pipeline,
     load_pipeline,
+    parsed_assignment,
     plain_settings,
     plugin_files,
     ports_of,
@@ -76,6 +77,7 @@ from palpate.result import (
     make_folder,
     withdraw_folder,
 )
+from palpate.safe_path import safe_processes
 from palpate.safety import (
     MotionLimits,
     MotionReport,
@@ -171,6 +173,7 @@ __all__ = [
     "nested_settings",
     "numbers_of",
     "own_motions",
+    "parsed_assignment",
     "part_kind",
     "payloads",
     "plain_settings",
@@ -180,6 +183,7 @@ __all__ = [
     "registry",
     "resolved_text",
     "run_pipeline",
+    "safe_processes",
     "single_trajectory",
     "start_tracks",
     "suggest",

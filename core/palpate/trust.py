@@ -52,7 +52,8 @@ class PluginFile:
 class _Consent:
     """What has been decided so far, and who can decide."""
 
-    arguments: frozenset[Path] | None = None  # paths on the command line; None where no command is at work
+    arguments: frozenset[str] | None = None  # of the command line; None where no command is at work
+    places: frozenset[Path | None] = frozenset()  # of files among them
     inherited: bool = False  # in a worker, which decides nothing
     approved: set[str] = field(default_factory=set)  # SHA-256
     refused: set[str] = field(default_factory=set)
@@ -65,9 +66,9 @@ _consent: ContextVar[_Consent] = ContextVar("_consent", default=_PROCESS)
 
 @contextmanager
 def at_the_command_line(arguments: Sequence[str] = ()) -> Iterator[None]:
-    """Within the context a person is at work, who can be asked, and who has named the pipelines in `arguments`."""
-    words = (part for word in arguments for part in (word, word.partition("=")[2]) if part)
-    with _deciding(_Consent(frozenset(path for word in words if (path := _resolved(Path(word)))))):
+    """Within the context a person is at work, who can be asked, and who has said what stands in `arguments`."""
+    words = frozenset(part for word in arguments for part in (word, word.partition("=")[2]) if part)
+    with _deciding(_Consent(words, frozenset(place for word in words for place in _places(Path(word))))):
         yield
 
 
@@ -138,8 +139,25 @@ def approved_plugins() -> frozenset[str]:
 
 def is_named(path: Path) -> bool:
     """Whether a person has named a file: on the command line, or, where no command is at work, in Python."""
+    consent = _consent.get()
+    return consent.arguments is None or ((place := _place(path)) is not None and place in consent.places)
+
+
+def is_said(assignment: str) -> bool:
+    """Whether a person has said a ``table.key=value``, as `is_named` for files: not a file, such as own.toml."""
     arguments = _consent.get().arguments
-    return arguments is None or _resolved(path) in arguments
+    return arguments is None or assignment in arguments
+
+
+def _places(path: Path) -> tuple[Path | None, Path | None]:
+    """Where the file of an argument is: its name in its folder, and that of the file itself where this is a link."""
+    return _place(path), _resolved(path)
+
+
+def _place(path: Path) -> Path | None:
+    """The path with its folder resolved: a link in a stranger's folder to a file that is named is not that file."""
+    folder = _resolved(path.parent)
+    return folder / path.name if folder else None
 
 
 def approved_files(files: Iterable[Path], place: Path, named: bool) -> tuple[PluginFile, ...]:

@@ -10,12 +10,13 @@ from typing import Any
 from palpate.errors import ConfigurationError, suggest
 from palpate.input_file import Enclosure, check_input
 from palpate.key_mistakes import Location
-from palpate.trust import is_named
+from palpate.trust import is_named, is_said
 
 _BARE_QUANTITY = re.compile(r"=\s*[-+.\d]+\s*[A-Za-z]+\s*(#.*)?$")
 _TABLE = re.compile(r"\s*\[\[?([^\[\]]+)\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
 
+_PLUGINS = ("run", "plugins")
 _DEEPEST = 32  # tables and lists in each other
 
 
@@ -39,6 +40,7 @@ class Source:
             raise ConfigurationError(f"{path}: tables and lists are nested more than {_DEEPEST} deep")
         self._lines = _lines(text)
         self._overridden: set[Location] = set()
+        self._said_plugins = False  # by the person at work
 
     @classmethod
     def read(cls, path: Path, named: bool = True) -> Source:
@@ -60,10 +62,7 @@ class Source:
 
     def override(self, assignment: str) -> None:
         """Apply one ``table.key=value`` of the command line; the value is TOML, or a text where it is not."""
-        name, equals, written = assignment.partition("=")
-        keys = tuple(key.strip().strip("\"'") for key in name.split("."))
-        if not equals or len(keys) < 2 or not all(keys):
-            raise ConfigurationError(f"--set {assignment}: write table.key=value, such as estimator.ekf.force_std=0.1")
+        keys, value = parsed_assignment(assignment)
         table: Any = self.tables
         for i, key in enumerate(keys[:-1]):
             if keys[0] == "alignment" and isinstance(table.get(key), str):  # a signal in its short form
@@ -71,13 +70,15 @@ class Source:
             table = table.setdefault(key, {})
             if not isinstance(table, dict):
                 raise ConfigurationError(f"--set {assignment}: {'.'.join(keys[: i + 1])} is no table")
-        table[keys[-1]] = _toml_value(written.strip())
+        table[keys[-1]] = value
         self._overridden.add(keys)
+        if keys == _PLUGINS:
+            self._said_plugins = is_said(assignment)
 
     @property
     def has_chosen_plugins(self) -> bool:
         """Whether a person has chosen its plugin files: by naming the file, or by setting them on the command line."""
-        return self.named or ("run", "plugins") in self._overridden
+        return self._said_plugins if _PLUGINS in self._overridden else self.named
 
     @property
     def overridden(self) -> list[str]:
@@ -120,6 +121,15 @@ class Source:
     def line(self, location: Location) -> int:
         """The line of a location, for sorting; 0 where it has none."""
         return next((self._lines[location[:n]] for n in range(len(location), 0, -1) if location[:n] in self._lines), 0)
+
+
+def parsed_assignment(text: str) -> tuple[Location, Any]:
+    """Key and value of a ``table.key=value``; the value is TOML, or a text where it is not. Raises ConfigurationError."""
+    name, equals, written = text.partition("=")
+    keys = _split(name)
+    if not equals or len(keys) < 2 or not all(keys):
+        raise ConfigurationError(f"--set {text}: write table.key=value, such as estimator.ekf.force_std=0.1")
+    return keys, _toml_value(written.strip())
 
 
 def _pointed(text: str, path: Path, problem: str) -> str:

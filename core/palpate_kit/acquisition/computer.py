@@ -100,8 +100,8 @@ class Computer:
         self._program = os.getpid()  # that started the present process, if it is a device's
 
     def start(self, role: str, module: str, descriptors: Sequence[int], settings: str) -> Process:
-        """A child process, with an interpreter of its own."""
-        command = [sys.executable, "-m", module, *map(str, descriptors), settings]
+        """A child process, with an interpreter of its own, which imports nothing from the current folder."""
+        command = [sys.executable, "-P", "-m", module, *map(str, descriptors), settings]
         output = sys.stderr.fileno() if _has_descriptor(sys.stderr) else subprocess.DEVNULL
         return subprocess.Popen(command, pass_fds=tuple(descriptors), stdin=subprocess.DEVNULL, stdout=output)
 

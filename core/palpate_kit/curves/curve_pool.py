@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from itertools import islice
-from typing import Any
 
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves
+from palpate_kit.jobs.process_pool import process_pool
 
 _TOGETHER = 16  # curves that a process is given at once
 _AHEAD = 2  # portions that wait for each process: what is held in memory does not grow with the number of curves
@@ -31,10 +30,9 @@ def on_cores(
         while portion := list(islice(left, _TOGETHER)):
             yield from work(reader, portion)
         return
-    context = multiprocessing.get_context("spawn")  # forking a process with threads is asking for trouble
     waiting: deque[tuple[list[Curve], Future[list[list[Row]]]]] = deque()
     with ExitStack() as stack:
-        pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=context))
+        pool = stack.enter_context(process_pool(workers))
         while True:
             while len(waiting) < _AHEAD * workers and (portion := list(islice(left, _TOGETHER))):
                 waiting.append((portion, pool.submit(work, reader, portion)))
@@ -45,18 +43,18 @@ def on_cores(
                 yield from future.result()
             except BrokenProcessPool:
                 doubtful = [curve for again in (portion, *(other for other, _ in waiting)) for curve in again]
-                yield from _one_by_one(reader, doubtful, context, work)
+                yield from _one_by_one(reader, doubtful, work)
                 waiting.clear()
-                pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=context))
+                pool = stack.enter_context(process_pool(workers))
 
 
 def _one_by_one(
-    reader: CurveReader, curves: Iterable[Curve], context: Any, work: Callable[..., list[list[Row]]]
+    reader: CurveReader, curves: Iterable[Curve], work: Callable[..., list[list[Row]]]
 ) -> Iterator[list[Row]]:
     """Curves one after the other in one process, and in a new one after a curve that it does not survive."""
     left = deque(curves)
     while left:
-        with ProcessPoolExecutor(1, mp_context=context) as pool:
+        with process_pool(1) as pool:
             try:
                 while left:
                     found = pool.submit(work, reader, [left[0]]).result()

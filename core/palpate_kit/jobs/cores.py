@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections import deque
 from collections.abc import Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 
 from palpate import UserError
 
 from palpate_kit.jobs.job import Job, Outcome, Parcel, RunAnswer, cached_result, run_job, run_parcel
+from palpate_kit.jobs.process_pool import process_pool
 
 _DEATHS = 3  # processes that a job may take with it
 
@@ -45,9 +45,8 @@ def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[t
 
 def _pooled(left: deque[Job], count: int) -> Generator[tuple[Job, Outcome], None, list[Job]]:
     """Run what is left, in so many processes, until one of them dies; the jobs that were running then."""
-    context = multiprocessing.get_context("spawn")  # forking a process with threads is asking for trouble
     running: dict[Future[Outcome], Job] = {}
-    with ProcessPoolExecutor(count, mp_context=context) as pool:
+    with process_pool(count) as pool:
         try:
             while left or running:
                 while left and len(running) < count:

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves
+from palpate_kit.jobs.process_pool import process_pool
 
 from palpate_desk.curve_answers import prepare_process
 
@@ -43,8 +44,7 @@ class Worker:
 
     @staticmethod
     def _begun() -> ProcessPoolExecutor:
-        context = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(1, mp_context=context, initializer=end_with_parent)
+        pool = process_pool(1, end_with_parent)
         pool.submit(prepare_process)  # so that the first curve need not wait for it
         return pool
 

@@ -61,7 +61,7 @@ class ProcessJob(StrokesJob):
         }
         self._errors = (run.folder / MESSAGES).open("wb")
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "palpate_commands.acceptance.motion", json.dumps(settings)],
+            [sys.executable, "-P", "-m", "palpate_commands.acceptance.motion", json.dumps(settings)],
             stdin=subprocess.PIPE,
             stdout=self._errors,
             stderr=self._errors,
