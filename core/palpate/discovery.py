@@ -17,6 +17,7 @@ import pluggy
 
 from palpate import core_flags, hooks
 from palpate.errors import PluginError, suggest
+from palpate.safe_path import without_current_folder
 from palpate.table_migration import Migration
 from palpate.trust import PluginFile
 
@@ -176,20 +177,35 @@ def import_plugin_file(file: PluginFile) -> ModuleType:
     """The module of a file: that of the last time where nobody has changed it, for its classes are to stay the same.
 
     Its content is compiled as it was read: another file there by now, or compiled code beside it, is not executed.
+    Nor is a file beside it that it imports. Raises PluginError.
     """
     name = f"palpate_file_{file.path.stem}"
     before = sys.modules.get(name)
     if before is not None and _is_of(before, file):
         return before
     module = ModuleType(name)
-    module.__file__ = str(file.path)
+    module.__file__, module.__package__ = str(file.path), ""
     sys.modules[name] = module
     try:
-        exec(compile(file.content, str(file.path), "exec", dont_inherit=True), module.__dict__)
+        with without_current_folder():
+            exec(compile(file.content, str(file.path), "exec", dont_inherit=True), module.__dict__)
     except Exception as error:
-        raise PluginError(f"plugin file {file.path} fails to import: {type(error).__name__}: {error}") from error
+        problem = f"{type(error).__name__}: {error}{_advice(error, file.path)}"
+        raise PluginError(f"plugin file {file.path} fails to import: {problem}") from error
     module.__dict__[_SOURCE] = file
     return module
+
+
+def _advice(error: Exception, path: Path) -> str:
+    """What to do about an import of what lies beside a plugin file; empty where it is none."""
+    name = (getattr(error, "name", None) or "").partition(".")[0]
+    beside = bool(name) and (path.with_name(f"{name}.py").exists() or (path.parent / name).is_dir())
+    if not isinstance(error, ImportError) or not (beside or "relative import" in str(error)):
+        return ""
+    return (
+        f"; nothing is imported from the folder of a plugin file, since approval covers {path.name} alone: move the code "
+        "into it, or install both as a distribution (pip install)"
+    )
 
 
 def _is_of(module: ModuleType, file: PluginFile) -> bool:

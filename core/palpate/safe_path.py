@@ -1,8 +1,9 @@
-"""Where Python programs that palpate starts look for modules: never in the current folder."""
+"""Where palpate, and the Python programs that it starts, look for modules: never in the current folder."""
 
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -23,3 +24,14 @@ def safe_processes() -> Iterator[None]:
     finally:
         os.environ.pop(_SAFE_PATH)
         os.environ.update({_SAFE_PATH: before} if before is not None else {})
+
+
+@contextmanager
+def without_current_folder() -> Iterator[None]:
+    """Within the context this program imports nothing from the current folder, where ``python -c`` looks first."""
+    before = sys.path[:]
+    sys.path[:] = filter(None, before)
+    try:
+        yield
+    finally:
+        sys.path[:] = before

@@ -6,6 +6,7 @@ import os
 import py_compile
 import re
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -462,3 +463,58 @@ def test_trust_takes_python_files(palpate, tmp_path):
     assert done.returncode == 2
     assert f"{tmp_path}/state/palpate/trusted-plugins: cannot write" in done.stderr
     assert os.path.exists(own)
+
+
+@pytest.mark.parametrize("wording", ["import helper", "from helper import tip", "from .helper import tip"])
+@pytest.mark.parametrize("place", ["helper.py", "helper/__init__.py"])
+def test_what_an_approved_file_imports_from_beside_itself_is_not_executed(
+    point_pipeline, tmp_path, monkeypatch, wording, place
+):
+    """Also where Python itself would look in the current folder, as ``python -c`` and a notebook do."""
+    beside = tmp_path / place
+    beside.parent.mkdir(exist_ok=True)
+    canary(tmp_path).rename(beside)
+    own = tmp_path / "lab.py"
+    own.write_text(f"{wording}\n")
+    trust.trust_plugin(own)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", ["", *sys.path])
+    with pytest.raises(PluginError, match=r"approval covers lab.py alone: move the code into it, or install both"):
+        load_pipeline(point_pipeline, ['run.plugins=["lab.py"]'])
+    assert not (tmp_path / "trace").exists()
+    assert sys.path[0] == ""
+
+
+def test_an_import_of_what_is_nowhere_is_told_as_it_is(point_pipeline, tmp_path):
+    (tmp_path / "lab.py").write_text("import no_such_library\n")
+    with pytest.raises(PluginError, match="No module named 'no_such_library'$"):
+        load_pipeline(point_pipeline, ['run.plugins=["lab.py"]'])
+
+
+def test_what_a_folder_sets_counts_as_said_by_nobody(point_pipeline, tmp_path):
+    """Only a word of the command line does: a setting that a command reads from own.toml is none."""
+    canary(tmp_path)
+    text, setting = point_pipeline.read_text(), 'run.plugins=["canary.py"]'
+    for words, said in (["fit", str(tmp_path)], False), (["run", "--set", setting], True), ([f"--set={setting}"], True):
+        with trust.at_the_command_line(words):
+            source = Source(text, point_pipeline)
+            source.override(setting)
+            assert source.has_chosen_plugins == said
+    with trust.at_the_command_line([str(point_pipeline)]):
+        source = Source.read(point_pipeline)
+        assert source.has_chosen_plugins
+        source.override(setting)
+        assert not source.has_chosen_plugins
+
+
+def test_a_link_to_a_file_that_is_named_is_another_file(point_pipeline, tmp_path, monkeypatch):
+    """It says of what lies beside the link, not beside the file."""
+    folder = tmp_path / "stranger"
+    folder.mkdir()
+    (folder / "pipeline.toml").symlink_to(point_pipeline)
+    with trust.at_the_command_line([str(point_pipeline), str(folder)]):
+        assert trust.is_named(point_pipeline)
+        assert not trust.is_named(folder / "pipeline.toml")
+    with trust.at_the_command_line([str(folder / "pipeline.toml")]):
+        assert trust.is_named(folder / "pipeline.toml")
+        assert trust.is_named(point_pipeline)

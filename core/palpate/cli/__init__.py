@@ -22,7 +22,7 @@ from palpate.cli.commands import (
 from palpate.errors import PalpateError
 from palpate.offers import function_of
 from palpate.printable_text import printable
-from palpate.safe_path import safe_processes
+from palpate.safe_path import safe_processes, without_current_folder
 from palpate.terminal_escape import harmless_output
 from palpate.trust import SWITCH, at_the_command_line, with_plugin_files
 
@@ -39,21 +39,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     try:
         given = sys.argv[1:] if arguments is None else arguments
-        with harmless_output(), safe_processes(), _without_current_folder(), at_the_command_line(given):
+        with harmless_output(), safe_processes(), without_current_folder(), at_the_command_line(given):
             _main(given)
     except KeyboardInterrupt:  # while something is set up, or taken down
         sys.exit(130)
-
-
-@contextlib.contextmanager
-def _without_current_folder() -> Iterator[None]:
-    """Within the context nothing is imported from the current folder, where ``python -c`` looks first."""
-    before = sys.path[:]
-    sys.path[:] = filter(None, before)
-    try:
-        yield
-    finally:
-        sys.path[:] = before
 
 
 def _main(arguments: Sequence[str]) -> None:
