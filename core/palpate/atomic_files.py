@@ -1,10 +1,11 @@
-"""Files that are whole or not there: written beside their place, brought to the disk, then renamed."""
+"""Files that are whole or not there: written beside their place, brought to the disk, then renamed; others in place."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from errno import ELOOP
 from pathlib import Path
 from typing import IO, Any
 
@@ -21,7 +22,7 @@ def whole_file(path: Path, binary: bool = False) -> Iterator[IO[Any]]:
     partial = path if direct else path.with_name(f".{path.name[:200]}.{os.getpid()}.part")
     options: dict[str, Any] = {} if binary else {"newline": "", "encoding": "utf-8"}
     try:
-        with partial.open("wb" if binary else "w", **options) as file:
+        with open(partial, "wb" if binary else "w", opener=None if direct else _no_link, **options) as file:
             yield file
             file.flush()
             if not direct:
@@ -49,6 +50,25 @@ def write_new(path: Path, text: str) -> None:
     if path.exists():
         raise OutputError(f"{path}: cannot write: exists already")
     write_whole(path, text)
+
+
+def _no_link(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NOFOLLOW, 0o666)
+
+
+@contextmanager
+def file_in_place(path: Path) -> Iterator[IO[bytes]]:
+    """A file to read and change where it stands, made where there is none; raises OutputError.
+
+    A link is refused: it may lead out of the folder, to a file of the user that nobody has named.
+    """
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+        with os.fdopen(handle, "r+b") as file:
+            yield file
+    except OSError as error:
+        reason = "is a link" if error.errno == ELOOP else error.strerror or error
+        raise OutputError(f"{path}: cannot write: {reason}") from error
 
 
 def _keep_name(folder: Path) -> None:

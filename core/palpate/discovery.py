@@ -203,8 +203,8 @@ def _advice(error: Exception, path: Path) -> str:
     if not isinstance(error, ImportError) or not (beside or "relative import" in str(error)):
         return ""
     return (
-        f"; nothing is imported from the folder of a plugin file, since approval covers {path.name} alone: move the code "
-        "into it, or install both as a distribution (pip install)"
+        f"; nothing is imported from the folder of a plugin file, since approval covers {path.name} alone: move the "
+        "code into it, or install both as a distribution (pip install)"
     )
 
 

@@ -18,7 +18,7 @@ from palpate.alignment import (
     hesitations,
     mounting_of,
 )
-from palpate.atomic_files import whole_file, write_new, write_whole
+from palpate.atomic_files import file_in_place, whole_file, write_new, write_whole
 from palpate.config import (
     Pipeline,
     RunSettings,
@@ -41,7 +41,7 @@ from palpate.config.unit_plausibility import UNCHECKED
 from palpate.contact import force_slopes
 from palpate.device import ask_devices, is_live, own_motions, truth_of
 from palpate.discovery import import_plugin_file, plugin_file_of
-from palpate.errors import ConsentError, StoppedError, suggest
+from palpate.errors import ConsentError, StoppedError, error_text, suggest
 from palpate.flags import SEVERITIES, verdict, verdict_word
 from palpate.hooks import KINDS
 from palpate.input_file import Enclosure
@@ -158,6 +158,8 @@ __all__ = [
     "dimension",
     "display_unit",
     "each",
+    "error_text",
+    "file_in_place",
     "finite_tree",
     "force_slopes",
     "function_of",

@@ -119,7 +119,8 @@ def _paths_at_hand() -> list[Path]:
 def _changed(file: PluginFile) -> ConsentError:
     return ConsentError(
         f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) is not executed: its content is not what the command "
-        "that started this process has approved; do not change it while the command is at work"
+        "that started this process has approved; do not change it while the command is at work, or read it, then "
+        f"approve it: palpate trust {shlex.quote(printable(str(file.path)))}"
     )
 
 

@@ -2,6 +2,7 @@
 
 import ast
 import asyncio
+import itertools
 import os
 import shutil
 import sys
@@ -21,7 +22,7 @@ from palpate_kit.acquisition.computer import Computer
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.jobs.process_pool import process_pool
 
-from tests.curves.conftest import NAMES, folder, fits_once  # noqa: F401
+from tests.curves.conftest import NAMES, fits_once, folder  # noqa: F401
 
 _NAMES = ("signal", "numpy", "serial", "struct", "rtde_receive", "palpate", "palpate_kit", "casadi")
 
@@ -72,7 +73,7 @@ def test_the_pools_of_fit(folder, traps, palpate):  # noqa: F811
     "command",
     [
         ("sweep", '[sweep]\n"run.seed" = [1, 2]\n', "--jobs", "2"),
-        ("repeat", '[repeat]\ncount = 2\n'),
+        ("repeat", "[repeat]\ncount = 2\n"),
     ],
 )
 def test_the_pools_of_many_runs(traps, palpate, point_pipeline, command):
@@ -138,6 +139,6 @@ def test_every_program_in_python_is_started_without_the_current_folder(root):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "ProcessPoolExecutor":
                 assert file.name in ("process_pool.py", "monte_carlo.py"), file  # the latter forks
             words = node.elts if isinstance(node, ast.List) else node.args if isinstance(node, ast.Call) else []
-            for word, after in zip(words, words[1:], strict=False):
+            for word, after in itertools.pairwise(words):
                 if ast.unparse(word) == "sys.executable":
                     assert ast.unparse(after) == "'-P'", file

@@ -24,22 +24,23 @@ from palpate.offers import function_of
 from palpate.printable_text import printable
 from palpate.safe_path import safe_processes, without_current_folder
 from palpate.terminal_escape import harmless_output
-from palpate.trust import SWITCH, at_the_command_line, with_plugin_files
+from palpate.trust import SWITCH, at_the_command_line, inherited_approval, with_plugin_files
 
 # One thread of linear algebra, set before numpy is imported: on small matrices more threads only wait for one another,
 # work is spread over processes, and sums have the same bits on any number of cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """The ``palpate`` command.
+def main(arguments: Sequence[str] | None = None, approved: Sequence[str] | None = None) -> None:
+    """The ``palpate`` command; where a program calls it on its own, with the SHA-256 that it has `approved`.
 
     Exit code 0, 2 for what the user can mend, 1 for what they cannot, 128 and the signal's number for what stopped it:
     130 for Ctrl-C, 143 for SIGTERM, 129 for a terminal that has gone.
     """
     try:
         given = sys.argv[1:] if arguments is None else arguments
-        with harmless_output(), safe_processes(), without_current_folder(), at_the_command_line(given):
+        consent = at_the_command_line(given) if approved is None else inherited_approval(approved)
+        with harmless_output(), safe_processes(), without_current_folder(), consent:
             _main(given)
     except KeyboardInterrupt:  # while something is set up, or taken down
         sys.exit(130)

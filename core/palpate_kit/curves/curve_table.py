@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, LogError, OutputError
-from palpate.host import Pipeline, resolved_text, write_whole
+from palpate.host import Pipeline, file_in_place, resolved_text, write_whole
 
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
@@ -52,7 +52,7 @@ class FitTable:
         """The settings of each curve that has all its rows; what is behind the last of them, torn, is cut."""
         found: dict[str, str] = {}
         name, count, end = "", 0, 0
-        with self.path.open("r+b") as file:
+        with file_in_place(self.path) as file:
             if file.readline().decode().strip().split(",") != list(self.columns):
                 raise OutputError(
                     f"{self.path}: has the columns of another version; nothing is mixed: give --out another"
@@ -82,11 +82,9 @@ class FitTable:
     def add(self, rows: Sequence[Row]) -> None:
         """The rows of one curve, in one writing."""
         lines = [{key: " ".join(value.split()) for key, value in row.items()} for row in rows]
-        try:
-            with self.path.open("a", encoding="utf-8", newline="") as file:
-                file.write(self._text(lines))
-        except OSError as error:
-            raise OutputError(f"{self.path}: cannot write: {error.strerror}") from error
+        with file_in_place(self.path) as file:
+            file.seek(0, io.SEEK_END)
+            file.write(self._text(lines).encode())
 
     @property
     def rows(self) -> list[Row]:

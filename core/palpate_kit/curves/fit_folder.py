@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import LogError, PalpateError
-from palpate.host import Pipeline, Source, approved_plugins, build_pipeline, inherited_approval
+from palpate.host import Pipeline, Source, approved_plugins, build_pipeline, inherited_approval, trusted_plugins
 
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, settings_key, value_units
@@ -211,6 +211,11 @@ class FitFolder:
         known = [(name, self.entries.get(name, {}).get(FILE, "")) for name in self.names]
         return [Curve(name, file, own=self.own.get(name, ())) for name, file in known if file]
 
+    @property
+    def approved(self) -> frozenset[str]:
+        """SHA-256 of the plugin files that its pipelines may name: nothing in the folder is consent to one."""
+        return approved_plugins() | trusted_plugins().keys()
+
     def reader(self, name: str = SETTINGS) -> CurveReader:
         """How the curves of a pipeline are read and fitted; raises LogError where it has no device with a file."""
         text = self.settings_text(name)
@@ -223,7 +228,7 @@ class FitFolder:
         if not Path(tables[device]["file"]).is_file():  # of a curve that has gone since
             files = [c.file for c in self.curves() if self.pipeline_of(c.name) == name and Path(c.file).is_file()]
             overrides = tuple(f"device.{device}.file={json.dumps(file)}" for file in files[:1])
-        return CurveReader(text, str(self.path / name), overrides, device, approved_plugins(), text)
+        return CurveReader(text, str(self.path / name), overrides, device, self.approved, text)
 
     def _tables(self, name: str) -> dict[str, Any]:
         try:

@@ -14,6 +14,17 @@ def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     A single value is that of the one key that the tip needs, the radius of a sphere; messages call the whole `said`.
     Raises ConfigurationError.
     """
+    table = tip_values(text, known, said)
+    name, values = table["type"], {key: value for key, value in table.items() if key != "type"}
+    try:
+        known.find("indenter", name)(**values)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{said} {text!r}: {error}") from error
+    return table
+
+
+def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
+    """The table of a tip as `tip_table` reads it, its values not yet checked; raises ConfigurationError."""
     name, *words = text.split() or [""]
     tips = known.parts["indenter"]
     if name not in tips:
@@ -41,8 +52,4 @@ def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
             raise ConfigurationError(f"{said} {text!r}: diameter: {error}") from error
     if missing := [key for key in needed if not values.get(key)]:
         raise ConfigurationError(f'{said} {text!r}: {name} needs its {missing[0]}, as in "{name} 3 mm"')
-    try:
-        known.find("indenter", name)(**values)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{said} {text!r}: {error}") from error
     return {"type": name, **values}

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import IO, Any
 
 import typer
-from palpate import ConfigurationError, OutputError
-from palpate.host import analysis, registry, suggest
+from palpate import ConfigurationError, OutputError, printable
+from palpate.host import analysis, file_in_place, registry, suggest
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline
@@ -21,8 +21,9 @@ from palpate_kit.curves.curve_table import FitTable
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.runs.review_file import Mark, write_mark
 
-from palpate_desk.history_file import Action, ActionHistory, actions_of, where_curve
-from palpate_desk.page_messages import demand_allowed, demand_no_file
+from palpate_desk.action import Action, where_curve
+from palpate_desk.command_gate import demand_allowed
+from palpate_desk.history_file import ActionHistory
 from palpate_desk.settings_undo import model_inverse, own_inverse, setting_inverse, tip_inverse
 
 _LOCK = ".desk.lock"
@@ -32,21 +33,16 @@ _WORDS = {"--where": "where", "--tip": "tip", "--model": "model", "--reason": "r
 
 
 @contextlib.contextmanager
-def writing(path: Path) -> Iterator[IO[str]]:
+def writing(path: Path) -> Iterator[IO[bytes]]:
     """The lock of a folder, for one page program at a time; a kill opens it. Raises OutputError."""
-    try:
-        file = (path / _LOCK).open("a+")
-    except OSError as error:
-        raise OutputError(f"{path / _LOCK}: cannot write: {error.strerror}; --read-only needs no lock") from error
-    with file:
+    with file_in_place(path / _LOCK) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            file.seek(0)
-            other = f"(process {file.read().strip() or '?'})"
+            other = f"(process {printable(file.read(20).decode(errors='replace')).strip() or '?'})"
             raise OutputError(f"{path}: is open in another palpate desk {other}; --read-only opens it, too") from error
         file.truncate(0)
-        file.write(str(os.getpid()))
+        file.write(str(os.getpid()).encode())
         file.flush()
         yield file
         file.truncate(0)
@@ -59,6 +55,7 @@ class Desk:
         self.path = path
         self.folder = FitFolder(path)
         self.history = ActionHistory(path)
+        self._undo: list[tuple[Action, Sequence[Action]]] = []  # what was done here, with what undoes it
         self._tables: dict[str, FitTable] = {}
         self._readers: dict[str, CurveReader] = {}
         self.folder.rows  # noqa: B018  (what cannot be read is told before the page is there)
@@ -126,7 +123,8 @@ class Desk:
     def compact(self) -> None:
         """Write the table anew where it holds rows that later ones stand for."""
         for table in self._tables.values():
-            table.compact(self.folder.names)
+            if table.path.is_file():
+                table.compact(self.folder.names)
         self._stamp = self._signature()
 
     def chosen(self, words: str) -> list[str]:
@@ -137,15 +135,16 @@ class Desk:
     def mark(self, curve: str, mark: Mark, reason: str) -> Action:
         """Mark a curve; raises ConfigurationError for a rejection without a reason."""
         row = self.folder.rows_of(self.curve(curve).name)[0]
-        action = _mark_action(curve, mark, reason)
+        if mark == "bad" and not reason.strip():
+            raise ConfigurationError("say why the curve is rejected")
+        action = _mark_action(curve, mark, reason.strip())
         if (row.mark, row.rejected or "") == (mark, reason if mark == "bad" else ""):
             return action
-        self._do(action, [_mark_action(curve, row.mark, row.rejected or "")])
+        self._change(action, [_mark_action(curve, row.mark, row.rejected or "")])
         return action
 
     def set(self, assignment: str, where: str | None) -> Action:
         """Change a setting of the curves of filter words, or of all; raises ConfigurationError."""
-        demand_allowed(assignment)
         options = (("--where", where),) if where is not None else ()
         action = Action("fit", (*options, ("--set", assignment), ("--no-refit", "")))
         key = assignment.partition("=")[0].strip()
@@ -153,52 +152,68 @@ class Desk:
             inverse = setting_inverse(tomllib.loads(self.folder.settings_text()), key)
         else:
             inverse = own_inverse(self.folder.own, self.chosen(where), key)
-        self._do(action, inverse)
+        self._change(action, inverse)
         return action
 
     def set_part(self, kind: str, value: str) -> Action:
         """Put another tip or model in place for all curves; raises ConfigurationError."""
-        demand_no_file(value)
         action = Action("fit", ((f"--{kind}", value), ("--no-refit", "")))
         tables = tomllib.loads(self.folder.settings_text())
-        self._do(action, tip_inverse(tables) if kind == "tip" else model_inverse(tables))
+        self._change(action, tip_inverse(tables) if kind == "tip" else model_inverse(tables))
         return action
 
+    @property
+    def latest(self) -> Action | None:
+        """The latest change of this page that can be undone."""
+        return self._undo[-1][0] if self._undo else None
+
     def undo(self) -> Action:
-        """Take the latest change back; raises ConfigurationError where there is none."""
-        latest = self.history.latest
-        if latest is None:
-            raise ConfigurationError("there is nothing to undo")
-        actions = list(actions_of(latest.inverse))
-        for action in actions:
-            self._do(action, (), latest.number)
-        return actions[-1]
+        """Take the latest change of this page back; raises ConfigurationError where there is none."""
+        if not self._undo:
+            raise ConfigurationError("there is nothing to undo: nothing was changed since the page was opened")
+        _, inverse = self._undo[-1]
+        for action in inverse:
+            self._do(action)
+        self._undo.pop()
+        return inverse[-1]
+
+    def demand_no_links(self) -> None:
+        """Raise OutputError where what is exported would leave the folder by a link."""
+        places = [place for pattern in ("*", "figures/*", "figures/*/*", "maps/*") for place in self.path.glob(pattern)]
+        if link := next((place for place in places if place.is_symlink()), None):
+            raise OutputError(f"{link}: is a link, and what the page exports stays in the folder: take it away")
 
     def note(self, action: Action) -> None:
         """Add to the history what was done without any change of settings."""
         self.history.append(action)
 
-    def _do(self, action: Action, inverse: Sequence[Action], undoes: int | None = None) -> None:
+    def _do(self, action: Action) -> None:
         """Do what a command does, then write it into the history."""
+        self.history.demand_readable()
         run_action(action, self.path)
-        self.history.append(action, inverse, undoes)
+        self.history.append(action)
         if action.command == "repeat review":
             self.folder.__dict__.pop("marks", None)
             self._stamp = self._signature()
         else:
             self.reload()
 
+    def _change(self, action: Action, inverse: Sequence[Action]) -> None:
+        """Do what a command does; what undoes it was found from what is there before."""
+        self._do(action)
+        if inverse:
+            self._undo.append((action, inverse))
+
 
 def _mark_action(curve: str, mark: str, reason: str) -> Action:
     if mark == "bad":
-        if not reason.strip():
-            raise ConfigurationError("say why the curve is rejected")
-        return Action("repeat review", (("--reject", curve), ("--reason", reason.strip())))
+        return Action("repeat review", (("--reject", curve), ("--reason", reason)))
     return Action("repeat review", (("--accept" if mark == "good" else "--clear", curve),))
 
 
 def run_action(action: Action, path: Path) -> None:
-    """Do what a command of the history does; raises UserError."""
+    """Do what a command that changes marks or settings does, if the gate lets it pass; raises UserError."""
+    demand_allowed(action)
     if action.command == "repeat review":
         options = dict(action.options)
         for option, mark in (("--reject", "bad"), ("--accept", "good"), ("--clear", "none")):

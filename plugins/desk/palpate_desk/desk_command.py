@@ -22,7 +22,8 @@ from palpate_kit.page.listening_socket import listening_socket
 from palpate_kit.terminal.json_output import print_aside
 from palpate_kit.terminal.options import Overrides
 
-from palpate_desk.history_file import Action, ActionHistory
+from palpate_desk.action import OUT, Action
+from palpate_desk.history_file import ActionHistory
 
 
 def desk(
@@ -98,8 +99,8 @@ def _begin(
             [source], pipeline=pipeline, tip=tip, model=model, overrides=overrides, out=folder, each=tip is None,
             no_refit=True,
         )  # fmt: skip
-    if not ActionHistory(folder).entries:
-        action = Action("fit", (*each, *told, ("--no-refit", ""), ("--out", "$out")), (str(source),))
+    if not ActionHistory(folder).commands:
+        action = Action("fit", (*each, *told, ("--no-refit", ""), ("--out", OUT)), str(source))
         ActionHistory(folder).append(action)
     return folder
 

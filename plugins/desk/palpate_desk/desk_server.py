@@ -8,11 +8,12 @@ import logging
 import secrets
 import socket
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from palpate import ConfigurationError, OutputError, PalpateError, UserError
+from palpate import ConfigurationError, OutputError, UserError
+from palpate.host import error_text
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.page.datagrams import pack, pack_rows
@@ -22,10 +23,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from palpate_desk import page_messages as asked
+from palpate_desk.action import Action
 from palpate_desk.curve_answers import CurveAnswer, curve_answer, reader_with_model
 from palpate_desk.desk import Desk, one_curve
 from palpate_desk.folder_view import exported, folder_message, row_messages
-from palpate_desk.history_file import Action
 from palpate_desk.refits import Refits, Worker
 
 _PAGES = 16
@@ -78,13 +79,11 @@ class DeskServer:
         """Look at the files from time to time: another program may change them."""
         while True:
             await asyncio.sleep(_LOOK)
-            if self.desk.changed_outside and not self._refits.running:
-                try:
+            with self._telling():
+                if self.desk.changed_outside and not self._refits.running:
                     self.desk.reload()
                     self._tell(self._folder())
                     self._tell({"kind": "note", "text": "another program has changed files of the folder"})
-                except UserError as error:
-                    self._tell({"kind": "error", "text": str(error)})
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
         return answer_request(request, self.token, _FILES)
@@ -94,7 +93,8 @@ class DeskServer:
             await page.close(1013, "too many pages are open")
             return
         self._pages[page] = None
-        self._send(page, self._folder())
+        with self._telling(page):
+            self._send(page, self._folder())
         looking = asyncio.create_task(self._look(page, wake := asyncio.Event()))
         with contextlib.suppress(ConnectionClosed):
             async for text in page:
@@ -102,8 +102,17 @@ class DeskServer:
         looking.cancel()
         self._pages.pop(page, None)
 
-    async def _answer(self, page: ServerConnection, text: str | bytes, wake: asyncio.Event) -> None:
+    @contextlib.contextmanager
+    def _telling(self, page: ServerConnection | None = None) -> Iterator[None]:
+        """Within the context an error becomes a message to a page, or to all: what one asks for ends no connection."""
         try:
+            yield
+        except Exception as error:
+            message = {"kind": "error", "text": error_text(error)}
+            self._tell(message) if page is None else self._send(page, message)
+
+    async def _answer(self, page: ServerConnection, text: str | bytes, wake: asyncio.Event) -> None:
+        with self._telling(page):
             message = asked.read_message(text)
             if self.read_only and not isinstance(message, asked.READING):
                 raise ConfigurationError("the page was opened with --read-only")
@@ -123,8 +132,6 @@ class DeskServer:
                     self._tell(self._state())
             else:
                 self._orders[type(message)](message)
-        except PalpateError as error:
-            self._send(page, {"kind": "error", "text": str(error)})
 
     async def _compare(self, page: ServerConnection, message: asked.CompareQuestion) -> None:
         """Models weighed on a curve, with the force of the second one."""
@@ -167,16 +174,12 @@ class DeskServer:
             question = self._pages[page]
             if question is None:
                 continue
-            try:
+            with self._telling(page):  # one curve that breaks a part does not keep the others from the page
                 answer = await self._curve(question.curve)
                 if not answer.settings and not self._is_left(question.curve):
                     answer = await self._curve(question.curve)  # it was fitted meanwhile
-            except Exception as error:  # one curve that breaks a part does not keep the others from the page
-                told = str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
-                self._send(page, {"kind": "error", "text": told})
-                continue
-            if self._pages.get(page) is question:  # a late answer is dropped
-                self._draw(page, answer, question.number)
+                if self._pages.get(page) is question:  # a late answer is dropped
+                    self._draw(page, answer, question.number)
 
     async def _curve(self, name: str) -> CurveAnswer:
         """A curve as its row has it: modelled where the row is current, else as it was read."""
@@ -236,7 +239,7 @@ class DeskServer:
         fitting = asyncio.ensure_future(self._refits.fit(curves))
         await asyncio.sleep(0)
         self._tell(self._state())
-        try:
+        with self._telling():
             await fitting
             if self._refits.cancelled or self.desk.left():
                 for name in self._noted:
@@ -244,8 +247,6 @@ class DeskServer:
             else:
                 self.desk.note(Action("fit"))
             self.desk.compact()
-        except UserError as error:
-            self._tell({"kind": "error", "text": str(error)})
         self._tell(self._state())
 
     def _changed(self, action: Action, curves: list[str] | None = None) -> None:
@@ -255,15 +256,15 @@ class DeskServer:
         else:
             rows = [row for name in curves for row in self.desk.folder.rows_of(name)]
             self._tell({"kind": "rows", "rows": row_messages(self.desk.folder, rows), **self._state()["state"]})
-        self._tell({"kind": "done", "command": action.text.replace('"$out"', str(self.desk.path))})
+        self._tell({"kind": "done", "command": action.text_for(str(self.desk.path))})
 
     def _folder(self) -> Mapping[str, Any]:
         return {**folder_message(self.desk), "read_only": self.read_only, "state": self._state()["state"]}
 
     def _state(self) -> dict[str, Any]:
         state = {"running": self._refits.running, "done": self._refits.done, "count": self._refits.count}
-        latest = self.desk.history.latest
-        return {"kind": "state", "state": {**state, "undo": latest.command if latest else ""}}
+        latest = self.desk.latest
+        return {"kind": "state", "state": {**state, "undo": latest.text if latest else ""}}
 
     def _tell(self, message: Mapping[str, Any]) -> None:
         broadcast(self._pages, pack(message).decode())

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import json
+import shlex
 import sys
 import tomllib
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError
@@ -15,9 +17,11 @@ from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_desk import page_messages as asked
+from palpate_desk.action import OUT, Action, where_curve
+from palpate_desk.command_gate import demand_allowed
 from palpate_desk.desk import Desk
-from palpate_desk.history_file import OUT, Action, where_curve
 
+_COMMAND = "import sys; from palpate.cli import main; main(sys.argv[2:], sys.argv[1].split())"
 _WORDS = 2  # of the longest answer of a command that is shown
 
 
@@ -77,25 +81,28 @@ def _tip(tables: dict[str, Any]) -> str:
 
 async def exported(desk: Desk, message: asked.Question) -> dict[str, Any]:
     """The answer of a command: statistics of groups, models weighed, or what was written into the folder."""
-    path = str(desk.path)
     if isinstance(message, asked.GroupsQuestion):
         action = Action("repeat", (("--by", message.by), ("--parameter", message.parameter), ("--json", "")))
-        found = json.loads(await _output(action, path))
+        found = json.loads(await _output(action, desk))
         factor = display_unit(found["unit"])[1]
-        return {"kind": "groups", "found": found, "factor": factor, "command": _told(action, path)}
+        return {"kind": "groups", "found": found, "factor": factor, "command": action.text_for(str(desk.path))}
     if isinstance(message, asked.CompareQuestion):
         own = tomllib.loads(desk.folder.settings_text()).get("model", {})
         models = ",".join(dict.fromkeys((next(iter(own)), message.model)))
         chosen = ("--where", where_curve(desk.curve(message.curve).name))
         action = Action("fit choose", (("--models", models), chosen, ("--json", "")))
-        return {"kind": "compare", "found": json.loads(await _output(action, path)), "command": _told(action, path)}
+        found = json.loads(await _output(action, desk))
+        return {"kind": "compare", "found": found, "command": action.text_for(str(desk.path))}
     assert isinstance(message, asked.ExportOrder)
+    desk.demand_no_links()
     if message.what == "history":
         write_whole(desk.path / "history.sh", desk.history.script)
-        return {"kind": "export", "text": f"{desk.path / 'history.sh'}", "command": f"palpate desk {path} --history"}
+        command = f"palpate desk {shlex.quote(str(desk.path))} --history"
+        return {"kind": "export", "text": f"{desk.path / 'history.sh'}", "command": command}
     action = _export(desk, message)
-    text = await _output(action, path)
-    return {"kind": "export", "text": " ".join(text.split("\n")[-_WORDS - 1 :]).strip(), "command": _told(action, path)}
+    text = await _output(action, desk)
+    last = " ".join(text.split("\n")[-_WORDS - 1 :]).strip()
+    return {"kind": "export", "text": last, "command": action.text_for(str(desk.path))}
 
 
 def _export(desk: Desk, message: asked.ExportOrder) -> Action:
@@ -106,24 +113,22 @@ def _export(desk: Desk, message: asked.ExportOrder) -> Action:
     if message.what == "map":
         return Action("map", parameter)
     if message.what == "groups":
-        return Action("repeat", (*by, *parameter, ("--picture", f"{desk.path / 'groups.svg'}")))
+        return Action("repeat", (*by, *parameter, ("--picture", f"{OUT}/groups.svg")))
     curve = desk.curve(message.curve)
-    folder = desk.path / "figures" / curve.name.replace("/", "_").rpartition(".")[0]
-    options = [("--pipeline", str(desk.path / desk.folder.pipeline_of(curve.name))), ("--out", str(folder))]
-    return Action("fit", (*options, *(("--set", text) for text in curve.own)), (curve.file,))
+    name = Path(curve.name.replace("/", "_")).stem.strip(".") or "curve"
+    options = [("--pipeline", f"{OUT}/{desk.folder.pipeline_of(curve.name)}"), ("--out", f"{OUT}/figures/{name}")]
+    return Action("fit", (*options, *(("--set", text) for text in curve.own)), curve.file)
 
 
-def _told(action: Action, path: str) -> str:
-    return action.text.replace(f'"{OUT}"', path)
+async def _output(action: Action, desk: Desk) -> str:
+    """What a command prints, in a process of its own that executes only plugin files that were approved before.
 
-
-async def _output(action: Action, path: str) -> str:
-    """What a command prints, in a process of its own; raises ConfigurationError with what it says where it fails."""
-    words = [path if word == OUT else word for word in (*action.command.split(), *action.sources)]
-    words += [word for option, value in action.options for word in (option, value) if word]
+    Raises ConfigurationError with what it says where it fails.
+    """
+    demand_allowed(action)
     process = await asyncio.create_subprocess_exec(
-        sys.executable, "-P", "-c", "from palpate.cli import main; main()", *words,
-        stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
+        sys.executable, "-P", "-c", _COMMAND, " ".join(desk.folder.approved), *action.words(str(desk.path)),
+        stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
     )  # fmt: skip
     out, errors = await process.communicate()
     if process.returncode == 2 or not out.strip():

@@ -1,11 +1,12 @@
-"""What undoes a change of settings, as commands."""
+"""What undoes a change of settings, as commands: from the settings that there are before it."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import json
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from palpate_desk.history_file import Action, where_curve
+from palpate_desk.action import Action, where_curve
 
 _LATER = ("--no-refit", "")
 
@@ -60,10 +61,5 @@ def _toml(value: Any) -> str:
 
 
 def _text(value: str) -> str:
-    return "".join(_escaped(value))
-
-
-def _escaped(value: str) -> Iterator[str]:
-    yield '"'
-    yield value.replace("\\", "\\\\").replace('"', '\\"')
-    yield '"'
+    """A text of TOML, of which that of JSON is one but for a character that nobody can type."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
