@@ -214,7 +214,7 @@ class FitFolder:
     @property
     def approved(self) -> frozenset[str]:
         """SHA-256 of the plugin files that its pipelines may name: nothing in the folder is consent to one."""
-        return approved_plugins() | trusted_plugins().keys()
+        return approved_plugins().union(trusted_plugins())
 
     def reader(self, name: str = SETTINGS) -> CurveReader:
         """How the curves of a pipeline are read and fitted; raises LogError where it has no device with a file."""
