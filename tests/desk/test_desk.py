@@ -140,6 +140,7 @@ def test_a_curve_that_cannot_be_read_has_an_error_and_one_that_cannot_be_fitted_
         "model.dimensionality-reduction.thickness={height='5 mm', table='x.csv'}",
         r'indenter.tip={type="profile", "po\u0069nts"="/etc/passwd"}',
         "indenter.tip.'points'=/etc/passwd",
+        r'indenter.tip."po\u0069nts"=/etc/passwd',
         "'indenter' . tip . \"points\" = /etc/passwd",
         r'model.mine={type="dimensionality-reduction", thickness=[{"t\u0061ble"="x.csv"}]}',
     ],

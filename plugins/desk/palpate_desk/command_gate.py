@@ -16,6 +16,7 @@ from palpate_desk.action import OUT, Action
 
 _PARTS = ("estimator", "indenter", "model")
 _TABLES = ("alignment", *_PARTS)  # that name no code
+_BARE = re.compile(r"[\w-]+")  # a key
 _PICTURE = re.compile(rf"{re.escape(OUT)}/groups\.svg")
 _PIPELINE = re.compile(rf"{re.escape(OUT)}/pipeline[^/]*\.toml")
 _FIGURES = re.compile(rf"{re.escape(OUT)}/figures/[^/]+")
@@ -43,6 +44,8 @@ def demand_allowed_setting(assignment: str) -> None:
     """Raise ConfigurationError for a setting that the page may not change: of a file, a plugin, a device."""
     keys, value = parsed_assignment(assignment)
     _demand_table(keys[0], assignment)
+    if not all(map(_BARE.fullmatch, keys)):
+        raise ConfigurationError(f"{assignment!r}: its key has signs that no name of a setting has")
     _demand_no_file({*keys, *_keys_of(value)}, assignment)
 
 
