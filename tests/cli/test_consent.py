@@ -11,8 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from palpate import PluginError, open_run, read, trust
+from palpate import OutputError, PluginError, open_run, read, trust
 from palpate.config import Source, build_pipeline, load_pipeline
+from palpate.host import write_whole
 from palpate.offers import function_of
 from palpate.pipeline import run_pipeline
 from palpate.registry import load_commands
@@ -518,3 +519,23 @@ def test_a_link_to_a_file_that_is_named_is_another_file(point_pipeline, tmp_path
     with trust.at_the_command_line([str(folder / "pipeline.toml")]):
         assert trust.is_named(folder / "pipeline.toml")
         assert trust.is_named(point_pipeline)
+
+
+@pytest.mark.parametrize("words", [["--plugin=evil.py"], ["--plugin", "evil.py"]])
+def test_a_file_that_a_pattern_of_the_shell_finds_is_no_option(palpate, tmp_path, words):
+    """`palpate fit *` in a stranger's folder."""
+    canary(tmp_path, "evil.py")
+    (tmp_path / words[0]).write_text("")
+    done = palpate("fit", *words, "--tip", "sphere 3 mm")
+    assert done.returncode == 2
+    assert f"write ./{words[0]} to name it" in done.stderr
+    assert not (tmp_path / "trace").exists()
+
+
+def test_a_partial_file_is_not_written_through_a_link(tmp_path):
+    outside = tmp_path / "outside"
+    outside.write_text("the user's\n")
+    (tmp_path / f".review.json.{os.getpid()}.part").symlink_to(outside)
+    with pytest.raises(OutputError, match=r"review\.json: cannot write"):
+        write_whole(tmp_path / "review.json", "{}")
+    assert outside.read_text() == "the user's\n"

@@ -74,18 +74,22 @@ def _without_plugin_files(arguments: Sequence[str]) -> tuple[list[str], list[Pat
     """The arguments without ``--plugin FILE``, which may stand anywhere, and the files.
 
     The file's name must end in .py behind a command, where ``palpate init --plugin tip`` means something else.
+    Raises ConfigurationError where it may be a file that a pattern of the shell, such as ``*``, has found.
     """
     rest, files = list[str](), list[Path]()
     words = list(arguments)
     while words:
-        word, _, value = words.pop(0).partition("=")
+        given = words.pop(0)
+        word, _, value = given.partition("=")
         follows = word == "--plugin" and not value and bool(words)
         text = words[0] if follows else value
         if word == "--plugin" and (text.endswith(".py") or (text and not rest)):
+            if Path(given).exists():
+                raise ConfigurationError(f"{given}: there is a file of this name here: write ./{given} to name it")
             files.append(Path(text))
             del words[:follows]
         else:
-            rest.append(f"{word}={value}" if _ else word)
+            rest.append(given)
     return rest, files
 
 

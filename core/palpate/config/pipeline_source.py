@@ -124,7 +124,7 @@ class Source:
 
 
 def parsed_assignment(text: str) -> tuple[Location, Any]:
-    """Key and value of ``table.key=value``, the value as TOML, or a text where it is none; raises ConfigurationError."""
+    """Keys and value of ``table.key=value``, which is TOML, or a text where it is none; raises ConfigurationError."""
     name, equals, written = text.partition("=")
     keys = _split(name)
     if not equals or len(keys) < 2 or not all(keys):

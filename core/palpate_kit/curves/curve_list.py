@@ -49,6 +49,8 @@ def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
             raise LogError(f"{path}:{number}: the curve {name!r} is there twice")
         if known is not None and name not in known and not cells.get(FILE):
             raise LogError(f"{path}:{number}: there is no curve {name!r}{suggest(name, known)}")
+        if "/" in (pipeline := cells.get(PIPELINE_FILE, "")):
+            raise LogError(f"{path}:{number}: {pipeline!r} is no pipeline of the folder: name a file in it")
         found[name] = cells
     return found
 

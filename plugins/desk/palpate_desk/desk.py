@@ -13,7 +13,7 @@ from typing import IO, Any
 
 import typer
 from palpate import ConfigurationError, OutputError, printable
-from palpate.host import analysis, file_in_place, registry, suggest
+from palpate.host import analysis, file_in_place, inherited_approval, registry, suggest
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline
@@ -190,7 +190,8 @@ class Desk:
     def _do(self, action: Action) -> None:
         """Do what a command does, then write it into the history."""
         self.history.demand_readable()
-        run_action(action, self.path)
+        with inherited_approval(self.folder.approved):  # nobody is asked at the terminal while pages wait
+            run_action(action, self.path)
         self.history.append(action)
         if action.command == "repeat review":
             self.folder.__dict__.pop("marks", None)

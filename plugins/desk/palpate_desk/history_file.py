@@ -60,10 +60,10 @@ class ActionHistory:
         try:
             content = self.path.read_bytes()
             text = content[: content.rfind(b"\n") + 1].decode("utf-8")
-            head, *_ = list(csv.reader(io.StringIO(text))) or [_COLUMNS]
+            rows = list(csv.reader(io.StringIO(text)))
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise LogError(f"{self.path}: cannot be read: {error}") from error
-        if not set(_COLUMNS) <= set(head):
+        if rows and not set(_COLUMNS) <= set(rows[0]):
             raise LogError(f"{self.path}: is no history of palpate desk: it has no columns {', '.join(_COLUMNS)}")
         return text
 

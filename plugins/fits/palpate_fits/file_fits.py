@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -90,9 +91,14 @@ def _show(rows: Sequence[Row], groups: Sequence[FileGroup], folder: Path, known:
     first = next((row["curve"] for row in rows if is_usable(row)), None)
     if first is not None:
         page = folder / "page"
-        made = f"palpate fit {first} --pipeline {folder / SETTINGS} -o {page}"
-        typer.echo(f"a page on one: {made} && palpate report {page / Path(first).name.split('.')[0]}")
+        words = ["palpate", "fit", _no_option(first), "--pipeline", str(folder / SETTINGS), "-o", str(page)]
+        report = shlex.join(["palpate", "report", str(page / Path(first).name.split(".")[0])])
+        typer.echo(f"a page on one: {shlex.join(words)} && {report}")
     typer.echo(count_line(rows, known))
+
+
+def _no_option(name: str) -> str:
+    return f"./{name}" if name.startswith("-") else name
 
 
 def _show_guesses(groups: Sequence[FileGroup], details: bool) -> None:
