@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import pytest
 from palpate import PalpateError, trust
@@ -121,12 +122,11 @@ def test_nothing_that_a_page_does_executes_a_file_of_the_folder(evil, way, tmp_p
     way(evil)
     all_that_a_page_does(evil.parent)
     script = evil.parent / "history.sh"
-    if script.exists():  # and nothing that its history does when a shell executes it
-        main = (
-            f"{shutil.which('python')} -c 'import sys; sys.argv[0]=\"palpate\"; from palpate.cli import main; main()'"
-        )
-        text = f'palpate() {{ {main} "$@"; }}\n' + script.read_text()
-        subprocess.run(["sh", "-c", text, "sh", str(evil.parent)], capture_output=True, check=False)
+    if script.exists():  # and none of its words is an option of its own for a shell
+        text = f'palpate() {{ printf "%s\\n" "$@"; }}\n{script.read_text()}'
+        words = subprocess.check_output(["sh", "-c", text, "sh", str(evil.parent)], text=True).splitlines()
+        assert "repeat" in words
+        assert not [word for word in words if word.startswith("--plugin")]
 
 
 def test_undo_takes_back_nothing_that_the_page_has_not_done(evil):
@@ -298,3 +298,34 @@ def test_a_folder_that_vanishes_is_a_message_and_not_the_end_of_the_connection(f
             assert len(other.read("folder")["rows"]) == 8
         page.ask(do="mark", curve=NAMES[0], mark="good")
         assert page.read("rows")["rows"][0]["mark"] == "good"
+
+
+@pytest.mark.slow
+def test_a_plugin_file_that_a_person_has_named_goes_along_with_the_folder(folder, tmp_path, monkeypatch, palpate):
+    """It is the content that was approved: the folder works, also on the page, until the file is another one."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setattr(trust, "_PROCESS", trust._Consent())
+    monkeypatch.setattr(trust, "_consent", trust.ContextVar("_consent", default=trust._PROCESS))
+    own = tmp_path / "lab.py"
+    own.write_text(_PLUGIN.format(trace=str(tmp_path / "trace")) + "from palpate import plugin\n@plugin\n"
+                   "def palpate_models():\n    return {}\n")  # fmt: skip
+    text = (folder / "fits" / "pipeline.toml").read_text()
+    text = re.sub(r"^plugins = .*$", "", text, flags=re.M).replace("[run]\n", '[run]\nplugins = ["lab.py"]\n', 1)
+    (tmp_path / "lab.toml").write_text(text)
+    done = palpate("fit", "curves", "--each", "--pipeline", "lab.toml", "--out", "mine", "--jobs", "2")
+    assert done.returncode == 0, done.stderr
+    done = palpate("fit", "mine", "--set", "estimator.fit.segment=load", "--no-refit")
+    assert done.returncode == 0, done.stderr
+    done = palpate("fit", "mine")
+    assert done.returncode == 0, done.stderr
+    with trust.at_the_command_line(["desk", "mine"]):
+        told = all_that_a_page_does(Path("mine"))
+    assert not [text for text in told if "lab.py" in text]
+    own.write_text(own.read_text() + "# changed\n")
+    (tmp_path / "trace").unlink()
+    done = palpate("fit", "mine", "--set", "estimator.fit.segment=unload")
+    assert done.returncode == 2
+    assert "palpate trust " in done.stderr
+    with trust.at_the_command_line(["desk", "mine"]):
+        assert [text for text in all_that_a_page_does(Path("mine")) if "palpate trust " in text]
+    assert not (tmp_path / "trace").exists()
