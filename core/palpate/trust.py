@@ -144,8 +144,8 @@ def is_named(path: Path) -> bool:
     return consent.arguments is None or ((place := _place(path)) is not None and place in consent.places)
 
 
-def is_said(assignment: str) -> bool:
-    """Whether a person has said a ``table.key=value``, as `is_named` for files: not a file, such as own.toml."""
+def is_argument(assignment: str) -> bool:
+    """Whether a person has given a ``table.key=value``, as `is_named` for files; what own.toml sets is no argument."""
     arguments = _consent.get().arguments
     return arguments is None or assignment in arguments
 

@@ -10,7 +10,7 @@ from typing import Any
 from palpate.errors import ConfigurationError, suggest
 from palpate.input_file import Enclosure, check_input
 from palpate.key_mistakes import Location
-from palpate.trust import is_named, is_said
+from palpate.trust import is_argument, is_named
 
 _BARE_QUANTITY = re.compile(r"=\s*[-+.\d]+\s*[A-Za-z]+\s*(#.*)?$")
 _TABLE = re.compile(r"\s*\[\[?([^\[\]]+)\]\]?\s*(?:#.*)?$")
@@ -40,7 +40,7 @@ class Source:
             raise ConfigurationError(f"{path}: tables and lists are nested more than {_DEEPEST} deep")
         self._lines = _lines(text)
         self._overridden: set[Location] = set()
-        self._said_plugins = False  # by the person at work
+        self._plugins_named = False  # by the person at work
 
     @classmethod
     def read(cls, path: Path, named: bool = True) -> Source:
@@ -73,12 +73,12 @@ class Source:
         table[keys[-1]] = value
         self._overridden.add(keys)
         if keys == _PLUGINS:
-            self._said_plugins = is_said(assignment)
+            self._plugins_named = is_argument(assignment)
 
     @property
     def has_chosen_plugins(self) -> bool:
         """Whether a person has chosen its plugin files: by naming the file, or by setting them on the command line."""
-        return self._said_plugins if _PLUGINS in self._overridden else self.named
+        return self._plugins_named if _PLUGINS in self._overridden else self.named
 
     @property
     def overridden(self) -> list[str]:
