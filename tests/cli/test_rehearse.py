@@ -80,7 +80,7 @@ def test_a_rehearsal_ends_with_what_the_arm_did_and_is_the_same_every_time(rehea
 
 
 @pytest.mark.slow
-def test_a_rig_without_a_twin_is_rehearsed_and_a_fault_after_the_end_is_argument(rehearse, rig, tmp_path):
+def test_a_rig_without_a_twin_is_rehearsed_and_a_fault_after_the_end_is_said(rehearse, rig, tmp_path):
     done = rehearse(rig, *SILICONE, "--fault", "protective-stop@50 s", "--out", "out", sets=SHORTER)
     assert done.returncode == 0, done.stderr
     assert "protective-stop was never made: the run ended before its time" in done.stderr

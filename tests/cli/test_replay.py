@@ -213,7 +213,7 @@ def test_an_assumption_belongs_to_its_model_or_to_all(root):
 
 
 @pytest.mark.slow
-def test_what_is_assumed_of_one_model_is_argument_of_its_tracks_alone(recorded, palpate, tmp_path):
+def test_what_is_assumed_of_one_model_is_said_of_its_tracks_alone(recorded, palpate, tmp_path):
     added = ["--add-model", "standard-linear-solid", "--tracks", "*/ekf"]
     done = palpate("replay", recorded / "log.mcap", *added, "--set", 'run.assumed=["model.standard-linear-solid.*"]')
     assert done.returncode == 0, done.stderr

@@ -54,6 +54,6 @@ def test_it_ends_and_does_not_ask_for_the_same_readings():
 
 
 @pytest.mark.parametrize(("settings", "words"), [({"silent": True}, "sends nothing"), ({"broken": True}, "unplugged")])
-def test_what_is_wrong_with_a_live_device_is_argument(settings, words):
+def test_what_is_wrong_with_a_live_device_is_said(settings, words):
     with pytest.raises(AssertionError, match=words):
         check_device(Live(**settings), listen=0.1)

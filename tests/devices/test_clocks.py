@@ -139,7 +139,7 @@ def test_stamps_that_jump_back_are_said(tmp_path, kind):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("drift", "said"), [(200e-6, True), (-200e-6, True), (20e-6, False), (0.0, False)])
-def test_a_force_whose_clock_runs_otherwise_than_that_of_the_motion_is_argument(tmp_path, drift, said):
+def test_a_force_whose_clock_runs_otherwise_than_that_of_the_motion_is_said(tmp_path, drift, said):
     """200 ppm are 1 ms after 5 s, and a millisecond between force and motion is taken for viscosity."""
     random, stamps = np.random.default_rng(7), true_stamps()
     drifted = stamps + ((stamps - stamps[0]) * drift).astype(np.int64)

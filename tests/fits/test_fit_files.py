@@ -169,7 +169,7 @@ def press_file(path, names, extra=()):
 
 
 @pytest.mark.slow
-def test_what_is_guessed_is_argument_and_counts_as_assumed(tmp_path, palpate):
+def test_what_is_guessed_is_said_and_counts_as_assumed(tmp_path, palpate):
     press_file(tmp_path / "a.csv", ("time", "force", "height"))
     command = ["fit", str(tmp_path / "a.csv"), *TIP, "--out", str(tmp_path / "out")]
     done = palpate(*command)

@@ -79,5 +79,5 @@ def test_what_was_found_at_6_mm_s_holds_at_other_speeds(fits, speed):
     assert rms["hc"] > rms["dr"]
 
 
-def test_the_misfit_is_argument(fits):
+def test_the_misfit_is_said(fits):
     assert {flag.code for flag in fits["kv"].flags} >= {"misfit"}

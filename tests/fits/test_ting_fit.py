@@ -81,7 +81,7 @@ def test_a_second_maximum_is_refused_by_name_in_rig_and_fit(tmp_path):
         ({"fixed": {"elasticity": "3 N"}}, StandardLinearSolid(indenter=TIP), "fixed: elasticity"),
     ],
 )
-def test_what_it_cannot_do_is_argument_before_anything_runs(settings, model, said):
+def test_what_it_cannot_do_is_said_before_anything_runs(settings, model, said):
     with pytest.raises(ConfigurationError, match=said):
         TingFit(**settings).start(Problem(model, 0.14))
 

@@ -120,7 +120,7 @@ def test_a_file_says_what_it_holds(made):
         ('type = "afm-replay"|type = "afm-replay"\nheight = "piezo"', "holds no 'height (piezo)'"),
     ],
 )
-def test_what_a_file_lacks_is_argument(made, tmp_path, change, words):
+def test_what_a_file_lacks_is_said(made, tmp_path, change, words):
     path = pipeline(tmp_path, made)
     before, after = change.split("|")
     path.write_text(path.read_text().replace(before, after))

@@ -194,7 +194,7 @@ def test_a_run_without_a_log_is_not_estimated_once_more(run_point, palpate, tmp_
     ("arguments", "said"),
     [(["nowhere"], "there is no such file"), (["samples.csv"], "carries no pipeline"), (["empty.mcap"], "empty.mcap")],
 )
-def test_what_cannot_be_watched_is_argument(arguments, said, palpate, tmp_path):
+def test_what_cannot_be_watched_is_said(arguments, said, palpate, tmp_path):
     (tmp_path / "samples.csv").write_text("t,z,f\n0,0,0\n1,0,0\n")
     (tmp_path / "empty.mcap").write_bytes(b"")
     done = palpate("watch", *arguments)

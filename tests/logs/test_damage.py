@@ -37,7 +37,7 @@ def test_every_message_of_a_whole_chunk_comes_back(logs, tmp_path, kind, style):
         assert not found - sum((messages for _, _, messages in written), start=type(expected)())
 
 
-def test_what_is_missing_is_argument_with_its_place(logs, tmp_path):
+def test_what_is_missing_is_said_with_its_place(logs, tmp_path):
     """By the statistics where they are there; else by the rates of what is left, with the missing end apart."""
     raw, written = logs["zstd"]
     begin, end, inside = written[10]

@@ -54,7 +54,7 @@ def raster_run(root, tmp_path_factory):
         pytest.param("report", "report of 1 run, ", marks=pytest.mark.slow),
     ],
 )
-def test_ten_thousand_sites_take_their_time_and_it_is_argument(palpate, raster_run, tmp_path, monkeypatch, command, said):
+def test_ten_thousand_sites_take_their_time_and_it_is_said(palpate, raster_run, tmp_path, monkeypatch, command, said):
     monkeypatch.setattr("palpate_kit.terminal.progress._EVERY", 1e-3)
     done = palpate(*command.split(), shutil.copytree(raster_run, tmp_path / "run"))
     assert done.returncode == 0, done.stderr
@@ -289,7 +289,7 @@ def test_a_motion_outside_of_the_workspace_is_refused_by_name(palpate, root, tmp
     ],
 )
 @pytest.mark.parametrize("command", ["map", "map lumps"])
-def test_what_is_not_there_is_argument(palpate, sweep_run, command, arguments, word):
+def test_what_is_not_there_is_said(palpate, sweep_run, command, arguments, word):
     done = palpate(*command.split(), sweep_run, *arguments)
     assert done.returncode == 2
     assert word in done.stderr

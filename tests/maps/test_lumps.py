@@ -289,7 +289,7 @@ def test_a_lump_is_done_once_points_confirm_it_and_leave_it_in_place():
     assert not taken[np.hypot(*sites.place.T) > 2.2e-2].any()
 
 
-def test_a_lump_at_the_border_goes_on_or_is_argument_to_be_cut():
+def test_a_lump_at_the_border_goes_on_or_is_said_to_be_cut():
     sites = area(np.random.default_rng(0), [(0.033, 0.0, 0.006, 0.4)])
     (open_,) = searching(sites)
     assert (open_.beyond, open_.cut) == (True, False)

@@ -76,7 +76,7 @@ def test_a_model_of_a_pipeline(tmp_path):
     assert table(flat.stdout)[1][-1, 3] == pytest.approx(3 * table(steep.stdout)[1][-1, 3], rel=1e-6)
 
 
-def test_a_correction_out_of_range_is_argument():
+def test_a_correction_out_of_range_is_said():
     thick = ["--set", 'model.thickness={ law = "dimitriadis", height = "10 mm" }']
     assert "the depth is 30% of the layer's height" in force(*SPHERE, *VALUES, *thick).stderr
 

@@ -181,7 +181,7 @@ def test_an_inclination_is_known_under_spheres_only(tip):
     assert not on(tip).validity(1e-3)
 
 
-def test_a_contact_that_is_large_against_the_skin_is_argument():
+def test_a_contact_that_is_large_against_the_skin_is_said():
     assert "of the skin's radius" in on(skin_radius="8 mm").validity(3e-3)
     assert not on(skin_radius="50 mm").validity(3e-3)
 

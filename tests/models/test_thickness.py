@@ -92,7 +92,7 @@ def test_correction_vanishes_for_a_thick_layer(thickness):
     assert thick.factor(tip, 1e-9)[0] == pytest.approx(1.0, abs=1e-4)
 
 
-def test_a_range_that_is_left_is_argument():
+def test_a_range_that_is_left_is_said():
     model = DimensionalityReduction(indenter=ExactSphere(radius=R), thickness=THICKNESSES["dimitriadis-free"])
     assert model.validity(1e-3) == ""
     assert "23% of the layer's height" in model.validity(5e-3)

@@ -154,7 +154,7 @@ def test_the_law_of_the_data_is_chosen():
     assert [fit.law.name for fit in supported_fits(fits)] == ["power-law"]
 
 
-def test_what_a_table_does_not_determine_is_argument():
+def test_what_a_table_does_not_determine_is_said():
     """The lasting part of a material that flows."""
     maxwell = law_of("maxwell")
     fit = fit_law(

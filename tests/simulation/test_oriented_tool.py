@@ -24,7 +24,7 @@ def test_a_tool_of_140_g_that_is_turned_by_20_degrees_weighs_0_08_n_less_along_a
 
 @pytest.mark.parametrize("down", [(0.0, 0.0, -1.0), (0.6, 0.0, -0.8), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)])
 @pytest.mark.parametrize("mounting", [None, (0.3, -0.2, 1.0)])
-def test_a_tool_that_is_turned_for_a_calibration_has_gravity_where_it_is_argument(down, mounting):
+def test_a_tool_that_is_turned_for_a_calibration_has_gravity_where_it_is_said(down, mounting):
     wrench = readings(rig(tip_mass=0.2, mounting=mounting, **QUIET).turned(down), ABOVE)["wrench"][1][0, :3]
     assert wrench == pytest.approx(0.2 * 9.80665 * np.array(down), abs=1e-9)
 

@@ -160,7 +160,7 @@ def test_the_papers_specimens_are_known_by_name(name, elasticity, viscosity, con
         assert known.under(np.array([[x, y, 0.0]])).theta[0] / elasticity - 1 == pytest.approx(contrast, abs=0.015)
 
 
-def test_what_is_argument_replaces_what_the_papers_specimen_has():
+def test_what_is_said_replaces_what_the_papers_specimen_has():
     other = Specimen.model_validate(
         {"model": MODEL, "name": "S5", "elasticity": 9e4, "inclusions": (), "thickness": 0.03}
     )

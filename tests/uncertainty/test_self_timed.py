@@ -47,7 +47,7 @@ def test_a_fit_that_looks_for_the_delay_gets_the_spread_of_the_laws():
 
 
 @pytest.mark.slow
-def test_another_law_is_argument_to_be_one_and_covers_the_delay():
+def test_another_law_is_said_to_be_one_and_covers_the_delay():
     found = diagnose_delay([evidence(MULTI, 1e-3, 7, law=branch)])["t"]
     assert [flag.code for flag in found.flags] == ["delay-by-law"]
     assert not found.settles  # that nobody has declared the timing stays said

@@ -13,9 +13,9 @@ from palpate.host import safe_processes
 
 class _SafeProcess(SpawnProcess):
     @staticmethod
-    def _Popen(process: Any) -> Any:  # noqa: N802  (multiprocessing calls it so)
+    def _Popen(process_obj: Any) -> Any:  # noqa: N802  (multiprocessing calls it so)
         with safe_processes():
-            return SpawnProcess._Popen(process)
+            return SpawnProcess._Popen(process_obj)
 
 
 class _SafeContext(SpawnContext):
