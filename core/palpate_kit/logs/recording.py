@@ -156,6 +156,9 @@ class Recording(Device, ABC):
         return iter(())
 
     @classmethod
-    def recover(cls, path: Path, out: Path) -> str:
-        """Write what is whole of a damaged log into a new one; what was saved and what is missing, in words."""
+    def recover(cls, path: Path, out: Path, beside: Mapping[str, str] = {}) -> str:
+        """Write what is whole of a damaged log into a new one; what was saved and what is missing, in words.
+
+        Documents of the run that the log has lost come from those `beside` it, by name.
+        """
         raise LogError(f"{path}: logs of this format cannot be recovered")
