@@ -276,3 +276,15 @@ def test_a_curve_whose_numbers_are_damaged_is_named(tmp_path):
         except LogError as error:
             found.add(str(error).startswith(f"{path}: its ") and "cannot be read" in str(error))
     assert True in found
+
+
+def test_a_rate_is_for_a_curve_without_a_time(tmp_path):
+    path = written(tmp_path / "a.h5")
+    found = AfmReplay.suggest(path, {"rate": "100 Hz"})
+    assert "rate" not in found.device
+    assert found.has_time
+    with (
+        pytest.raises(LogError, match="contains a time: leave out rate"),
+        AfmReplay(file=path, rate=100.0).connect(0) as link,
+    ):
+        list(link.batches())

@@ -80,7 +80,7 @@ def test_a_whole_chunk_is_copied_and_found_by_its_topic_and_time(style, tmp_path
 
 
 def test_what_a_run_carries_stands_ahead_of_its_messages(tmp_path):
-    """There a replay looks for it; a document whose checksum is wrong comes from beside the log, a foreign log's not."""
+    """There a replay looks for it; one whose checksum is wrong comes from beside the log, a foreign log's not."""
     carried = Attachment(0, 0, "pipeline.toml", "", b"[run]"), Metadata("palpate", {"seed": "3"})
     for facts, flip, expected in (
         ({"palpate": "{}"}, 0, {"pipeline.toml": "[run]"}),

@@ -72,6 +72,7 @@ class Suggestion:
     assumed: tuple[str, ...] = ASSUMED  # what is not stated anywhere
     guesses: Mapping[str, str] = field(default_factory=dict)  # keys of the device that are guesses, and what is said
     rivals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by role: all that could serve as well
+    has_time: bool = False  # in the log, so that a rate is of no use
     facts: tuple[tuple[int, str, str], ...] = ()  # line, name and value of what a log states of the experiment
 
 
