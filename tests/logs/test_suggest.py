@@ -97,6 +97,22 @@ def test_a_rate_is_for_files_without_a_time(tmp_path, time, header, used):
     assert not any("--rate" in text for text in found.doubts)
 
 
+@pytest.mark.parametrize("role", ["force", "position", "velocity", "time"])
+@pytest.mark.parametrize(
+    ("cells", "words"),
+    [
+        (["RUN"] * 800, r"contains text \('RUN'\), no numbers"),
+        (["RUN"] * 796 + ["1.5"] * 4, r"contains text \('RUN'\) and 4 numbers"),
+        ([""] * 800, "contains empty cells, no numbers"),
+    ],
+)
+def test_a_column_without_numbers_that_is_named_is_refused(tmp_path, role, cells, words):
+    rows = [f"{k / 100},{-k % 7},{k % 11},{cell}" for k, cell in enumerate(cells)]
+    (tmp_path / "a.csv").write_text("\n".join(["time (s),height (mm),force (N),state", *rows]))
+    with pytest.raises(LogError, match=rf"a\.csv: --{role}: column state {words} \(there are: time"):
+        CsvReplay.suggest(tmp_path / "a.csv", {role: "state"})
+
+
 @pytest.mark.parametrize("rate", [500.0, 125.0])
 def test_the_rate_of_a_table_without_time_is_told_by_its_velocity(tmp_path, rate):
     _, height, speed, force = swinging(rate=rate)

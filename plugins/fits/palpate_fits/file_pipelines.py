@@ -45,7 +45,7 @@ def file_groups(
     refused: dict[str, str],
     notes: list[str],
 ) -> Iterator[FileGroup]:
-    """Files by how they are read, the most first; `refused` takes the others with what must be said, `notes` what is ignored.
+    """Files by how they are read, the most first; `refused` takes the others and why, `notes` what is ignored.
 
     `choices` name the columns of roles, as of ``palpate info --suggest``.
 

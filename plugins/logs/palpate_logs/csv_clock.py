@@ -55,6 +55,7 @@ def _clock_column(sheet: Sheet, values: Floats, choices: Mapping[str, str]) -> T
     """The column that is the time; None where none can be it."""
     if "time" in choices:
         columns = [sheet.index_of("time", choices["time"])]
+        sheet.demand_numbers("time", columns[0], values[:, columns[0]])
     else:
         columns = [k for k, name in enumerate(sheet.names) if begins_as_time(name)]
         columns += [k for k, name in enumerate(sheet.names) if role_by_words(name) == "time" and k not in columns]

@@ -92,7 +92,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     looked = look(path, choices)
     sheet, clock = looked.sheet, looked.clock
     series = looked.series()
-    chosen = {role: _chosen(sheet, series, role, choices[role]) for role in ROLES if role in choices}
+    chosen = {role: _chosen(sheet, looked.values, series, role, choices[role]) for role in ROLES if role in choices}
     found = find_roles(series, chosen)
     if found is None:
         there = sheet.columns
@@ -180,8 +180,9 @@ def _rate(found: RoleGuess, factors: Mapping[str, float], extra: Mapping[str, li
     return None
 
 
-def _chosen(sheet: Sheet, series: Sequence[NumberColumn], role: str, text: str) -> NumberColumn:
+def _chosen(sheet: Sheet, values: Floats, series: Sequence[NumberColumn], role: str, text: str) -> NumberColumn:
     k = sheet.index_of(role, text.removeprefix(":"))
+    sheet.demand_numbers(role, k, values[:, k])
     for mine in series:
         if mine.key[1] == str(k):
             return replace(mine, role=role, why="chosen")
