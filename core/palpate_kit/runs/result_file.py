@@ -71,6 +71,22 @@ def read_flags(tables: Iterable[Mapping[str, Any]]) -> tuple[Flag, ...]:
     return tuple(map(Flag.of_table, tables))
 
 
+def value_verdict(track: Mapping[str, Any], found: Mapping[str, Any]) -> str:
+    """The verdict of a value of a track; ``invalid`` where either is, else that of the track."""
+    return "invalid" if found.get("verdict") == "invalid" else str(track["verdict"])
+
+
+def values_by_name(track: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The parameters of a track and what follows from them, by name; none without a value, as where it is invalid."""
+    every = {**track.get("derived", {}), **track["parameters"]}
+    return {k: found for k, found in every.items() if found["value"] is not None and found.get("verdict") != "invalid"}
+
+
+def usable_value(track: Mapping[str, Any], name: str) -> dict[str, Any] | None:
+    """What a track says of a parameter; None where it has no value, or one that may not be used."""
+    return values_by_name(track).get(name) if track["verdict"] != "invalid" else None
+
+
 def _document(path: Path) -> dict[str, Any]:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))

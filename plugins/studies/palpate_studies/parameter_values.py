@@ -13,7 +13,7 @@ from palpate import ConfigurationError, Flag, UserError
 from palpate.host import registry, suggest, verdict
 from palpate_kit.curves.curve_filter import CurveFilter, curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder, stale_words
-from palpate_kit.runs.result_file import read_flags, read_results
+from palpate_kit.runs.result_file import read_flags, read_results, value_verdict
 from palpate_kit.runs.run_folder import RunFolder
 
 _TOLD = 20  # files that are left out, one line each
@@ -133,7 +133,7 @@ def _of_run(
     found, (path, key) = known[parameter], named
     return ParameterValue(
         f"{path}#{key}" if key else str(path), file.parent, key, name, found["value"], found["combined"], found["unit"],
-        found.get("systematic"), result["force_rms"], read_flags(result["flags"]), result["verdict"],
+        found.get("systematic"), result["force_rms"], read_flags(result["flags"]), value_verdict(result, found),
         RunFolder(file.parent).rejected.get(key),
     )  # fmt: skip
 
