@@ -88,7 +88,7 @@ def test_an_implausible_value_is_in_no_mean(tmp_path, palpate):
         rows = {row["curve"]: row for row in csv.DictReader(file)}
     assert "implausible" in rows["3.csv"]["flags"]
     assert [bool(rows[f"{number}.csv"]["elasticity"]) for number in range(4)] == [True, True, True, False]
-    group = json.loads(palpate("repeat", "out", "--json").stdout)["groups"]["out"]
+    group = json.loads(palpate("repeat", "out", "--json").stdout)["groups"]["runs"]
     assert group["values"] == [float(rows[f"{number}.csv"]["elasticity"]) for number in range(3)]
 
 
