@@ -43,7 +43,7 @@ from palpate.discovery import import_plugin_file, plugin_file_of
 from palpate.errors import ConsentError, StoppedError, suggest
 from palpate.flags import SEVERITIES, verdict, verdict_word
 from palpate.hooks import KINDS
-from palpate.input_file import Enclosure
+from palpate.input_file import Enclosure, bounded_text, json_document, toml_tables
 from palpate.offers import function_of
 from palpate.parts import input_files, nested_settings, numbers_of, part_kind
 from palpate.pipeline import (
@@ -145,6 +145,7 @@ __all__ = [
     "approved_files",
     "approved_plugins",
     "ask_devices",
+    "bounded_text",
     "build_parts",
     "build_pipeline",
     "check_approach",
@@ -165,6 +166,7 @@ __all__ = [
     "input_files",
     "interruptible",
     "is_live",
+    "json_document",
     "load_pipeline",
     "make_folder",
     "mounting_of",
@@ -183,6 +185,7 @@ __all__ = [
     "single_trajectory",
     "start_tracks",
     "suggest",
+    "toml_tables",
     "trust_plugin",
     "trusted_plugins",
     "truth_of",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import Flag, LogError
-from palpate.host import SCHEMA, registry as registries, verdict
+from palpate.host import SCHEMA, bounded_text, json_document, registry as registries, verdict
 
 from palpate_kit.runs.result_model import FitFileDocument, ResultDocument, problems
 from palpate_kit.runs.run_model import Document
@@ -51,7 +50,7 @@ def read_results(path: Path) -> Results:
 def is_whole(path: Path) -> bool:
     """Whether a result can be read as a document at all; half a file, or none, means that the run is not done."""
     try:
-        return isinstance(json.loads(path.read_text(encoding="utf-8")), dict)
+        return isinstance(json_document(bounded_text(path)), dict)
     except (OSError, ValueError, RecursionError):
         return False
 
@@ -89,7 +88,7 @@ def usable_value(track: Mapping[str, Any], name: str) -> dict[str, Any] | None:
 
 def _document(path: Path) -> dict[str, Any]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json_document(bounded_text(path))
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:

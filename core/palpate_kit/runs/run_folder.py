@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, LogError, Status
-from palpate.host import GIVEN, PIPELINE, RESULT
+from palpate.host import GIVEN, PIPELINE, RESULT, bounded_text, toml_tables
 
 from palpate_kit.runs.estimates_columns import missing_columns
 from palpate_kit.runs.estimates_file import OFFLINE, ONLINE, TEXT
@@ -133,7 +133,7 @@ class RunFolder:
     def settings(self) -> dict[str, Any]:
         """The tables of `pipeline`, as resolved; raises LogError where there is none, or it is damaged."""
         try:
-            return tomllib.loads(self.pipeline_text)
+            return toml_tables(self.pipeline_text)
         except tomllib.TOMLDecodeError as error:
             raise LogError(f"{self.pipeline}: is a damaged pipeline: {error}") from error
 
@@ -223,7 +223,7 @@ def _read(path: Path) -> EstimatesTable:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return bounded_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"{path}: cannot be read: {_reason(error)}") from error
 

@@ -45,8 +45,10 @@ def _text(path: Path, sheet: str | None, changed: int, size: int) -> str:
                 return _tabbed(_sheet(path, book, sheet))
             finally:
                 book.close()
-    except (OSError, zipfile.BadZipFile, KeyError, ValueError, SyntaxError, EOFError, TypeError) as error:
-        raise LogError(f"{path}: is not a workbook that can be read: {error}") from error
+    except LogError:
+        raise
+    except Exception as error:  # whatever unpacking, XML and cells raise on a damaged file
+        raise LogError(f"{path}: is not a workbook that can be read: {type(error).__name__}: {error}") from error
 
 
 def _sheet(path: Path, book: Any, name: str | None) -> Any:

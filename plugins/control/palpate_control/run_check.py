@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, LogError
-from palpate.host import RESULT, suggest
+from palpate.host import RESULT, bounded_text, suggest, toml_tables
 from palpate_kit.runs.device_identity import is_identity
 from palpate_kit.runs.result_file import values_by_name
 from palpate_kit.runs.run_folder import RunFolder
@@ -85,7 +85,7 @@ def _width(table: Mapping[str, Any], reference: Reference) -> float:
 def _pipeline(folder: RunFolder) -> dict[str, Any]:
     """The tables of the pipeline as run [SI]; raises LogError."""
     try:
-        return tomllib.loads(folder.pipeline.read_text(encoding="utf-8"))
+        return toml_tables(bounded_text(folder.pipeline))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise LogError(f"{folder.pipeline}: cannot be read: {error}") from error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
@@ -188,8 +189,8 @@ class _AfmCurve:
         """(n,) as recorded; raises LogError where that is damaged."""
         try:
             return np.asarray(self.data[name], np.float64)
-        except (OSError, ValueError, TypeError) as error:  # read now, not when the file was opened
-            raise LogError(f"{self.data.path}: its {name} cannot be read: {error}") from error
+        except Exception as error:  # read now, not when the file was opened: unpacked, scaled, put together
+            raise LogError(f"{self.data.path}: its {name} cannot be read: {type(error).__name__}: {error}") from error
 
     def time(self, rate: float | None, path: Path) -> Floats | None:
         """(n,) [s] that advances from every reading to the next; None where neither file nor `rate` gives it.
@@ -213,6 +214,8 @@ def _curves(path: Path) -> list[_AfmCurve]:
         with warnings.catch_warnings():  # of its own dependencies; what matters is raised
             warnings.simplefilter("ignore")
             import afmformats
+
+            logging.getLogger("afmformats").addHandler(logging.NullHandler())  # which else prints a traceback
     except ImportError as error:
         raise LogError(f"{path}: force curves need afmformats: pip install 'palpate[afm]'") from error
     try:

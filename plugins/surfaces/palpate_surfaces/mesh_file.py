@@ -25,7 +25,8 @@ def read_mesh(file: Path, unit: str) -> Any:
     if not file.is_file():
         raise ConfigurationError(f"{file}: there is no such file")
     try:
-        mesh = trimesh.load_mesh(file, process=False)
+        with file.open("rb") as opened:  # alone: what it names beside it, materials and pictures, is not opened
+            mesh = trimesh.load_mesh(opened, file_type=file.suffix.lower()[1:], process=False, skip_materials=True)
     except Exception as error:  # whatever its readers raise on a damaged file
         raise ConfigurationError(f"{file}: cannot be read as a mesh: {type(error).__name__}: {error}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) < _FEWEST:
