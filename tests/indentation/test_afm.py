@@ -3,9 +3,12 @@
 import contextlib
 import copy
 import json
+import logging
 import os
 import tomllib
 import warnings
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -288,3 +291,29 @@ def test_a_rate_is_for_a_curve_without_a_time(tmp_path):
         AfmReplay(file=path, rate=100.0).connect(0) as link,
     ):
         list(link.batches())
+
+
+def test_a_damaged_curve_is_one_error_without_the_traceback_of_the_library(tmp_path, capsys):
+    path = written(tmp_path / "a.h5")
+    path.write_bytes(path.read_bytes()[:3000])
+    logger = logging.getLogger("afmformats")
+    handlers, logger.handlers[:] = logger.handlers[:], []
+    try:
+        with pytest.raises(LogError, match=r"a\.h5: cannot be read as a force curve"):
+            AfmReplay.survey(path)
+    finally:
+        logger.handlers[:] = handlers
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("error", [zipfile.BadZipFile("Bad CRC-32"), zlib.error("Error -3"), KeyError("height")])
+def test_a_damaged_column_is_named(tmp_path, monkeypatch, error):
+    """As a flipped bit in one of a JPK file, which is unpacked when it is asked for."""
+    path = written(tmp_path / "a.h5")
+
+    def damaged(self, name):
+        raise error
+
+    monkeypatch.setattr(afmformats.AFMForceDistance, "__getitem__", damaged)
+    with pytest.raises(LogError, match=rf"a\.h5: its force cannot be read: {type(error).__name__}"):
+        AfmReplay.survey(path)

@@ -34,7 +34,7 @@ from palpate_kit.runs.review_file import Marks, read_marks
 
 def is_fit_folder(path: Path) -> bool:
     """Whether a folder holds fits of many curves."""
-    return (path / TABLE).is_file()
+    return (path / TABLE).exists()
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ class FitFolder:
     def cells(self) -> list[dict[str, str]]:
         """The latest rows of ``fits.csv``; raises LogError."""
         path = self.path / TABLE
-        if not path.is_file():
+        if not path.exists():
             return []
         demand_columns(path)
         return latest_rows(path)
@@ -210,7 +210,7 @@ class FitFolder:
     def values(self) -> list[str]:
         """Names of the values of a row, the surface last."""
         path = self.path / TABLE
-        head = columns_in(path) if path.is_file() else ()
+        head = columns_in(path) if path.exists() else ()
         return [name.removesuffix("_combined") for name in head if name.endswith("_combined")]
 
     def curves(self) -> list[Curve]:

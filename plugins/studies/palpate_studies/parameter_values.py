@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from palpate import ConfigurationError, Flag, UserError
+from palpate import ConfigurationError, Flag, LogError, UserError
 from palpate.host import registry, suggest, verdict
 from palpate_kit.curves.curve_filter import CurveFilter, curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder, stale_words
@@ -139,7 +139,9 @@ def _of_run(
 
 
 def _chosen(tracks: Mapping[str, Any], track: str | None, file: Path, first: bool) -> str:
-    if track is None and tracks and (first or len(tracks) == 1):
+    if not tracks:
+        raise LogError(f"{file}: has no result")
+    if track is None and (first or len(tracks) == 1):
         return next(iter(tracks))
     if track is None:
         raise ConfigurationError(f"{file}: has {len(tracks)} tracks; choose one with --track: {', '.join(tracks)}")

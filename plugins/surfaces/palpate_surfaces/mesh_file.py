@@ -32,6 +32,8 @@ def read_mesh(file: Path, unit: str) -> Any:
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) < _FEWEST:
         count = len(mesh.faces) if isinstance(mesh, trimesh.Trimesh) else 0
         raise ConfigurationError(f"{file}: it has {count} triangles; a surface has at least {_FEWEST}")
+    if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
+        raise ConfigurationError(f"{file}: a triangle has a vertex that the file has not: it has {len(mesh.vertices)}")
     if not np.isfinite(mesh.vertices).all():
         row = int(np.argwhere(~np.isfinite(mesh.vertices))[0][0])
         raise ConfigurationError(f"{file}: vertex {row + 1} of {len(mesh.vertices)} is not a finite number")
