@@ -82,7 +82,7 @@ class FlagMeaning:
     meaning: str  # one sentence
     remedy: str  # what to do, one sentence
     structural: bool = False
-    voids: bool = False  # the values that it names are none
+    voids: bool = False  # a value that it can move by any amount (infinity) is none
     evidence_of: str = ""
 
     @classmethod

@@ -44,7 +44,7 @@ from palpate.discovery import import_plugin_file, plugin_file_of
 from palpate.errors import ConsentError, StoppedError, error_text, suggest
 from palpate.flags import SEVERITIES, verdict, verdict_word
 from palpate.hooks import KINDS
-from palpate.input_file import Enclosure
+from palpate.input_file import Enclosure, bounded_text, json_document, toml_tables
 from palpate.offers import function_of
 from palpate.parts import input_files, nested_settings, numbers_of, part_kind
 from palpate.pipeline import (
@@ -147,6 +147,7 @@ __all__ = [
     "approved_files",
     "approved_plugins",
     "ask_devices",
+    "bounded_text",
     "build_parts",
     "build_pipeline",
     "check_approach",
@@ -169,6 +170,7 @@ __all__ = [
     "input_files",
     "interruptible",
     "is_live",
+    "json_document",
     "load_pipeline",
     "make_folder",
     "mounting_of",
@@ -189,6 +191,7 @@ __all__ = [
     "single_trajectory",
     "start_tracks",
     "suggest",
+    "toml_tables",
     "trust_plugin",
     "trusted_plugins",
     "truth_of",

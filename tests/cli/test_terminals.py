@@ -6,9 +6,10 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from palpate_kit.terminal.quantities import value_with_uncertainty
-from palpate_kit.terminal.table import console
+from palpate_kit.terminal.table import Table as Cells, console
 from rich.table import Table
 
 from tests.processes import PIPE, start
@@ -116,3 +117,25 @@ def test_a_raw_nought_has_no_sign(value, shown):
     from palpate_kit.terminal.quantities import round_number
 
     assert round_number(value) == shown
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_table_cuts_a_number(capsys, monkeypatch, seed):
+    """Beside long names and headings, at every width: in its cell, or row by row."""
+    random = np.random.default_rng(seed)
+    count = int(random.integers(3, 9))
+    headings = ["name", *(" ".join(["heading"] * int(n)) for n in random.integers(1, 4, count))]
+    numbers = [
+        [f"{random.normal():.{n}f} ± {random.random():.{n}f}" for n in random.integers(1, 5, count)] for _ in "abc"
+    ]
+    rows = [["n" * int(random.integers(3, 30)), *cells] for cells in numbers]
+    monkeypatch.setenv("TERM", "dumb")
+    for width in range(40, 200, 4):
+        monkeypatch.setenv("COLUMNS", str(width))
+        console(width).print(Cells.of("", headings, rows, ["name"]).view())
+        shown = capsys.readouterr().out
+        assert "…" not in shown
+        assert "..." not in shown
+        parts = [part for row in rows for cell in row for part in ([cell] if "┃" in shown else cell.split())]
+        assert [part for part in parts if part not in shown] == []
+        assert max(map(len, shown.splitlines())) <= width

@@ -55,11 +55,10 @@ def test_a_structural_flag_counts_whatever_it_moves():
 def test_a_value_that_a_flag_voids_is_none_while_others_stay():
     impossible = Flag("implausible", "x", effects={"viscosity": math.inf})
     assert weigh([impossible], values(), REGISTRY).by_value == {"elasticity": "good", "viscosity": "invalid"}
+    elastic = Flag("implausible", "x", effects={"elasticity": math.inf, "viscosity": 1.0})
+    assert weigh([elastic], values(), REGISTRY).by_value == {"elasticity": "invalid", "viscosity": "doubtful"}
     one = track("dr", 100.0)
-    assert (
-        replace(one, flags=(Flag("implausible", "x", effects={"elasticity": 1.0}),)).judged(REGISTRY, ()).verdict
-        == "invalid"
-    )
+    assert replace(one, flags=(elastic,)).judged(REGISTRY, ()).verdict == "invalid"
 
 
 def test_a_wide_uncertainty_is_a_doubt_by_itself():

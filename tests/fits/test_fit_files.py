@@ -162,6 +162,19 @@ def test_what_a_file_does_not_state_is_asked_for_and_can_be_answered(tmp_path, p
     assert float(rows_of(tmp_path / "out")["a"]["elasticity"]) == pytest.approx(1e5, rel=0.005)
 
 
+@pytest.mark.slow
+def test_a_rate_touches_no_file_that_has_a_time(files, palpate):
+    """One file of the folder asks for it: the viscosity of the others is that of their own time."""
+    (files / "curves" / "bad.csv").unlink()
+    assert palpate("fit", "curves", *TIP, "--out", "without").returncode == 0
+    np.savetxt("curves/3.csv", np.column_stack(press(0)[1:]), delimiter=",", header="z [mm],F [N]", comments="")
+    done = palpate("fit", "curves", *TIP, "--rate", "250 Hz", "--out", "with")
+    assert "--rate is ignored for 3 files that have a time" in done.stderr.splitlines()
+    before, after = rows_of(files / "without"), rows_of(files / "with")
+    assert {name: after[name]["viscosity"] for name in before} == {n: row["viscosity"] for n, row in before.items()}
+    assert float(after["3"]["viscosity"]) == pytest.approx(2 * float(before["0"]["viscosity"]), rel=0.1)
+
+
 def press_file(path, names, extra=()):
     p = kinds.press(0)
     path.write_text(kinds.table([*kinds.plain(p, names), *extra], above=["Tip diameter: 10 mm"]))

@@ -3,9 +3,12 @@
 import contextlib
 import copy
 import json
+import logging
 import os
 import tomllib
 import warnings
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -276,3 +279,41 @@ def test_a_curve_whose_numbers_are_damaged_is_named(tmp_path):
         except LogError as error:
             found.add(str(error).startswith(f"{path}: its ") and "cannot be read" in str(error))
     assert True in found
+
+
+def test_a_rate_is_for_a_curve_without_a_time(tmp_path):
+    path = written(tmp_path / "a.h5")
+    found = AfmReplay.suggest(path, {"rate": "100 Hz"})
+    assert "rate" not in found.device
+    assert found.has_time
+    with (
+        pytest.raises(LogError, match="contains a time: leave out rate"),
+        AfmReplay(file=path, rate=100.0).connect(0) as link,
+    ):
+        list(link.batches())
+
+
+def test_a_damaged_curve_is_one_error_without_the_traceback_of_the_library(tmp_path, monkeypatch, capsys):
+    """As of an uncalibrated JPK file, whose reader logs what it raises."""
+    h5py = pytest.importorskip("h5py")
+    path = written(tmp_path / "a.h5")
+    with h5py.File(path, "r+") as file:
+        file["0"].create_group("no column")
+    for logger in (logging.getLogger(), logging.getLogger("afmformats")):  # as in a process that has set up none
+        monkeypatch.setattr(logger, "handlers", [])
+    with pytest.raises(LogError, match=r"a\.h5: cannot be read as a force curve: ValueError: Unknown column"):
+        AfmReplay.survey(path)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("error", [zipfile.BadZipFile("Bad CRC-32"), zlib.error("Error -3"), KeyError("height")])
+def test_a_damaged_column_is_named(tmp_path, monkeypatch, error):
+    """As a flipped bit in one of a JPK file, which is unpacked when it is asked for."""
+    path = written(tmp_path / "a.h5")
+
+    def damaged(self, name):
+        raise error
+
+    monkeypatch.setattr(afmformats.AFMForceDistance, "__getitem__", damaged)
+    with pytest.raises(LogError, match=rf"a\.h5: its time cannot be read: {type(error).__name__}"):
+        AfmReplay.survey(path)

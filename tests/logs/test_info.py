@@ -168,8 +168,12 @@ def test_tables_that_are_none(palpate, tmp_path, name, text, words):
 
 
 def test_rate_and_time_are_for_tables(palpate, bag):
-    refused = palpate("info", bag.name, "--suggest", "--rate", "500 Hz")
-    assert "--time and --rate are for CSV files" in refused.stderr
+    refused = palpate("info", bag.name, "--suggest", "--time", "t")
+    assert "--time is for CSV files" in refused.stderr
+    done = palpate("info", bag.name, "--suggest", "--rate", "500 Hz")
+    assert done.returncode == 0
+    assert "--rate is ignored for 1 file that has a time" in done.stderr
+    assert done.stdout == palpate("info", bag.name, "--suggest").stdout
 
 
 def test_what_cannot_be_looked_into(palpate, tmp_path):

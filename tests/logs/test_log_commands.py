@@ -257,3 +257,42 @@ def test_compare_on_a_log_by_the_names_of_models(palpate, shared):
     refused = palpate("compare", log, "--estimators", "ekff")
     assert refused.returncode == 2
     assert "there is no estimator 'ekff'; did you mean 'ekf'?" in refused.stderr
+
+
+def flip_in(path, text):
+    """One bit, at a text that the file has."""
+    raw = bytearray(path.read_bytes())
+    raw[raw.index(text) + len(text) // 2] ^= 1
+    path.write_bytes(raw)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", ["none", "pipeline", "pipeline, and none beside"])
+def test_a_recovered_log_is_replayed(palpate, recording, tmp_path, damage):
+    """Of a run that was killed: its log ends early, and its folder has no result."""
+    folder = tmp_path / "killed"
+    folder.mkdir()
+    raw = recording.read_bytes()
+    (folder / "log.mcap").write_bytes(raw[: len(raw) * 3 // 4])
+    if damage != "pipeline, and none beside":
+        for name in ("pipeline.toml", "given.toml"):
+            (folder / name).write_bytes((recording.parent / name).read_bytes())
+    if damage != "none":
+        flip_in(folder / "log.mcap", b"dimensionality-reduction")
+    done = palpate("log", "recover", folder / "log.mcap", "-o", tmp_path / "good.mcap")
+    assert done.returncode == 0, done.stderr
+    assert ("with pipeline.toml from beside" in done.stdout) == (damage == "pipeline")
+    attached = McapReplay.attached(tmp_path / "good.mcap")
+    done = palpate("replay", tmp_path / "good.mcap", "--out", tmp_path / "again")
+    if damage == "pipeline, and none beside":
+        assert done.returncode == 2
+        assert "carries no pipeline" in done.stderr
+        return
+    assert done.returncode == 0, done.stderr
+    assert attached.documents["pipeline.toml"] == (recording.parent / "pipeline.toml").read_text()
+    assert attached.facts["seed"] == McapReplay.attached(recording).facts["seed"]
+    again, before = (
+        (path / "estimates.csv").read_text().splitlines() for path in (tmp_path / "again", recording.parent)
+    )
+    assert len(again) > len(before) // 2
+    assert again[:-1] == before[: len(again) - 1]

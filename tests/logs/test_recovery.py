@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, DataEnd, Footer, Header, Message, Schema
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Header, Message, Metadata, Schema
 from palpate import LogError, OutputError
 from palpate_devices.mcap_replay import McapReplay
 from palpate_kit.logs.mcap_file import McapFile
@@ -77,6 +77,26 @@ def test_a_whole_chunk_is_copied_and_found_by_its_topic_and_time(style, tmp_path
     again = McapFile(tmp_path / "good.mcap")
     assert sum(len(messages) for _, messages in again.blocks(set(again.topics))) == expected.total()
     assert again.trouble is None
+
+
+def test_what_a_run_carries_stands_ahead_of_its_messages(tmp_path):
+    """There a replay looks for it; one whose checksum is wrong comes from beside the log, a foreign log's not."""
+    carried = Attachment(0, 0, "pipeline.toml", "", b"[run]"), Metadata("palpate", {"seed": "3"})
+    for facts, flip, expected in (
+        ({"palpate": "{}"}, 0, {"pipeline.toml": "[run]"}),
+        ({"palpate": "{}"}, 1, {"pipeline.toml": "beside"}),
+        ({}, 1, {}),
+    ):
+        channel = Channel(1, "/a", "json", facts, 0)
+        raw = bytearray(log(tmp_path / "bad.mcap", packed(channel, *carried), chunk(message(1, 1))).read_bytes())
+        raw[raw.index(b"[run]")] ^= flip
+        (tmp_path / "bad.mcap").write_bytes(raw[:-40])
+        (tmp_path / "good.mcap").unlink(missing_ok=True)
+        said = McapReplay.recover(tmp_path / "bad.mcap", tmp_path / "good.mcap", {"pipeline.toml": "beside"})
+        found = McapReplay.attached(tmp_path / "good.mcap")
+        assert (found.documents, found.facts) == (expected, {"seed": "3"})
+        assert ("with pipeline.toml from beside" in said) == ("beside" in expected.values())
+        assert stamps(tmp_path / "good.mcap") == {"/a": [1]}
 
 
 def test_a_chunk_with_messages_that_nothing_defines_is_written_without_them(tmp_path):

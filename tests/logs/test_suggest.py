@@ -77,6 +77,42 @@ def test_units_that_nothing_states_are_guessed_and_said(tmp_path, scale, unit, s
         assert any(text.startswith(f"unit of the {role}: {units[role]} is a guess") for text in suggestion.doubts)
 
 
+@pytest.mark.parametrize(
+    ("time", "header", "used"),
+    [
+        ("even", "t_s,force_N,height_mm", "time"),
+        ("even", "a,force_N,height_mm", "time"),  # a guess, of which no rate is suggested
+        ("none", "force_N,height_mm", "rate"),
+        ("still", "t_s,force_N,height_mm", "rate"),  # the time of whole seconds is none
+    ],
+)
+def test_a_rate_is_for_files_without_a_time(tmp_path, time, header, used):
+    stamps = {"even": np.arange(800) / 400.0, "still": np.arange(800) // 400}.get(time)
+    depth = np.maximum(np.sin(np.arange(800) / 250.0) - 0.3, 0.0)
+    columns = [depth**1.5, -depth] if stamps is None else [stamps, depth**1.5, -depth]
+    np.savetxt(tmp_path / "a.csv", np.column_stack(columns), delimiter=",", header=header, comments="")
+    found = CsvReplay.suggest(tmp_path / "a.csv", {"rate": "100 Hz"})
+    assert {"time", "rate"} & found.device.keys() == {used}
+    assert found.has_time == (used == "time")
+    assert not any("--rate" in text for text in found.doubts)
+
+
+@pytest.mark.parametrize("role", ["force", "position", "velocity", "time"])
+@pytest.mark.parametrize(
+    ("cells", "words"),
+    [
+        (["RUN"] * 800, r"contains text \('RUN'\), no numbers"),
+        (["RUN"] * 796 + ["1.5"] * 4, r"contains text \('RUN'\) and 4 numbers"),
+        ([""] * 800, "contains empty cells, no numbers"),
+    ],
+)
+def test_a_column_without_numbers_that_is_named_is_refused(tmp_path, role, cells, words):
+    rows = [f"{k / 100},{-k % 7},{k % 11},{cell}" for k, cell in enumerate(cells)]
+    (tmp_path / "a.csv").write_text("\n".join(["time (s),height (mm),force (N),state", *rows]))
+    with pytest.raises(LogError, match=rf"a\.csv: --{role}: column state {words} \(there are: time"):
+        CsvReplay.suggest(tmp_path / "a.csv", {role: "state"})
+
+
 @pytest.mark.parametrize("rate", [500.0, 125.0])
 def test_the_rate_of_a_table_without_time_is_told_by_its_velocity(tmp_path, rate):
     _, height, speed, force = swinging(rate=rate)

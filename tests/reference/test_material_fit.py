@@ -138,6 +138,20 @@ def test_the_budget_is_the_uncertainty():
     assert fit.p > 1e-3
 
 
+@pytest.mark.parametrize("scale", [0.0, 0.02, 0.1])
+@pytest.mark.parametrize("kind", ["oscillation", "creep", "relaxation"])
+@pytest.mark.parametrize("name", ["kelvin-voigt", "standard-linear-solid"])
+def test_a_table_without_noise_keeps_the_uncertainty_of_its_scale(name, kind, scale):
+    if (name, kind) == ("kelvin-voigt", "relaxation"):
+        return  # an impulse, which no table has
+    law = law_of(name)
+    fit = fit_law(law, FitProblem((table(law, VALUES[name], kind=kind),), 0.5, 0.0, (scale,)))
+    np.testing.assert_allclose(fit.values, VALUES[name], rtol=1e-5)
+    expected = [scale * (unit != "s") for _, unit in law.parameters]
+    np.testing.assert_allclose(fit.stds / fit.values, expected, rtol=1e-3, atol=1e-5)
+    assert fit.undetermined == ()
+
+
 def test_an_error_of_one_scale_is_shared_by_its_table_alone():
     """A rheometer that reads 6 % high with a scale known to 5 % gives way to a palpation that is known to 1 %."""
     law = law_of("standard-linear-solid")

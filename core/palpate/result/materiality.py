@@ -53,7 +53,7 @@ def weigh(flags: Sequence[Flag], values: Mapping[str, UncertainValue], registry:
 def _leaves_nothing(flag: Flag, name: str, registry: Registry) -> bool:
     """Whether a flag says that a value is none, while others of its track may be used."""
     meaning = registry.meanings.get(flag.code)
-    return meaning is not None and meaning.voids and name in (flag.effects or {})
+    return meaning is not None and meaning.voids and math.isinf((flag.effects or {}).get(name, 0.0))
 
 
 def _size(flag: Flag, values: Mapping[str, UncertainValue]) -> float:

@@ -154,6 +154,8 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
 def _values(found: TrackResult) -> Iterator[tuple[str, float]]:
     values: dict[str, UncertainValue] = {value.name: value.found for value in found.derived}
     for name, value in {**values, **found.parameters, "surface": found.surface}.items():
+        if value.verdict == "invalid":
+            continue
         yield name, value.value
         yield f"{name}_std", value.std
         yield f"{name}_combined", value.combined

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
-from palpate import Floats, LogError, OutputError
-from palpate.host import Pipeline, file_in_place, resolved_text, write_whole
+from palpate import ADVICE, Floats, LogError, OutputError, is_number
+from palpate.host import Pipeline, bounded_text, file_in_place, resolved_text, write_whole
 
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
+from palpate_kit.logs.log_files import readable, regular
 from palpate_kit.runs.pipeline_diff import differences
 
 TABLE, SETTINGS = "fits.csv", "pipeline.toml"
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
+_TEXTS = ("curve", "track", "flags", "settings", "error")
+_LINE = 1 << 16  # [bytes] of the head
 _TAIL = ("rms", "samples", "x", "y", "verdict", "flags", "settings", "error")
 
 
@@ -30,7 +34,7 @@ class FitTable:
         self._tracks = len(pipeline.tracks)
         self.path = folder / TABLE
         self._settle(folder, pipeline, device, folder / settings)
-        self.settings = (folder / settings).read_text(encoding="utf-8")
+        self.settings = bounded_text(folder / settings)
         self.done = self._whole() if self.path.exists() else dict[str, str]()
         if not self.path.exists():
             write_whole(self.path, self._text([dict(zip(self.columns, self.columns, strict=True))]))
@@ -43,31 +47,29 @@ class FitTable:
             more = settings.name != SETTINGS and self.path.exists()  # of files that are read in another way
             if not more and folder.exists() and any(folder.iterdir()):
                 raise OutputError(f"{folder}: is not empty, and holds no fits to go on with")
-            folder.mkdir(parents=True, exist_ok=True)
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise OutputError(f"{folder}: cannot write: {error.strerror}") from error
             write_whole(settings, text)
-        elif told := differences(text, settings.read_text(encoding="utf-8"), ignored):
+        elif told := differences(text, bounded_text(settings), ignored):
             raise OutputError(f"{folder}: was begun with other settings: {told}; nothing is mixed: give --out another")
 
     def _whole(self) -> dict[str, str]:
         """The settings of each curve that has all its rows; what is behind the last of them, torn, is cut."""
         found: dict[str, str] = {}
-        name, count, end = "", 0, 0
-        with file_in_place(self.path) as file:
-            if file.readline().decode().strip().split(",") != list(self.columns):
-                raise OutputError(
-                    f"{self.path}: has the columns of another version; nothing is mixed: give --out another"
-                )
-            end = file.tell()
-            for line in iter(file.readline, b""):
-                if not line.endswith(b"\n"):
-                    break
-                cells = next(csv.reader([line.decode()]))
-                count = count + 1 if cells[0] == name and count < self._tracks else 1
-                name = cells[0]
-                if count == self._tracks or (cells[-1] and not cells[1]):
-                    found[name] = cells[-2]
-                    end = file.tell()
-            file.truncate(end)
+        name, count = "", 0
+        head, end = _head_of(self.path)
+        if head != self.columns:
+            raise OutputError(f"{self.path}: has the columns of another version; nothing is mixed: give --out another")
+        for behind, row in rows_of_fits(self.path):
+            count = count + 1 if row["curve"] == name and count < self._tracks else 1
+            name = row["curve"]
+            if count == self._tracks or (row["error"] and not row["track"]):
+                found[name], end = row["settings"], behind
+        if end < self.path.stat().st_size:
+            with file_in_place(self.path) as file:
+                file.truncate(end)
         return found
 
     def left(self, curves: Iterable[Curve], reader: CurveReader) -> Iterable[Curve]:
@@ -140,23 +142,70 @@ def columns_of_fits(pipeline: Pipeline) -> tuple[str, ...]:
 
 def demand_columns(path: Path) -> None:
     """Raise LogError for a table of fits that another version has written, or that is none."""
-    with path.open(encoding="utf-8", newline="") as file:
-        head = tuple(next(csv.reader(file), ()))
+    head, _ = _head_of(path)
     names = [name.removesuffix("_std") for name in head if name.endswith("_std")]
     if head != (*_HEAD, *(f"{name}{kind}" for name in names for kind in _KINDS), *_TAIL):
         about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is no table of fits"
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
 
 
+def columns_in(path: Path) -> tuple[str, ...]:
+    """The columns of a table of fits; raises LogError where it cannot be read."""
+    return _head_of(path)[0]
+
+
 def latest_rows(path: Path) -> list[Row]:
     """The rows of a table of fits, of each curve those that were written last, in the order of the first."""
-    with path.open(encoding="utf-8", newline="") as file:
-        rows: dict[str, dict[str, Row]] = {}
-        for row in csv.DictReader(file):
-            if row.get("error") is not None:  # a line torn in writing has fewer cells
-                of_curve = rows.setdefault(row["curve"], {})
-                old = next(iter(of_curve.values()), row)
-                if not row["track"] or not old["track"] or old.get("settings") != row.get("settings"):
-                    of_curve.clear()
-                of_curve[row["track"]] = row
+    rows: dict[str, dict[str, Row]] = {}
+    for _, row in rows_of_fits(path):
+        of_curve = rows.setdefault(row["curve"], {})
+        old = next(iter(of_curve.values()), row)
+        if not row["track"] or not old["track"] or old.get("settings") != row.get("settings"):
+            of_curve.clear()
+        of_curve[row["track"]] = row
     return [row for of_curve in rows.values() for row in of_curve.values()]
+
+
+def rows_of_fits(path: Path) -> Iterator[tuple[int, Row]]:
+    """Every row of a table of fits with the place [bytes] behind it; a last line that is torn is left out.
+
+    Raises LogError with line and column for a row that lacks cells, and for a cell that is not what it has to be.
+    """
+    head, begin = _head_of(path)
+    with _readable(path) as file:
+        file.seek(begin)
+        for number, line in enumerate(iter(file.readline, b""), start=2):
+            if not line.endswith(b"\n"):
+                return
+            cells = next(csv.reader([line.decode()]), [])
+            if len(cells) != len(head):
+                raise LogError(f"{path}:{number}: has {len(cells)} cells for {len(head)} columns")
+            row = dict(zip(head, cells, strict=True))
+            for name, cell in row.items():
+                if wanted := _wanted(name, cell):
+                    raise LogError(f"{path}:{number}: column {name} holds {cell[:40]!r}, which is no {wanted}")
+            yield file.tell(), row
+
+
+def _wanted(name: str, cell: str) -> str:
+    """What a cell has to be, where it is not; "" where it is."""
+    if not cell or name in _TEXTS:
+        return ""
+    if name == "verdict":
+        return "" if cell in ADVICE else "verdict"
+    return "" if is_number(cell) else "number"
+
+
+def _head_of(path: Path) -> tuple[tuple[str, ...], int]:
+    """The columns of a table, and where its rows begin [bytes]; raises LogError."""
+    with _readable(path) as file:
+        return tuple(next(csv.reader([file.readline(_LINE).decode()]), ())), file.tell()
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[IO[bytes]]:
+    try:
+        with readable(regular(path)) as file:
+            yield file
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise LogError(f"{path}: is no table of fits of palpate: {error}") from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import tomllib
@@ -14,19 +13,29 @@ from pathlib import Path
 from typing import Any
 
 from palpate import LogError, PalpateError
-from palpate.host import Pipeline, Source, approved_plugins, build_pipeline, inherited_approval, trusted_plugins
+from palpate.host import (
+    Pipeline,
+    Source,
+    approved_plugins,
+    bounded_text,
+    build_pipeline,
+    inherited_approval,
+    suggest,
+    toml_tables,
+    trusted_plugins,
+)
 
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, settings_key, value_units
 from palpate_kit.curves.curve_list import FILE, LIST, PIPELINE_FILE, PLACES, Entries, columns_of, read_list
-from palpate_kit.curves.curve_table import SETTINGS, TABLE, demand_columns, latest_rows
+from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_in, demand_columns, latest_rows
 from palpate_kit.curves.own_settings import Own, read_own
 from palpate_kit.runs.review_file import Marks, read_marks
 
 
 def is_fit_folder(path: Path) -> bool:
     """Whether a folder holds fits of many curves."""
-    return (path / TABLE).is_file()
+    return (path / TABLE).exists()
 
 
 @dataclass(frozen=True)
@@ -118,7 +127,7 @@ class FitFolder:
     def settings_text(self, name: str = SETTINGS) -> str:
         """The text of a pipeline; raises LogError."""
         try:
-            return (self.path / name).read_text(encoding="utf-8")
+            return bounded_text(self.path / name)
         except (OSError, UnicodeDecodeError) as error:
             raise LogError(f"{self.path / name}: cannot be read: {error}") from error
 
@@ -126,18 +135,20 @@ class FitFolder:
     def cells(self) -> list[dict[str, str]]:
         """The latest rows of ``fits.csv``; raises LogError."""
         path = self.path / TABLE
-        if not path.is_file():
+        if not path.exists():
             return []
-        try:
-            demand_columns(path)
-            return latest_rows(path)
-        except (OSError, UnicodeDecodeError, csv.Error) as error:
-            raise LogError(f"{path}: is no table of fits of palpate: {error}") from error
+        demand_columns(path)
+        return latest_rows(path)
 
     @cached_property
     def entries(self) -> Entries:
-        """``curves.csv``; raises LogError where it names a curve that there is not."""
-        return read_list(self.path / LIST, {row["curve"] for row in self.cells})
+        """``curves.csv``; raises LogError where it names a curve or a pipeline that there is not."""
+        found = read_list(self.path / LIST, {row["curve"] for row in self.cells})
+        known = self.settings_files
+        for curve, cells in found.items():
+            if (name := cells.get(PIPELINE_FILE, "")) and name not in known:  # never another file
+                raise LogError(f"{self.path / LIST}: {curve}: there is no pipeline {name!r}{suggest(name, known)}")
+        return found
 
     @property
     def columns(self) -> list[str]:
@@ -200,11 +211,8 @@ class FitFolder:
     def values(self) -> list[str]:
         """Names of the values of a row, the surface last."""
         path = self.path / TABLE
-        head = ""
-        if path.is_file():
-            with path.open(encoding="utf-8") as file:
-                head = file.readline().strip()
-        return [name.removesuffix("_combined") for name in head.split(",") if name.endswith("_combined")]
+        head = columns_in(path) if path.exists() else ()
+        return [name.removesuffix("_combined") for name in head if name.endswith("_combined")]
 
     def curves(self) -> list[Curve]:
         """The curves whose files are known, with their own settings."""
@@ -219,20 +227,21 @@ class FitFolder:
     def reader(self, name: str = SETTINGS) -> CurveReader:
         """How the curves of a pipeline are read and fitted; raises LogError where it has no device with a file."""
         text = self.settings_text(name)
-        tables = self._tables(name).get("device", {})
-        devices = [key for key, table in tables.items() if "file" in table]
+        tables = self._tables(name).get("device")
+        found = tables.items() if isinstance(tables, dict) else ()
+        devices = {key: table["file"] for key, table in found if isinstance(table, dict) and "file" in table}
         if len(devices) != 1:
             raise LogError(f"{self.path / name}: has {len(devices)} devices with a file; one is needed")
-        (device,) = devices
+        ((device, file),) = devices.items()
         overrides: tuple[str, ...] = ()
-        if not Path(tables[device]["file"]).is_file():  # of a curve that has gone since
+        if not Path(str(file)).is_file():  # of a curve that has gone since
             files = [c.file for c in self.curves() if self.pipeline_of(c.name) == name and Path(c.file).is_file()]
             overrides = tuple(f"device.{device}.file={json.dumps(file)}" for file in files[:1])
         return CurveReader(text, str(self.path / name), overrides, device, self.approved, text)
 
     def _tables(self, name: str) -> dict[str, Any]:
         try:
-            return tomllib.loads(self.settings_text(name))
+            return toml_tables(self.settings_text(name))
         except tomllib.TOMLDecodeError as error:
             raise LogError(f"{self.path / name}: is a damaged pipeline: {error}") from error
 

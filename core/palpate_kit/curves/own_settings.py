@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import tomli_w
 from palpate import LogError
-from palpate.host import suggest, write_whole
+from palpate.host import bounded_text, suggest, toml_tables, write_whole
 
 OWN = "own.toml"
 _KEY = "set"
@@ -24,7 +23,7 @@ def read_own(folder: Path, known: Collection[str] | None = None) -> Own:
     if not path.is_file():
         return {}
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = toml_tables(bounded_text(path))
     except (OSError, ValueError) as error:
         raise LogError(f"{path}: cannot be read: {error}") from error
     return {name: _assignments(path, name, table, known) for name, table in tables.items()}

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from palpate.host import Result, finite_tree, write_whole
+from palpate.host import Result, bounded_text, finite_tree, json_document, write_whole
 from pydantic import TypeAdapter
 
 ANSWER = "answer.json"  # with all that result.json leaves out; it comes last, when the run folder is whole
@@ -28,7 +28,7 @@ def write_cache(result: Result) -> None:
 def read_cached(folder: Path) -> Result | None:
     """What the run in a folder has found; None where it is not whole, or of a palpate that wrote it otherwise."""
     try:
-        document = json.loads((folder / ANSWER).read_text(encoding="utf-8"))
+        document = json_document(bounded_text(folder / ANSWER))
         for track in document["tracks"].values():
             if track["report"] is not None:
                 pairs = track["report"]["correlations"]

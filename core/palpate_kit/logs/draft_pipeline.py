@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -49,6 +49,16 @@ def readers_of(registry: Registry) -> dict[str, type[Recording]]:
 def suggestion_of(log: Path, choices: dict[str, str], registry: Registry | None = None) -> Suggestion:
     """Which of a log's numbers are what; `choices` settles roles. Raises LogError where no device reads the log."""
     return recording_of(log, registry).suggest(log, choices)
+
+
+def rate_note(choices: Mapping[str, str], suggestions: Iterable[Suggestion]) -> str | None:
+    """That a rate among the choices is ignored for logs that have a time, and for how many; None where it is not."""
+    count = sum(suggestion.has_time for suggestion in suggestions) if "rate" in choices else 0
+    return (
+        f"--rate is ignored for {count} {'file that has' if count == 1 else 'files that have'} a time"
+        if count
+        else None
+    )
 
 
 def pipeline_of(suggestion: Suggestion, log: Path, beside: Path | None = None) -> str:

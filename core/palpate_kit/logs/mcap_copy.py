@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate_kit.logs import mcap_records as records
+from palpate_kit.logs.mcap_extras import Attachment
 from palpate_kit.logs.topics import Stamps, Topic
 
 _LIBRARY = "palpate recover"
@@ -105,13 +106,14 @@ class NewLog:
         self._file.write(data)
         self._extras["METADATA"].append(MetadataIndex(begin, len(data), name))
 
-    def attachment(self, created: int, logged: int, name: str, kind: str, content: bytes) -> None:
-        """Write an attachment; times in [ns]."""
-        from mcap.records import Attachment, AttachmentIndex
+    def attachment(self, file: Attachment) -> None:
+        """Write an attachment."""
+        from mcap.records import Attachment as Record, AttachmentIndex
 
-        begin, data = self._file.tell(), _bytes(Attachment(created, logged, name, kind, content))
+        begin = self._file.tell()
+        data = _bytes(Record(file.created, file.logged, file.name, file.kind, file.content))
         self._file.write(data)
-        entry = AttachmentIndex(begin, len(data), logged, created, len(content), name, kind)
+        entry = AttachmentIndex(begin, len(data), file.logged, file.created, len(file.content), file.name, file.kind)
         self._extras["ATTACHMENT"].append(entry)
 
     def finish(self) -> None:

@@ -34,6 +34,11 @@ class Definitions:
         schema = self._refers.get(channel, 0)
         return schema if not schema or schema in self.schemas else None
 
+    def take_extras(self) -> list[tuple[int, bytes]]:
+        """Attachments and metadata read since the last time, each once: a damaged stretch is read twice."""
+        taken, self.extras = list(dict.fromkeys(self.extras or ())), []
+        return taken
+
     def offer(self, opcode: int, content: bytes) -> bool:
         """Take in a schema or channel, where it is one, and nothing has defined it otherwise; whether that is so."""
         try:

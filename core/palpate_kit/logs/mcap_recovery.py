@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import os
-import struct
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
@@ -15,6 +15,7 @@ from palpate import LogError, OutputError
 from palpate_kit.logs import mcap_records as records
 from palpate_kit.logs.mcap_copy import NewLog, PackedChunk, compress_chunk
 from palpate_kit.logs.mcap_definitions import Definitions
+from palpate_kit.logs.mcap_extras import Attachment, read_attachment, read_metadata
 from palpate_kit.logs.mcap_file import McapFile
 from palpate_kit.logs.mcap_records import Block, ChunkPiece
 from palpate_kit.logs.temporary_folders import scratch
@@ -24,14 +25,18 @@ from palpate_kit.terminal.progress import report_progress
 _NEW = "new.mcap"
 
 
-def recover_mcap(path: Path, out: Path) -> str:
-    """Write the undamaged part of a log into a new file, and report how much that is; raises LogError, OutputError."""
+def recover_mcap(path: Path, out: Path, beside: Mapping[str, str] = {}) -> str:
+    """Write the undamaged part of a log into a new file, and report how much that is; raises LogError, OutputError.
+
+    Of the run's documents, those that a log of palpate's has lost are taken from the ones `beside` it, by name.
+    """
     if out.exists():
         raise OutputError(f"{out}: exists already, and nothing is ever overwritten")
     log = McapFile(path, accept_cut=True)
+    own = any("palpate" in topic.metadata for topic in log.topics.values())
     try:
         with scratch(out.parent) as folder:
-            saved = _written(log, folder)
+            saved = _written(log, folder, beside if own else {})
             if not saved.messages:
                 raise LogError(f"{path}: nothing in it is undamaged")
             if out.exists():
@@ -41,21 +46,23 @@ def recover_mcap(path: Path, out: Path) -> str:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error
     first, last = saved.log.span
     said = f"{saved.messages} messages over {(last - first) / 1e9:.3f} s are in {out}"
+    if saved.taken:
+        said += f", with {' and '.join(saved.taken)} from beside {path}, which has none that is whole"
     if log.complete:
         return f"the log was whole: {said}"
     return f"{said}; {log.report.words() if log.report else 'its end was missing'}"
 
 
-def _written(log: McapFile, folder: Path) -> _RecoveredLog:
+def _written(log: McapFile, folder: Path, beside: Mapping[str, str]) -> _RecoveredLog:
     """The new log, in a folder."""
     with log.path.open("rb") as old, (folder / _NEW).open("xb") as file, (folder / "index").open("x+b") as index:
-        saved = _RecoveredLog(NewLog(file, index), old)
+        saved = _RecoveredLog(NewLog(file, index), old, beside)
         known = Definitions(extras=[])
         for known, block in log.everything():
+            saved.extras(known)  # ahead of the messages, where a replay looks for them
             saved.block(known, block)
             report_progress(saved.messages)
-        for opcode, content in known.extras or ():
-            saved.extra(opcode, content)
+        saved.extras(known)
         saved.log.finish()
         file.flush()
         os.fsync(file.fileno())
@@ -68,7 +75,9 @@ class _RecoveredLog:
 
     log: NewLog
     old: IO[bytes]
+    beside: Mapping[str, str]  # documents of the run by name, for those that the old log has lost
     messages: int = 0
+    taken: list[str] = field(default_factory=list)  # documents that came from beside the old log
 
     def block(self, known: Definitions, block: Block) -> None:
         """Write the messages of a block whose channel is known."""
@@ -97,25 +106,26 @@ class _RecoveredLog:
             self.log.chunk(packed, channel, logged, offsets)
             self.messages += len(offsets)
 
-    def extra(self, opcode: int, content: bytes) -> None:
-        """Write an attachment or metadata, where they are whole."""
+    def extras(self, known: Definitions) -> None:
+        """Write the whole attachments and metadata read so far, and before the first message what is beside the log."""
+        names = {self._extra(opcode, content) for opcode, content in known.take_extras()}
+        for name, text in self.beside.items():
+            if not self.messages and name not in names and name not in self.taken:
+                self.log.attachment(Attachment(0, 0, name, "application/toml", text.encode()))
+                self.taken.append(name)
+
+    def _extra(self, opcode: int, content: bytes) -> str | None:
+        """Write an attachment or metadata; its name, None where it is not whole."""
         try:
             if opcode == records.METADATA:
-                name, at = records.read_text(content, 0)
-                packed, _ = records.read_bytes(content, at)
-                entries, at = {}, 0
-                while at < len(packed):
-                    key, at = records.read_text(packed, at)
-                    entries[key], at = records.read_text(packed, at)
+                name, entries = read_metadata(content)
                 self.log.metadata(name, entries)
-            else:
-                logged, created = struct.unpack_from("<QQ", content)
-                name, at = records.read_text(content, 16)
-                kind, at = records.read_text(content, at)
-                (length,) = struct.unpack_from("<Q", content, at)
-                self.log.attachment(created, logged, name, kind, content[at + 8 : at + 8 + length])
-        except (records.Damage, struct.error):
-            return  # it says nothing of the messages, and is not worth losing them for
+                return None
+            attachment = read_attachment(content)
+        except records.Damage:
+            return None  # it says nothing of the messages, and is not worth losing them for
+        self.log.attachment(attachment)
+        return attachment.name
 
 
 def _gathered(buffer: Bytes, offsets: Stamps, lengths: Stamps) -> tuple[bytes, Stamps]:

@@ -72,6 +72,7 @@ class Suggestion:
     assumed: tuple[str, ...] = ASSUMED  # what is not stated anywhere
     guesses: Mapping[str, str] = field(default_factory=dict)  # keys of the device that are guesses, and what is said
     rivals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by role: all that could serve as well
+    has_time: bool = False  # in the log, so that a rate is of no use
     facts: tuple[tuple[int, str, str], ...] = ()  # line, name and value of what a log states of the experiment
 
 
@@ -156,6 +157,9 @@ class Recording(Device, ABC):
         return iter(())
 
     @classmethod
-    def recover(cls, path: Path, out: Path) -> str:
-        """Write what is whole of a damaged log into a new one; what was saved and what is missing, in words."""
+    def recover(cls, path: Path, out: Path, beside: Mapping[str, str] = {}) -> str:
+        """Write what is whole of a damaged log into a new one; what was saved and what is missing, in words.
+
+        Documents of the run that the log has lost come from those `beside` it, by name.
+        """
         raise LogError(f"{path}: logs of this format cannot be recovered")

@@ -31,8 +31,8 @@ Looked = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: colum
 
 def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping[str, str]) -> Suggestion:
     """Tables that read a log; raises LogError where nothing in it can be a force or a position."""
-    if "rate" in choices or "time" in choices:
-        raise LogError(f"{path}: --time and --rate are for CSV files; its messages have times of their own")
+    if "time" in choices:
+        raise LogError(f"{path}: --time is for CSV files; its messages have times of their own")
     looked = _looked(container)
     every = {topic: _all_of(container, topic, looked) for topic in looked}
     series = [s for found in every.values() for s in found]
@@ -50,7 +50,7 @@ def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping
     device |= dict(_times(found, keys, looked, extra["reasons"]))
     channels = {role: f"log.{names[topic]}.{role}" for role, (topic, _) in keys.items()}
     factors = {role: si_unit(unit)[1] for role, unit in units.items()}
-    return assemble_suggestion(found, device, channels, factors, extra)
+    return replace(assemble_suggestion(found, device, channels, factors, extra), has_time=True)
 
 
 def _nothing_found(series: Sequence[NumberColumn]) -> str:

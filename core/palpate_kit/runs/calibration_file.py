@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, Settings
+from palpate.host import bounded_text, toml_tables
 from pydantic import Field, ValidationError
 
 _FORMAT = 1
@@ -70,7 +71,7 @@ def _plain(value: Any) -> Any:
 def read_calibration(path: Path) -> Calibration:
     """The calibration in a file; raises ConfigurationError where it cannot be read or is none."""
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = toml_tables(bounded_text(path))
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise ConfigurationError(f"{path}: cannot read the calibration file: {reason}") from error

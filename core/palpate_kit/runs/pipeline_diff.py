@@ -6,6 +6,8 @@ import tomllib
 from collections.abc import Collection, Iterator
 from typing import Any
 
+from palpate.host import toml_tables
+
 _SHOWN = 5  # differences in a message
 
 
@@ -27,7 +29,7 @@ def differences(now: str, before: str, ignored: Collection[str] = ()) -> str:
 
 def _settings(text: str) -> dict[str, Any]:
     try:
-        return dict(_flat(tomllib.loads(text), ()))
+        return dict(_flat(toml_tables(text), ()))
     except tomllib.TOMLDecodeError:
         return {"pipeline": "unreadable"}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import Flag, LogError
-from palpate.host import SCHEMA, registry as registries, verdict
+from palpate.host import SCHEMA, bounded_text, json_document, registry as registries, verdict
 
 from palpate_kit.runs.result_model import FitFileDocument, ResultDocument, problems
 from palpate_kit.runs.run_model import Document
@@ -51,7 +50,7 @@ def read_results(path: Path) -> Results:
 def is_whole(path: Path) -> bool:
     """Whether a result can be read as a document at all; half a file, or none, means that the run is not done."""
     try:
-        return isinstance(json.loads(path.read_text(encoding="utf-8")), dict)
+        return isinstance(json_document(bounded_text(path)), dict)
     except (OSError, ValueError, RecursionError):
         return False
 
@@ -71,9 +70,25 @@ def read_flags(tables: Iterable[Mapping[str, Any]]) -> tuple[Flag, ...]:
     return tuple(map(Flag.of_table, tables))
 
 
+def value_verdict(track: Mapping[str, Any], found: Mapping[str, Any]) -> str:
+    """The verdict of a value of a track; ``invalid`` where either is, else that of the track."""
+    return "invalid" if found.get("verdict") == "invalid" else str(track["verdict"])
+
+
+def values_by_name(track: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The parameters of a track and what follows from them, by name; none without a value, as where it is invalid."""
+    every = {**track.get("derived", {}), **track["parameters"]}
+    return {k: found for k, found in every.items() if found["value"] is not None and found.get("verdict") != "invalid"}
+
+
+def usable_value(track: Mapping[str, Any], name: str) -> dict[str, Any] | None:
+    """What a track says of a parameter; None where it has no value, or one that may not be used."""
+    return values_by_name(track).get(name) if track["verdict"] != "invalid" else None
+
+
 def _document(path: Path) -> dict[str, Any]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json_document(bounded_text(path))
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:

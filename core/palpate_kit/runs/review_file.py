@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from palpate import LogError
-from palpate.host import write_whole
+from palpate.host import bounded_text, json_document, write_whole
 
 REVIEW = "review.json"
 Mark = Literal["bad", "good", "none"]
@@ -28,7 +28,7 @@ def read_marks(folder: Path) -> Marks:
     if not path.is_file():
         return Marks()
     try:
-        tables = json.loads(path.read_text(encoding="utf-8"))
+        tables = json_document(bounded_text(path))
         kinds = (tables["rejected"], tables.get("accepted", {}))
         return Marks(*({str(name): str(reason) for name, reason in marks.items()} for marks in kinds))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, LogError, Status
-from palpate.host import GIVEN, PIPELINE, RESULT
+from palpate.host import GIVEN, PIPELINE, RESULT, bounded_text, toml_tables
 
 from palpate_kit.runs.estimates_columns import missing_columns
 from palpate_kit.runs.estimates_file import OFFLINE, ONLINE, TEXT
@@ -127,17 +127,13 @@ class RunFolder:
     @property
     def pipeline_text(self) -> str:
         """The text of `pipeline`; raises LogError where there is none, or it cannot be read."""
-        path = self.pipeline
-        try:
-            return path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise LogError(f"{path}: cannot be read: {_reason(error)}") from error
+        return _text(self.pipeline)
 
     @property
     def settings(self) -> dict[str, Any]:
         """The tables of `pipeline`, as resolved; raises LogError where there is none, or it is damaged."""
         try:
-            return tomllib.loads(self.pipeline_text)
+            return toml_tables(self.pipeline_text)
         except tomllib.TOMLDecodeError as error:
             raise LogError(f"{self.pipeline}: is a damaged pipeline: {error}") from error
 
@@ -145,6 +141,12 @@ class RunFolder:
     def given(self) -> Path:
         """The file of the pipeline as it was given, with its comments; it need not be there."""
         return self.path / (PIPELINE if self._pipeline_name == _OLDER else GIVEN)
+
+    @property
+    def documents(self) -> dict[str, str]:
+        """The pipeline as run and as given, by the names under which a log carries them; raises LogError."""
+        names = [self.pipeline.name, self.given.name] if self.began else []
+        return {name: _text(self.path / name) for name in names if (self.path / name).is_file()}
 
     @property
     def _pipeline_name(self) -> str | None:
@@ -217,6 +219,13 @@ def _read(path: Path) -> EstimatesTable:
     except ValueError as error:
         raise LogError(f"{path}: is not a table of numbers: {error}") from error
     return EstimatesTable(path, tuple(names), numbers)
+
+
+def _text(path: Path) -> str:
+    try:
+        return bounded_text(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"{path}: cannot be read: {_reason(error)}") from error
 
 
 def _reason(error: OSError | UnicodeDecodeError) -> str:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from palpate import Extent, Floats, Surface
-from palpate.host import display_unit
+from palpate.host import bounded_text, display_unit, json_document
 
 from palpate_kit.runs.surface_map_file import SurfaceMap
 
@@ -60,7 +59,7 @@ def _short(value: float) -> float:
 def read_lumps(maps: Path) -> list[dict[str, Any]]:
     """The lumps that `palpate map lumps` has left in a folder of maps; none where it was not asked."""
     try:
-        return list(json.loads((maps / "lumps.json").read_text(encoding="utf-8"))["lumps"])
+        return list(json_document(bounded_text(maps / "lumps.json"))["lumps"])
     except (OSError, ValueError, KeyError, TypeError):
         return []
 

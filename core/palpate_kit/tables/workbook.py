@@ -35,18 +35,20 @@ def _text(path: Path, sheet: str | None, changed: int, size: int) -> str:
     except ImportError as error:
         raise LogError(f"{path}: a workbook needs openpyxl: pip install 'palpate[excel]'") from error
     try:
-        with zipfile.ZipFile(path) as packed:
-            if sum(part.file_size for part in packed.infolist()) > largest(size):
-                raise LogError(f"{path}: it unpacks to more than a workbook of its size does")
-        with warnings.catch_warnings():
+        with path.open("rb") as file, warnings.catch_warnings():
+            with zipfile.ZipFile(file) as packed:
+                if sum(part.file_size for part in packed.infolist()) > largest(size):
+                    raise LogError(f"{path}: it unpacks to more than a workbook of its size does")
             warnings.simplefilter("ignore")  # styles and the like, which are no numbers
-            book = load_workbook(path, read_only=True, data_only=True)
+            book = load_workbook(file, read_only=True, data_only=True)
             try:
                 return _tabbed(_sheet(path, book, sheet))
             finally:
                 book.close()
-    except (OSError, zipfile.BadZipFile, KeyError, ValueError, SyntaxError, EOFError, TypeError) as error:
-        raise LogError(f"{path}: is not a workbook that can be read: {error}") from error
+    except LogError:
+        raise
+    except Exception as error:  # whatever unpacking, XML and cells raise on a damaged file
+        raise LogError(f"{path}: is not a workbook that can be read: {type(error).__name__}: {error}") from error
 
 
 def _sheet(path: Path, book: Any, name: str | None) -> Any:

@@ -70,15 +70,49 @@ def console(width: int = 80) -> Console:
 
 def _fitting(shown: Any, console: Console) -> Any:
     from rich.console import Group
-    from rich.measure import Measurement
     from rich.table import Table as View
 
     if isinstance(shown, Group):
         return Group(*(_fitting(item, console) for item in shown.renderables))
     if isinstance(shown, View):
-        least = Measurement.get(console, console.options.update(width=10_000), shown).minimum
-        return shown if least <= console.width else _row_by_row(shown)
+        return shown if _set_widths(shown, console) else _row_by_row(shown)
     return shown
+
+
+def _set_widths(table: Any, console: Console) -> bool:
+    """Make a table as narrow as the console without cutting a number or a word; whether that is possible.
+
+    Rich, left to itself, shortens the widest columns beyond what their cells need.
+    """
+    from rich.measure import Measurement
+
+    for column in table.columns:
+        column.width = None
+    most = Measurement.get(console, console.options.update(width=10_000), table).maximum
+    widths = [_widths(column) for column in table.columns]
+    room = console.width - (most - sum(widest for _, widest in widths)) - sum(least for least, _ in widths)
+    if room < 0:
+        return False
+    if most > console.width:
+        for column, (least, widest) in zip(table.columns, widths, strict=True):
+            column.width = min(widest, least + room)
+            room -= column.width - least
+    return True
+
+
+def _widths(column: Any) -> tuple[int, int]:
+    """The least width of a column, and the one without a line break: headings and texts are broken between words."""
+    from rich.cells import cell_len
+
+    heading, cells = _plain(column.header), [_plain(cell) for cell in column.cells]
+    whole = column.no_wrap or column.justify == "right"
+    parts = [*heading.split(), *(part for cell in cells for part in (cell.splitlines() if whole else cell.split()))]
+    lines = [line for text in (heading, *cells) for line in text.splitlines()]
+    return max(map(cell_len, parts), default=0), max(map(cell_len, lines), default=0)
+
+
+def _plain(cell: Any) -> str:
+    return str(getattr(cell, "plain", cell))
 
 
 def _row_by_row(table: Any) -> RenderableType:
@@ -86,7 +120,7 @@ def _row_by_row(table: Any) -> RenderableType:
     from rich.text import Text
 
     def plain(cell: Any) -> str:
-        return " ".join(cell.plain.split() if isinstance(cell, Text) else str(cell).split())
+        return " ".join(_plain(cell).split())
 
     headings = [plain(column.header) for column in table.columns]
     lines = [plain(table.title)] if table.title else []

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, Settings
-from palpate.host import write_whole
+from palpate.host import bounded_text, toml_tables, write_whole
 from pydantic import Field, ValidationError
 
 from palpate_control.control_limits import CheckState, CheckValue, check_states
@@ -64,7 +64,7 @@ class ControlChart(Settings):
 def read_chart(path: Path) -> ControlChart:
     """The chart in a file; raises ConfigurationError where it cannot be read, is damaged, or is none."""
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = toml_tables(bounded_text(path))
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise ConfigurationError(f"{path}: cannot read the control chart: {reason}") from error
@@ -91,7 +91,7 @@ def append_check(path: Path, chart: ControlChart, check: RecordedCheck) -> Contr
     is older than its last, OutputError where it cannot be written.
     """
     with _alone(path.parent):
-        text = path.read_text(encoding="utf-8") if path.exists() else _head(chart)
+        text = bounded_text(path) if path.exists() else _head(chart)
         chart = read_chart(path) if path.exists() else chart
         for number, other in enumerate(chart.check, 1):
             if other.digest == check.digest:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, to_si
-from palpate.host import Source, build_parts, dimension, plain_settings, registry, suggest
+from palpate.host import Source, bounded_text, build_parts, dimension, plain_settings, registry, suggest, toml_tables
 
 QUANTITIES = {"Pa": "elasticity", "N/m": "stiffness", "Pa*s": "viscosity", "N*s/m": "damping"}
 _KEYS = ("name", "value", "uncertainty", "tip")
@@ -96,7 +96,7 @@ def _number(value: Any, unit: str, key: str) -> float:
 
 def _table(path: Path) -> dict[str, Any]:
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = toml_tables(bounded_text(path))
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise ConfigurationError(f"{path}: cannot read the reference: {reason}") from error

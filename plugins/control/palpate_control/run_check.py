@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, LogError
-from palpate.host import RESULT, suggest
+from palpate.host import RESULT, bounded_text, suggest, toml_tables
 from palpate_kit.runs.device_identity import is_identity
+from palpate_kit.runs.result_file import values_by_name
 from palpate_kit.runs.run_folder import RunFolder
 
 from palpate_control.chart_file import RecordedCheck
@@ -41,7 +42,7 @@ def check_of_run(path: Path, reference: Reference, track: str | None) -> RunChec
         raise LogError(f"{path}: is no run folder with a {RESULT}")
     document = folder.result
     name = _track(path, document["tracks"], reference, track)
-    found = _values(document["tracks"][name])[reference.quantity]
+    found = values_by_name(document["tracks"][name])[reference.quantity]
     pipeline = _pipeline(folder)
     return RunCheck(
         name,
@@ -64,33 +65,27 @@ def _track(path: Path, tracks: Mapping[str, Any], reference: Reference, wanted: 
     if wanted is not None and wanted not in tracks:
         raise ConfigurationError(f"{path}: there is no track {wanted!r}{suggest(wanted, tracks)}")
     among = tracks if wanted is None else {wanted: tracks[wanted]}
-    having = {name: table for name, table in among.items() if reference.quantity in _values(table)}
+    having = {name: table for name, table in among.items() if reference.quantity in values_by_name(table)}
     if not having:
         spring = '; a spring is palpated with [model.*] type = "kelvin-voigt"' if reference.unit == "N/m" else ""
         raise ConfigurationError(f"{path}: has no {reference.quantity} to compare with {reference.name!r}{spring}")
     usable = {name: table for name, table in having.items() if table["verdict"] in _VERDICTS}
     if not usable:
         raise ConfigurationError(f"{path}: {', '.join(having)} is invalid, and checks nothing; see its flags")
-    known = {name: table for name, table in usable.items() if _values(table)[reference.quantity].get("combined")}
+    known = {name: table for name, table in usable.items() if values_by_name(table)[reference.quantity].get("combined")}
     if not known:
         raise ConfigurationError(f"{path}: the uncertainty of {reference.quantity} is not known, so it checks nothing")
     return min(known, key=lambda name: (_VERDICTS.index(known[name]["verdict"]), _width(known[name], reference)))
 
 
-def _values(table: Mapping[str, Any]) -> dict[str, Any]:
-    """The parameters of a track and what follows from them, by name; none without a number."""
-    every = {**table["derived"], **table["parameters"]}
-    return {name: found for name, found in every.items() if found["value"] is not None}
-
-
 def _width(table: Mapping[str, Any], reference: Reference) -> float:
-    return float(_values(table)[reference.quantity]["combined"])
+    return float(values_by_name(table)[reference.quantity]["combined"])
 
 
 def _pipeline(folder: RunFolder) -> dict[str, Any]:
     """The tables of the pipeline as run [SI]; raises LogError."""
     try:
-        return tomllib.loads(folder.pipeline.read_text(encoding="utf-8"))
+        return toml_tables(bounded_text(folder.pipeline))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise LogError(f"{folder.pipeline}: cannot be read: {error}") from error
 

@@ -197,9 +197,9 @@ class McapReplay(Recording):
         return texts_of(McapFile(path, accept_cut=True))
 
     @classmethod
-    def recover(cls, path: Path, out: Path) -> str:
+    def recover(cls, path: Path, out: Path, beside: Mapping[str, str] = {}) -> str:
         """See `Recording`."""
-        return recover_mcap(path, out)
+        return recover_mcap(path, out, beside)
 
 
 def _usable(topic: Topic) -> _Usable | None:

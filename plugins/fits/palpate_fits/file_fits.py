@@ -42,10 +42,13 @@ class FileFit:
 def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     """Fit files that bring no pipeline, and print what was found of each; exit 1 where one was not usable."""
     refused: dict[str, str] = {}
+    notes: list[str] = []
     with progress("look at the files"):
         known = registry.load()
         files = logs_among(sources, known)
-        groups = list(file_groups(files, wanted.tip, wanted.model, wanted.choices, wanted.overrides, refused))
+        groups = list(file_groups(files, wanted.tip, wanted.model, wanted.choices, wanted.overrides, refused, notes))
+    for note in notes:
+        typer.echo(note, err=True)
     if not groups:
         name, error = next(iter(refused.items()))
         others = f" ({len(refused) - 1} more files cannot be read either)" if len(refused) > 1 else ""

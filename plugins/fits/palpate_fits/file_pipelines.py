@@ -13,7 +13,7 @@ from palpate import ConfigurationError, to_si
 from palpate.host import Pipeline, Registry, Source, build_pipeline, registry
 from palpate_kit.curves.alike_logs import alike_logs
 from palpate_kit.curves.curve_files import Curve
-from palpate_kit.logs.draft_pipeline import suggestion_of
+from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
 from palpate_kit.logs.recording import Suggestion
 from palpate_kit.runs.tip_words import tip_table
 
@@ -43,8 +43,9 @@ def file_groups(
     choices: Mapping[str, str],
     overrides: Sequence[str],
     refused: dict[str, str],
+    notes: list[str],
 ) -> Iterator[FileGroup]:
-    """Files by how they are read, the most first; `refused` takes the others, with what must be said.
+    """Files by how they are read, the most first; `refused` takes the others and why, `notes` what is ignored.
 
     `choices` name the columns of roles, as of ``palpate info --suggest``.
 
@@ -60,7 +61,10 @@ def file_groups(
         facts[file] = replace(found, views={})  # without its numbers
         return found
 
-    for group in alike_logs(files, suggested, refused):
+    groups = alike_logs(files, suggested, refused)
+    if note := rate_note(choices, facts.values()):
+        notes.append(note)
+    for group in groups:
         first, suggestion = group.logs[0], group.suggestion
         tables = _tables(suggestion, first, parts, stated)
         path = Path(f"pipeline of {first.name}")

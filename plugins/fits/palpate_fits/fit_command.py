@@ -13,7 +13,9 @@ import typer
 from palpate import ConfigurationError, OutputError, PalpateError
 from palpate.host import (
     approved_plugins,
+    bounded_text,
     finite_tree,
+    json_document,
     load_pipeline,
     make_folder,
     values_on_trust,
@@ -201,7 +203,7 @@ def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
         _write(folder, _document([], [], []))
         return folder
     try:
-        known = list(json.loads((wanted / _FIT).read_text(encoding="utf-8"))["logs"])
+        known = list(json_document(bounded_text(wanted / _FIT))["logs"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise OutputError(f"{wanted / _FIT}: is no document of palpate fit: {error}") from error
     if others := [name for name in known if name not in names]:

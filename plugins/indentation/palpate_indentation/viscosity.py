@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from palpate import Floats
 from palpate.host import PIPELINE
+from palpate_kit.runs.result_file import usable_value
 from palpate_kit.runs.run_folder import RunFolder
 
 from palpate_indentation.approach_fit import CurveFit, fit_curve
@@ -22,7 +23,6 @@ _FEWEST = 40  # samples on the way out
 _DECISIVE = 10.0  # of BIC, by which both ways apart explain the press better than one law
 _UNKNOWNS = 3.0  # that the two ways have more when they are fitted apart: modulus, surface, baseline
 _SURE = 2.0  # standard uncertainties
-_UNUSABLE = "invalid"
 _VERDICTS = ("good", "note", "doubtful")
 
 
@@ -57,10 +57,8 @@ def _values(
     tracks: Mapping[str, Any], model: str, parameter: str
 ) -> Iterator[tuple[int, float, str, Mapping[str, Any]]]:
     for name, track in tracks.items():
-        value = track["parameters"].get(parameter)
-        if track["model"] != model or track["verdict"] == _UNUSABLE or value is None:
-            continue
-        if value["value"] is not None and value["combined"] is not None:
+        value = usable_value(track, parameter) if track["model"] == model else None
+        if value is not None and value["combined"] is not None:
             yield _VERDICTS.index(track["verdict"]), float(value["combined"]), name, value
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
@@ -106,9 +107,10 @@ class AfmReplay(Recording):
         curve = _curves(path)[0]
         device: dict[str, Any] = {"type": "afm-replay", "file": str(path)}
         blanks, doubts, reasons = [], [], ["force and height: the first curve's, as the format names them"]
-        if "rate" in choices:
+        time = curve.time(None, path)
+        if time is None and "rate" in choices:
             device["rate"] = choices["rate"]
-        elif curve.time(None, path) is None:
+        elif time is None:
             device["rate"] = "? Hz"
             blanks.append("rate: the file contains no time (or --rate '2 kHz')")
         if curve.spring_constant is None and "tip position" not in curve.columns:
@@ -119,7 +121,6 @@ class AfmReplay(Recording):
         roles = {"force": "force", "position": "height", "measuring": "approach"}
         alignment: dict[str, Any] = {role: {"channel": f"log.{name}"} for role, name in roles.items()}
         reasons.append("measuring: the way in, as the file has it")
-        time = curve.time(None, path)
         if time is not None and curve.duration is not None:
             alignment["tare_duration"] = f"{_AIR * curve.duration:.3g} s"
             reasons.append(f"tare: the mean of the first {_AIR:.0%} of the approach, which has to be in air")
@@ -127,7 +128,7 @@ class AfmReplay(Recording):
         doubts.append("the tip: the file does not state its shape and size; state them in [indenter.tip]")
         return Suggestion(
             device, alignment, tuple(reasons), tuple(doubts), tuple(blanks), template=ANALYSIS,
-            assumed=("model.*", "alignment.tare", "alignment.*.delay"),
+            assumed=("model.*", "alignment.tare", "alignment.*.delay"), has_time=time is not None,
         )  # fmt: skip
 
     @classmethod
@@ -188,15 +189,18 @@ class _AfmCurve:
         """(n,) as recorded; raises LogError where that is damaged."""
         try:
             return np.asarray(self.data[name], np.float64)
-        except (OSError, ValueError, TypeError) as error:  # read now, not when the file was opened
-            raise LogError(f"{self.data.path}: its {name} cannot be read: {error}") from error
+        except Exception as error:  # read now, not when the file was opened: unpacked, scaled, put together
+            raise LogError(f"{self.data.path}: its {name} cannot be read: {type(error).__name__}: {error}") from error
 
     def time(self, rate: float | None, path: Path) -> Floats | None:
-        """(n,) [s] that advances from every reading to the next; None where neither file nor `rate` gives it."""
-        if rate is not None:
-            return np.arange(len(self.force)) / rate
+        """(n,) [s] that advances from every reading to the next; None where neither file nor `rate` gives it.
+
+        Raises LogError where the file contains a time as well.
+        """
         if "time" not in self.columns:
-            return None
+            return None if rate is None else np.arange(len(self.force)) / rate
+        if rate is not None:
+            raise LogError(f"{path}: the file contains a time: leave out rate of the device")
         time = self.column("time")
         if not np.isfinite(time).all() or np.any(np.diff(time) <= 0):
             raise LogError(f"{path}: the time of the curve does not advance from every reading to the next")
@@ -210,6 +214,8 @@ def _curves(path: Path) -> list[_AfmCurve]:
         with warnings.catch_warnings():  # of its own dependencies; what matters is raised
             warnings.simplefilter("ignore")
             import afmformats
+
+            logging.getLogger("afmformats").addHandler(logging.NullHandler())  # which else prints a traceback
     except ImportError as error:
         raise LogError(f"{path}: force curves need afmformats: pip install 'palpate[afm]'") from error
     try:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from palpate import Floats, LogError, to_si
 from palpate_kit.logs.readings import si_unit
+from palpate_kit.logs.role_guess import ROLES
 from palpate_kit.tables.clock_times import CLOCK
 
 from palpate_logs.csv_names import begins_as_time, role_by_words
@@ -30,21 +31,38 @@ class TimeColumn:
 
 
 def clock_of(sheet: Sheet, values: Floats, choices: Mapping[str, str]) -> TimeColumn | None:
-    """The time of a file's rows: as chosen, by a column's name, or by a column that grows evenly; None without any."""
-    if "rate" in choices:
+    """The time of a file's rows: by a column, as chosen, by its name or since it grows evenly, else by a rate, or None.
+
+    A rate is for files without a time: it would shift every reading of one that has gaps, or runs at another rate.
+    """
+    found = _clock_column(sheet, values, choices)
+    if "rate" in choices and not (found is not None and _advances(found.seconds)):
         try:
             rate = to_si(choices["rate"], "Hz")
         except ValueError as error:
             raise LogError(f"{sheet.path}: --rate: {error}") from error
         return TimeColumn(np.arange(len(values)) / rate, {"rate": choices["rate"]}, "chosen")
+    return found
+
+
+def _advances(seconds: Floats) -> bool:
+    """Whether a time goes on from most readings to the next."""
+    steps = np.diff(seconds[np.isfinite(seconds)])
+    return len(steps) > 0 and float(np.median(steps)) > 0.0
+
+
+def _clock_column(sheet: Sheet, values: Floats, choices: Mapping[str, str]) -> TimeColumn | None:
+    """The column that is the time; None where none can be it."""
     if "time" in choices:
         columns = [sheet.index_of("time", choices["time"])]
+        sheet.demand_numbers("time", columns[0], values[:, columns[0]])
     else:
         columns = [k for k, name in enumerate(sheet.names) if begins_as_time(name)]
         columns += [k for k, name in enumerate(sheet.names) if role_by_words(name) == "time" and k not in columns]
         columns += [k for k in sorted(sheet.layout.clocks) if k not in columns]
     named = len(columns)
-    rest = [] if "time" in choices else [k for k in range(len(sheet.names)) if k not in columns]
+    others = [sheet.index_of(role, choices[role].removeprefix(":")) for role in ROLES if role in choices]
+    rest = [] if "time" in choices else [k for k in range(len(sheet.names)) if k not in (*columns, *others)]
     columns += [k for k in rest if _ticks(values[:, k])]
     for i, k in sorted(enumerate(columns), key=lambda pair: _falls(values[:, pair[1]])):
         steps = np.diff(values[np.isfinite(values[:, k]), k])

@@ -92,7 +92,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     looked = look(path, choices)
     sheet, clock = looked.sheet, looked.clock
     series = looked.series()
-    chosen = {role: _chosen(sheet, series, role, choices[role]) for role in ROLES if role in choices}
+    chosen = {role: _chosen(sheet, looked.values, series, role, choices[role]) for role in ROLES if role in choices}
     found = find_roles(series, chosen)
     if found is None:
         there = sheet.columns
@@ -103,12 +103,13 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     device: dict[str, Any] = {"type": "csv-replay", "file": str(path)}
     extra: dict[str, list[str]] = {"reasons": [], "doubts": doubts, "blanks": [], "hints": []}
     rate = None
+    has_time = clock is not None and clock.column is not None
     if clock is not None:
         device |= clock.setting
         extra["reasons"] += [f"time: {clock.reason}"] if clock.reason else []
         if not clock.sure:
             column = f"column {column_text(sheet.column(clock.column or 0))}"
-            doubts.append(f"time: {column} is a guess: it grows evenly ({clock.reason}); --time or --rate sets it")
+            doubts.append(f"time: {column} is a guess: it grows evenly ({clock.reason}); --time sets it")
     else:
         rate = _rate(found, factors, extra)
         device["rate"] = "? Hz" if rate is None else f"{rate:g} Hz"
@@ -127,7 +128,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     keys = {f"columns.{role}.unit": text for role, text in guesses.items()}
     rivals = {**suggestion.rivals, **trials}
     stated = tuple((fact.line, fact.name, fact.value) for fact in facts)
-    return replace(suggestion, guesses=keys, rivals=rivals, facts=stated)
+    return replace(suggestion, guesses=keys, rivals=rivals, facts=stated, has_time=has_time)
 
 
 def _other_trials(found: RoleGuess, sheet: Sheet) -> dict[str, tuple[str, ...]]:
@@ -179,8 +180,9 @@ def _rate(found: RoleGuess, factors: Mapping[str, float], extra: Mapping[str, li
     return None
 
 
-def _chosen(sheet: Sheet, series: Sequence[NumberColumn], role: str, text: str) -> NumberColumn:
+def _chosen(sheet: Sheet, values: Floats, series: Sequence[NumberColumn], role: str, text: str) -> NumberColumn:
     k = sheet.index_of(role, text.removeprefix(":"))
+    sheet.demand_numbers(role, k, values[:, k])
     for mine in series:
         if mine.key[1] == str(k):
             return replace(mine, role=role, why="chosen")

@@ -24,6 +24,7 @@ KEYS = ("delimiter", "decimal", "thousands", "comment", "encoding", "sheet", "he
 _BLOCK = 4096  # rows at once
 _NAME, _NAMED = 40, 12  # characters of a column's name, and columns, that are shown
 _PADDED = re.compile(r"0\d+")  # what is behind a comma, and no number of its own
+_LEAST = 10  # numbers of a column that is to be something
 _SURE = 3  # such cells that are no coincidence
 _TWICE = 100  # rows by which a mark between digits is judged
 
@@ -128,6 +129,20 @@ class Sheet:
         if choice.isdigit() and int(choice) < len(self.names):
             return int(choice)
         raise LogError(f"{self.path}: --{role}: there is no column {choice!r} (there are: {self.columns})")
+
+    def demand_numbers(self, role: str, column: int, values: Floats) -> None:
+        """Raise LogError where a column (n,) that was chosen for a role contains hardly a number."""
+        count = int(np.isfinite(values).sum())
+        if count >= min(_LEAST, len(values)):
+            return
+        name = column_text(self.column(column))
+        with open_text(self.path, _text(self.stated, "encoding"), _text(self.stated, "sheet")) as file:
+            lines = islice(bounded_lines(file, self.path), self.layout.begin, None)
+            cells = (row[column].strip() for row in self.dialect.rows(lines) if column < len(row))
+            text = next((cell for cell in cells if cell and np.isnan(number_or_nan(cell, self.dialect.decimal))), None)
+        found = f"text ({printable(text)[:_NAME]!r})" if text else "empty cells"
+        found = f"{found} and {count} numbers" if count else f"{found}, no numbers"
+        raise LogError(f"{self.path}: --{role}: column {name} contains {found} (there are: {self.columns})")
 
 
 def column_text(column: int | str) -> str:

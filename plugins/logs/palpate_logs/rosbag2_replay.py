@@ -127,7 +127,7 @@ class Rosbag2Replay(Recording):
         return texts_of(cls._opened(path))
 
     @classmethod
-    def recover(cls, path: Path, out: Path) -> str:
+    def recover(cls, path: Path, out: Path, beside: Mapping[str, str] = {}) -> str:
         """See `Recording`."""
         if path.name.endswith(".db3") and path.is_file():
             return recover_bag(path, out)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import chain, count, islice
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from palpate_kit.terminal.progress import report_progress
 from palpate_logs.topic_arrays import TopicArrays, TopicFiles
 
 _ROWS = 50_000  # of one topic that are put side by side at once
+_LONGEST = 63  # characters of a name in MATLAB
 _CELLS = 1 << 23  # of a table that are held at once
 
 
@@ -53,14 +55,15 @@ def _rows(numbers: Mapping[str, TopicArrays]) -> tuple[NDArray[np.int64], dict[s
     every, places = np.unique(np.concatenate(list(keys.values()), axis=1), axis=1, return_inverse=True)
     places = places.ravel()
     columns: dict[str, Floats] = {}
+    names = _column_names(numbers)
     begin = 0
-    for entry in numbers.values():
+    for topic, entry in numbers.items():
         rows = places[begin : begin + len(entry.stamps)]
         begin += len(entry.stamps)
-        for k, name in enumerate(entry.names):
+        for k, name in enumerate(names[topic]):
             column = np.full(every.shape[1], np.nan)
             column[rows] = entry.values[:, k]
-            columns[f"{entry.topic}:{name}"] = column
+            columns[name] = column
     return every[0], columns
 
 
@@ -75,22 +78,50 @@ def _occurrence(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
     return found
 
 
-def _csv(out: Path, numbers: Mapping[str, TopicFiles]) -> None:
+def _column_names(numbers: Mapping[str, TopicArrays] | Mapping[str, TopicFiles]) -> dict[str, tuple[str, ...]]:
+    """The columns of a table by the key of their topic."""
+    names = names_apart(f"{entry.topic}:{name}" for entry in numbers.values() for name in entry.names)
+    return {topic: tuple(islice(names, len(entry.names))) for topic, entry in numbers.items()}
+
+
+def names_apart(names: Iterable[str], longest: int | None = None) -> Iterator[str]:
+    """The names, of `longest` characters at most; one that came before gets the next number that no other name has.
+
+    >>> list(names_apart(["ft_raw", "ft_raw", "ft_raw_2"]))
+    ['ft_raw', 'ft_raw_3', 'ft_raw_2']
+    """
+    every = [name[:longest] for name in names]
+    taken: set[str] = set()
+    for name in every:
+        free = name
+        for number in count(2):
+            if free not in taken and (free == name or free not in every):
+                break
+            end = f"_{number}"
+            free = f"{name[: None if longest is None else longest - len(end)]}{end}"
+        taken.add(free)
+        yield free
+
+
+def _csv(out: Path, numbers: Mapping[str, TopicFiles]) -> dict[str, str]:
     first = min(int(entry.stamps(0, 1)[0]) for entry in numbers.values() if len(entry))
     with out.open("x", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        names = (f"{entry.topic}:{name}" for entry in numbers.values() for name in entry.names)
-        writer.writerow(["stamp_ns", "time_s", *names])
+        names = _column_names(numbers)
+        writer.writerow(["stamp_ns", "time_s", *chain.from_iterable(names.values())])
         texts = _all_texts(numbers)
         for stamps, columns in _windows(numbers):
             lists = [_spoken(column, texts[n]) if n in texts else column.tolist() for n, column in columns.items()]
             seconds = (stamps - first) / 1e9
             for row in zip(stamps.tolist(), seconds.tolist(), *lists, strict=True):
                 writer.writerow(["" if value != value else value for value in row])
+    return {}
 
 
 def _all_texts(numbers: Mapping[str, TopicFiles]) -> dict[str, tuple[str, ...]]:
-    return {name: words for entry in numbers.values() for name, words in entry.texts.items()}
+    """The words of each column of texts, by its name."""
+    names = _column_names(numbers)
+    return {n: words for key, entry in numbers.items() for n, words in zip(names[key], entry.words, strict=False)}
 
 
 def _spoken(places: Floats, words: tuple[str, ...]) -> list[str]:
@@ -98,51 +129,66 @@ def _spoken(places: Floats, words: tuple[str, ...]) -> list[str]:
     return ["" if place != place else words[int(place)] for place in places.tolist()]
 
 
-def _columns(entry: TopicFiles) -> Iterator[tuple[str, Any]]:
-    """Each field with its array, of numbers or of texts."""
-    for k, name in enumerate(entry.names):
-        column = entry.column(k)
-        yield name, np.array(_spoken(column, entry.words[k]), str) if entry.words else column
+def _fields(entries: Sequence[TopicFiles]) -> Iterator[tuple[str, Any]]:
+    """Each field of a topic with its array, of numbers or of texts, whose time-stamps may be others."""
+    first = entries[0].stamps()
+    for place, entry in enumerate(entries):
+        if not place or not np.array_equal(entry.stamps(), first):
+            yield "stamp_ns", entry.stamps()
+        for k, name in enumerate(entry.names):
+            column = entry.column(k)
+            yield name, np.array(_spoken(column, entry.words[k]), str) if entry.words else column
 
 
-def _arrays(numbers: Mapping[str, TopicFiles]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+def _by_topic(
+    numbers: Mapping[str, TopicFiles], word: Callable[[str], str], longest: int | None = None
+) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Of each topic its name in a file that does not allow all names, and the arrays of its fields by theirs."""
+    entries: dict[str, list[TopicFiles]] = {}
     for entry in numbers.values():
-        found[f"{entry.topic}:stamp_ns"] = entry.stamps()
-        found |= {f"{entry.topic}:{name}": array for name, array in _columns(entry)}
+        entries.setdefault(entry.topic, []).append(entry)
+    found = {}
+    for topic, name in zip(entries, names_apart(map(word, entries), longest), strict=True):
+        fields, arrays = zip(*_fields(entries[topic]), strict=True)
+        found[topic] = name, dict(zip(names_apart(map(word, fields), longest), arrays, strict=True))
     return found
 
 
-def _npz(out: Path, numbers: Mapping[str, TopicFiles]) -> None:
+def _npz(out: Path, numbers: Mapping[str, TopicFiles]) -> dict[str, str]:
+    topics = _by_topic(numbers, _dotted)
+    arrays = [(f"{name}:{field}", array) for name, fields in topics.values() for field, array in fields.items()]
     with out.open("xb") as file:
-        np.savez_compressed(file, **{name.strip("/").replace("/", "."): a for name, a in _arrays(numbers).items()})
+        names = names_apart(name for name, _ in arrays)
+        np.savez_compressed(file, **{name: array for name, (_, array) in zip(names, arrays, strict=True)})
+    return {topic: name for topic, (name, _) in topics.items() if name != _dotted(topic)}
 
 
-def _mat(out: Path, numbers: Mapping[str, TopicFiles]) -> None:
+def _dotted(name: str) -> str:
+    return name.strip("/").replace("/", ".")
+
+
+def _mat(out: Path, numbers: Mapping[str, TopicFiles]) -> dict[str, str]:
     """A struct for each topic, named by what MATLAB allows."""
     from scipy.io import savemat
 
-    structs: dict[str, Any] = {}
-    for entry in numbers.values():
-        fields = structs.setdefault(_word(entry.topic), {})
-        fields["stamp_ns"] = entry.stamps()
-        fields |= {_word(name): array for name, array in _columns(entry)}
+    topics = _by_topic(numbers, _word, _LONGEST)
     with out.open("xb") as file:
-        savemat(file, structs, long_field_names=True, do_compression=True)
+        savemat(file, dict(topics.values()), long_field_names=True, do_compression=True)
+    return {topic: name for topic, (name, _) in topics.items() if name != _word(topic)[:_LONGEST]}
 
 
 def _word(name: str) -> str:
-    word = re.sub(r"\W+", "_", name).strip("_")[:63]
-    return word if word[:1].isalpha() else f"x{word}"[:63]
+    word = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
+    return word if word[:1].isalpha() else f"x{word}"
 
 
-def _parquet(out: Path, numbers: Mapping[str, TopicFiles]) -> None:
+def _parquet(out: Path, numbers: Mapping[str, TopicFiles]) -> dict[str, str]:
     try:
         import pyarrow  # type: ignore[import-not-found,import-untyped,unused-ignore]
         import pyarrow.parquet  # type: ignore[import-not-found,import-untyped,unused-ignore]
     except ImportError as error:
         raise ConfigurationError("parquet needs a library that is not installed: pip install pyarrow") from error
-    names = [f"{entry.topic}:{name}" for entry in numbers.values() for name in entry.names]
+    names = chain.from_iterable(_column_names(numbers).values())
     texts = _all_texts(numbers)
     kinds = ((name, pyarrow.string() if name in texts else pyarrow.float64()) for name in names)
     fields = [("stamp_ns", pyarrow.int64()), *kinds]
@@ -150,9 +196,11 @@ def _parquet(out: Path, numbers: Mapping[str, TopicFiles]) -> None:
         for stamps, columns in _windows(numbers):
             spoken = {n: _spoken(columns[n], words) for n, words in texts.items()}
             writer.write_table(pyarrow.table({"stamp_ns": stamps, **columns, **spoken}))
+    return {}
 
 
-WRITERS: Mapping[str, Callable[[Path, Mapping[str, TopicFiles]], None]] = {
+# Each returns the names of topics that would have had the name of another one.
+WRITERS: Mapping[str, Callable[[Path, Mapping[str, TopicFiles]], dict[str, str]]] = {
     ".csv": _csv,
     ".npz": _npz,
     ".mat": _mat,

@@ -63,11 +63,6 @@ class TopicFiles:
             np.array(np.memmap(self._file("values"), np.float64, "r", shape=shape)[:, k]) if shape[0] else np.zeros(0)
         )
 
-    @property
-    def texts(self) -> dict[str, tuple[str, ...]]:
-        """The words of each column of texts, by its full name."""
-        return {f"{self.topic}:{name}": words for name, words in zip(self.names, self.words, strict=False)}
-
     def sort(self) -> None:
         """Bring the rows into the order of time."""
         stamps = self.stamps()  # these, and their order, are held: 16 bytes a message

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Floats, OutputError
-from palpate.host import write_whole
+from palpate.host import bounded_text, write_whole
 
 from palpate_maps.hidden_patches import Hiding
 from palpate_maps.lump_criteria import Findings
@@ -106,7 +106,7 @@ def free_name(folder: Path, name: str, table: str) -> str:
 
 def _text_of(path: Path) -> str | None:
     try:
-        return path.read_text(encoding="utf-8")
+        return bounded_text(path)
     except (OSError, UnicodeDecodeError):
         return None
 

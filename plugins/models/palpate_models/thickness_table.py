@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, Indenter
+from palpate.host import bounded_text, json_document
 
 _HEAD = ["depth [m]", "factor"]
 _DEGREE = 4  # of the polynomial in the square root of the depth
@@ -66,14 +67,14 @@ def table_text(facts: dict[str, Any], depths: Floats, factors: Floats) -> str:
 def read_table(path: Path) -> ThicknessTable:
     """The table in a file; raises ValueError, which names the file, for what is none."""
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = bounded_text(path).splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"table {path}: cannot be read: {error}") from error
     facts = {}
     for line in (line[1:] for line in lines if line.startswith("#")):
         name, equals, value = line.partition("=")
         try:
-            facts[name.strip()] = json.loads(value) if equals else None
+            facts[name.strip()] = json_document(value) if equals else None
         except ValueError:
             facts[name.strip()] = value.strip()
     rows = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))

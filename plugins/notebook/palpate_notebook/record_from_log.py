@@ -51,6 +51,8 @@ def read(
         suggestion = suggestion_of(log, choices)
         if suggestion.blanks:
             raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}: state it in signals={_asked(suggestion)}")
+        if "rate" in choices and suggestion.has_time:
+            warnings.warn(f"{log.name}: the rate is ignored: the file has a time", stacklevel=2)
         doubts = suggestion.doubts
         for text in doubts:
             warnings.warn(f"{log.name}: {text}", stacklevel=2)

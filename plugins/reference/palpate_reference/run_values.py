@@ -11,6 +11,7 @@ from typing import Any
 
 from palpate import ConfigurationError, LogError
 from palpate.host import RESULT, suggest
+from palpate_kit.runs.result_file import values_by_name
 from palpate_kit.runs.run_folder import RunFolder
 
 _VERDICTS = ("good", "note", "doubtful")  # from the best to the worst that may be used
@@ -50,7 +51,8 @@ def run_values(path: Path, quantities: tuple[str, ...], track: str | None) -> li
     if track is not None and track not in tracks:
         raise ConfigurationError(f"{path}: there is no track {track!r}{suggest(track, tracks)}")
     among = tracks if track is None else {track: tracks[track]}
-    having = {name: _values(table) for name, table in among.items() if set(quantities) <= _values(table).keys()}
+    values = {name: values_by_name(table) for name, table in among.items()}
+    having = {name: found for name, found in values.items() if set(quantities) <= found.keys()}
     if not having:
         raise ConfigurationError(f"{path}: no track has {' and '.join(quantities)} to compare")
     usable = {
@@ -89,9 +91,3 @@ def conditions_of(settings: Mapping[str, Any], model: Mapping[str, Any]) -> Cond
     radius = tip.get("radius") if isinstance(tip, dict) and tip.get("type") in ("sphere", "paraboloid") else None
     strain = _REPRESENTATIVE * math.sqrt(float(depth) / float(radius)) if depth and radius else None
     return Conditions(*(None if one is None else float(one) for one in (frequency, strain, speed)))
-
-
-def _values(table: Mapping[str, Any]) -> dict[str, Any]:
-    """The parameters of a track and what follows from them, by name; none without a number."""
-    every = {**table["derived"], **table["parameters"]}
-    return {name: found for name, found in every.items() if found["value"] is not None}

@@ -16,12 +16,15 @@ from palpate_reference.material_laws import LinearLaw
 from palpate_reference.material_table import MaterialTable
 
 _FIRST = 0.03  # relative scatter of a table that states none, before it is known
+_EXACT = 1e-7  # relative scatter of a table without noise, as its digits leave it
 _ROUNDS = 3  # in which it is found
 _LOG = 60.0  # bounds of logarithms
 _LEAST = 1e-30  # of a prediction over the reading
 _WORST = 0.9  # autocorrelation of residuals, above which it tells no more
 _NO_SLOPE = 1e-6  # sum of squares
 _RANK = 1e-10  # of the largest eigenvalue of the information, below which there is none
+_NOTHING = 1e-13  # of it, below which a direction counts for nothing
+_HELD = 0.5  # information from what is known before: 1 for each such unknown
 _SHARE = 1e-3  # of a direction
 _UNDETERMINED = 1.0  # relative standard uncertainty
 
@@ -76,7 +79,7 @@ def fit_law(law: LinearLaw, problem: FitProblem) -> TableFit[LinearLaw] | None:
             return None
         errors = _errors(law, problem, best)
         share = 1.0 - count / problem.count
-        sigmas = [max(math.sqrt(float(np.mean(e**2)) / share), 1e-9) for e in errors]
+        sigmas = [max(math.sqrt(float(np.mean(e**2)) / share), _EXACT) for e in errors]
         if all(table.std is not None for table in problem.tables):
             break
     assert best is not None
@@ -145,15 +148,15 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
     count = len(law.parameters)
     parts = _weighted(law, problem, x, sigmas)
     slopes = _slopes(law, problem, x, sigmas)
-    information = np.sum([j.T @ j for j in slopes], axis=0)
-    covariance = np.linalg.pinv(information, rcond=1e-13, hermitian=True)
+    covariance, loose_numbers = _covariance(np.vstack(slopes))
     correlation = _autocorrelation(parts[:-1])
     inflation = (1.0 + correlation) / (1.0 - correlation)
     shares: dict[str, Floats] = {}
     total: Floats = np.zeros(covariance.shape)
     names = [f"scatter of {table.name}" for table in problem.tables]
     for name, j in zip(names, slopes, strict=False):
-        part = inflation * covariance @ j.T @ j @ covariance
+        moved = j @ covariance  # first: a table without noise has slopes of 1e7, which cancel here
+        part = inflation * moved.T @ moved
         shares[name], total = np.sqrt(np.maximum(np.diag(part)[:count], 0.0)), total + part
     priors = [(f"scale of {t.name}", s) for t, s in zip(problem.tables, problem.scales, strict=True)]
     for k, (name, size) in enumerate([*priors, ("poisson", problem.poisson_std)]):
@@ -167,8 +170,8 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
         shares["time-temperature shift"], total = np.sqrt(np.diag(part)[:count]), total + part
     values = np.exp(x[:count])
     relative = np.sqrt(np.maximum(np.diag(total)[:count], 0.0))
-    relative[np.diag(information)[:count] < _NO_SLOPE] = math.nan  # a part next to nothing
-    relative[_loose(information)[:count]] = math.nan
+    relative[np.sum([(j**2).sum(axis=0) for j in slopes], axis=0)[:count] < _NO_SLOPE] = math.nan  # next to nothing
+    relative[loose_numbers[:count]] = math.nan
     stated = [part for part, table in zip(parts, problem.tables, strict=False) if table.std is not None]
     chi2 = float(sum(part @ part for part in stated))
     freedom = sum(len(part) for part in stated) - round(count * sum(len(p) for p in stated) / problem.count)
@@ -184,10 +187,18 @@ def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[fl
     )  # fmt: skip
 
 
-def _loose(information: Floats) -> NDArray[np.bool_]:
-    """Which numbers have a share in a direction along which the tables do not change, as E_1 and tau of a fast arm."""
-    sizes, directions = np.linalg.eigh(information)
-    return np.asarray((directions[:, sizes < _RANK * sizes[-1]] ** 2).sum(axis=1) > _SHARE)
+def _covariance(slopes: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Covariance (k, k) of the unknowns whose residuals have these slopes (n, k), and which of them are loose (k,).
+
+    Those have a share in a direction along which the tables do not change, as E_1 and tau of a fast arm. What is known
+    before holds a direction by 1, however little the tables scatter: it is none of these. The slopes are not squared,
+    which would lose that beside a table without noise.
+    """
+    _, sizes, directions = np.linalg.svd(slopes, full_matrices=False)
+    power = sizes**2
+    kept = power > min(_NOTHING * power[0], _HELD)
+    loose = (directions[power < min(_RANK * power[0], _HELD)] ** 2).sum(axis=0) > _SHARE
+    return (directions[kept].T / power[kept]) @ directions[kept], np.asarray(loose)
 
 
 def _slopes(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> list[Floats]:

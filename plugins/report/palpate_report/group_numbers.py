@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from palpate_kit.runs.result_file import usable_value
 
 from palpate_report.anonymous import Anonymous
 from palpate_report.run_verdict import RunVerdict
@@ -32,10 +33,7 @@ class GroupRun:
 def number_of(run: GroupRun, track: str, parameter: str) -> Mapping[str, Any] | None:
     """A run's value; None where it has none, or must not be used."""
     table = run.tracks.get(track)
-    if table is None or table["verdict"] == "invalid":
-        return None
-    found: Mapping[str, Any] | None = table["parameters"].get(parameter)
-    return found if found and found["value"] is not None else None
+    return usable_value(table, parameter) if table is not None else None
 
 
 def common_of(runs: Sequence[GroupRun], group: str, track: str, parameter: str) -> float:

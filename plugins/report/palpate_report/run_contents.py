@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from palpate import BudgetRow, Effect, FitReport, LogError, TrackName, Unknown
-from palpate.host import DerivedValue, Result, TrackResult, UncertainValue, registry
+from palpate.host import DerivedValue, Result, TrackResult, UncertainValue, registry, toml_tables
 from palpate_kit.runs.result_file import read_flags
 from palpate_kit.runs.run_folder import EstimatesTable, RunFolder, TrackTable
 
@@ -81,7 +81,7 @@ class RunContents:
     @cached_property
     def _resolved(self) -> Mapping[str, Any]:
         try:
-            return tomllib.loads(self.resolved_text or "")
+            return toml_tables(self.resolved_text or "")
         except tomllib.TOMLDecodeError:
             return {}
 

@@ -15,7 +15,7 @@ from palpate.host import Pipeline, Source, analysis, make_folder, values_on_trus
 from palpate_kit.figures import save_figure
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_scheduler
 from palpate_kit.jobs.job import Job
-from palpate_kit.logs.draft_pipeline import pipeline_of, suggestion_of
+from palpate_kit.logs.draft_pipeline import pipeline_of, rate_note, suggestion_of
 from palpate_kit.runs.replay_source import added_table, read_run_log, replay_source, with_other_channels
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.flag_summary import doubt_lines
@@ -138,6 +138,8 @@ def _source(log: Path, choices: Mapping[str, str]) -> Source:
     suggestion = suggestion_of(log, dict(choices))
     if suggestion.blanks:
         raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}")
+    if note := rate_note(choices, [suggestion]):
+        typer.echo(note, err=True)
     for text in suggestion.doubts:
         typer.echo(f"check: {printable(text)}", err=True)
     if carried is not None:

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from palpate import ConfigurationError, Flag, UserError
+from palpate import ConfigurationError, Flag, LogError, UserError
 from palpate.host import registry, suggest, verdict
 from palpate_kit.curves.curve_filter import CurveFilter, curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder, stale_words
-from palpate_kit.runs.result_file import read_flags, read_results
+from palpate_kit.runs.result_file import read_flags, read_results, value_verdict
 from palpate_kit.runs.run_folder import RunFolder
 
 _TOLD = 20  # files that are left out, one line each
@@ -133,13 +133,15 @@ def _of_run(
     found, (path, key) = known[parameter], named
     return ParameterValue(
         f"{path}#{key}" if key else str(path), file.parent, key, name, found["value"], found["combined"], found["unit"],
-        found.get("systematic"), result["force_rms"], read_flags(result["flags"]), result["verdict"],
+        found.get("systematic"), result["force_rms"], read_flags(result["flags"]), value_verdict(result, found),
         RunFolder(file.parent).rejected.get(key),
     )  # fmt: skip
 
 
 def _chosen(tracks: Mapping[str, Any], track: str | None, file: Path, first: bool) -> str:
-    if track is None and tracks and (first or len(tracks) == 1):
+    if not tracks:
+        raise LogError(f"{file}: has no result")
+    if track is None and (first or len(tracks) == 1):
         return next(iter(tracks))
     if track is None:
         raise ConfigurationError(f"{file}: has {len(tracks)} tracks; choose one with --track: {', '.join(tracks)}")

@@ -25,12 +25,15 @@ def read_mesh(file: Path, unit: str) -> Any:
     if not file.is_file():
         raise ConfigurationError(f"{file}: there is no such file")
     try:
-        mesh = trimesh.load_mesh(file, process=False)
+        with file.open("rb") as opened:  # alone: what it names beside it, materials and pictures, is not opened
+            mesh = trimesh.load_mesh(opened, file_type=file.suffix.lower()[1:], process=False, skip_materials=True)
     except Exception as error:  # whatever its readers raise on a damaged file
         raise ConfigurationError(f"{file}: cannot be read as a mesh: {type(error).__name__}: {error}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) < _FEWEST:
         count = len(mesh.faces) if isinstance(mesh, trimesh.Trimesh) else 0
         raise ConfigurationError(f"{file}: it has {count} triangles; a surface has at least {_FEWEST}")
+    if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
+        raise ConfigurationError(f"{file}: a triangle has a vertex that the file has not: it has {len(mesh.vertices)}")
     if not np.isfinite(mesh.vertices).all():
         row = int(np.argwhere(~np.isfinite(mesh.vertices))[0][0])
         raise ConfigurationError(f"{file}: vertex {row + 1} of {len(mesh.vertices)} is not a finite number")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, Settings
+from palpate.host import bounded_text, toml_tables
 from pydantic import Field, ValidationError
 
 from palpate_surfaces.pose import UncertainPose
@@ -49,7 +50,7 @@ class Registration(Settings):
 def read_registration(path: Path, mesh: str) -> Registration:
     """The registration of the mesh with a digest; raises ConfigurationError for what is none, or another mesh's."""
     try:
-        registration = Registration.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        registration = Registration.model_validate(toml_tables(bounded_text(path)))
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot read the registration: {error.strerror}") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

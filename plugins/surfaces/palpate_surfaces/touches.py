@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, Floats, to_si
-from palpate.host import RESULT, suggest
+from palpate.host import RESULT, bounded_text, suggest
 
 from palpate_surfaces.registration_file import file_digest
 from palpate_surfaces.run_touches import SkinTouch, touches_of_run
@@ -80,7 +80,7 @@ def digest_of(path: Path) -> str:
 def table_touches(path: Path, uncertainty: float | None) -> Iterator[SkinTouch]:
     """The touches of a table; `uncertainty` [m] where it has no column u. Raises ConfigurationError."""
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = bounded_text(path, "utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise ConfigurationError(f"{path}: cannot read the touches: {reason}") from error

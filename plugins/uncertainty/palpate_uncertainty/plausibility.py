@@ -63,7 +63,9 @@ def _bound_flags(last: Tail, model: ContactModel, held: Set[str]) -> Iterator[Fl
             yield Flag("implausible", text, effects={parameter.name: math.inf})
         elif parameter.role == "elastic" and parameter.unit == "Pa" and not _SOFT[0] <= value <= _SOFT[1]:
             text = f"{parameter.name} of {value:.3g} Pa is not that of anything soft ({_SOFT[0]:g} Pa to 1 GPa)"
-            yield Flag("implausible", f"{text}: are force and height in the units that are declared?")
+            others = {p.name: abs(float(last.values[:, k].mean())) for k, p in enumerate(model.parameters)}
+            text = f"{text}: are force and height in the units that are declared?"
+            yield Flag("implausible", text, effects={**others, parameter.name: math.inf})
 
 
 def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:

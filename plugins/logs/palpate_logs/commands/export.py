@@ -33,10 +33,11 @@ def export(
     try:
         with scratch(out.parent) as folder, progress(f"export of {log.name}", "messages"):
             numbers = topics_of(log, topics, folder, notes)
-            write(out, numbers)
+            names = write(out, numbers)
             counts = {numbers[topic].topic: len(numbers[topic]) for topic in sorted(numbers, reverse=True)}
     except OSError as error:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error
+    notes += [f"topic {topic} is {name} in {out.name}: another one has its name there" for topic, name in names.items()]
     for note in [*notes[:_SHOWN], f"and {len(notes) - _SHOWN} more"] if len(notes) > _SHOWN else notes:
         typer.echo(f"{log}: {printable(note)}", err=True)
     typer.echo(f"{sum(counts.values())} messages of {len(counts)} topics are in {out}")

@@ -8,7 +8,7 @@ import typer
 from palpate import LogError, OutputError, printable
 from palpate.host import registry
 from palpate_kit.curves.alike_logs import AlikeLogs, alike_logs, differences, logs_among
-from palpate_kit.logs.draft_pipeline import pipeline_of, readers_of, suggestion_of
+from palpate_kit.logs.draft_pipeline import pipeline_of, rate_note, readers_of, suggestion_of
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress
 
@@ -26,6 +26,8 @@ def suggest_folder(folder: Path, choices: dict[str, str], out: Path | None, as_j
     refused: dict[str, str] = {}
     with progress(f"look at {folder.name}"):
         groups = alike_logs(logs_among([folder], known), lambda log: suggestion_of(log, choices, known), refused)
+    if note := rate_note(choices, (group.suggestion for group in groups for _ in group.logs)):
+        typer.echo(note, err=True)
     if not groups:
         name, reason = next(iter(refused.items()))
         raise LogError(f"{name}: {reason}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from palpate import ConfigurationError, LogError, OutputError, printable
 from palpate.host import Source, function_of, plugin_files, registry as registries
-from palpate_kit.logs.draft_pipeline import pipeline_of, recording_of, suggestion_of, system_at
+from palpate_kit.logs.draft_pipeline import pipeline_of, rate_note, recording_of, suggestion_of, system_at
 from palpate_kit.logs.recording import Suggestion, Survey, TopicSurvey
 from palpate_kit.runs.replay_source import read_run_log, replay_source, run_log_text, with_other_channels
 from palpate_kit.terminal.json_output import print_json
@@ -103,6 +103,8 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
         return
     with progress(f"look at {log.name}", "messages"):
         suggestion = suggestion_of(log, choices) if system is None else system.suggest(choices)
+    if note := rate_note(choices, [suggestion]):
+        typer.echo(note, err=True)
     for text in suggestion.blanks:
         typer.echo(f"fill in: {printable(text)}", err=True)
     for text in suggestion.doubts:

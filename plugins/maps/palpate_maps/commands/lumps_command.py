@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 from palpate import ConfigurationError, Floats, LogError
+from palpate_kit.runs.result_file import usable_value
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.options import TrackOption
 from palpate_kit.terminal.progress import progress
@@ -152,9 +153,10 @@ def _single_value(run: Path, track: str | None, parameter: str | None) -> float:
         raise LogError(f"{run}: has no usable track {track or ''}".rstrip())
     found = tracks[name]["parameters"]
     wanted = parameter or next(iter(found))
-    if tracks[name]["verdict"] == "invalid" or found.get(wanted, {}).get("value") is None:
+    value = usable_value(tracks[name], wanted)
+    if value is None:
         raise LogError(f"{run}: {name} has no usable {wanted}")
-    return float(found[wanted]["value"])
+    return float(value["value"])
 
 
 def by_place(sites: list[Site]) -> Floats:

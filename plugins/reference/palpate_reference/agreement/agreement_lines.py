@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
-from palpate.host import Result, display_unit
+from palpate.host import Result, bounded_text, display_unit, json_document
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_reference.agreement.agree_command import AGREEMENT
@@ -16,7 +15,7 @@ def agreement_lines(result: Result) -> list[str]:
     path = result.folder / AGREEMENT
     if not path.is_file():
         return []
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    found: dict[str, Any] = json_document(bounded_text(path))
     word, factor = display_unit(found["unit"])
     own, other = (
         value_with_uncertainty(factor * found[name], factor * found[std])

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, LogError
-from palpate.host import suggest, write_new
+from palpate.host import bounded_text, json_document, suggest, write_new
 
 from palpate_reference.cards.card_formats import FORMATS
 from palpate_reference.cards.card_text import Program
@@ -51,7 +50,7 @@ def read_material(path: Path, law: str | None) -> PronySeries | HyperelasticSoli
     """The series or the solid of a fit, by its folder or file, or of a card; raises UserError."""
     path = path / MATERIAL if path.is_dir() else path
     try:
-        text = path.read_text(encoding="utf-8")
+        text = bounded_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     for name in FORMATS:
@@ -68,7 +67,7 @@ def read_material(path: Path, law: str | None) -> PronySeries | HyperelasticSoli
 def _material_of_fit(path: Path, text: str, law: str | None) -> PronySeries | HyperelasticSolid:
     """Of a law of ``material.json``: the stated, or the best that a card can hold; raises UserError."""
     try:
-        document = json.loads(text)
+        document = json_document(text)
         laws: dict[str, dict[str, Any]] = {one["law"]: one for one in document["laws"]}
         poisson = float(document["poisson"])
     except (ValueError, KeyError, TypeError) as error:

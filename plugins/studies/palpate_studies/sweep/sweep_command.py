@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import tomli_w
 import typer
 from palpate import OutputError, UserError
-from palpate.host import Source, StoppedError, analysis, make_folder, write_new
+from palpate.host import Source, StoppedError, analysis, bounded_text, make_folder, write_new
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, engine_of
 from palpate_kit.jobs.job import Engine, OtherSettingsError, PortablePipeline, RunAnswer, cached_result
 from palpate_kit.terminal.json_output import print_aside, print_json
@@ -154,6 +154,6 @@ def _folder(source: Source, wanted: Path | None) -> Path:
         folder = make_folder(f"{name}-sweep", wanted, datetime.now(UTC).astimezone())
         write_new(folder / "sweep.toml", source.text)
         return folder
-    if (wanted / "sweep.toml").read_text(encoding="utf-8") != source.text:
+    if bounded_text(wanted / "sweep.toml") != source.text:
         raise OutputError(f"{wanted}: holds the sweep of another pipeline file, or of this one before it was changed")
     return wanted
