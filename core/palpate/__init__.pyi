@@ -102,6 +102,7 @@ from .offers import (
 )
 from .parts import File as File, InputFile as InputFile, Part as Part, Settings as Settings
 from .printable_text import printable as printable
+from .reading_age import ReadingAge as ReadingAge
 from .repeated_readings import RepeatCount as RepeatCount, Repeats as Repeats
 from .result.sample_store import SampleStore as SampleStore
 from .result.track_evidence import (

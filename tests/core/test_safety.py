@@ -39,7 +39,7 @@ def test_a_motion_within_its_limits():
     assert report.duration == pytest.approx(PRESS.total_duration, abs=2e-3)
     assert report.low[2] == pytest.approx(-0.005, abs=1e-5)
     assert report.inward_speed == pytest.approx(report.speed)
-    expected = 12 + 3000 * (report.inward_speed * 0.06 + report.inward_speed**2 / 2)
+    expected = 12 + 3000 * (report.inward_speed * 0.08 + report.inward_speed**2 / 2)
     assert report.peak_force == pytest.approx(expected)
 
 
@@ -288,8 +288,9 @@ MS = 1_000_000  # [ns]
 
 
 def at(batch, received):
-    """The batch, as received at a time [ms]."""
-    return replace(batch, received=np.full(len(batch.time), received * MS))
+    """The batch, as read and received at a time [ms]."""
+    now = np.full(len(batch.time), received * MS)
+    return replace(batch, time=now, received=now)
 
 
 def test_silence_is_what_the_receiving_process_says_it_is(guard):

@@ -35,11 +35,12 @@ class Line:
         self.now = self.sent = 0
         self.deaf: list[float] = []  # when [s]
 
-    def run(self, rows):
-        """Send readings; why it stopped, and after how many seconds."""
+    def run(self, rows, stamped=False, late=0.0):
+        """Send readings, so late [s] by their stamps [us]; why it stopped, and after how many seconds."""
         for k in range(0, len(rows), 2):
             for row in rows[k : k + 2]:
-                self.ring.write((self.sent, 0), row.tolist())
+                stamp = round(self.sent / RATE * 1e6) if stamped else 0
+                self.ring.write((1000 * stamp + round(1e9 * late), stamp), row.tolist())
                 self.sent += 1
             self.now += 2_500_000
             text = self.eye.look(self.now)

@@ -94,8 +94,8 @@ class Flow:
         # Children that have ended count as well; what the devices did is all in here.
         used = clock().processor_time() - before
         facts.cpu_cores = used / max(clock().now() - began, 1e-9)
-        if guard.reason is not None and self._interrupt.reason is None:
-            raise DeviceError(guard.reason)
+        if guard.account is not None and self._interrupt.reason is None:
+            raise DeviceError(guard.account)
 
     def _pass_states(self, live: LiveRun, facts: LiveFacts) -> None:
         """Standstill, ready, moving; until the arms are done or something stops the run."""

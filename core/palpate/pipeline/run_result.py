@@ -130,6 +130,8 @@ def _run_flags(
     yield from _backlog(live.estimates if live is not None else None)
     for name in motion.ended_early if motion is not None else ():
         yield Flag("ended-early", f"{name} sent its last reading before the motion was over")
+    if motion is not None and pipeline.safety is not None:
+        yield from (Flag("force-exceeded", text) for text in [pipeline.safety.excess(motion.peak_force)] if text)
     yield from device_flags(pipeline.alignment, pipeline.ports, health)
     yield from record_flags(report, pipeline.alignment, interrupted)
 

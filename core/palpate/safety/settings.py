@@ -17,7 +17,7 @@ class SafetySettings(Settings):
     """The ``[safety]`` table: limits of a motion, and what stops it. A live robot does not move without one.
 
     Between a force of `stop_force` on the skin and the tip at rest lie the time tau, which is the delay of the sensor's
-    filter and the latency, and the braking at deceleration a. Against a material of stiffness K the force rises by
+    filter, the age of a reading and the latency, and the braking at deceleration a. Against a material of stiffness K the force rises by
     K (v tau + v^2/2a) in that time: where this exceeds `force` for the fastest inward speed v, the motion is refused.
     """
 
@@ -61,6 +61,12 @@ class SafetySettings(Settings):
     sensor_timeout: Time = Field(
         default=0.1, gt=0, description="a sensor or robot that is silent for longer stops the motion"
     )
+    reading_age: Time = Field(
+        default=0.02,
+        gt=0,
+        le=1.0,
+        description="a reading or state that comes later than this, beyond the promptest of 30 s, stops the motion",
+    )
     held_up: Time = Field(
         default=0.5, gt=0, description="this program being held up for longer, by others or by itself, stops the motion"
     )
@@ -82,12 +88,18 @@ class SafetySettings(Settings):
 
     @property
     def reaction(self) -> float:
-        """Time [s] from a force on the skin to the beginning of braking: delay of the sensor's filter and latency."""
-        return self.latency + (self.sensor_delay or 0.0)
+        """Time [s] from a force on the skin to the beginning of braking: delay of the sensor, age of a reading, latency."""
+        return self.latency + self.reading_age + (self.sensor_delay or 0.0)
 
     def overshoot(self, speed: float) -> float:
         """Force [N] by which the limit is overrun at an inward speed [m/s]: K (v tau + v^2/2a)."""
         return self.stiffness * (speed * self.reaction + speed**2 / (2.0 * self.deceleration))
+
+    def excess(self, peak: float) -> str | None:
+        """By how much a force [N] passed `force`, in words; None where it did not."""
+        if peak <= self.force:
+            return None
+        return f"the force reached {peak:.1f} N, {peak - self.force:.1f} N over [safety] force = {self.force:g} N"
 
     @property
     def motion(self) -> MotionLimits:
@@ -106,4 +118,4 @@ class SafetySettings(Settings):
         """What an arm has to keep by itself."""
         depth = NO_DEPTH if self.depth is None else self.depth
         limits = self.low, self.high, self.speed, self.acceleration, self.orientation, self.angular_speed
-        return ArmLimits(*limits, depth)
+        return ArmLimits(*limits, depth, self.reading_age)

@@ -22,6 +22,7 @@ from palpate.sink import GuardState
 from palpate.vectors import Floats
 
 _ENOUGH = 10  # readings
+_LATEST = 1.0  # [s] that readings are waited for once the arms stand
 _PULL = 0.5  # of the force that stops: so much less than none is no adhesion
 _REVERSED = (
     "; it falls while the tip goes deeper: does the sensor count the other way round ([alignment] force sign = -1)?"
@@ -33,7 +34,7 @@ class Guard:
 
     It trips on a force beyond `stop_force` in any component that the force's stream declares, a tip below the depth
     limit, a reading that is at the end of its range, over it or invalid, a sensor that repeats itself or is silent, a
-    silent robot, a stream of force or position that ends, a device that fails, this program being held up, and on being
+    silent robot, readings of force or position that come late, a stream of force or position that ends, a device that fails, this program being held up, and on being
     asked. Tripping makes the arms retract where they can, else stop; the first reason counts. Silence is judged by the
     process that receives: that this one comes late is no silence. Nothing is watched once all arms are done.
     """
@@ -53,6 +54,7 @@ class Guard:
         self._over = clock().event()
         self.reason: str | None = None
         self.tripped: float | None = None  # monotonic [s]
+        self._felt = 0.0  # [N] largest component of the latest reading, tared
         self.peak = 0.0  # [N] largest tared reading of any component
         self.peak_untared = 0.0  # [N] largest reading, with all that the tare takes off
         self._host = HostWatch(limits.held_up if limits is not None else None, self._over, self.trip)
@@ -145,13 +147,16 @@ class Guard:
 
     def check(self, device: str, batch: Batch, attended: int | None = None) -> None:
         """Look at a batch; `attended`: when the process that receives it last looked for readings [ns]."""
+        key = (device, batch.stream)
         if self._over.is_set():
+            if self.reason is not None and self._force.port.key == key and (tare := self.contact.tare) is not None:
+                self._note_peak(batch.values[:, self.contact.components], tare)  # felt while the arm came to rest
             return
-        if self._host.has_looked(device):
+        if watched := self._host.has_looked(device):
             self._check_silence(device, batch, attended)
         if not len(batch.time):
             return
-        key = (device, batch.stream)
+        self._check_age(key, batch, watched)
         for watch in (self._force, self._position, self._velocity):
             if self.contact.tare is None and watch is not None and watch.port.key == key:
                 watch.add_standstill(batch)
@@ -171,6 +176,15 @@ class Guard:
                 silent = watch.silence(batch.stream, looked, news)
                 if self._limits is not None and silent > self._limits.sensor_timeout:
                     self.trip(f"{watch.name} is silent for {1e3 * silent:.0f} ms")
+
+    def _check_age(self, key: tuple[str, str], batch: Batch, watched: bool) -> None:
+        for watch in (self._force, self._position):
+            if watch.port.key == key:
+                watch.age.add(batch.time.tolist(), batch.received.tolist())
+                if watched and self._limits is not None:
+                    late = watch.age.complaint(f"readings of {watch.name}", self._limits.reading_age)
+                    if late is not None:
+                        self.trip(late)
 
     def _check_height(self, batch: Batch, limits: SafetySettings) -> None:
         height = self._position.port.signal.sign * self._position.of(batch)
@@ -194,14 +208,37 @@ class Guard:
             self.trip(fault)
 
     def _check_size(self, values: Floats, tare: Floats, limits: SafetySettings) -> None:
-        largest = float(np.abs(values - tare).max())
-        self.peak = max(self.peak, largest)
-        self.peak_untared = max(self.peak_untared, float(np.abs(values).max()))
+        largest = self._note_peak(values, tare)
         if largest > limits.stop_force:
             pushed = self._force.port.signal.sign * float(values[-1, self._named] - tare[self._named])
             self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
             if pushed < -_PULL * limits.stop_force and self._deeper:
                 self._add(_REVERSED)
+
+    def _note_peak(self, values: Floats, tare: Floats) -> float:
+        """The largest tared force [N] of readings (n, components)."""
+        sizes = np.abs(values - tare)
+        largest = float(np.fmax.reduce(sizes, axis=None, initial=0.0))
+        self._felt = float(sizes[-1].max()) if len(sizes) else self._felt
+        self.peak = max(self.peak, largest)
+        self.peak_untared = max(self.peak_untared, float(np.fmax.reduce(np.abs(values), axis=None, initial=0.0)))
+        return largest
+
+    def awaits_readings(self, waited: float) -> bool:
+        """Whether readings from before the arms stood may still come, a time [s] after that; only after a stop.
+
+        As late as readings are known to be; and where the force has not fallen, they may be later than is known.
+        """
+        if self.reason is None or self._limits is None or waited > _LATEST:
+            return False
+        late = (self._limits.sensor_delay or 0.0) + max(self._force.age.latest, 0.0)
+        return waited < late or self._felt > 0.5 * self._limits.stop_force
+
+    @property
+    def account(self) -> str | None:
+        """Why the arms were stopped, and by how much the force then passed `force`; None where they were not."""
+        excess = None if self._limits is None else self._limits.excess(self.peak)
+        return self.reason if self.reason is None or excess is None else f"{self.reason}; {excess}"
 
     @property
     def has_stood_still(self) -> bool:

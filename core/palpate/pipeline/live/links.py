@@ -105,6 +105,12 @@ class LiveLinks:
                 return
             yield self._next(_LOOK)
 
+    def after_the_end(self) -> Iterator[list[tuple[str, Batch]]]:
+        """What comes once the arms are done, for as long as the guard waits for what was felt before."""
+        began = clock().now()
+        while self._running and self._guard.awaits_readings(clock().now() - began):
+            yield self._next(_GATHER)
+
     def remaining(self) -> Iterator[list[tuple[str, Batch]]]:
         """What is still in the queue after `stop`."""
         while not self._queue.empty():

@@ -88,5 +88,5 @@ def motion_facts(links: Mapping[str, Link], largest_backlog: int, guard: Guard) 
         guard.peak,
         guard.peak_untared,
         tuple(sorted(guard.ended_early)),
-        None if guard.reason is None or guard.tripped is None else (guard.reason, guard.tripped),
+        None if guard.account is None or guard.tripped is None else (guard.account, guard.tripped),
     )

@@ -6,6 +6,7 @@ import numpy as np
 
 from palpate.alignment import Port
 from palpate.device import Batch
+from palpate.reading_age import DRIFT, ReadingAge
 from palpate.vectors import Floats
 
 
@@ -17,6 +18,7 @@ class SignalWatch:
         self._standstill: list[Floats] = []
         self._standstill_times: list[int] = []  # [ns] when they were received: first and last of each batch
         self.heard: int | None = None  # [ns] the latest reading, on the clock of the process that receives it
+        self.age = ReadingAge(0.0 if port.stream.clock == "host" else DRIFT)  # a device follows the drift of its clock
         self._looks: dict[str, int] = {}  # by stream of the device: when that process last looked [ns]
 
     def of(self, batch: Batch) -> Floats:

@@ -80,6 +80,8 @@ def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
             live.pass_on(arrivals)
             if live.interrupt.reason is not None:
                 guard.trip(live.interrupt.reason)  # a signal takes note, and trips nothing
+        for arrivals in live.links.after_the_end():
+            live.pass_on(arrivals)
     except BaseException as error:
         guard.trip(error_text(error))
         for arrivals in live.links.to_the_end(_PATIENCE):  # let the arms retract

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from palpate import RepeatCount, Repeats
-from palpate_kit.acquisition.ring import Ring
+from palpate import ReadingAge, RepeatCount, Repeats
+from palpate_kit.acquisition.ring import Ring, integers
 
 _DEAF = 30_000_000  # [ns] without a reading; a serial line's latency timer of 16 ms is none
 _MISSED = 4  # readings, where they come more slowly than that
@@ -24,7 +24,10 @@ class ForceEye:
         usual = facts.get("repeats")
         self._repeats = None if usual is None else RepeatCount(Repeats(**usual), facts["first"])
         self.felt: float | None = None  # [N] along the normal, mean of the latest look; None where nothing had come
-        self._ring.read()
+        self._tick = facts.get("tick", 0)  # [ns]
+        self._clock = facts.get("arrival", 0), facts.get("stamp", 1)  # columns
+        self._age, self._oldest = ReadingAge(), facts.get("age", np.inf)
+        self._note_age(self._ring.read())  # the standstill shows how late a reading is as a rule
         self._began = self._heard = self._count = 0
 
     def deaf(self, now: int) -> bool:
@@ -54,7 +57,15 @@ class ForceEye:
             return f"{self._name if ends[self._normal] else f'a force beside {self._name}'} is at the end of its range"
         if largest > self.stop:
             return f"the force is {largest:.1f} N, over the limit of {self.stop:g} N that stops the motion"
+        self._note_age(rows)
+        if (late := self._age.complaint(f"readings of {self._name}", self._oldest)) is not None:
+            return late
         if self._repeats is None:
             return None
         self._repeats.add(rows)
         return self._repeats.fault
+
+    def _note_age(self, rows: Any) -> None:
+        if self._tick:
+            arrivals, stamps = (integers(rows, column) for column in self._clock)
+            self._age.add((stamps * self._tick).tolist(), arrivals.tolist())

@@ -84,7 +84,7 @@ class URLink:
         """Stop by itself at a force; see `palpate.SupportsLimits`."""
         readings = asdict(watch.readings)
         facts = {"channels": watch.channels, "tare": watch.tare, "stop": watch.stop, "name": watch.name}
-        facts |= {"normal": watch.normal, "sign": watch.sign, "ranges": watch.ranges}
+        facts |= {"normal": watch.normal, "sign": watch.sign, "ranges": watch.ranges, "age": watch.reading_age}
         facts["repeats"] = None if watch.repeats is None else asdict(watch.repeats)
         self._stop_force = watch.stop
         self._child.hand_over("watch", readings.pop("descriptor"), **readings, **facts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from palpate import clock
+from palpate import ReadingAge, clock
 
 from palpate_devices.ur.controller_states import NORMAL, RUNNING, STOPPED, complaint, slowdown
 from palpate_devices.ur.robot import Robot
@@ -30,12 +30,14 @@ class RobotWatch:
     def __init__(self, robot: Robot, timeout: float, beat: Callable[[], object]) -> None:
         self._robot, self._timeout, self._beat = robot, timeout, beat
         self._safety = NORMAL  # mode, at the start of the motion
+        self._age = ReadingAge()
 
     def check_state(self) -> None:
         """Raise RobotFaultError where the newest state makes no sense."""
         robot = self._robot
         if not robot.is_number:
             raise self._garbled("the controller's pose or joints are no numbers")
+        self._age.add([round(1e9 * robot.stamp)], [robot.seen])
         if robot.control is not None and (robot.leap is not None or robot.wrong_size is not None):
             raise self._garbled(f"the tip leapt by {1e3 * (robot.leap or 0.0):.0f} mm between two states: {_LEAP}")
 
@@ -60,6 +62,10 @@ class RobotWatch:
         """Why a robot in motion has become slower than it is commanded; None where it has not."""
         robot = self._robot
         return None if robot.control is None else slowdown(robot.paces, robot.modes[1], self._safety)
+
+    def lateness(self, limit: float) -> str | None:
+        """Why the arm is not where its states have it: the latest two were older than a limit [s]; None in time."""
+        return self._age.complaint("the controller's states", limit)
 
     def check_links(self, now: int) -> None:
         """Raise RobotFaultError where a connection is lost or silent."""

@@ -193,8 +193,10 @@ class _Loop:
         self._watch.check_modes(moving=commander is not None and commander.mode != "hold")
         if commander is None or commander.mode == "hold":
             self._watch.check_start()
-        elif commander.mode in _MOVING and (text := self._watch.slowdown()) is not None:
-            self._stop_for(Verdict(text), commander)  # it leaves the material
+        elif commander.mode in _MOVING:
+            oldest = math.inf if self._fence.limits is None else self._fence.limits.get("reading_age", math.inf)
+            if (text := self._watch.slowdown() or self._watch.lateness(oldest)) is not None:
+                self._stop_for(Verdict(text), commander)  # it leaves the material
         self._watch.check_links(now)
 
     def _listen(self, now: int) -> None:

@@ -52,7 +52,7 @@ class World:
             if line is not None
             else VirtualBox(wiring.datagrams(settings.host), settings.sensor_rate, COUNTS[settings.sensor], sensor_seed)
         )
-        self.electronics = Electronics()
+        self.electronics = Electronics(sensor_seed)
         self._rng = np.random.default_rng(noise[2])
         self._rotation = settings.work.matrix[:3, :3].T
         self._mounting = mounting_matrix(settings.mounting)
