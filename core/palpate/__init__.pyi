@@ -72,6 +72,7 @@ from .estimation import (
     track_by_step as track_by_step,
 )
 from .fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
+from .force_rise import RiseWatch as RiseWatch, SoundForce as SoundForce
 from .flags import ADVICE as ADVICE, Flag as Flag, FlagMeaning as FlagMeaning
 from .hooks import plugin as plugin
 from .notebook import (

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from palpate.force_rise import SoundForce
 from palpate.repeated_readings import Repeats
 
 NO_DEPTH = 1e3  # [m]; the box alone counts
@@ -60,6 +61,7 @@ class ForceWatch:
     ranges: tuple[tuple[float, float], ...] = ()  # [N] of each channel: at its ends it is no reading; none declared
     reading_age: float = NO_AGE  # [s]; see `ReadingAge`
     repeats: Repeats | None = None  # of a sound sensor; None: equal readings are of no account
+    sound: SoundForce | None = None  # at standstill; None: whether the force rises on the way in is of no account
 
 
 @runtime_checkable

@@ -102,6 +102,11 @@ class SafetySettings(Settings):
         return f"the force reached {peak:.1f} N, {peak - self.force:.1f} N over [safety] force = {self.force:g} N"
 
     @property
+    def rise_window(self) -> float:
+        """Way [m] inwards within which the force has to rise: half of what lies between `stop_force` and `force`."""
+        return (self.force - self.stop_force) / (2.0 * self.stiffness)
+
+    @property
     def motion(self) -> MotionLimits:
         """Of the motion alone, without the force."""
         return MotionLimits(self.low, self.high, self.speed, self.acceleration)

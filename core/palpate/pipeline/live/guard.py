@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ from palpate.alignment import Port, Ports
 from palpate.clocks import clock
 from palpate.device import Arm, Batch, Retractable
 from palpate.errors import DeviceError
+from palpate.force_rise import RiseWatch, SoundForce
 from palpate.pipeline.live.contact_force import ContactForce
 from palpate.pipeline.live.host_watch import HostWatch
 from palpate.pipeline.live.signal_watch import SignalWatch
@@ -33,8 +35,8 @@ class Guard:
     """Sees every batch first, in the thread that received it.
 
     It trips on a force beyond `stop_force` in any component that the force's stream declares, a tip below the depth
-    limit, a reading that is at the end of its range, over it or invalid, a sensor that repeats itself or is silent, a
-    silent robot, readings of force or position that come late, a stream of force or position that ends, a device that fails, this program being held up, and on being
+    limit, a reading that is at the end of its range, over it or invalid, a sensor that repeats itself, does not rise on
+    the way in or is silent, a silent robot, readings of force or position that come late, a stream of force or position that ends, a device that fails, this program being held up, and on being
     asked. Tripping makes the arms retract where they can, else stop; the first reason counts. Silence is judged by the
     process that receives: that this one comes late is no silence. Nothing is watched once all arms are done.
     """
@@ -46,6 +48,9 @@ class Guard:
         self.contact = ContactForce(ports["force"])
         self._named = self.contact.components.index(ports["force"].column)
         self._height, self._deeper = math.inf, False  # [m] of the tip; whether it went down lately
+        self._place: tuple[float, ...] = ()  # [m] of the tip, the latest
+        self.sound: SoundForce | None = None  # the force at standstill
+        self._rise: RiseWatch | None = None
         self._arms: list[Arm] = []
         self._moving: set[str] = set()  # devices whose motion goes on
         self._ended: set[str] = set()  # devices that have sent their last batch
@@ -81,6 +86,14 @@ class Guard:
     def standstill_middle(self) -> int:
         """When [ns] that standstill was half over, on the host's clock."""
         return self._force.standstill_middle
+
+    def expect_rise(self, inertia: float, set_force: float) -> None:
+        """From now on the force has to rise on the way in, up to one that a law holds [N]; `inertia` [N] of the tip."""
+        assert self._limits is not None
+        force, position = self._force.at_standstill(), self._position.at_standstill()
+        sound = SoundForce.of(self._force.name, force, position, self._limits.rise_window, inertia)
+        self.sound = replace(sound, set_force=set_force)
+        self._rise = RiseWatch(self.sound)
 
     def begin(self, arms: Mapping[str, Arm]) -> None:
         """From now on the arms are to be stopped, and silence is a fault."""
@@ -192,6 +205,8 @@ class Guard:
             self.trip(f"a reading of {self._position.name} is invalid")
             return
         self._deeper, self._height = float(height[-1]) < self._height, float(height[-1])
+        pose = self._position.port.stream.layout == "pose"
+        self._place = tuple(batch.values[-1, :3].tolist()) if pose else (self._height,)
         if (lowest := float(height.min())) < limits.low[2]:
             self.trip(f"the tip is at {1e3 * lowest:.2f} mm, below the limit of {1e3 * limits.low[2]:g} mm")
 
@@ -204,8 +219,15 @@ class Guard:
             self.trip(fault)
         if np.isfinite(values).all():
             self._check_size(values, self.contact.tare, limits)
-        if (fault := self.contact.repeated(batch.values)) is not None:
+        if (fault := self.contact.repeated(batch.values) or self._fault_of_rise(batch, values)) is not None:
             self.trip(fault)
+
+    def _fault_of_rise(self, batch: Batch, values: Floats) -> str | None:
+        if self._rise is None or not self._place:
+            return None
+        assert self.contact.tare is not None
+        pushed = self._force.port.signal.sign * (values[:, self._named] - self.contact.tare[self._named])
+        return self._rise.add(float(batch.time[-1]) / 1e9, pushed, -self._height, self._place)
 
     def _check_size(self, values: Floats, tare: Floats, limits: SafetySettings) -> None:
         largest = self._note_peak(values, tare)

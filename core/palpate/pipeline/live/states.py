@@ -5,13 +5,16 @@ from __future__ import annotations
 from palpate.clocks import clock
 from palpate.device import ReportsHealth
 from palpate.errors import ConfigurationError, DeviceError, error_text
+from palpate.force_rise import NO_SET_FORCE
 from palpate.pipeline.live.approach import check_start
 from palpate.pipeline.live.arm_preparation import refuse_preload, send_limits
 from palpate.pipeline.live.live_run import LiveRun
 from palpate.pipeline.live.retreat_check import RetreatCheck, check_tip_is_free
 from palpate.pipeline.live.standstill import Noise, Standstill
 from palpate.pipeline.live.stored_offset import Offset, stored_offset
+from palpate.trajectory import ForceControlled
 
+_TIP = 0.2  # [kg] behind a sensor, where it is not stated: at most so much, as a rule
 _PATIENCE = 8.0  # [s] for a retraction, or for a device that is slow to begin
 
 
@@ -59,6 +62,10 @@ def get_ready(live: LiveRun, standstill: Standstill, offset: Offset | None) -> R
         return None
     known = offset.value if offset is not None and offset.doubt is None else None
     refuse_preload(standstill.force, limits, guard.force, known)
+    law = trajectory.force_law if isinstance(trajectory, ForceControlled) else None
+    set_force = NO_SET_FORCE if law is None else law.force
+    tip_mass = live.rig.alignment.tip_mass
+    guard.expect_rise((_TIP if tip_mass is None else tip_mass) * limits.acceleration, set_force)
     send_limits(live.links.links, guard, limits)
     check_start(live.arms.values(), trajectory, limits)
     guard.begin(live.arms)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from palpate import ReadingAge, RepeatCount, Repeats
+from palpate import Floats, ReadingAge, RepeatCount, Repeats, RiseWatch, SoundForce
 from palpate_kit.acquisition.ring import Ring, integers
 
 _DEAF = 30_000_000  # [ns] without a reading; a serial line's latency timer of 16 ms is none
@@ -24,6 +24,8 @@ class ForceEye:
         usual = facts.get("repeats")
         self._repeats = None if usual is None else RepeatCount(Repeats(**usual), facts["first"])
         self.felt: float | None = None  # [N] along the normal, mean of the latest look; None where nothing had come
+        sound = facts.get("sound")
+        self._rise = None if sound is None else RiseWatch(SoundForce(**sound))
         self._tick = facts.get("tick", 0)  # [ns]
         self._clock = facts.get("arrival", 0), facts.get("stamp", 1)  # columns
         self._age, self._oldest = ReadingAge(), facts.get("age", np.inf)
@@ -37,8 +39,11 @@ class ForceEye:
         usual = (self._heard - self._began) / max(self._count, 1)
         return now - self._heard > max(_DEAF, _MISSED * usual)
 
-    def look(self, now: int) -> str | None:
-        """Why the arm has to stop at a time [ns]; None where it need not."""
+    def look(self, now: int, depth: float = 0.0, place: Floats | None = None) -> str | None:
+        """Why the arm has to stop at a time [ns]; None where it need not.
+
+        `depth` [m] of the tip below the plane of its station, and its place (3,) [m].
+        """
         self._began = self._began or now
         self._heard = self._heard or now
         rows = self._ring.read()
@@ -60,10 +65,13 @@ class ForceEye:
         self._note_age(rows)
         if (late := self._age.complaint(f"readings of {self._name}", self._oldest)) is not None:
             return late
-        if self._repeats is None:
+        if self._repeats is not None:
+            self._repeats.add(rows)
+            if self._repeats.fault is not None:
+                return self._repeats.fault
+        if self._rise is None or place is None:
             return None
-        self._repeats.add(rows)
-        return self._repeats.fault
+        return self._rise.add(now / 1e9, self._sign * tared[:, self._normal], depth, place.tolist())
 
     def _note_age(self, rows: Any) -> None:
         if self._tick:

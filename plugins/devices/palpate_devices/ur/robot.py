@@ -208,16 +208,20 @@ class Robot:
         """Where the tip is, how fast and how turned; whether it is news since the last look."""
         inwards, fresh = self._out.T, self.fresh
         self.fresh = False
-        position = inwards @ (np.array(self.state[STATE["position"]]) - self._origin)
         rotation = rotation_matrix(self.state[STATE["rotation"]])
         return ArmState(
-            position, inwards @ np.array(self.state[STATE["velocity"]]), rotation, self.state[STATE["joints"]], fresh
+            self.position, inwards @ np.array(self.state[STATE["velocity"]]), rotation, self.state[STATE["joints"]], fresh
         )
+
+    @property
+    def position(self) -> Floats:
+        """Of the tip in the work frame (3,) [m]."""
+        return np.asarray(self._out.T @ (np.array(self.state[STATE["position"]]) - self._origin))
 
     @property
     def height(self) -> float:
         """Of the tip in the work frame [m]."""
-        return float((self._out.T @ (np.array(self.state[STATE["position"]]) - self._origin))[2])
+        return float(self.position[2])
 
     def turn(self) -> Floats:
         """Rotation vector (3,) of the tool from where the work frame wants it."""

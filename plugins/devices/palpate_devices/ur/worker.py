@@ -169,7 +169,8 @@ class _Loop:
     def _look_at_force(self, commander: Commander, now: int) -> None:
         if self._eye is None or commander.mode not in _MOVING:
             return
-        text = self._eye.look(now)
+        tip = self._robot.position
+        text = self._eye.look(now, -commander.plane.height(tip), tip)
         if commander.lead is not None:
             commander.lead.hear(self._eye.felt)
         if text is not None:
