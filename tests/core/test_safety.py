@@ -104,7 +104,7 @@ PORTS = Ports.of(ALIGNMENT, {"s": (WRENCH,), "r": (TIP,)})
 
 class _Arm:
     def __init__(self):
-        self.retracted = []
+        self.retracted, self.stopped = [], False
 
     def batches(self):
         return iter(())
@@ -113,7 +113,7 @@ class _Arm:
         pass
 
     def stop(self):
-        pass
+        self.stopped = True
 
     def retract(self):
         self.retracted.append(time.monotonic())
@@ -385,7 +385,7 @@ def test_once_all_arms_are_done_nothing_is_a_fault(guard):
     guard.ended("r")
     guard.ended("s")
     guard.ended("camera")
-    guard.failed("s: the sensor is disconnected")
+    guard.failed("s: the sensor is disconnected", "s")
     assert guard.reason is None
     assert guard.ended_early == set()
 
@@ -542,3 +542,42 @@ def test_the_wiring_adds_its_own_delays():
     assert not contradictions(limits(), alignment, {"r": arm, "s": sensor})
     problems = contradictions(limits(stop_force=500.0, force=600.0), alignment, {"r": arm, "s": sensor})
     assert "ends at 500 N" in problems[0].problem
+
+
+def stopped_at(guard, z=-0.002):
+    guard.check("r", height(z))
+    guard.check("s", force(1.0, 13.5))
+    assert guard.reason.startswith("the force is 12.5 N, over the limit of 12 N")
+
+
+@pytest.mark.parametrize("goes", ["on", "out", "on a little"])
+def test_an_arm_that_goes_on_inwards_after_a_stop_does_not_obey(guard, goes):
+    stopped_at(guard)
+    for z in {"on": (-0.004, -0.0065), "out": (-0.003, 0.0), "on a little": (-0.004, -0.0055)}[goes]:
+        guard.check("r", height(z))  # v tau + v^2/2a are 3.2 mm
+    obeys = goes != "on"
+    assert ("does not obey: since it was to stop, the tip has gone 4.5 mm deeper, of 4.2 mm" in guard.reason) != obeys
+    assert ("press the emergency stop" in guard.reason) != obeys
+    assert guard.arm.stopped != obeys
+    assert guard.is_stranded != obeys
+
+
+def test_an_arm_that_fails_while_it_leaves_is_a_second_fault_and_one_that_has_left_is_none(guard):
+    stopped_at(guard)
+    guard.failed("s: the sensor is disconnected", "s")
+    assert "disconnected" not in guard.reason  # it is not needed to leave
+    guard.check("r", height(-0.0018))
+    guard.failed("r: the robot is in a protective stop; unlock it.", "r")
+    assert guard.is_stranded
+    assert (
+        "; the arm was to leave, and that has failed: r: the robot is in a protective stop; unlock it. The tip stands "
+        "at a height of -1.8 mm and feels 12.5 N." in guard.reason
+    )
+
+
+def test_an_arm_that_never_ends_its_retraction_is_said(guard):
+    guard.demand_rest(8.0)
+    assert guard.reason is None  # nothing was stopped
+    stopped_at(guard)
+    guard.demand_rest(8.0)
+    assert "that has failed: r: no end of its motion within 8 s. The tip stands at a height of -2.0 mm" in guard.reason

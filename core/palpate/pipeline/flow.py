@@ -96,7 +96,7 @@ class Flow:
         # Children that have ended count as well; what the devices did is all in here.
         used = clock().processor_time() - before
         facts.cpu_cores = used / max(clock().now() - began, 1e-9)
-        if guard.reason is not None and self._interrupt.reason is None:
+        if guard.reason is not None and (self._interrupt.reason is None or guard.is_stranded):
             raise DeviceError(guard.reason)
 
     def _pass_states(self, live: LiveRun, facts: LiveFacts) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Mapping
 from typing import Literal
@@ -17,6 +16,7 @@ from palpate.pipeline.live.contact_force import ContactForce
 from palpate.pipeline.live.host_watch import HostWatch
 from palpate.pipeline.live.signal_watch import SignalWatch
 from palpate.pipeline.live.standstill import Noise, Standstill, refuse_unsteady
+from palpate.pipeline.live.stopped_tip import StoppedTip
 from palpate.safety import SafetySettings
 from palpate.sink import GuardState
 from palpate.vectors import Floats
@@ -44,7 +44,7 @@ class Guard:
         self._velocity = SignalWatch(ports["velocity"]) if "velocity" in ports.roles else None
         self.contact = ContactForce(ports["force"])
         self._named = self.contact.components.index(ports["force"].column)
-        self._height, self._deeper = math.inf, False  # [m] of the tip; whether it went down lately
+        self._tip, self._deeper = StoppedTip(), False  # whether it went down lately
         self._arms: list[Arm] = []
         self._moving: set[str] = set()  # devices whose motion goes on
         self._ended: set[str] = set()  # devices that have sent their last batch
@@ -53,6 +53,7 @@ class Guard:
         self._over = clock().event()
         self.reason: str | None = None
         self.tripped: float | None = None  # monotonic [s]
+        self.is_stranded = False  # whether an arm was to stop or leave and did not
         self.peak = 0.0  # [N] largest tared reading of any component
         self.peak_untared = 0.0  # [N] largest reading, with all that the tare takes off
         self._host = HostWatch(limits.held_up if limits is not None else None, self._over, self.trip)
@@ -103,10 +104,23 @@ class Guard:
         elif self._moving:
             self._ended_early(device)
 
-    def failed(self, text: str) -> None:
-        """A device has failed: no fault once all arms are done."""
-        if not self._over.is_set():
-            self.trip(text)
+    def failed(self, text: str, device: str) -> None:
+        """A device has failed: no fault once all arms are done, a second one of an arm that is to leave."""
+        if self._over.is_set():
+            return
+        if self.reason is None:
+            self.trip(self._tip.standing(text) if device in self._moving else text)
+        elif device in self._moving:
+            self._strand(text)
+
+    def demand_rest(self, patience: float) -> None:
+        """Take note where arms that were stopped `patience` [s] ago have not ended their motion."""
+        if self.tripped is not None and self._moving and not self._over.is_set():
+            self._strand(f"{', '.join(sorted(self._moving))}: no end of its motion within {patience:g} s")
+
+    def _strand(self, text: str) -> None:
+        self.is_stranded = True
+        self._add(self._tip.stranded(text))
 
     def _ended_early(self, device: str) -> None:
         needed = [watch.name for watch in (self._force, self._position) if watch.port.device == device]
@@ -128,6 +142,7 @@ class Guard:
             if self.reason is not None:
                 return
             self.reason, self.tripped = reason, clock().now()
+            self._tip.stop()
         self._stop_arms()
 
     def _add(self, hint: str) -> None:
@@ -177,9 +192,19 @@ class Guard:
         if not np.isfinite(height).all():
             self.trip(f"a reading of {self._position.name} is invalid")
             return
-        self._deeper, self._height = float(height[-1]) < self._height, float(height[-1])
+        self._deeper, self._tip.height = float(height[-1]) < self._tip.height, float(height[-1])
+        if self.reason is not None:
+            self._check_obedience(limits)
         if (lowest := float(height.min())) < limits.low[2]:
             self.trip(f"the tip is at {1e3 * lowest:.2f} mm, below the limit of {1e3 * limits.low[2]:g} mm")
+
+    def _check_obedience(self, limits: SafetySettings) -> None:
+        """Stop arms that go on inwards after they were stopped, and say that they do not obey."""
+        if self._moving and (text := self._tip.disobedience(limits)) is not None:
+            self.is_stranded = True
+            for arm in self._arms:
+                arm.stop()
+            self._add(text)
 
     def _check_force(self, batch: Batch, limits: SafetySettings) -> None:
         if self.contact.tare is None:
@@ -194,7 +219,7 @@ class Guard:
             self.trip(fault)
 
     def _check_size(self, values: Floats, tare: Floats, limits: SafetySettings) -> None:
-        largest = float(np.abs(values - tare).max())
+        largest, self._tip.felt = float(np.abs(values - tare).max()), float(np.abs(values[-1] - tare).max())
         self.peak = max(self.peak, largest)
         self.peak_untared = max(self.peak_untared, float(np.abs(values).max()))
         if largest > limits.stop_force:

@@ -214,11 +214,6 @@ class Robot:
             position, inwards @ np.array(self.state[STATE["velocity"]]), rotation, self.state[STATE["joints"]], fresh
         )
 
-    @property
-    def height(self) -> float:
-        """Of the tip in the work frame [m]."""
-        return float((self._out.T @ (np.array(self.state[STATE["position"]]) - self._origin))[2])
-
     def turn(self) -> Floats:
         """Rotation vector (3,) of the tool from where the work frame wants it."""
         return tool_turn(self._work, rotation_matrix(self.state[STATE["rotation"]]))

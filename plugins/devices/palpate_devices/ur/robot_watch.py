@@ -39,12 +39,11 @@ class RobotWatch:
         if robot.control is not None and (robot.leap is not None or robot.wrong_size is not None):
             raise self._garbled(f"the tip leapt by {1e3 * (robot.leap or 0.0):.0f} mm between two states: {_LEAP}")
 
-    def check_modes(self, moving: bool) -> None:
+    def check_modes(self) -> None:
         """Raise RobotFaultError where the controller's modes say that the arm cannot continue."""
         robot = self._robot
-        if robot.control is None or complaint(robot.modes, None) is None:
+        if robot.control is None or (text := complaint(robot.modes)) is None:
             return
-        text = str(complaint(robot.modes, robot.height if moving else None))
         if robot.modes[1] not in _SAFETY_MODES:
             raise self._garbled(text)
         raise RobotFaultError(text + (self._mute_control() if robot.modes == (RUNNING, NORMAL, STOPPED) else ""))

@@ -28,7 +28,7 @@ from palpate_devices.ur.robot_watch import RobotFaultError, RobotWatch
 from palpate_devices.ur.servo import Commander, ServoLaw
 from palpate_devices.ur.servo_pace import Beat, Pace
 from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
-from palpate_devices.ur.station_plane import StationPlane
+from palpate_devices.ur.station_plane import StationPlane, pressed_in_at_the_end
 
 _BLIND = 2_300_000  # [ns] without a new state: of more commands than two on their way only the last would count
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
@@ -190,7 +190,7 @@ class _Loop:
 
     def _check(self, now: int) -> None:
         commander = self._commander
-        self._watch.check_modes(moving=commander is not None and commander.mode != "hold")
+        self._watch.check_modes()
         if commander is None or commander.mode == "hold":
             self._watch.check_start()
         elif commander.mode in _MOVING and (text := self._watch.slowdown()) is not None:
@@ -256,7 +256,7 @@ class _Loop:
             verdict = self._fence.table(rows)
             text = None if verdict is None else verdict.text
         else:
-            text = self._refusal(offer.law, len(offer.plan) * PERIOD)
+            text = pressed_in_at_the_end(offer.plan.ends) or self._refusal(offer.law, len(offer.plan) * PERIOD)
         if text is not None:
             self._offered = None
             self._refuse(text, commander)
