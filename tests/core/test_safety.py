@@ -581,3 +581,27 @@ def test_an_arm_that_never_ends_its_retraction_is_said(guard):
     stopped_at(guard)
     guard.demand_rest(8.0)
     assert "that has failed: r: no end of its motion within 8 s. The tip stands at a height of -2.0 mm" in guard.reason
+
+
+def with_stamps(batch, ahead):
+    return replace(batch, time=batch.time + round(1e9 * ahead))
+
+
+@pytest.mark.parametrize("made", [force(1.0), height(0.01)], ids=["force", "position"])
+def test_a_stamp_that_leaps_ahead_of_its_arrival_is_named(guard, made):
+    device = "s" if made.stream == "wrench" else "r"
+    guard.check(device, with_stamps(made, 0.3))
+    guard.check(device, with_stamps(made, -4.0))  # late: no matter here
+    assert guard.reason is None
+    guard.check(device, with_stamps(made, 10.3))
+    name = {"s": "s.wrench.z", "r": "r.tip.z"}[device]
+    assert guard.reason == f"a time-stamp of {name} is 10 s ahead of its arrival, beyond all before it"
+
+
+def test_clocks_that_are_apart_are_named_before_anything_moves():
+    guard = Guard(limits(), PORTS)
+    guard.check("s", with_stamps(force(*np.random.default_rng(0).normal(1.0, 0.05, 100)), 10.0))
+    for _ in range(20):
+        guard.check("r", height(0.01))
+    with pytest.raises(DeviceError, match=r"of s.wrench.z are 10 s ahead of those of r.tip.z: set their clocks"):
+        guard.judge_standstill()

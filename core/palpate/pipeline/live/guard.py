@@ -22,6 +22,7 @@ from palpate.sink import GuardState
 from palpate.vectors import Floats
 
 _ENOUGH = 10  # readings
+_AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
 _PULL = 0.5  # of the force that stops: so much less than none is no adhesion
 _REVERSED = (
     "; it falls while the tip goes deeper: does the sensor count the other way round ([alignment] force sign = -1)?"
@@ -167,6 +168,9 @@ class Guard:
         if not len(batch.time):
             return
         key = (device, batch.stream)
+        for watch in (self._force, self._position):
+            if watch.port.key == key and (leap := watch.leap(batch)) > _AHEAD:
+                self.trip(f"a time-stamp of {watch.name} is {leap:.3g} s ahead of its arrival, beyond all before it")
         for watch in (self._force, self._position, self._velocity):
             if self.contact.tare is None and watch is not None and watch.port.key == key:
                 watch.add_standstill(batch)
@@ -228,6 +232,16 @@ class Guard:
             if pushed < -_PULL * limits.stop_force and self._deeper:
                 self._add(_REVERSED)
 
+    def _refuse_other_clocks(self) -> None:
+        """Raise DeviceError where force and position bear the times of clocks that are apart."""
+        apart = (self._force.ahead or 0.0) - (self._position.ahead or 0.0)
+        if abs(apart) > _AHEAD:
+            first, second = (self._force, self._position) if apart > 0 else (self._position, self._force)
+            raise DeviceError(
+                f"the time-stamps of {first.name} are {abs(apart):.3g} s ahead of those of {second.name}: "
+                "set their clocks to the same time"
+            )
+
     @property
     def has_stood_still(self) -> bool:
         """Whether force and position have sent enough to be judged."""
@@ -245,6 +259,7 @@ class Guard:
             raise DeviceError(
                 f"{silent} gave nothing usable at standstill; is the device on, and are its readings valid?"
             )
+        self._refuse_other_clocks()
         speed = float(velocity.std(ddof=1)) if len(velocity) > _ENOUGH else None
         found = Standstill(float(force.mean()), float(force.std(ddof=1)), speed)
         if self._limits is not None and self.contact.tare is None:

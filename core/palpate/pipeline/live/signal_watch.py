@@ -17,11 +17,19 @@ class SignalWatch:
         self._standstill: list[Floats] = []
         self._standstill_times: list[int] = []  # [ns] when they were received: first and last of each batch
         self.heard: int | None = None  # [ns] the latest reading, on the clock of the process that receives it
+        self.ahead: float | None = None  # [s] of the time-stamp that was most ahead of its arrival
         self._looks: dict[str, int] = {}  # by stream of the device: when that process last looked [ns]
 
     def of(self, batch: Batch) -> Floats:
         """Readings (n,) as the device sent them."""
         return batch.values[:, self.port.column]
+
+    def leap(self, batch: Batch) -> float:
+        """By how much [s] a time-stamp is ahead of its arrival, beyond all before it; there is at least one."""
+        ahead = float((batch.time - batch.received).max()) / 1e9
+        before = ahead if self.ahead is None else self.ahead
+        self.ahead = max(ahead, before)
+        return ahead - before
 
     def silence(self, stream: str, looked: int, news: bool) -> float:
         """How long [s] it has been silent for sure, when its process looked at a stream of the device.

@@ -117,6 +117,8 @@ class Robot:
             if clock().now() > deadline:
                 raise RuntimeError("the controller sends no states")
             clock().sleep(PERIOD)
+        if not math.isfinite(self.stamp):
+            raise RuntimeError("the controller's time-stamp is no number")
         since = datetime.fromtimestamp(clock().epoch_ns() / 1e9 - self.stamp, UTC)
         self.facts["powered_since"] = since.isoformat(timespec="seconds")
 
