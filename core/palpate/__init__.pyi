@@ -9,6 +9,7 @@ from .arm_limits import (
     SupportsLimits as SupportsLimits,
     SupportsRetreat as SupportsRetreat,
     SupportsSharing as SupportsSharing,
+    torque_fault as torque_fault,
 )
 from .clocks import (
     Clock as Clock,

@@ -242,7 +242,7 @@ def test_the_guard_watches_every_force_that_a_stream_declares(units, column, tri
     named = "N" if "N" in units else "1"
     last = len(units) - 1 - units[::-1].index(named)
     alignment = ALIGNMENT.model_validate({"force": f"s.daq.c{last}", "position": "r.tip.z"})
-    guard = Guard(limits(), Ports.of(alignment, {"s": (stream,), "r": (TIP,)}))
+    guard = Guard(limits(torque=1e3), Ports.of(alignment, {"s": (stream,), "r": (TIP,)}))
     stamps = np.arange(20, dtype=np.int64)
     still = 0.5 + 1e-3 * np.random.default_rng(0).standard_normal((20, len(units)))
     guard.check("s", Batch("daq", stamps, stamps, still))
@@ -605,3 +605,38 @@ def test_clocks_that_are_apart_are_named_before_anything_moves():
         guard.check("r", height(0.01))
     with pytest.raises(DeviceError, match=r"of s.wrench.z are 10 s ahead of those of r.tip.z: set their clocks"):
         guard.judge_standstill()
+
+
+TORQUES = Stream("wrench", (*WRENCH.channels, *(Channel(f"t{axis}", "N*m") for axis in "xyz")), 800.0)
+
+
+@pytest.mark.parametrize(
+    ("torque", "words"),
+    [
+        ((0.2, 0.0, 2.9), None),
+        ((0.2, 0.0, 3.2), "the torque is 3.10 N*m, over the limit of 3 N*m that stops the motion ([safety] torque)"),
+        ((-2.95, 0.0, 0.1), "the torque is 3.15 N*m"),
+        ((np.nan, 0.0, 0.0), "a reading of the torque is over range or invalid"),
+    ],
+)
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_torque_stops_the_motion_where_it_is_measured(torque, words, measured):
+    guard = Guard(limits(), Ports.of(ALIGNMENT, {"s": (TORQUES,), "r": (TIP,)}))
+
+    def wrench(rows):
+        stamps = np.arange(len(rows), dtype=np.int64)
+        torques = rows[:, 3:] if measured else np.full((len(rows), 3), np.nan)
+        return Batch("wrench", stamps, stamps, np.hstack([rows[:, :3], torques]))
+
+    rest = np.tile([0.0, 0.0, 1.0, 0.2, 0.0, 0.1], (100, 1))
+    rest += 0.01 * np.random.default_rng(0).standard_normal(rest.shape)
+    guard.check("s", wrench(rest - rest.mean(axis=0) + rest[:1].round(1)))
+    for _ in range(20):
+        guard.check("r", height(0.01))
+    guard.judge_standstill()
+    guard.begin({"r": (arm := _Arm())})
+    guard.check("s", wrench(np.array([[0.0, 0.0, 1.5, *torque]])))
+    assert (guard.reason is None) == (words is None or not measured)
+    assert not (words and measured) or words in guard.reason
+    assert bool(arm.retracted) == (guard.reason is not None)
+    guard.close()

@@ -193,6 +193,13 @@ def test_a_force_that_is_not_true_presses_nothing(simulated, fault, words):
 
 
 @pytest.mark.slow
+def test_a_torque_without_a_force_retracts_the_arm(rig):
+    error, _, _ = rig.run_into("twist 0 0 3.5", touching)
+    assert "the torque is 3.50 N*m, over the limit of 3 N*m" in error
+    assert rig.wait_at_rest()["height"] > 0.002
+
+
+@pytest.mark.slow
 def test_what_is_no_fault(simulated):
     """A text between two states, a stall of 50 ms, frames in lumps, left out measurements, a clock that wraps."""
     twin = simulated(*SHORT, f"twin.bench.clock_start={(1 << 32) - 1_500_000}")

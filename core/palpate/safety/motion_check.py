@@ -121,15 +121,11 @@ class _Stretch:
         )
 
 
-def _joined(
-    stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings, surface: Surface | None
-) -> _Stretch:
+def _joined(stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings, surface: Surface | None) -> _Stretch:
     return reduce(_Stretch.and_of, (_Stretch.of(times, setpoint, limits, surface) for times, setpoint in stretches))
 
 
-def _judged(
-    whole: _Stretch, limits: SafetySettings, surface: Surface | None, more: Iterable[str] = ()
-) -> MotionReport:
+def _judged(whole: _Stretch, limits: SafetySettings, surface: Surface | None, more: Iterable[str] = ()) -> MotionReport:
     reach, inward, (apart, stated, seen) = whole.reach, whole.inward, whole.apart
     problems = [] if whole.finite else ["a setpoint is not a finite number"]
     problems += [_sentence(excess) for excess in limits.motion.excesses(reach)]

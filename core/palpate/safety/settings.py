@@ -10,7 +10,7 @@ from palpate.arm_limits import NO_DEPTH, ArmLimits
 from palpate.parts import Settings
 from palpate.safety.motion_limits import MotionLimits
 from palpate.safety.tool_clearance import ToolBody
-from palpate.units import Acceleration, Angle, AngularSpeed, Depth, Force, Length, Speed, Stiffness, Time
+from palpate.units import Acceleration, Angle, AngularSpeed, Depth, Force, Length, Speed, Stiffness, Time, Torque
 
 
 class SafetySettings(Settings):
@@ -49,6 +49,7 @@ class SafetySettings(Settings):
     )
     force: Force = Field(gt=0, le=1e4, description="force that must not be exceeded")
     stop_force: Force = Field(gt=0, le=1e4, description="force that stops the motion, along any axis, tared")
+    torque: Torque = Field(default=3.0, gt=0, le=1e3, description="torque that stops the motion, about any axis, tared")
     stiffness: Stiffness = Field(ge=1.0, le=1e9, description="stiffest material that the tip may meet")
     latency: Time = Field(default=0.05, gt=0, description="longest time from a reading to the beginning of braking")
     sensor_delay: Time | None = Field(

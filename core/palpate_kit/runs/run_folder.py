@@ -139,7 +139,7 @@ class RunFolder:
         try:
             return tomllib.loads(self.pipeline_text)
         except tomllib.TOMLDecodeError as error:
-            raise LogError(f"{self.pipeline}: is a damaged pipeline: {error}") from error
+            raise LogError(f"{self.pipeline}: is a damaged pipeline, and not TOML: {error}") from error
 
     @property
     def given(self) -> Path:

@@ -14,7 +14,7 @@ from palpate.device import Arm, Batch, Retractable
 from palpate.errors import DeviceError
 from palpate.pipeline.live.contact_force import ContactForce
 from palpate.pipeline.live.host_watch import HostWatch
-from palpate.pipeline.live.signal_watch import SignalWatch
+from palpate.pipeline.live.signal_watch import AHEAD, SignalWatch, refuse_other_clocks
 from palpate.pipeline.live.standstill import Noise, Standstill, refuse_unsteady
 from palpate.pipeline.live.stopped_tip import StoppedTip
 from palpate.safety import SafetySettings
@@ -22,7 +22,6 @@ from palpate.sink import GuardState
 from palpate.vectors import Floats
 
 _ENOUGH = 10  # readings
-_AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
 _PULL = 0.5  # of the force that stops: so much less than none is no adhesion
 _REVERSED = (
     "; it falls while the tip goes deeper: does the sensor count the other way round ([alignment] force sign = -1)?"
@@ -32,11 +31,12 @@ _REVERSED = (
 class Guard:
     """Sees every batch first, in the thread that received it.
 
-    It trips on a force beyond `stop_force` in any component that the force's stream declares, a tip below the depth
-    limit, a reading that is at the end of its range, over it or invalid, a sensor that repeats itself or is silent, a
-    silent robot, a stream of force or position that ends, a device that fails, this program being held up, and on being
-    asked. Tripping makes the arms retract where they can, else stop; the first reason counts. Silence is judged by the
-    process that receives: that this one comes late is no silence. Nothing is watched once all arms are done.
+    It trips on a force beyond `stop_force`, or a torque beyond `torque`, in any component that the force's stream
+    declares, a time-stamp that is ahead of its arrival, a tip below the depth limit, a reading that is at the end
+    of its range, over it or invalid, a sensor that repeats itself or is silent, a silent robot, a stream of force
+    or position that ends, a device that fails, this program being held up, and on being asked. Tripping makes the
+    arms retract where they can, else stop; the first reason counts. Silence is judged by the process that receives:
+    that this one comes late is no silence. Nothing is watched once all arms are done.
     """
 
     def __init__(self, limits: SafetySettings | None, ports: Ports) -> None:
@@ -169,7 +169,7 @@ class Guard:
             return
         key = (device, batch.stream)
         for watch in (self._force, self._position):
-            if watch.port.key == key and (leap := watch.leap(batch)) > _AHEAD:
+            if watch.port.key == key and (leap := watch.leap(batch)) > AHEAD:
                 self.trip(f"a time-stamp of {watch.name} is {leap:.3g} s ahead of its arrival, beyond all before it")
         for watch in (self._force, self._position, self._velocity):
             if self.contact.tare is None and watch is not None and watch.port.key == key:
@@ -219,7 +219,8 @@ class Guard:
             self.trip(fault)
         if np.isfinite(values).all():
             self._check_size(values, self.contact.tare, limits)
-        if (fault := self.contact.repeated(batch.values)) is not None:
+        faults = self.contact.torque_fault(batch.values, limits.torque), self.contact.repeated(batch.values)
+        for fault in filter(None, faults):
             self.trip(fault)
 
     def _check_size(self, values: Floats, tare: Floats, limits: SafetySettings) -> None:
@@ -231,16 +232,6 @@ class Guard:
             self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
             if pushed < -_PULL * limits.stop_force and self._deeper:
                 self._add(_REVERSED)
-
-    def _refuse_other_clocks(self) -> None:
-        """Raise DeviceError where force and position bear the times of clocks that are apart."""
-        apart = (self._force.ahead or 0.0) - (self._position.ahead or 0.0)
-        if abs(apart) > _AHEAD:
-            first, second = (self._force, self._position) if apart > 0 else (self._position, self._force)
-            raise DeviceError(
-                f"the time-stamps of {first.name} are {abs(apart):.3g} s ahead of those of {second.name}: "
-                "set their clocks to the same time"
-            )
 
     @property
     def has_stood_still(self) -> bool:
@@ -259,7 +250,7 @@ class Guard:
             raise DeviceError(
                 f"{silent} gave nothing usable at standstill; is the device on, and are its readings valid?"
             )
-        self._refuse_other_clocks()
+        refuse_other_clocks(self._force, self._position)
         speed = float(velocity.std(ddof=1)) if len(velocity) > _ENOUGH else None
         found = Standstill(float(force.mean()), float(force.std(ddof=1)), speed)
         if self._limits is not None and self.contact.tare is None:

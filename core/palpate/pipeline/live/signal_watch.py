@@ -6,7 +6,10 @@ import numpy as np
 
 from palpate.alignment import Port
 from palpate.device import Batch
+from palpate.errors import DeviceError
 from palpate.vectors import Floats
+
+AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
 
 
 class SignalWatch:
@@ -64,3 +67,14 @@ class SignalWatch:
     def standstill_middle(self) -> int:
         """When [ns] the standstill was half over, on the clock of the process that receives."""
         return (self._standstill_times[0] + self._standstill_times[-1]) // 2
+
+
+def refuse_other_clocks(force: SignalWatch, position: SignalWatch) -> None:
+    """Raise DeviceError where two signals bear the times of clocks that are apart."""
+    apart = (force.ahead or 0.0) - (position.ahead or 0.0)
+    if abs(apart) > AHEAD:
+        first, second = (force, position) if apart > 0 else (position, force)
+        raise DeviceError(
+            f"the time-stamps of {first.name} are {abs(apart):.3g} s ahead of those of {second.name}: set their clocks "
+            "to the same time"
+        )

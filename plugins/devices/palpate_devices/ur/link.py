@@ -85,6 +85,7 @@ class URLink:
         readings = asdict(watch.readings)
         facts = {"channels": watch.channels, "tare": watch.tare, "stop": watch.stop, "name": watch.name}
         facts |= {"normal": watch.normal, "sign": watch.sign, "ranges": watch.ranges}
+        facts |= {"torques": watch.torques, "torque_tare": watch.torque_tare, "torque": watch.torque}
         facts["repeats"] = None if watch.repeats is None else asdict(watch.repeats)
         self._stop_force = watch.stop
         self._child.hand_over("watch", readings.pop("descriptor"), **readings, **facts)

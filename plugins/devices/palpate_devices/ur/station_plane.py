@@ -60,7 +60,7 @@ LEVEL = StationPlane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
 
 
 def pressed_in_at_the_end(ends: Floats) -> str | None:
-    """Why the tip would stay in the material after a plan of such first and last rows (2, 16); None where it does not."""
+    """Why the tip would stay in the material after a plan with these first and last rows (2, 16); None if not."""
     first, last = (StationPlane.of_row(row).height(row[PLAN["position"]]) for row in ends)
     if last >= min(first, 0.0) - _ROUNDING:
         return None

@@ -66,6 +66,7 @@ FAULTS = {
     "refuse LETTER": "the sensor refuses a command",
     "sign": "the sensor's sign is reversed",
     "push X Y Z": "a hand pushes the tip with this force [N] in the work frame, until the next push; 0 0 0 lets go",
+    "twist X Y Z": "a hand twists the tool with this torque [N m] about the axes of the sensor; 0 0 0 lets go",
     "freedrive": "the button is pressed, and at the next time let go: the program ends, the arm gives way to push",
     "lead X Y Z A B C": "in freedrive, a hand leads the tip to a place [mm], the tool turned as by `start`",
     "estop": "the red button is pressed, and at the next time let out, with the power on and the brakes released",
@@ -169,6 +170,7 @@ _ACTIONS: dict[str, Action] = {
     "refuse": lambda world, words: world.sensor.refuse(words[0]),
     "sign": lambda world, _: setattr(world.sensor, "sign", -world.sensor.sign),
     "push": lambda world, words: world.hand.push([float(word) for word in words]),
+    "twist": lambda world, words: world.hand.twist([float(word) for word in words]),
     "freedrive": lambda world, _: world.hand.freedrive(),
     "lead": lambda world, words: world.hand.lead([float(word) for word in words]),
     "estop": _pressed,
@@ -182,6 +184,7 @@ _ACTIONS: dict[str, Action] = {
 _NUMBERS = {
     "turn": "three numbers",
     "push": "three numbers",
+    "twist": "three numbers",
     "start": "six numbers",
     "lead": "six numbers",
 }  # that an action wants; others one

@@ -190,7 +190,9 @@ class World:
             accelerations @ self._axes,
             self.down @ self._axes,
         )
-        return sensed_wrench(push, accelerations, *load, down.tolist(), settings.centre_of_mass)
+        wrench = sensed_wrench(push, accelerations, *load, down.tolist(), settings.centre_of_mass)
+        wrench[:, 3:] += self.hand.torque
+        return wrench
 
     def turn_gravity(self, down: Sequence[float]) -> None:
         """Let gravity point along `down` in the axes that the sensor has where the tool looks at the skin."""
