@@ -1,9 +1,9 @@
 """Sound and saturated rigs before the detector of a force that does not rise: false stops, and forces reached.
 
 ``python benchmarks/force_rise.py 1000 [first seed]``: so many sound rigs, each drawn from its seed, feed
-`palpate.force_rise.RiseWatch` alone, as the servo process does; then each again with a sensor that saturates, at a level
-of its own and with noise on top. Sound are materials of 1 kPa to 5 MPa that relax or not, under a flat end, a sphere or a
-cone, sensors coarse or fine with 5 to 50 mN of noise, white or filtered, the inertia of the tip, and motions of quintic
+`palpate.force_rise.RiseWatch` alone, as the servo process does; then each again with a sensor that saturates, at a
+level of its own and with noise on top. Sound are materials of 1 kPa to 5 MPa that relax or not, under a flat end, a
+sphere or a cone, sensors coarse or fine with 5 to 50 mN of noise, white or filtered, the inertia of the tip, and motions of quintic
 approaches, sines and ramps with holds.
 """
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from palpate.force_rise import RiseWatch, SoundForce
@@ -129,7 +130,7 @@ def drawn(seed: int) -> SoundRig:
 
 
 def saturated(rig: SoundRig) -> SoundRig:
-    """The same with a sensor that ends at a level, and noise on top of it; nothing stops the motion but the detector."""
+    """The same with a sensor that ends at a level, and noise on top of it; nothing but the detector stops the motion."""
     rng = np.random.default_rng(rig.seed + 2)
     level = float(rng.uniform(0.2, 0.9)) * min(rig.stop, float(rig.force.max(initial=0.0)))
     clipped = np.minimum(rig.force, level) + rig.noise * rng.standard_normal(len(rig.force))
@@ -142,7 +143,7 @@ def stopped(rig: SoundRig) -> tuple[float, str] | None:
     watch, rng = RiseWatch(rig.sound), np.random.default_rng(rig.seed + 3)
     height = rig.height + rig.position_std * rng.standard_normal(len(rig.height))
     edges = np.searchsorted(rig.time, np.arange(0.0, rig.time[-1] + _TICK, _TICK)).tolist()
-    for first, last in zip(edges, edges[1:], strict=False):
+    for first, last in pairwise(edges):
         if first == last:
             continue
         tip = float(height[last - 1])
@@ -175,7 +176,10 @@ def main() -> None:
         found += end is not None
         until = rig.force[rig.time <= end[0]] if end is not None else rig.force
         beyond.append(float(until.max()) - level)
-    print(f"saturated, and pressed 8 N harder than is read: {dangerous}, stopped: {found}; force beyond the level at the stop, N: ", end="")
+    print(
+        f"saturated, and pressed 8 N harder than is read: {dangerous}, stopped: {found}; force beyond the level, N: ",
+        end="",
+    )
     print(", ".join(f"{np.quantile(beyond, q):.1f} ({100 * q:.0f} %)" for q in (0.5, 0.9, 1.0)) if beyond else "none")
 
 

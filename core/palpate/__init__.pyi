@@ -9,6 +9,7 @@ from .arm_limits import (
     SupportsLimits as SupportsLimits,
     SupportsRetreat as SupportsRetreat,
     SupportsSharing as SupportsSharing,
+    torque_fault as torque_fault,
 )
 from .clocks import (
     Clock as Clock,
@@ -72,8 +73,8 @@ from .estimation import (
     track_by_step as track_by_step,
 )
 from .fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
-from .force_rise import RiseWatch as RiseWatch, SoundForce as SoundForce
 from .flags import ADVICE as ADVICE, Flag as Flag, FlagMeaning as FlagMeaning
+from .force_rise import RiseWatch as RiseWatch, SoundForce as SoundForce
 from .hooks import plugin as plugin
 from .notebook import (
     compare as compare,

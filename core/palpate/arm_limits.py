@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from palpate.force_rise import SoundForce
 from palpate.repeated_readings import Repeats
+from palpate.vectors import Floats
 
 NO_DEPTH = 1e3  # [m]; the box alone counts
 NO_AGE = 1e3  # [s]; readings and states may be as old as they are
@@ -62,6 +66,19 @@ class ForceWatch:
     reading_age: float = NO_AGE  # [s]; see `ReadingAge`
     repeats: Repeats | None = None  # of a sound sensor; None: equal readings are of no account
     sound: SoundForce | None = None  # at standstill; None: whether the force rises on the way in is of no account
+    torques: tuple[int, ...] = ()  # channels of the stream
+    torque_tare: tuple[float, ...] = ()  # [N m] of each
+    torque: float = math.inf  # [N m] at which it stops
+
+
+def torque_fault(torques: Floats, tare: Floats, most: float) -> str | None:
+    """Why readings (n, axes) of torque [N m] stop a motion: over `most` from their tare (axes,), or no numbers."""
+    largest = float(np.abs(torques - tare).max(initial=0.0))
+    if largest <= most:
+        return None
+    if not math.isfinite(largest):
+        return "a reading of the torque is over range or invalid"
+    return f"the torque is {largest:.2f} N*m, over the limit of {most:g} N*m that stops the motion ([safety] torque)"
 
 
 @runtime_checkable

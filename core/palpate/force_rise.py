@@ -7,6 +7,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -43,7 +44,7 @@ class SoundForce:
 
     @classmethod
     def of(cls, name: str, force: Floats, position: Floats, window: float, inertia: float) -> SoundForce:
-        """From readings (n,) [N] and positions (m,) [m] at standstill, both finite; `window` [m] beside that of 1 mm."""
+        """From readings (n,) [N] and positions (m,) [m] at standstill, both finite; `window` [m] beside 1 mm."""
         size = max(len(force) // _BLOCKS, _SHORTEST)
         means = force[: len(force) // size * size].reshape(-1, size).mean(axis=1)
         std = float(force.std())
@@ -154,10 +155,13 @@ class RiseWatch:
 
     def _slows_down(self, first: int, middle: int) -> bool:
         """Whether the tip slows down from half to half of a window, or nearly stands within it."""
-        ways, last = self._ways, len(self._ways) - 1
+        last = len(self._ways) - 1
         edges = first, (first + middle) // 2, middle, (middle + last) // 2, last
-        quarters = [self._speed(begin, end) for begin, end in zip(edges, edges[1:], strict=False)]
-        return self._speed(middle, last) < _SLOWER * self._speed(first, middle) or min(quarters[1:]) < _STANDS * quarters[0]
+        quarters = [self._speed(begin, end) for begin, end in pairwise(edges)]
+        return (
+            self._speed(middle, last) < _SLOWER * self._speed(first, middle)
+            or min(quarters[1:]) < _STANDS * quarters[0]
+        )
 
     def _speed(self, begin: int, end: int) -> float:
         return (self._ways[end] - self._ways[begin]) / max(self._rows[end][0] - self._rows[begin][0], 1e-9)
@@ -181,6 +185,6 @@ class RiseWatch:
         if least < _SIGNIFICANT * error + sound.inertia or high - low >= least:
             return None
         return (
-            f"{sound.name} rises by {high - low:.2f} N at {force:.1f} N while the tip goes {1e3 * length:.2f} mm deeper, "
-            f"where any contact gives {least:.2f} N or more: the sensor is saturated, and the force is unknown"
+            f"{sound.name} rises by {high - low:.2f} N at {force:.1f} N while the tip goes {1e3 * length:.2f} mm "
+            f"deeper, where any contact gives {least:.2f} N or more: the sensor is saturated, and the force is unknown"
         )

@@ -104,7 +104,7 @@ PORTS = Ports.of(ALIGNMENT, {"s": (WRENCH,), "r": (TIP,)})
 
 class _Arm:
     def __init__(self):
-        self.retracted = []
+        self.retracted, self.stopped = [], False
 
     def batches(self):
         return iter(())
@@ -113,7 +113,7 @@ class _Arm:
         pass
 
     def stop(self):
-        pass
+        self.stopped = True
 
     def retract(self):
         self.retracted.append(time.monotonic())
@@ -242,7 +242,7 @@ def test_the_guard_watches_every_force_that_a_stream_declares(units, column, tri
     named = "N" if "N" in units else "1"
     last = len(units) - 1 - units[::-1].index(named)
     alignment = ALIGNMENT.model_validate({"force": f"s.daq.c{last}", "position": "r.tip.z"})
-    guard = Guard(limits(), Ports.of(alignment, {"s": (stream,), "r": (TIP,)}))
+    guard = Guard(limits(torque=1e3), Ports.of(alignment, {"s": (stream,), "r": (TIP,)}))
     stamps = np.arange(20, dtype=np.int64)
     still = 0.5 + 1e-3 * np.random.default_rng(0).standard_normal((20, len(units)))
     guard.check("s", Batch("daq", stamps, stamps, still))
@@ -386,7 +386,7 @@ def test_once_all_arms_are_done_nothing_is_a_fault(guard):
     guard.ended("r")
     guard.ended("s")
     guard.ended("camera")
-    guard.failed("s: the sensor is disconnected")
+    guard.failed("s: the sensor is disconnected", "s")
     assert guard.reason is None
     assert guard.ended_early == set()
 
@@ -543,3 +543,101 @@ def test_the_wiring_adds_its_own_delays():
     assert not contradictions(limits(), alignment, {"r": arm, "s": sensor})
     problems = contradictions(limits(stop_force=500.0, force=600.0), alignment, {"r": arm, "s": sensor})
     assert "ends at 500 N" in problems[0].problem
+
+
+def stopped_at(guard, z=-0.002):
+    guard.check("r", height(z))
+    guard.check("s", force(1.0, 13.5))
+    assert guard.reason.startswith("the force is 12.5 N, over the limit of 12 N")
+
+
+@pytest.mark.parametrize("goes", ["on", "out", "on a little"])
+def test_an_arm_that_goes_on_inwards_after_a_stop_does_not_obey(guard, goes):
+    stopped_at(guard)
+    for z in {"on": (-0.004, -0.0065), "out": (-0.003, 0.0), "on a little": (-0.004, -0.0055)}[goes]:
+        guard.check("r", height(z))  # v tau + v^2/2a are 3.2 mm
+    obeys = goes != "on"
+    assert ("does not obey: since it was to stop, the tip has gone 4.5 mm deeper, of 4.2 mm" in guard.reason) != obeys
+    assert ("press the emergency stop" in guard.reason) != obeys
+    assert guard.arm.stopped != obeys
+    assert guard.is_stranded != obeys
+
+
+def test_an_arm_that_fails_while_it_leaves_is_a_second_fault_and_one_that_has_left_is_none(guard):
+    stopped_at(guard)
+    guard.failed("s: the sensor is disconnected", "s")
+    assert "disconnected" not in guard.reason  # it is not needed to leave
+    guard.check("r", height(-0.0018))
+    guard.failed("r: the robot is in a protective stop; unlock it.", "r")
+    assert guard.is_stranded
+    assert (
+        "; the arm was to leave, and that has failed: r: the robot is in a protective stop; unlock it. The tip stands "
+        "at a height of -1.8 mm and feels 12.5 N." in guard.reason
+    )
+
+
+def test_an_arm_that_never_ends_its_retraction_is_said(guard):
+    guard.demand_rest(8.0)
+    assert guard.reason is None  # nothing was stopped
+    stopped_at(guard)
+    guard.demand_rest(8.0)
+    assert "that has failed: r: no end of its motion within 8 s. The tip stands at a height of -2.0 mm" in guard.reason
+
+
+def with_stamps(batch, ahead):
+    return replace(batch, time=batch.time + round(1e9 * ahead))
+
+
+@pytest.mark.parametrize("made", [force(1.0), height(0.01)], ids=["force", "position"])
+def test_a_stamp_that_leaps_ahead_of_its_arrival_is_named(guard, made):
+    device = "s" if made.stream == "wrench" else "r"
+    guard.check(device, with_stamps(made, 0.3))
+    guard.check(device, with_stamps(made, -4.0))  # late: no matter here
+    assert guard.reason is None
+    guard.check(device, with_stamps(made, 10.3))
+    name = {"s": "s.wrench.z", "r": "r.tip.z"}[device]
+    assert guard.reason == f"a time-stamp of {name} is 10 s ahead of its arrival, beyond all before it"
+
+
+def test_clocks_that_are_apart_are_named_before_anything_moves():
+    guard = Guard(limits(), PORTS)
+    guard.check("s", with_stamps(force(*np.random.default_rng(0).normal(1.0, 0.05, 100)), 10.0))
+    for _ in range(20):
+        guard.check("r", height(0.01))
+    with pytest.raises(DeviceError, match=r"of s.wrench.z are 10 s ahead of those of r.tip.z: set their clocks"):
+        guard.judge_standstill()
+
+
+TORQUES = Stream("wrench", (*WRENCH.channels, *(Channel(f"t{axis}", "N*m") for axis in "xyz")), 800.0)
+
+
+@pytest.mark.parametrize(
+    ("torque", "words"),
+    [
+        ((0.2, 0.0, 2.9), None),
+        ((0.2, 0.0, 3.2), "the torque is 3.10 N*m, over the limit of 3 N*m that stops the motion ([safety] torque)"),
+        ((-2.95, 0.0, 0.1), "the torque is 3.15 N*m"),
+        ((np.nan, 0.0, 0.0), "a reading of the torque is over range or invalid"),
+    ],
+)
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_torque_stops_the_motion_where_it_is_measured(torque, words, measured):
+    guard = Guard(limits(), Ports.of(ALIGNMENT, {"s": (TORQUES,), "r": (TIP,)}))
+
+    def wrench(rows):
+        stamps = np.arange(len(rows), dtype=np.int64)
+        torques = rows[:, 3:] if measured else np.full((len(rows), 3), np.nan)
+        return Batch("wrench", stamps, stamps, np.hstack([rows[:, :3], torques]))
+
+    rest = np.tile([0.0, 0.0, 1.0, 0.2, 0.0, 0.1], (100, 1))
+    rest += 0.01 * np.random.default_rng(0).standard_normal(rest.shape)
+    guard.check("s", wrench(rest - rest.mean(axis=0) + rest[:1].round(1)))
+    for _ in range(20):
+        guard.check("r", height(0.01))
+    guard.judge_standstill()
+    guard.begin({"r": (arm := _Arm())})
+    guard.check("s", wrench(np.array([[0.0, 0.0, 1.5, *torque]])))
+    assert (guard.reason is None) == (words is None or not measured)
+    assert not (words and measured) or words in guard.reason
+    assert bool(arm.retracted) == (guard.reason is not None)
+    guard.close()

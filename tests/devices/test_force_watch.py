@@ -93,3 +93,13 @@ def test_a_force_clipped_below_its_range_stops_the_arm():
     text, late = line.run(readings(800, push=np.linspace(0.0, 10.0, 800), seed=1).clip(-6.0, 6.0))
     assert text.startswith("s.z repeats its reading")
     assert late < 0.54 + 0.12
+
+
+def test_a_torque_stops_the_arm():
+    line = Line(torques=(3, 4, 5), torque_tare=BIAS[3:], torque=1.5)
+    rows = readings(800, push=3.0, seed=1)
+    assert line.run(rows)[0] is None
+    rows[400:, 4] -= 2.0
+    text, late = line.run(rows)
+    assert "over the limit of 1.5 N*m that stops the motion ([safety] torque)" in text
+    assert late == pytest.approx(0.5, abs=0.005)

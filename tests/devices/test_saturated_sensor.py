@@ -8,10 +8,12 @@ from tests.devices.simulated_bench import PIPELINE
 from tests.devices.test_late_readings import STIFF, stiff  # noqa: F401  (a fixture)
 
 MOTIONS = {
-    "point": 'type = "point"\nbias = "{depth} mm"\namplitude = "{swing} mm"\nfrequency = "{frequency} Hz"\nduration = "1 s"\n',
+    "point": 'type = "point"\nbias = "{depth} mm"\namplitude = "{swing} mm"\nfrequency = "{frequency} Hz"\n'
+    'duration = "1 s"\n',
     "ramp-hold": 'type = "ramp-hold"\ndepths = ["{swing} mm", "{depth} mm"]\nhold = "0.4 s"\n',
     "load-unload": 'type = "load-unload"\ndepth = "{depth} mm"\nspeeds = ["{speed} mm/s"]\nturn = "0.04 s"\n',
-    "force-hold": 'type = "force-hold"\nforce = "1 N"\ndepth = "{depth} mm"\nduration = "4 s"\nstiffness = "{stiffness} N/mm"\n',
+    "force-hold": 'type = "force-hold"\nforce = "1 N"\ndepth = "{depth} mm"\nduration = "4 s"\n'
+    'stiffness = "{stiffness} N/mm"\n',
 }
 
 

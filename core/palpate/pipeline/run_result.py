@@ -66,7 +66,7 @@ def build_result(
     interrupt: Interrupt,
 ) -> Result:
     """The result of a run that has ended: what its tracks found, judged together with what concerns all of them."""
-    run_flags = [*_rehearsal(facts), *_run_flags(pipeline, live, report, interrupt.reason)]
+    run_flags = [*_rehearsal(pipeline), *_run_flags(pipeline, live, report, interrupt.reason)]
     flags = pipeline.registry.judged(run_flags)
     return Result(
         folder,
@@ -136,10 +136,9 @@ def _run_flags(
     yield from record_flags(report, pipeline.alignment, interrupted)
 
 
-def _rehearsal(facts: Mapping[str, Any]) -> Iterator[Flag]:
+def _rehearsal(pipeline: Pipeline) -> Iterator[Flag]:
     """That nothing was measured."""
-    if (rehearsal := facts.get("rehearsal")) is not None:
-        twin = rehearsal["twin"]
+    if (twin := pipeline.run.rehearsal) is not None:
         yield Flag("rehearsal", f"simulated time, twin {twin}: the numbers are of its specimen, and of no real one")
 
 

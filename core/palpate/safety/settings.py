@@ -10,15 +10,16 @@ from palpate.arm_limits import NO_DEPTH, ArmLimits
 from palpate.parts import Settings
 from palpate.safety.motion_limits import MotionLimits
 from palpate.safety.tool_clearance import ToolBody
-from palpate.units import Acceleration, Angle, AngularSpeed, Depth, Force, Length, Speed, Stiffness, Time
+from palpate.units import Acceleration, Angle, AngularSpeed, Depth, Force, Length, Speed, Stiffness, Time, Torque
 
 
 class SafetySettings(Settings):
     """The ``[safety]`` table: limits of a motion, and what stops it. A live robot does not move without one.
 
     Between a force of `stop_force` on the skin and the tip at rest lie the time tau, which is the delay of the sensor's
-    filter, the age of a reading and the latency, and the braking at deceleration a. Against a material of stiffness K the force rises by
-    K (v tau + v^2/2a) in that time: where this exceeds `force` for the fastest inward speed v, the motion is refused.
+    filter, the age of a reading and the latency, and the braking at deceleration a. Against a material of stiffness K
+    the force rises by K (v tau + v^2/2a) in that time: where this exceeds `force` for the fastest inward speed v, the
+    motion is refused.
     """
 
     low: tuple[Length, ...] = Field(
@@ -49,6 +50,7 @@ class SafetySettings(Settings):
     )
     force: Force = Field(gt=0, le=1e4, description="force that must not be exceeded")
     stop_force: Force = Field(gt=0, le=1e4, description="force that stops the motion, along any axis, tared")
+    torque: Torque = Field(default=3.0, gt=0, le=1e3, description="torque that stops the motion, about any axis, tared")
     stiffness: Stiffness = Field(ge=1.0, le=1e9, description="stiffest material that the tip may meet")
     latency: Time = Field(default=0.05, gt=0, description="longest time from a reading to the beginning of braking")
     sensor_delay: Time | None = Field(
@@ -88,7 +90,7 @@ class SafetySettings(Settings):
 
     @property
     def reaction(self) -> float:
-        """Time [s] from a force on the skin to the beginning of braking: delay of the sensor, age of a reading, latency."""
+        """Time [s] from a force on the skin to the beginning of braking: sensor's delay, a reading's age, latency."""
         return self.latency + self.reading_age + (self.sensor_delay or 0.0)
 
     def overshoot(self, speed: float) -> float:

@@ -73,9 +73,9 @@ class LiveLinks:
                 if self._ending.is_set():
                     break
         except DeviceError as error:
-            self._guard.failed(str(error))
+            self._guard.failed(str(error), name)
         except BaseException as error:  # whatever a device's code raises, SystemExit as well: the arms must stop
-            self._guard.failed(f"{name}: {type(error).__name__}: {error}")
+            self._guard.failed(f"{name}: {type(error).__name__}: {error}", name)
         finally:
             self._guard.ended(name)
             self._hand_on(name, gathered)

@@ -89,8 +89,12 @@ def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
                 guard.trip(live.interrupt.reason)  # a signal takes note, and trips nothing
         for arrivals in live.links.after_the_end():
             live.pass_on(arrivals)
+        guard.demand_rest(_PATIENCE)
     except BaseException as error:
         guard.trip(error_text(error))
         for arrivals in live.links.to_the_end(_PATIENCE):  # let the arms retract
             live.pass_on(arrivals)
+        guard.demand_rest(_PATIENCE)
+        if guard.is_stranded:
+            raise DeviceError(guard.reason) from error
         raise

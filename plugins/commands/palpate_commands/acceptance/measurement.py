@@ -98,7 +98,7 @@ class Lateness:
 
 
 def measure_lateness(trace: BrakingTrace, time: Floats, force: Floats) -> Lateness:
-    """From strokes into a material at different speeds, by times (n,) [s] and tared forces (n,) [N]; raises MissedError.
+    """From strokes into a material at different speeds, by times and tared forces (n,) [N]; raises MissedError.
 
     The force shows a delay after the tip has passed one and the same height on its way down, however fast it goes: the
     delay is that for which these heights scatter least. Where a force only begins to rise the material's own delay is

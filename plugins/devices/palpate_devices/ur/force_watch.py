@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from palpate import Floats, ReadingAge, RepeatCount, Repeats, RiseWatch, SoundForce
+from palpate import Floats, ReadingAge, RepeatCount, Repeats, RiseWatch, SoundForce, torque_fault
 from palpate_kit.acquisition.ring import Ring, integers
 
 _DEAF = 30_000_000  # [ns] without a reading; a serial line's latency timer of 16 ms is none
@@ -21,6 +21,8 @@ class ForceEye:
         self._tare, self.stop, self._name = np.array(facts["tare"]), facts["stop"], facts["name"]
         self._normal, self._sign = facts.get("normal", 0), facts.get("sign", 1.0)
         self._low, self._high = np.array(facts.get("ranges") or [(-np.inf, np.inf)]).T
+        self._torques = [facts["first"] + channel for channel in facts.get("torques", ())]
+        self._torque = np.array(facts.get("torque_tare", ())), facts.get("torque", np.inf)
         usual = facts.get("repeats")
         self._repeats = None if usual is None else RepeatCount(Repeats(**usual), facts["first"])
         self.felt: float | None = None  # [N] along the normal, mean of the latest look; None where nothing had come
@@ -62,6 +64,8 @@ class ForceEye:
             return f"{self._name if ends[self._normal] else f'a force beside {self._name}'} is at the end of its range"
         if largest > self.stop:
             return f"the force is {largest:.1f} N, over the limit of {self.stop:g} N that stops the motion"
+        if (text := torque_fault(rows[:, self._torques], *self._torque)) is not None:
+            return text
         self._note_age(rows)
         if (late := self._age.complaint(f"readings of {self._name}", self._oldest)) is not None:
             return late
