@@ -3,8 +3,8 @@
 ``python benchmarks/force_rise.py 1000 [first seed]``: so many sound rigs, each drawn from its seed, feed
 `palpate.force_rise.RiseWatch` alone, as the servo process does; then each again with a sensor that saturates, at a
 level of its own and with noise on top. Sound are materials of 1 kPa to 5 MPa that relax or not, under a flat end, a
-sphere or a cone, sensors coarse or fine with 5 to 50 mN of noise, white or filtered, the inertia of the tip, and motions of quintic
-approaches, sines and ramps with holds.
+sphere or a cone, sensors coarse or fine with 5 to 50 mN of noise, white or filtered, the inertia of the tip, and motions of
+quintic approaches, sines and ramps with holds.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def drawn(seed: int) -> SoundRig:
 
 
 def saturated(rig: SoundRig) -> SoundRig:
-    """The same with a sensor that ends at a level, and noise on top of it; nothing but the detector stops the motion."""
+    """The same with a sensor that ends at a level, and noise on top of it; only the detector stops the motion."""
     rng = np.random.default_rng(rig.seed + 2)
     level = float(rng.uniform(0.2, 0.9)) * min(rig.stop, float(rig.force.max(initial=0.0)))
     clipped = np.minimum(rig.force, level) + rig.noise * rng.standard_normal(len(rig.force))

@@ -9,7 +9,7 @@ from palpate_commands.acceptance.measurement import (
     MissedError,
     first_beyond,
     measure_braking,
-    measure_lateness,
+    measure_force_delay,
 )
 
 from tests.devices.simulated_bench import SHORT
@@ -140,26 +140,26 @@ def strokes_in_foam(delay, eta=0.0, noise=0.02, speeds=(3e-3, 3e-3, 12e-3, 12e-3
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.1, 0.5])
 @pytest.mark.parametrize("eta", [0.0, 5e-3])
 def test_how_late_the_force_comes_is_measured(delay, eta):
-    found = measure_lateness(*strokes_in_foam(delay, eta))
-    assert found.delay == pytest.approx(delay, abs=0.008)
+    found = measure_force_delay(*strokes_in_foam(delay, eta))
+    assert found.value == pytest.approx(delay, abs=0.008)
     assert found.std < 0.01
 
 
-def test_strokes_at_one_speed_or_in_the_air_show_no_lateness():
+def test_strokes_at_one_speed_or_in_the_air_show_no_delay():
     with pytest.raises(MissedError, match="the force rose on 4 ways down"):
-        measure_lateness(*strokes_in_foam(0.1, speeds=(6e-3,) * 4))
+        measure_force_delay(*strokes_in_foam(0.1, speeds=(6e-3,) * 4))
     trace, time, force = strokes_in_foam(0.1)
     with pytest.raises(MissedError, match="ways down"):
-        measure_lateness(trace, time, force - force + 0.02 * np.random.default_rng(1).standard_normal(len(time)))
+        measure_force_delay(trace, time, force - force + 0.02 * np.random.default_rng(1).standard_normal(len(time)))
 
 
 @pytest.mark.slow
-def test_a_lateness_from_the_start_is_measured_and_fails_a_rig_that_does_not_declare_it(simulated, tmp_path):
+def test_a_delay_from_the_start_is_measured_and_fails_a_rig_that_does_not_declare_it(simulated, tmp_path):
     twin = simulated(*SHORT, "twin.bench.height=10 mm", "twin.bench.force_delay=100 ms")
-    found, _ = go_through(twin, tmp_path / "a", ["foam/lateness"])
-    outcome = found["foam/lateness"]
+    found, _ = go_through(twin, tmp_path / "a", ["foam/delay"])
+    outcome = found["foam/delay"]
     assert outcome.problems == ("the force comes later than declared",)
-    assert outcome.lateness.delay == pytest.approx(0.1 + 0.0019, abs=0.015)
+    assert outcome.force_delay.value == pytest.approx(0.1 + 0.0019, abs=0.015)
 
 
 @pytest.mark.slow

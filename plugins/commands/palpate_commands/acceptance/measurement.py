@@ -90,14 +90,14 @@ def measure_braking(trace: BrakingTrace, event: float, planned: float, inwards: 
 
 
 @dataclass(frozen=True)
-class Lateness:
+class ForceDelay:
     """How much later the force comes than the pose, by their stamps."""
 
-    delay: float  # [s]
+    value: float  # [s]
     std: float  # [s] its standard uncertainty
 
 
-def measure_lateness(trace: BrakingTrace, time: Floats, force: Floats) -> Lateness:
+def measure_force_delay(trace: BrakingTrace, time: Floats, force: Floats) -> ForceDelay:
     """From strokes into a material at different speeds, by times and tared forces (n,) [N]; raises MissedError.
 
     The force shows a delay after the tip has passed one and the same height on its way down, however fast it goes: the
@@ -127,7 +127,7 @@ def measure_lateness(trace: BrakingTrace, time: Floats, force: Floats) -> Latene
         raise few
     step = float(np.median(np.diff(trace.time)))
     error = float(scatter[best]) / math.sqrt(max(len(onsets) - 2, 1)) / apart
-    return Lateness(float(late[best]), math.hypot(error, step))
+    return ForceDelay(float(late[best]), math.hypot(error, step))
 
 
 def first_beyond(time: Floats, values: Floats, limit: float) -> float:

@@ -50,10 +50,10 @@ class Acceptance:
         return "failed" if self.failed else "passed" if self.is_whole else "passed in part"
 
     def worst(self) -> Iterator[str]:
-        """Lateness of the force, latency and deceleration as measured, beside those declared."""
-        for late in (outcome.lateness for outcome in self.outcomes if outcome.lateness is not None):
+        """ForceDelay of the force, latency and deceleration as measured, beside those declared."""
+        for late in (outcome.force_delay for outcome in self.outcomes if outcome.force_delay is not None):
             declared = f"`sensor_delay` = {1e3 * (self.limits.sensor_delay or 0.0):.1f} ms is declared"
-            yield f"the force comes {1e3 * late.delay:.0f} ± {1e3 * late.std:.0f} ms after the pose; {declared}"
+            yield f"the force comes {1e3 * late.value:.0f} ± {1e3 * late.std:.0f} ms after the pose; {declared}"
         found = [outcome for outcome in self.outcomes if outcome.braking is not None]
         of_latency = [o.braking.reaction for o in found if o.braking and o.visit.step.bound in ("latency", "reaction")]
         softest = [o.braking.deceleration for o in found if o.braking]
@@ -132,8 +132,8 @@ def row_of(outcome: Outcome) -> tuple[str, ...]:
     """A step as texts, each number with what is declared."""
     visit, found, allowed = outcome.visit, outcome.braking, outcome.allowed
     verdict = "; ".join(outcome.problems) or "passed"
-    if (late := outcome.lateness) is not None:
-        times = f"{1e3 * late.delay:.0f} ({1e3 * allowed.reaction:.0f})"
+    if (late := outcome.force_delay) is not None:
+        times = f"{1e3 * late.value:.0f} ({1e3 * allowed.reaction:.0f})"
         return visit.name, visit.step.what, "", times, "", "", verdict
     if found is None:
         return (
@@ -158,7 +158,7 @@ def row_of(outcome: Outcome) -> tuple[str, ...]:
 
 
 def _step(outcome: Outcome) -> dict[str, Any]:
-    found = outcome.braking or outcome.lateness
+    found = outcome.braking or outcome.force_delay
     braking = outcome.braking
     declared = asdict(outcome.allowed) | ({} if braking is None else {"way": outcome.allowed.way(braking.speed)})
     return {

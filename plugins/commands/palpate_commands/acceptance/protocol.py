@@ -14,11 +14,11 @@ from palpate.host import Pipeline, SafetySettings, check_own_motion, own_motions
 from palpate_commands.acceptance.job import StrokesJob
 from palpate_commands.acceptance.measurement import (
     Braking,
-    Lateness,
+    ForceDelay,
     MissedError,
     first_beyond,
     measure_braking,
-    measure_lateness,
+    measure_force_delay,
 )
 from palpate_commands.acceptance.observer import Observer, WatchedArm, observed
 from palpate_commands.acceptance.steps import AcceptanceStep, Visit
@@ -56,14 +56,14 @@ class Outcome:
     allowed: Allowed
     braking: Braking | None  # None where nothing could be measured
     told: str  # what the run gave as its reason, or why nothing was measured
-    lateness: Lateness | None = None  # of the force, where that was what the step was for
+    force_delay: ForceDelay | None = None  # of the force, where that was what the step was for
 
     @property
     def problems(self) -> tuple[str, ...]:
         """What of it is worse than declared; the spacing of the states is left out of account."""
         found, allowed = self.braking, self.allowed
-        if self.lateness is not None:
-            late = self.lateness.delay - 2.0 * self.lateness.std > allowed.reaction
+        if self.force_delay is not None:
+            late = self.force_delay.value - 2.0 * self.force_delay.std > allowed.reaction
             return ("the force comes later than declared",) if late else ()
         if found is None:
             return ("not measured",)
@@ -181,7 +181,7 @@ class AcceptanceProtocol:
             event = self._stopped(visit, observer, job, strokes, origin)
             trace = observer.trace(origin)
             if not visit.step.stops:
-                found = measure_lateness(trace, *self._tared(job, origin))
+                found = measure_force_delay(trace, *self._tared(job, origin))
                 return Outcome(visit, allowed, None, self._told(job) or "it came to its end", found)
             event = self._event_of(visit, observer, job, origin) if event is None else event
             braking = measure_braking(trace, event, strokes.speed, visit.step.leaves)

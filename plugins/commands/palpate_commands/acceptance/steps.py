@@ -41,7 +41,7 @@ class AcceptanceStep:
 STEPS: Mapping[str, AcceptanceStep] = {
     step.name: step
     for step in (
-        AcceptanceStep("lateness", "strokes at two speeds: how late the force comes", "sensor_delay", sites=("foam",)),
+        AcceptanceStep("delay", "strokes at two speeds: how late the force comes", "sensor_delay", sites=("foam",)),
         AcceptanceStep(
             "estop",
             "the emergency stop is pressed",
