@@ -3,7 +3,7 @@
 ``python benchmarks/force_rise.py 1000 [first seed]``: so many sound rigs, each drawn from its seed, feed
 `palpate.force_rise.RiseWatch` alone, as the servo process does; then each again with a sensor that saturates, at a
 level of its own and with noise on top. Sound are materials of 1 kPa to 5 MPa that relax or not, under a flat end, a
-sphere or a cone, sensors coarse or fine with 5 to 50 mN of noise, white or filtered, the inertia of the tip, and motions of
+sphere or a cone, sensors coarse or fine with 5 to 50 mN of noise, white or filtered, the inertia of the tip, motions of
 quintic approaches, sines and ramps with holds.
 """
 

@@ -57,6 +57,7 @@ _MAY_PASS = (
 )
 _PROCESSES = ("robot", "sensor", "main")
 _HOLD_UPS = (0.0, 0.008, 0.05, 0.275)  # [s]
+_OFTEN = (0.4, 0.25, 0.25, 0.1)  # share of each; the last is longer than an arm goes on alone
 _RADIUS, _SURFACE = 0.005, 0.0003  # [m]
 _SWING = 1.5e-3  # [m] by which an arm may swing over the box of its setpoints: 1 mm of margin, and braking
 _LATENCY, _AGE, _DECELERATION = 0.06, 0.02, 1.0  # [s], [s], [m/s^2] of [safety]
@@ -157,6 +158,8 @@ def drawn(seed: int) -> Scene:
     deepest = 1e-3 * (depth + swing) + _SURFACE
     elasticity = _elasticity(rng, motion, deepest, stop_force, 0.3e6 if touching else 5e6)
     x, y = rng.uniform(-0.002, 0.002, 2)
+    fault = "nothing" if rng.random() < 0.4 else FAULTS[int(rng.integers(len(FAULTS)))]
+    second = str(rng.choice(_SECOND)) if rng.random() < 0.3 and fault != "nothing" else "nothing"
     return Scene(
         seed,
         (float(x), float(y), height),
@@ -169,12 +172,12 @@ def drawn(seed: int) -> Scene:
         float(rng.uniform(0.03, 0.06)),
         acceleration,
         stop_force,
-        "nothing" if rng.random() < 0.4 else FAULTS[int(rng.integers(len(FAULTS)))],
+        fault,
         float(rng.uniform(0.0, 3.0)),
         str(rng.choice(_PROCESSES)),
-        float(rng.choice(_HOLD_UPS)),
+        float(rng.choice(_HOLD_UPS, p=_OFTEN)),
         None if rng.random() < 0.5 else float(rng.uniform(0.4, 2.0)),
-        str(rng.choice(_SECOND)) if rng.random() < 0.25 else "nothing",
+        second,
         float(rng.uniform(0.02, 0.3)),
         float(rng.choice([500.0, 500.0, 500.0, 250.0, 125.0])),
     )

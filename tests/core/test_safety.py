@@ -215,14 +215,14 @@ def test_an_arm_that_cannot_retract_is_stopped():
 
 def test_without_readings_there_was_no_force():
     untouched = Guard(limits(), PORTS)
-    assert (untouched.peak, untouched.peak_untared) == (0.0, 0.0)
+    assert (untouched.peak.tared, untouched.peak.untared) == (0.0, 0.0)
 
 
 def test_the_guard_lets_pass_what_is_in_order(guard):
     guard.check("s", force(1.0, 12.9, -10.9))
     guard.check("r", height(-0.0069))
     assert guard.reason is None
-    assert guard.peak == pytest.approx(11.9, abs=0.02)
+    assert guard.peak.tared == pytest.approx(11.9, abs=0.02)
 
 
 @pytest.mark.parametrize(

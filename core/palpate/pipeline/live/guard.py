@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -13,9 +12,10 @@ from palpate.alignment import Port, Ports
 from palpate.clocks import clock
 from palpate.device import Arm, Batch, Retractable
 from palpate.errors import DeviceError
-from palpate.force_rise import RiseWatch, SoundForce
 from palpate.pipeline.live.contact_force import ContactForce
 from palpate.pipeline.live.host_watch import HostWatch
+from palpate.pipeline.live.peak_force import PeakForce
+from palpate.pipeline.live.rise_check import RiseCheck
 from palpate.pipeline.live.signal_watch import AHEAD, SignalWatch, refuse_other_clocks
 from palpate.pipeline.live.standstill import Noise, Standstill, refuse_unsteady
 from palpate.pipeline.live.stopped_tip import StoppedTip
@@ -24,7 +24,6 @@ from palpate.sink import GuardState
 from palpate.vectors import Floats
 
 _ENOUGH = 10  # readings
-_LATEST = 1.0  # [s] that readings are waited for once the arms stand
 _PULL = 0.5  # of the force that stops: so much less than none is no adhesion
 _REVERSED = (
     "; it falls while the tip goes deeper: does the sensor count the other way round ([alignment] force sign = -1)?"
@@ -50,9 +49,7 @@ class Guard:
         self.contact = ContactForce(ports["force"])
         self._named = self.contact.components.index(ports["force"].column)
         self._tip, self._deeper = StoppedTip(), False  # whether it went down lately
-        self._place: tuple[float, ...] = ()  # [m] of the tip, the latest
-        self.sound: SoundForce | None = None  # the force at standstill
-        self._rise: RiseWatch | None = None
+        self.rise = RiseCheck(ports["force"], ports["position"])
         self._arms: list[Arm] = []
         self._moving: set[str] = set()  # devices whose motion goes on
         self._ended: set[str] = set()  # devices that have sent their last batch
@@ -62,17 +59,16 @@ class Guard:
         self.reason: str | None = None
         self.tripped: float | None = None  # monotonic [s]
         self.is_stranded = False  # whether an arm was to stop or leave and did not
-        self.peak = 0.0  # [N] largest tared reading of any component
-        self.peak_untared = 0.0  # [N] largest reading, with all that the tare takes off
+        self.peak = PeakForce()
         self._host = HostWatch(limits.held_up if limits is not None else None, self._over, self.trip)
 
     @property
     def state(self) -> GuardState:
         """What it does now."""
         if self.reason is not None:
-            return GuardState("tripped", self.reason, self.peak)
+            return GuardState("tripped", self.reason, self.peak.tared)
         phase: Literal["standstill", "motion", "over"] = "motion" if self._host.is_watching else "standstill"
-        return GuardState("over" if self._over.is_set() else phase, None, self.peak)
+        return GuardState("over" if self._over.is_set() else phase, None, self.peak.tared)
 
     @property
     def force(self) -> Port:
@@ -92,10 +88,8 @@ class Guard:
     def expect_rise(self, inertia: float, set_force: float) -> None:
         """From now on the force has to rise on the way in, up to one that a law holds [N]; `inertia` [N] of the tip."""
         assert self._limits is not None
-        force, position = self._force.at_standstill(), self._position.at_standstill()
-        sound = SoundForce.of(self._force.name, force, position, self._limits.rise_window, inertia)
-        self.sound = replace(sound, set_force=set_force)
-        self._rise = RiseWatch(self.sound)
+        still = self._force.at_standstill(), self._position.at_standstill()
+        self.rise.begin(*still, self._limits.rise_window, inertia, set_force)
 
     def begin(self, arms: Mapping[str, Arm]) -> None:
         """From now on the arms are to be stopped, and silence is a fault."""
@@ -179,7 +173,7 @@ class Guard:
         key = (device, batch.stream)
         if self._over.is_set():
             if self.reason is not None and self._force.port.key == key and (tare := self.contact.tare) is not None:
-                self._note_peak(batch.values[:, self.contact.components], tare)  # felt while the arm came to rest
+                self.peak.note(batch.values[:, self.contact.components], tare)  # felt while the arm came to rest
             return
         if watched := self._host.has_looked(device):
             self._check_silence(device, batch, attended)
@@ -224,8 +218,7 @@ class Guard:
             self.trip(f"a reading of {self._position.name} is invalid")
             return
         self._deeper, self._tip.height = float(height[-1]) < self._tip.height, float(height[-1])
-        pose = self._position.port.stream.layout == "pose"
-        self._place = tuple(batch.values[-1, :3].tolist()) if pose else (self._tip.height,)
+        self.rise.note_tip(batch, self._tip.height)
         if self.reason is not None:
             self._check_obedience(limits)
         if (lowest := float(height.min())) < limits.low[2]:
@@ -248,52 +241,35 @@ class Guard:
             self.trip(fault)
         if np.isfinite(values).all():
             self._check_size(values, self.contact.tare, limits)
+        pushed = self._force.port.signal.sign * (values[:, self._named] - self.contact.tare[self._named])
         faults = (
             self.contact.torque_fault(batch.values, limits.torque),
             self.contact.repeated(batch.values),
-            self._fault_of_rise(batch, values),
+            self.rise.fault(batch, pushed),
         )
         for fault in filter(None, faults):
             self.trip(fault)
 
-    def _fault_of_rise(self, batch: Batch, values: Floats) -> str | None:
-        if self._rise is None or not self._place:
-            return None
-        assert self.contact.tare is not None
-        pushed = self._force.port.signal.sign * (values[:, self._named] - self.contact.tare[self._named])
-        return self._rise.add(float(batch.time[-1]) / 1e9, pushed, -self._tip.height, self._place)
-
     def _check_size(self, values: Floats, tare: Floats, limits: SafetySettings) -> None:
-        largest = self._note_peak(values, tare)
+        largest = self.peak.note(values, tare)
+        self._tip.felt = self.peak.latest
         if largest > limits.stop_force:
             pushed = self._force.port.signal.sign * float(values[-1, self._named] - tare[self._named])
             self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
             if pushed < -_PULL * limits.stop_force and self._deeper:
                 self._add(_REVERSED)
 
-    def _note_peak(self, values: Floats, tare: Floats) -> float:
-        """The largest tared force [N] of readings (n, components)."""
-        sizes = np.abs(values - tare)
-        largest = float(np.fmax.reduce(sizes, axis=None, initial=0.0))
-        self._tip.felt = float(sizes[-1].max()) if len(sizes) else self._tip.felt
-        self.peak = max(self.peak, largest)
-        self.peak_untared = max(self.peak_untared, float(np.fmax.reduce(np.abs(values), axis=None, initial=0.0)))
-        return largest
-
     def awaits_readings(self, waited: float) -> bool:
-        """Whether readings from before the arms stood may still come, a time [s] after that; only after a stop.
-
-        As late as readings are known to be; and where the force has not fallen, they may be later than is known.
-        """
-        if self.reason is None or self._limits is None or waited > _LATEST:
+        """Whether readings from before the arms stood may still come, a time [s] after that; only after a stop."""
+        if self.reason is None or self._limits is None:
             return False
         late = (self._limits.sensor_delay or 0.0) + max(self._force.age.latest, 0.0)
-        return waited < late or self._tip.felt > 0.5 * self._limits.stop_force
+        return self.peak.may_rise(waited, late, self._limits)
 
     @property
     def account(self) -> str | None:
         """Why the arms were stopped, and by how much the force then passed `force`; None where they were not."""
-        excess = None if self._limits is None else self._limits.excess(self.peak)
+        excess = None if self._limits is None else self._limits.excess(self.peak.tared)
         return self.reason if self.reason is None or excess is None else f"{self.reason}; {excess}"
 
     @property

@@ -115,9 +115,9 @@ class Acceptance:
             "Each number is followed by what is declared. Reaction: from the event to the beginning of braking. The "
             "event is the robot's own report of the stop, the signal, the sensor's last reading before its cable was "
             "pulled, or the reading that passed the limit. Way: from the event until the tip stands or turns back; "
-            "v tau + v^2/2a is allowed, v being the most speed until it brakes. Where nothing is stopped the reaction is "
-            "how late the force comes after the pose: it belongs into `sensor_delay`. Times are known to the spacing of "
-            "the robot's states."
+            "v tau + v^2/2a is allowed, v being the most speed until it brakes. Where nothing is stopped the reaction "
+            "is how late the force comes after the pose: it belongs into `sensor_delay`. Times are known to the "
+            "spacing of the robot's states."
         )
         yield ""
         yield "What the run told:"
