@@ -120,10 +120,6 @@ _RECORD = {
         "Estimates of a live run came more than a second after their readings, or end before the record does.",
         "Use fewer or faster tracks, or a less busy computer; a replay of the log makes all estimates.",
     ),
-    "force-exceeded": _doubtful(
-        "The force passed the one that must not be exceeded: the arm was stopped too late, or went on.",
-        "Look at the specimen and the sensor; `palpate acceptance` shows how late readings and stops are.",
-    ),
     "ended-early": _structural(
         "A device that no safety check needs ended its stream while an arm still moved.",
         "Look at the device and its driver; what it would have sent is missing.",

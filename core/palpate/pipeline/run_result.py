@@ -130,9 +130,10 @@ def _run_flags(
     yield from _backlog(live.estimates if live is not None else None)
     for name in motion.ended_early if motion is not None else ():
         yield Flag("ended-early", f"{name} sent its last reading before the motion was over")
-    if motion is not None and pipeline.safety is not None:
-        yield from (Flag("force-exceeded", text) for text in [pipeline.safety.excess(motion.peak_force)] if text)
     yield from device_flags(pipeline.alignment, pipeline.ports, health)
+    excess = pipeline.safety.excess(motion.peak_force) if motion is not None and pipeline.safety is not None else None
+    if interrupted is not None and excess is not None and excess not in interrupted:
+        interrupted = f"{interrupted}; {excess}"
     yield from record_flags(report, pipeline.alignment, interrupted)
 
 
