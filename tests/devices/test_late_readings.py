@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 from palpate import ConfigurationError, DeviceError, clock
+from palpate_simulation.twins.delay_line import DelayLine
 
 from tests.devices.simulated_bench import PIPELINE, SHORT
 from tests.devices.test_force_watch import Line, readings
@@ -77,8 +78,8 @@ def test_one_that_was_there_from_the_start_is_not_seen_and_what_it_did_is_report
     reached = float(error.split("; the force reached ")[1].split(" N")[0])
     assert reached == pytest.approx(rig.truth.force, abs=0.5)
     assert f"{reached - 20.0:.1f} N over [safety] force = 20 N" in error
-    flags = json.loads((rig.folder / "out" / "result.json").read_text())["flags"]
-    assert any("over [safety] force = 20 N" in flag["message"] for flag in flags)
+    live = json.loads((rig.folder / "out" / "result.json").read_text())["run"]["live"]
+    assert live["stop"]["reason"] in error
 
 
 @pytest.mark.parametrize("seconds", [0.1, 0.2, 0.5])
@@ -117,3 +118,20 @@ def test_readings_that_arrive_late_are_no_fresh_ones_in_the_reaction():
 
     assert limits(reading_age=0.1, sensor_delay=0.2).reaction == pytest.approx(0.36)
     assert np.isclose(limits().reaction, 0.08)
+
+
+def test_a_delay_line_thins_out_what_it_holds_and_keeps_its_order():
+    line = DelayLine()
+    line.set(0.1, 1.0)
+    times, found = np.arange(0.9, 2.0, 0.002), {}
+    for now in times.tolist():
+        line.put(now, now)
+        found |= dict.fromkeys(line.take(now), now)
+    late = np.array([found[sent] - sent for sent in sorted(found)])
+    assert list(found) == sorted(found)
+    assert late[:50] == pytest.approx(0.0, abs=1e-9)  # before it was set
+    assert late[-1] == pytest.approx(0.1, abs=3e-3)
+    assert np.diff(sorted(found.values())).max() < 0.005  # it is never silent
+    line.clear()
+    line.put(3.0, 3.0)
+    assert line.take(3.0) == [3.0]
