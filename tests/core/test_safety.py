@@ -641,3 +641,28 @@ def test_a_torque_stops_the_motion_where_it_is_measured(torque, words, measured)
     assert not (words and measured) or words in guard.reason
     assert bool(arm.retracted) == (guard.reason is not None)
     guard.close()
+
+
+@pytest.mark.parametrize("saturates", [False, True])
+def test_the_guard_of_any_arm_trips_where_the_force_does_not_rise_on_the_way_in(guard, saturates):
+    guard.expect_rise(0.0, 1e9)
+    rng = np.random.default_rng(2)
+    for k in range(400):  # 10 mm/s into 1 N/mm
+        depth = 1e-5 * k - 1e-3
+        push = min(1e3 * max(depth, 0.0), 1.5 if saturates else 1e3)
+        guard.check("r", at(height(-depth), 1000 + k))
+        guard.check("s", at(force(*(1.0 + push + 0.05 * rng.standard_normal(4))), 1000 + k))
+    assert (guard.reason is not None) == saturates
+    assert not saturates or guard.reason.startswith("s.wrench.z rises by")
+
+
+def test_what_was_felt_while_the_arm_came_to_rest_belongs_to_the_reason(guard):
+    guard.check("s", force(1.0, 14.0))
+    assert guard.account == guard.reason
+    guard.ended("r")
+    assert guard.awaits_readings(0.0)
+    guard.check("s", force(26.0))  # later readings of before
+    assert guard.account == f"{guard.reason}; the force reached 25.0 N, 5.0 N over [safety] force = 20 N"
+    assert guard.awaits_readings(0.5)
+    guard.check("s", force(1.0))
+    assert not guard.awaits_readings(0.5)
