@@ -168,9 +168,9 @@ class Guard:
         if not len(batch.time):
             return
         key = (device, batch.stream)
-        for watch in (self._force, self._position):
-            if watch.port.key == key and (leap := watch.leap(batch)) > AHEAD:
-                self.trip(f"a time-stamp of {watch.name} is {leap:.3g} s ahead of its arrival, beyond all before it")
+        for needed in (self._force, self._position):
+            if needed.port.key == key and (leap := needed.leap(batch)) > AHEAD:
+                self.trip(f"a time-stamp of {needed.name} is {leap:.3g} s ahead of its arrival, beyond all before it")
         for watch in (self._force, self._position, self._velocity):
             if self.contact.tare is None and watch is not None and watch.port.key == key:
                 watch.add_standstill(batch)
