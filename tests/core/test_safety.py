@@ -666,3 +666,23 @@ def test_what_was_felt_while_the_arm_came_to_rest_belongs_to_the_reason(guard):
     assert guard.awaits_readings(0.5)
     guard.check("s", force(1.0))
     assert not guard.awaits_readings(0.5)
+
+
+class Ending(Point):
+    """A press that ends somewhere on its way out."""
+
+    early: float = 0.0
+
+    @property
+    def total_duration(self):
+        """Less than that of the press."""
+        return super().total_duration - self.early
+
+
+@pytest.mark.parametrize(("early", "ends"), [(0.0, None), (0.15, None), (0.8, "5.00 mm"), (1.5, "5.00 mm")])
+def test_a_motion_that_ends_pressed_in_is_refused(early, ends):
+    motion = Ending(bias=0.004, duration=2.0, early=early)
+    height = float(motion.at(np.array([motion.total_duration])).position[0, 2])
+    problems = check_motion(motion, limits()).problems
+    assert any("mm below the skin, where the tip would stay" in text for text in problems) == (height < 0)
+    assert (ends is None) == (height >= 0)

@@ -84,7 +84,7 @@ class _Arm:
             if self._how == "elsewhere":
                 place = place + 0.02
             stamp = np.array([clock().now_ns()])
-            yield Batch("tip", stamp, stamp, np.hstack([place, np.zeros((1, 4))]))
+            yield Batch("tip", stamp, stamp, place)
 
 
 class LiveArm(Device):
@@ -100,7 +100,7 @@ class LiveArm(Device):
     @property
     def streams(self):
         """The pose."""
-        return (Stream("tip", tuple(Channel(name, "1") for name in "xyzabcd"), 100.0, "pose"),)
+        return (Stream("tip", tuple(Channel(name, "m") for name in "xyz"), 100.0),)
 
     @contextmanager
     def connect(self, seed=0):

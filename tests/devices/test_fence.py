@@ -6,7 +6,7 @@ from palpate_devices.ur.controller_states import complaint, slowdown
 from palpate_devices.ur.fence import ArmState, Fence
 from palpate_devices.ur.servo import Commander, ServoLaw, straight_path
 from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
-from palpate_devices.ur.station_plane import StationPlane
+from palpate_devices.ur.station_plane import StationPlane, pressed_in_at_the_end
 from palpate_kit.acquisition.device_clock import ClockMap
 from palpate_kit.kinematics.ur_arm import (
     MODELS,
@@ -438,3 +438,18 @@ def test_an_even_clock_does_not_wander_however_fast_it_is():
         arrivals[len(stamps) // 2 :] += jump
         clock.to_host(stamps, arrivals)
         assert low <= clock.deviation < high
+
+
+@pytest.mark.parametrize(
+    ("heights", "plane", "refused"),
+    [
+        ((0.003, 0.003), (0.0, 0.0, 0.0), False),
+        ((0.003, -0.002), (0.0, 0.0, 0.0), True),
+        ((-0.001, -0.001), (0.0, 0.0, 0.0), False),  # as low as it began, where it was free
+        ((0.003, 0.002), (0.0, 0.0, 0.0025), True),  # over a surface that is higher
+    ],
+)
+def test_a_plan_that_ends_pressed_in_is_refused_where_it_is_carried_out(heights, plane, refused):
+    rows = table(np.column_stack([np.zeros((3000, 2)), np.linspace(*heights, 3000)]), plane=(*plane, 0.0, 0.0, 1.0))
+    text = pressed_in_at_the_end(Plan.of(rows).ends)
+    assert (text is not None and "below the skin, where it would stay" in text) == refused

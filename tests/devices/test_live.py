@@ -211,6 +211,15 @@ def test_a_motion_goes_by_time_however_often_the_controller_sends_its_state(simu
 
 
 @pytest.mark.slow
+def test_a_speed_that_is_not_the_change_of_the_pose_makes_no_value(rig):
+    """The filter of the paper found 209 kPa in place of 112.5, and nothing doubted it."""
+    rig.fault("wrong-speed 0.3")
+    for track in rig.run("trajectory.press.duration=2 s").tracks.values():
+        assert track.table()["verdict"] == "invalid"
+        assert [flag.code for flag in track.flags if flag.severity == "invalid"] == ["velocity-other"]
+
+
+@pytest.mark.slow
 def test_a_controller_that_sends_its_state_too_seldom_moves_nothing(rig):
     rig.fault("state-rate 50")
     with pytest.raises(DeviceError, match="sends its state at 50 Hz; at least 100 Hz are needed"):

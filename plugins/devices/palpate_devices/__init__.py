@@ -64,9 +64,7 @@ def palpate_sinks() -> dict[str, str]:
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
     """What a robot says of itself."""
-    meaning = (
-        "The robot's controller sends its state at another rate than 500 Hz: the motion goes by time all the same."
-    )
+    meaning = "The controller sends its state at another rate than 500 Hz; the motion goes by time all the same."
     remedy = "Look at the network, and at other programs that are connected to the controller."
     return {"state-rate": FlagMeaning("note", meaning, remedy)}
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
 
 import numpy as np
 from palpate import (
@@ -10,7 +12,9 @@ from palpate import (
     ArmLimits,
     Batch,
     Device,
+    DeviceError,
     Floats,
+    Link,
     SupportsLimits,
     Trajectory,
     clock,
@@ -63,7 +67,7 @@ def check_stops(device: Device, trajectory: Trajectory, seed: int, listen: float
     heard: list[Batch] = []
     with device.connect(seed) as link:
         assert isinstance(link, Arm)
-        hearing = clock().thread(lambda: heard.extend(link.batches()), f"{name} is stopped")
+        hearing = clock().thread(partial(_hear, link, heard), f"{name} is stopped")
         hearing.start()
         set_out(link, trajectory)
         deadline = clock().now() + listen
@@ -88,11 +92,21 @@ def check_stops(device: Device, trajectory: Trajectory, seed: int, listen: float
     )
 
 
+def _hear(link: Link, heard: list[Batch]) -> None:
+    with suppress(DeviceError):  # an arm that was stopped may say so
+        for batch in link.batches():
+            heard.append(batch)
+
+
 def places(device: Device, batches: Sequence[Batch]) -> Floats:
-    """Positions (n, 3) [m] of the tip, of the stream that is a pose; none where there is no such stream."""
-    poses = {stream.name for stream in device.streams if stream.layout == "pose"}
-    found = [batch.values[:, :3] for batch in batches if batch.stream in poses]
-    return np.concatenate(found) if found else np.zeros((0, 3))
+    """Positions (n, 3) [m] of the tip, of the first stream that measures x, y and z; none where there is none."""
+    for stream in device.streams:
+        columns = {one.name: k for k, one in enumerate(stream.channels) if one.unit == "m"}
+        if set("xyz") <= columns.keys() and not stream.estimated:
+            axes = [columns[axis] for axis in "xyz"]
+            found = [batch.values[:, axes] for batch in batches if batch.stream == stream.name]
+            return np.concatenate(found) if found else np.zeros((0, 3))
+    return np.zeros((0, 3))
 
 
 def _motion(trajectory: Trajectory) -> tuple[Floats, Floats, Floats]:
