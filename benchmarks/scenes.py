@@ -71,7 +71,7 @@ _LONGEST = 60.0  # [s] of a motion in simulated time
 _MOTIONS = {
     "point": 'type = "point"\nbias = "{depth} mm"\namplitude = "{swing} mm"\nfrequency = "{frequency} Hz"\n'
     'duration = "1 s"\nclearance = "3 mm"\nstandstill = "0 s"',
-    "raster": 'type = "raster"\nsize = ["2 mm", "1 mm"]\npitch = "1 mm"\nspeed = "6 mm/s"\nsettle = "0.2 s"\n'
+    "raster": 'type = "raster"\nsize = ["2.5 mm", "1 mm"]\npitch = "1 mm"\nspeed = "4 mm/s"\nsettle = "0.2 s"\n'
     'press = {{ bias = "{depth} mm", amplitude = "{small} mm", frequency = "8 Hz", clearance = "3 mm" }}',
     "ramp-hold": 'type = "ramp-hold"\ndepths = ["{depth} mm"]\nhold = "0.5 s"\nclearance = "3 mm"\nstandstill = "0 s"',
     "force-hold": 'type = "force-hold"\nforce = "2 N"\ndepth = "{depth} mm"\nduration = "4 s"\n'
