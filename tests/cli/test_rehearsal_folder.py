@@ -133,6 +133,7 @@ def test_a_pipeline_of_a_rehearsal_never_reaches_its_devices_in_real_time(rig, l
     assert laboratory.reached == []
 
 
+@pytest.mark.slow
 def test_a_rehearsal_cannot_be_made_a_measurement_by_its_settings(folders, rig):
     for setting in ('run.rehearsal=""', "run.rehearsal=false"):
         with pytest.raises(ConfigurationError, match="rehearsal"):

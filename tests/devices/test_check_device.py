@@ -111,7 +111,7 @@ class LiveArm(Device):
 @pytest.mark.parametrize(
     ("how", "words"),
     [
-        ("sound", None),
+        pytest.param("sound", None, marks=pytest.mark.slow),
         ("deaf", r"LiveArm does not obey: 1 s after `stop` its tip still moves by [\d.]+ mm in 0.3 s"),
         ("elsewhere", "LiveArm does not follow: its tip came to 0% of the places of the motion"),
     ],

@@ -204,7 +204,7 @@ def test_a_motion_goes_by_time_however_often_the_controller_sends_its_state(simu
         lasted[rate], truth[rate] = result.run["log_duration"], twin.truth
         said = f"the controller sends its state at {rate} Hz in place of 500 Hz: the motion goes by time"
         assert (said in capsys.readouterr().err) == (rate != 500)
-        assert any(said in flag.message for flag in result.flags if flag.code == "state-rate") == (rate != 500)
+        assert any(said in flag.message for flag in result.flags if flag.code == "device") == (rate != 500)
     assert lasted[125] == pytest.approx(lasted[500], abs=0.05)
     assert truth[125].low[2] == pytest.approx(truth[500].low[2], abs=5e-5)
     assert truth[125].acceleration < 1.05 * truth[500].acceleration

@@ -25,9 +25,8 @@ class TurnedRound:
         return self.lowest < -3e-4 and state["height"] > self.lowest + 2e-5
 
 
-@pytest.mark.parametrize(
-    "fault", [pytest.param(name, marks=() if name == "protective-stop" else pytest.mark.slow) for name in SECOND]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", SECOND)
 def test_a_retraction_that_fails_is_named_with_where_the_tip_stands(rig, fault):
     error, table, _ = rig.run_into(fault, TurnedRound(), *LOW)
     height = 1e3 * float(rig.world.position[2])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import lazy_loader
-from palpate import Command, Fact, FlagMeaning, plugin
+from palpate import Command, Fact, plugin
 
 if TYPE_CHECKING:
     from palpate import Migration
@@ -59,14 +59,6 @@ def palpate_commands() -> dict[str, Command]:
 def palpate_sinks() -> dict[str, str]:
     """MCAP logs."""
     return {"mcap": "palpate_devices.mcap_sink:McapSink"}
-
-
-@plugin
-def palpate_flags() -> dict[str, FlagMeaning]:
-    """What a robot says of itself."""
-    meaning = "The controller sends its state at another rate than 500 Hz; the motion goes by time all the same."
-    remedy = "Look at the network, and at other programs that are connected to the controller."
-    return {"state-rate": FlagMeaning("note", meaning, remedy)}
 
 
 @plugin

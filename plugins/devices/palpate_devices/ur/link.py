@@ -286,7 +286,7 @@ class URLink:
         turn, _ = agreement(self._settings.work, self._rotation)
         return {
             **self._identity,
-            **({"flags": {"state-rate": self._other_rate}} if self._other_rate else {}),
+            **({"flags": {"device": self._other_rate}} if self._other_rate else {}),
             **({"own_stop": self._stopped} if self._stopped else {}),
             "tool_off_by_deg": math.degrees(turn),
             "states": self._states,
