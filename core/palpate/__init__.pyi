@@ -9,6 +9,7 @@ from .arm_limits import (
     SupportsLimits as SupportsLimits,
     SupportsRetreat as SupportsRetreat,
     SupportsSharing as SupportsSharing,
+    torque_fault as torque_fault,
 )
 from .clocks import (
     Clock as Clock,
@@ -73,6 +74,7 @@ from .estimation import (
 )
 from .fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
 from .flags import ADVICE as ADVICE, Flag as Flag, FlagMeaning as FlagMeaning
+from .force_rise import RiseWatch as RiseWatch, SoundForce as SoundForce
 from .hooks import plugin as plugin
 from .notebook import (
     compare as compare,
@@ -102,6 +104,7 @@ from .offers import (
 )
 from .parts import File as File, InputFile as InputFile, Part as Part, Settings as Settings
 from .printable_text import printable as printable
+from .reading_age import ReadingAge as ReadingAge
 from .repeated_readings import RepeatCount as RepeatCount, Repeats as Repeats
 from .result.sample_store import SampleStore as SampleStore
 from .result.track_evidence import (

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
+from palpate.force_rise import SoundForce
 from palpate.repeated_readings import Repeats
+from palpate.vectors import Floats
 
 NO_DEPTH = 1e3  # [m]; the box alone counts
+NO_AGE = 1e3  # [s]; readings and states may be as old as they are
 
 
 @dataclass(frozen=True)
@@ -22,6 +28,7 @@ class ArmLimits:
     orientation: float  # [rad] between the tool and the normal of the work frame or of a station, at most
     angular_speed: float  # [rad/s]
     depth: float = NO_DEPTH  # [m] below the plane of a station, at most
+    reading_age: float = NO_AGE  # [s] of its own states; see `ReadingAge`
 
 
 @dataclass(frozen=True)
@@ -30,7 +37,8 @@ class SharedReadings:
 
     The memory begins with `head` 64-bit whole numbers, the first of which counts the rows that were written; then
     come `rows` rows of `columns` 64-bit floats, row n in place n modulo `rows`. The stream's channels begin at column
-    `first`; an invalid reading is NaN.
+    `first`; an invalid reading is NaN. Two columns hold whole numbers in place of floats: when a row arrived [ns], and
+    the stamp of the device's clock, which counts in `tick`; without such a clock `tick` is 0.
     """
 
     descriptor: int
@@ -38,6 +46,9 @@ class SharedReadings:
     rows: int
     columns: int
     first: int
+    arrival: int = 0
+    stamp: int = 1
+    tick: int = 0  # [ns]
 
 
 @dataclass(frozen=True)
@@ -52,7 +63,22 @@ class ForceWatch:
     normal: int = 0  # which of the channels is the force along the normal
     sign: float = 1.0  # of that channel, where the tip is pushed out
     ranges: tuple[tuple[float, float], ...] = ()  # [N] of each channel: at its ends it is no reading; none declared
+    reading_age: float = NO_AGE  # [s]; see `ReadingAge`
     repeats: Repeats | None = None  # of a sound sensor; None: equal readings are of no account
+    sound: SoundForce | None = None  # at standstill; None: whether the force rises on the way in is of no account
+    torques: tuple[int, ...] = ()  # channels of the stream
+    torque_tare: tuple[float, ...] = ()  # [N m] of each
+    torque: float = math.inf  # [N m] at which it stops
+
+
+def torque_fault(torques: Floats, tare: Floats, most: float) -> str | None:
+    """Why readings (n, axes) of torque [N m] stop a motion: over `most` from their tare (axes,), or no numbers."""
+    largest = float(np.abs(torques - tare).max(initial=0.0))
+    if largest <= most:
+        return None
+    if not math.isfinite(largest):
+        return "a reading of the torque is over range or invalid"
+    return f"the torque is {largest:.2f} N*m, over the limit of {most:g} N*m that stops the motion ([safety] torque)"
 
 
 @runtime_checkable

@@ -124,10 +124,14 @@ _RECORD = {
         "A device that no safety check needs ended its stream while an arm still moved.",
         "Look at the device and its driver; what it would have sent is missing.",
     ),
-    "interrupted": _note("The run was stopped before its end.", "`palpate resume` does what was left."),
+    "interrupted": _note(
+        "The run was stopped before its end.",
+        "`palpate resume` does what was left; of a rehearsal in simulated time, where nothing real moves.",
+    ),
     "rehearsal": _note(
         "The run is a rehearsal in simulated time: twin and specimen in software, nothing was measured.",
-        "`palpate run` measures; what the specimen of the rehearsal was is under run.rehearsal of result.json.",
+        "`palpate run FILE` measures, by the pipeline file of the rig; what starts from this folder stays in simulated "
+        "time. The specimen is under run.rehearsal of result.json.",
     ),
     "renamed": _note(
         "The pipeline uses a name of an older version, which was read as the one of today.",

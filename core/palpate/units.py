@@ -32,6 +32,7 @@ _QUANTITIES = {
     "kg": _Quantity("mass", "140 g", ("kg", "g", "mg"), (0.0, 20.0), "g"),
     "s": _Quantity("time", "22 ms", ("s", "ms", "us", "µs", "min", "h"), meant="ms"),
     "N": _Quantity("force", "0.05 N", ("N", "mN", "kN"), (0.0, 2e3), "mN"),
+    "N*m": _Quantity("torque", "2 N*m", ("N*m", "N*mm", "mN*m"), (0.0, 200.0), "N*mm"),
     "Pa": _Quantity("pressure", "112 kPa", ("Pa", "kPa", "MPa"), (500.0, 1e12), "kPa"),
     "Pa*s": _Quantity("viscosity", "362 Pa*s", ("Pa*s", "kPa*s")),
     "Hz": _Quantity("frequency", "500 Hz", ("Hz", "kHz")),
@@ -231,6 +232,7 @@ TipMass = Annotated[float, Quantity("kg", most=4.0)]
 Time = Annotated[float, Quantity("s")]
 Delay = Annotated[float, Quantity("s", most=2.0)]  # between signals
 Force = Annotated[float, Quantity("N")]
+Torque = Annotated[float, Quantity("N*m")]
 ForceDrift = Annotated[float, Quantity("N/s")]
 ForceWalk = Annotated[float, Quantity("N/s^0.5")]
 Pressure = Annotated[float, Quantity("Pa")]

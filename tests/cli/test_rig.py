@@ -29,7 +29,7 @@ def test_a_plan_shows_the_motion_and_connects_to_nothing(capsys, live, tmp_path,
     assert ("palpate run --dry-run is palpate plan now" in errors) == (words[0] == "run")
     assert "#" in text
     assert "z             -5 to 5 mm (limits -7 to 20)" in text
-    assert "at most 15.1 N by computation" in text
+    assert "at most 16.0 N by computation" in text
     assert (
         "device arm: moves to the start on its own, straight, from at most 30 mm away at no more than 20 mm/s" in text
     )

@@ -1,5 +1,7 @@
 """Alignment: streams of their own rates, delays and faults become samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from palpate import Batch, Channel, LogError, Stream
@@ -259,6 +261,23 @@ def test_a_hidden_delay_of_the_velocity_is_found(late, average, expected):
     found, uncertainty = report.velocity_delay
     assert uncertainty < 0.3e-3
     assert found == pytest.approx(expected, abs=max(4 * uncertainty, 0.02 * abs(expected)))
+
+
+@pytest.mark.parametrize("late", [0.0, 0.03])
+@pytest.mark.parametrize("factor", [1.0, 3.0, 1e3, -1.0, 0.0])
+def test_a_velocity_that_is_not_how_the_position_changes_is_found(factor, late):
+    wrench, tip = noisy_record(late)
+    values = tip.values.copy()
+    values[:, 1] *= factor
+    share = aligned([wrench, replace(tip, values=values)])[1].velocity_share
+    assert share == pytest.approx(factor, rel=0.1, abs=0.01)
+
+
+def test_noise_of_a_tip_at_rest_is_no_velocity():
+    random, force, motion = np.random.default_rng(2), stamps(800.0, 4.0), stamps(500.0, 4.0)
+    noise = random.standard_normal((2, len(motion)))
+    given = [batch("wrench", force, force_of(force)), batch("tip", motion, 5e-6 * noise[0], 6e-4 * noise[1])]
+    assert aligned(given)[1].velocity_share is None
 
 
 def test_no_delay_is_told_without_motion_or_without_a_channel():

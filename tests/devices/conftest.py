@@ -27,6 +27,7 @@ def limits_of_silence(seconds):
     watched = ("device.sensor.sensor_timeout", "device.arm.controller_timeout", "safety.sensor_timeout")
     return (
         *(f"{limit}={seconds} s" for limit in watched),
+        "safety.reading_age=50 ms",  # more, and the rule of overshoot would refuse the approach
         "device.arm.watchdog=1 Hz",
         f"device.arm.host_timeout={2 * seconds} s",
     )

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from palpate import ConfigurationError
 from palpate.cli import call
-from palpate_commands.acceptance.measurement import BrakingTrace, MissedError, first_beyond, measure_braking
+from palpate_commands.acceptance.measurement import (
+    BrakingTrace,
+    MissedError,
+    first_beyond,
+    measure_braking,
+    measure_force_delay,
+)
 
 from tests.devices.simulated_bench import SHORT
 from tests.devices.simulated_job import go_through
@@ -112,6 +118,48 @@ def test_a_protocol_that_cannot_be_is_refused(root, tmp_path, monkeypatch, words
 def test_nothing_moves_without_limits(root):
     with pytest.raises(ConfigurationError, match=r"nothing moves without limits: a \[safety\] table is missing"):
         call(["acceptance", str(root / "pipelines" / "point.toml")])
+
+
+def strokes_in_foam(delay, eta=0.0, noise=0.02, speeds=(3e-3, 3e-3, 12e-3, 12e-3)):
+    """A trace of strokes from 5 mm to -4 mm, and the force of an elastic half-space with some viscosity, so late."""
+    way, time, height = 9e-3, [np.arange(0.0, 1.0, STEP)], [np.full(round(1.0 / STEP), 5e-3)]
+    for speed in speeds:
+        t = np.arange(0.0, 2 * way / speed, STEP)
+        time.append(time[-1][-1] + STEP + t)
+        height.append(5e-3 - np.minimum(speed * t, 2 * way - speed * t))
+    time, height = np.concatenate(time), np.concatenate(height)
+    velocity = np.gradient(height, time)
+    stamps = np.arange(0.0, time[-1], 1 / 800)
+    at = lambda values: np.interp(stamps - delay, time, values)  # noqa: E731
+    depth = np.maximum(-at(height), 0.0)
+    force = 14e3 * depth**1.5 - eta * 14e3 * 1.5 * depth**0.5 * at(velocity)
+    force = np.where(depth > 0, force, 0.0) + noise * np.random.default_rng(0).standard_normal(len(stamps))
+    return BrakingTrace(time, height, velocity), stamps, force
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02, 0.1, 0.5])
+@pytest.mark.parametrize("eta", [0.0, 5e-3])
+def test_how_late_the_force_comes_is_measured(delay, eta):
+    found = measure_force_delay(*strokes_in_foam(delay, eta))
+    assert found.value == pytest.approx(delay, abs=0.008)
+    assert found.std < 0.01
+
+
+def test_strokes_at_one_speed_or_in_the_air_show_no_delay():
+    with pytest.raises(MissedError, match="the force rose on 4 ways down"):
+        measure_force_delay(*strokes_in_foam(0.1, speeds=(6e-3,) * 4))
+    trace, time, force = strokes_in_foam(0.1)
+    with pytest.raises(MissedError, match="ways down"):
+        measure_force_delay(trace, time, force - force + 0.02 * np.random.default_rng(1).standard_normal(len(time)))
+
+
+@pytest.mark.slow
+def test_a_delay_from_the_start_is_measured_and_fails_a_rig_that_does_not_declare_it(simulated, tmp_path):
+    twin = simulated(*SHORT, "twin.bench.height=10 mm", "twin.bench.force_delay=100 ms")
+    found, _ = go_through(twin, tmp_path / "a", ["foam/delay"])
+    outcome = found["foam/delay"]
+    assert outcome.problems == ("the force comes later than declared",)
+    assert outcome.force_delay.value == pytest.approx(0.1 + 0.0019, abs=0.015)
 
 
 @pytest.mark.slow

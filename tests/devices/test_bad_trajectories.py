@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from palpate import PluginError, Setpoint, duration_of, setpoints_at
+from palpate import ConfigurationError, PluginError, Setpoint, duration_of, setpoints_at
 from palpate_trajectories.point import Point
 
 from tests.devices.simulated_bench import readings
@@ -109,3 +109,15 @@ def test_a_motion_that_goes_wrong_once_the_run_has_begun_leaves_result_and_log(r
         assert any(f["code"] == "interrupted" and "trajectory Point" in f["message"] for f in track["flags"])
     wrench = sum(len(batch.time) for batch in readings(rig.folder / "bad" / "log.mcap", "sensor", "wrench"))
     assert wrench == table["run"]["live"]["devices"]["sensor"]["readings"]
+
+
+@pytest.mark.slow
+def test_a_motion_that_ends_pressed_in_moves_nothing(rig, monkeypatch):
+    whole = Point.total_duration.fget
+    monkeypatch.setattr(Point, "total_duration", property(lambda self: whole(self) - 0.5))
+    rig.fault("mark")
+    with pytest.raises(
+        ConfigurationError, match=r"it ends with the tip .* mm below the skin, where the tip would stay"
+    ):
+        rig.run()
+    assert rig.truth.low[2] > 3.9e-3

@@ -35,11 +35,12 @@ class Line:
         self.now = self.sent = 0
         self.deaf: list[float] = []  # when [s]
 
-    def run(self, rows):
-        """Send readings; why it stopped, and after how many seconds."""
+    def run(self, rows, stamped=False, late=0.0):
+        """Send readings, so late [s] by their stamps [us]; why it stopped, and after how many seconds."""
         for k in range(0, len(rows), 2):
             for row in rows[k : k + 2]:
-                self.ring.write((self.sent, 0), row.tolist())
+                stamp = round(self.sent / RATE * 1e6) if stamped else 0
+                self.ring.write((1000 * stamp + round(1e9 * late), stamp), row.tolist())
                 self.sent += 1
             self.now += 2_500_000
             text = self.eye.look(self.now)
@@ -92,3 +93,13 @@ def test_a_force_clipped_below_its_range_stops_the_arm():
     text, late = line.run(readings(800, push=np.linspace(0.0, 10.0, 800), seed=1).clip(-6.0, 6.0))
     assert text.startswith("s.z repeats its reading")
     assert late < 0.54 + 0.12
+
+
+def test_a_torque_stops_the_arm():
+    line = Line(torques=(3, 4, 5), torque_tare=BIAS[3:], torque=1.5)
+    rows = readings(800, push=3.0, seed=1)
+    assert line.run(rows)[0] is None
+    rows[400:, 4] -= 2.0
+    text, late = line.run(rows)
+    assert "over the limit of 1.5 N*m that stops the motion ([safety] torque)" in text
+    assert late == pytest.approx(0.5, abs=0.005)

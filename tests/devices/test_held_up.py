@@ -44,7 +44,7 @@ TICK_NS = round(PERIOD * 1e9)
 class VirtualRobot:
     """The twin's arm at the other end of the servo loop's commands, with the noise of a real one."""
 
-    tool, model, control, unheard = TOOL, UR3E, None, 0.0
+    tool, model, control, unheard, state_period, stamp = TOOL, UR3E, None, 0.0, PERIOD, 0.0
 
     def __init__(self, height, seed=0):
         goal = WORK.tool_pose(np.array([0.0, 0.0, height]))

@@ -193,6 +193,48 @@ def test_a_force_that_is_not_true_presses_nothing(simulated, fault, words):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("control", ["pd", "servo"])
+def test_a_motion_goes_by_time_however_often_the_controller_sends_its_state(simulated, capsys, control):
+    """It took 6.7 s in place of 3.9 s where it went by the number of states."""
+    twin, lasted, truth = simulated(*SHORT, f'device.arm.control="{control}"'), {}, {}
+    for rate in (500, 125):
+        twin.fault("restore")
+        twin.fault(f"state-rate {rate}")
+        result = twin.run(out=f"out{rate}")
+        lasted[rate], truth[rate] = result.run["log_duration"], twin.truth
+        said = f"the controller sends its state at {rate} Hz in place of 500 Hz: the motion goes by time"
+        assert (said in capsys.readouterr().err) == (rate != 500)
+        assert any(said in flag.message for flag in result.flags if flag.code == "device") == (rate != 500)
+    assert lasted[125] == pytest.approx(lasted[500], abs=0.05)
+    assert truth[125].low[2] == pytest.approx(truth[500].low[2], abs=5e-5)
+    assert truth[125].acceleration < 1.05 * truth[500].acceleration
+
+
+@pytest.mark.slow
+def test_a_speed_that_is_not_the_change_of_the_pose_makes_no_value(rig):
+    """The filter of the paper found 209 kPa in place of 112.5, and nothing doubted it."""
+    rig.fault("wrong-speed 0.3")
+    for track in rig.run("trajectory.press.duration=2 s").tracks.values():
+        assert track.table()["verdict"] == "invalid"
+        assert [flag.code for flag in track.flags if flag.severity == "invalid"] == ["velocity-other"]
+
+
+@pytest.mark.slow
+def test_a_controller_that_sends_its_state_too_seldom_moves_nothing(rig):
+    rig.fault("state-rate 50")
+    with pytest.raises(DeviceError, match="sends its state at 50 Hz; at least 100 Hz are needed"):
+        rig.run()
+    assert rig.truth.low[2] > 3.9e-3
+
+
+@pytest.mark.slow
+def test_a_torque_without_a_force_retracts_the_arm(rig):
+    error, _, _ = rig.run_into("twist 0 0 3.5", touching)
+    assert "the torque is 3.50 N*m, over the limit of 3 N*m" in error
+    assert rig.wait_at_rest()["height"] > 0.002
+
+
+@pytest.mark.slow
 def test_what_is_no_fault(simulated):
     """A text between two states, a stall of 50 ms, frames in lumps, left out measurements, a clock that wraps."""
     twin = simulated(*SHORT, f"twin.bench.clock_start={(1 << 32) - 1_500_000}")

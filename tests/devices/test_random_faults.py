@@ -1,4 +1,4 @@
-"""A handful of the scenes of ``benchmarks/scenes.py``: random starts, materials, motions, faults and hold-ups."""
+"""Twenty of the scenes of ``benchmarks/scenes.py``: random starts, materials, motions, faults and hold-ups."""
 
 import importlib.util
 import sys
@@ -17,19 +17,31 @@ def scenes():
     del sys.modules["scenes"]
 
 
-# What each scene ends by: a tool that looks elsewhere, a tip that touches the skin at the start, faults in motion.
+# What each scene ends by: motions that come to their end, tools that look elsewhere, tips that touch the skin at the
+# start, hold-ups, faults in motion and second ones while the arm leaves.
 ENDS = {
-    16: "the tool is turned by 8.5 deg",
-    15: "the controller has closed the link",
+    0: "the tool is turned by 5.2 deg",
+    23: "the robot's program was stopped",
+    1: "done",
+    2: "readings of sensor.wrench.z come late",
+    3: "the main job gave no sign of life",
+    4: "the arm was to leave, and that has failed",
+    5: "done",
+    7: "the sensor is disconnected",
+    9: "done",
+    12: "the controller has closed the link. The tip stands at a height of",
+    16: "the force is 7.4 N",
+    17: "the arm was commanded to move",
+    18: "the controller is silent",
+    20: "done",
+    21: "at the end of its envelope",
+    25: "the robot's program was stopped",
     29: "the tip touches something",
-    53: "the tip touches something",
-    49: "the force is 10.7 N",
-    176: "the robot has changed to reduced mode",
-    145: "repeats its reading in every digit",
-    101: "the controller slows the arm to 50 %",
-    102: "the arm was commanded to move",
+    31: "done",
+    32: "over range or invalid",
+    42: "the controller's states come late",
 }
-QUICK = (16, 15)
+QUICK = (0, 23)
 
 
 @pytest.mark.parametrize(
@@ -37,6 +49,7 @@ QUICK = (16, 15)
     [pytest.param(*case, marks=() if case[0] in QUICK else pytest.mark.slow) for case in ENDS.items()],
 )
 def test_the_arm_keeps_its_limits_and_what_is_told_is_true(scenes, tmp_path, seed, words):
+    """Some 3 CPU s each: what no test of one fault shows is how faults, hold-ups and motions meet."""
     scene = scenes.drawn(seed)
     row = scenes.run(scene, tmp_path)
     assert row["problems"] == [], f"{scene}: {row}"

@@ -1,10 +1,14 @@
 """What a late force does to a model's parameters: predicted, and seen in a fit to such a force."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from palpate import Diagnosed, Tail, Term, force_over_time
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import force_slopes
+from palpate.host import registry
 from palpate.result import TrackResult
 from palpate.result.diagnoses import with_findings
 from palpate.result.uncertain_value import UncertainValue, derived_values
@@ -22,6 +26,7 @@ from palpate_uncertainty.delay.timing_shift import delay_shifts
 from palpate_uncertainty.flags import compliance_flags, timing_flags
 from palpate_uncertainty.force_sensitivity import along
 from palpate_uncertainty.influence import answer
+from palpate_uncertainty.reading_faults import velocity_flags
 from palpate_uncertainty.uncertainty_budget import delays, systematic_terms
 
 SPHERE = Sphere(radius=0.005)
@@ -75,6 +80,25 @@ def test_a_late_force_shifts_a_fit_as_predicted(name):
     strong = np.abs(predicted * 1e-3) > 0.01 * np.abs(theta)
     assert strong.any(), "no parameter answers to timing"
     assert predicted[strong] == pytest.approx(seen[strong], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("share", "motion", "codes"),
+    [
+        (3.0, "both", ["velocity-other"]),
+        (-1.0, "velocity", ["velocity-other"]),
+        (0.0, "both", ["velocity-other"]),
+        (3.0, "position", []),
+        (0.93, "both", []),
+        (None, "both", []),
+    ],
+)
+def test_a_velocity_that_is_not_the_motion_is_told_where_an_estimator_uses_it(share, motion, codes):
+    track = SimpleNamespace(model=HuntCrossley(), estimator=SimpleNamespace(motion=motion), values=np.array([0.9, 6.0]))
+    end = SimpleNamespace(report=replace(REPORT, velocity_share=share))
+    flags = list(velocity_flags(track, end, None))
+    assert [flag.code for flag in flags] == codes
+    assert registry.load().judged(flags) == () or registry.load().judged(flags)[0].severity == "invalid"
 
 
 def test_a_closed_form_stands():

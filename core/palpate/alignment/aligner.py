@@ -47,6 +47,7 @@ class AlignmentReport:
     sideways: SidewaysShare | None = None  # of the force; None where its stream has one axis
     turned: TurnedTool | None = None  # of a tool whose orientation is read
     tilt: float = 0.0  # range of the cosine between tool and z of its poses, where the weight counts as constant
+    velocity_share: float | None = None  # the velocity in parts of the change of the position; None where not known
 
 
 class Aligner:
@@ -201,4 +202,5 @@ class Aligner:
             across.share if across is not None else None,
             self._oriented.turned if self._oriented is not None else None,
             self._tilt.width,
+            self._check.share,
         )

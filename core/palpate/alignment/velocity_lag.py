@@ -11,6 +11,7 @@ from palpate.vectors import Floats
 
 _SPAN = 10  # samples in one stretch; 20 ms at 500 Hz, short against a palpation's period and long against noise
 _TOGETHER, _BLOCKS = 4096, 256  # samples, or blocks of them, that are added up at once
+_SIGNAL = 0.9  # correlation of the slopes of neighbouring stretches, from which on noise makes at most a tenth of them
 _LONGEST = 0.03  # [s]; longer stretches blur the acceleration of a palpation
 
 
@@ -28,6 +29,7 @@ class VelocityCheck:
         self._latest = np.zeros((0, 3))  # mean velocity, mean slope of position, duration
         self._stretches = self._long = self._known = 0
         self._power = self._product = self._square = 0.0  # of acceleration and difference
+        self._slopes = self._lagged = self._common = 0.0  # of the slope, with the one before, with the velocity
 
     def feed(self, samples: Samples) -> None:
         """Take in a block of samples."""
@@ -70,12 +72,31 @@ class VelocityCheck:
         self._power = _added(self._power, acceleration * acceleration)
         self._product = _added(self._product, acceleration * apart)
         self._square = _added(self._square, apart * apart)
+        here, before, stated = slope[1:-1][known], slope[:-2][known], mean[1:-1][known]
+        self._slopes = _added(self._slopes, here * here)
+        self._lagged = _added(self._lagged, here * before)
+        self._common = _added(self._common, here * stated)
+
+    @property
+    def _is_enough(self) -> bool:
+        """Whether there are stretches that are many and short enough."""
+        self._take_in()
+        return self._stretches >= 20 and 2 * self._long <= self._stretches and self._known >= 10
+
+    @property
+    def share(self) -> float | None:
+        """The velocity in parts of the change of the position, by least squares; None where that is mostly noise.
+
+        Noise of the position makes neighbouring slopes differ, and can lower the share to `_SIGNAL`.
+        """
+        if not self._is_enough or self._slopes == 0 or self._lagged < _SIGNAL * self._slopes:
+            return None
+        return self._common / self._slopes
 
     @property
     def delay(self) -> tuple[float, float] | None:
         """Delay of velocity against position and its standard uncertainty [s]; None where it cannot be determined."""
-        self._take_in()
-        if self._stretches < 20 or 2 * self._long > self._stretches or self._known < 10 or self._power == 0:
+        if not self._is_enough or self._power == 0:
             return None
         late = -self._product / self._power
         residual = max(self._square + late * self._product, 0.0)

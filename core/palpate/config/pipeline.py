@@ -57,6 +57,12 @@ class RunSettings(Settings):
         description='keys whose values are assumed, as patterns: "indenter.*", "alignment.tip_mass"; they are '
         "flagged until they are taken out of here, or set on the command line",
     )
+    rehearsal: str | None = Field(
+        default=None,
+        min_length=1,
+        description="the [twin.NAME] in whose simulated time the run is made, never by its devices; `palpate rehearse` "
+        "writes it",
+    )
     report: bool = Field(default=False, description="write a report when the run has ended")
     estimates_interval: Time = Field(
         default=0.01, ge=0, description="estimates.csv has one row in so much time; 0: every sample"

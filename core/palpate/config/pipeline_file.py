@@ -22,7 +22,7 @@ from palpate.config.pipeline_source import Source
 from palpate.config.safety_wiring import contradictions, wire_safety
 from palpate.config.signal_wiring import check_wiring, ports_of, with_gravity, wrong_channels
 from palpate.contact import ContactModel
-from palpate.device import Device
+from palpate.device import Device, is_live
 from palpate.errors import suggest
 from palpate.estimation import Estimator
 from palpate.flags import Flag
@@ -57,6 +57,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     kinds = {kind: builder.parts(kind) for kind in registry.parts}
     builder.mistakes += _missing(tables, registry, ("device", "model", "estimator") if estimates else ("device",))
     builder.mistakes += _wrong_signals(tables, stated, kinds["device"], safety)
+    builder.mistakes += _wrong_rehearsal(run, kinds)
     use, problems = calibration_of(run, stated, registry) if estimates else (None, [])
     control, wrong_chart = control_of(run, registry) if estimates else (None, [])
     builder.mistakes += [*problems, *wrong_chart, *_wrong_uncertainties(run, kinds["model"])]
@@ -197,6 +198,14 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
     raise_mistakes(builder.mistakes, source)
     registry.demand_sound({kind: found})
     return found
+
+
+def _wrong_rehearsal(run: RunSettings | None, kinds: Mapping[str, Mapping[str, Any]]) -> list[Mistake]:
+    """A rehearsal without its twin; one that is read from its log needs none."""
+    if run is None or run.rehearsal is None or run.rehearsal in kinds["twin"] or not is_live(kinds["device"]):
+        return []
+    known = suggest(run.rehearsal, kinds["twin"])
+    return [Mistake(("run", "rehearsal"), f"there is no [twin.{run.rehearsal}]{known}")]
 
 
 def _missing(tables: Mapping[str, Any], registry: Registry, needed: tuple[str, ...]) -> list[Mistake]:

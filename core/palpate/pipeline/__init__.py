@@ -11,6 +11,7 @@ from palpate.pipeline.live.standstill import declared_noise
 from palpate.pipeline.pipeline_run import run_pipeline
 from palpate.pipeline.planned_motion import single_trajectory
 from palpate.pipeline.record_tracks import RecordOutcome, RecordTracks
+from palpate.pipeline.rehearsal import refuse_rehearsal
 from palpate.pipeline.run_result import Result
 from palpate.pipeline.tracks import start_tracks
 
@@ -26,6 +27,7 @@ __all__ = [
     "each",
     "interruptible",
     "payloads",
+    "refuse_rehearsal",
     "run_pipeline",
     "single_trajectory",
     "start_tracks",

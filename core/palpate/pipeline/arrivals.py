@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.device import Batch, Device, Link, Stream
 from palpate.errors import DeviceError, PalpateError, error_in, suggest
@@ -51,11 +54,23 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
             return
         if batch.stream not in widths:
             raise DeviceError(f"device {name} sends a stream {batch.stream!r}{suggest(batch.stream, widths)}")
+        for stamps in (batch.time, batch.received):
+            if np.asarray(stamps).dtype != np.int64:
+                raise DeviceError(
+                    f"device {name} sends a time-stamp in the stream {batch.stream!r} that is no whole number of "
+                    f"nanoseconds: {_first_odd(np.asarray(stamps))}"
+                )
         wanted = (len(batch.time), widths[batch.stream])
         if np.shape(batch.values) != wanted:
             sent = f"values of shape {np.shape(batch.values)} in place of {wanted}"
             raise DeviceError(f"device {name} sends {sent} in the stream {batch.stream!r}")
         yield batch
+
+
+def _first_odd(stamps: NDArray[Any]) -> Any:
+    """The first of some time-stamps that is no finite number; the first of all where each is one."""
+    odd = [stamp for stamp in stamps.ravel().tolist() if not (isinstance(stamp, int | float) and math.isfinite(stamp))]
+    return next(iter(odd or stamps.ravel().tolist()), f"none, of type {stamps.dtype}")
 
 
 def merge_batches(links: Mapping[str, Link], devices: Mapping[str, Device]) -> Iterator[tuple[str, Batch]]:

@@ -19,6 +19,7 @@ from palpate.pipeline.live.scheduling import real_time_section
 from palpate.pipeline.live.standstill import Noise
 from palpate.pipeline.live.states import compensable_offset, get_ready, move, stand_still
 from palpate.pipeline.planned_motion import check_live_motion, check_recorded_motion, single_trajectory
+from palpate.pipeline.rehearsal import refuse_rehearsal
 from palpate.pipeline.rig import Rig
 from palpate.trajectory import duration_of
 
@@ -63,6 +64,7 @@ class Flow:
 
     def _run_live(self) -> None:
         rig = self._rig
+        refuse_rehearsal(rig)
         trajectory = single_trajectory(rig) if rig.trajectories else None
         if trajectory is not None:
             check_live_motion(rig, trajectory)
@@ -94,8 +96,8 @@ class Flow:
         # Children that have ended count as well; what the devices did is all in here.
         used = clock().processor_time() - before
         facts.cpu_cores = used / max(clock().now() - began, 1e-9)
-        if guard.reason is not None and self._interrupt.reason is None:
-            raise DeviceError(guard.reason)
+        if guard.account is not None and (self._interrupt.reason is None or guard.is_stranded):
+            raise DeviceError(guard.account)
 
     def _pass_states(self, live: LiveRun, facts: LiveFacts) -> None:
         """Standstill, ready, moving; until the arms are done or something stops the run."""

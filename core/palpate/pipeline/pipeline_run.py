@@ -23,6 +23,7 @@ from palpate.pipeline.closing_reserve import closing_reserve
 from palpate.pipeline.interrupt import Interrupt, interruptible
 from palpate.pipeline.outputs import Outputs
 from palpate.pipeline.provenance import facts_beside, flat_facts, lift_facts, planned_duration, planned_extent
+from palpate.pipeline.rehearsal import rehearsal_facts, simulated_time
 from palpate.pipeline.run_result import Result, build_result
 from palpate.pipeline.session import Observer, Session
 from palpate.pipeline.tracks import Tracks, start_tracks
@@ -39,10 +40,22 @@ def run_pipeline(
 ) -> Result:
     """Run a pipeline to its end, or to Ctrl-C, and write the run folder; an observer sees what the sinks see.
 
-    `rehearsal` is what a run against a twin says of that: its name, its specimen, faults and hold-ups.
+    One with ``[run] rehearsal`` is run in simulated time; `rehearsal` says which faults, hold-ups and seed that has.
 
     Raises UserError for what the user can mend; what was recorded until then stays.
     """
+    with simulated_time(pipeline):
+        return _run(pipeline, out, progress, observer, rehearsal)
+
+
+def _run(
+    pipeline: Pipeline,
+    out: Path | None,
+    progress: Observer | None,
+    observer: Writer | None,
+    rehearsal: Mapping[str, Any] | None,
+) -> Result:
+    """See `run_pipeline`."""
     if lift := lift_facts(pipeline):  # nothing is touched that could be estimated
         pipeline = replace(pipeline, tracks=())
     live = is_live(pipeline.devices)
@@ -50,7 +63,7 @@ def run_pipeline(
     tracks = Tracks(start_tracks(pipeline), None if live else beside)
     started = datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
     folder = make_folder(pipeline.run.name, out, started)
-    facts = known.result() | lift | ({} if rehearsal is None else {"rehearsal": rehearsal})
+    facts = known.result() | lift | rehearsal_facts(pipeline, rehearsal)
     with remove_refused_folder(folder) as begun, interruptible() as interrupt, closing_reserve(folder, live) as room:
         work = _RunContext(pipeline, folder, facts, tracks, interrupt, started, clock().now())
         session: Session | None = None

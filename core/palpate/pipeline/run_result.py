@@ -66,7 +66,7 @@ def build_result(
     interrupt: Interrupt,
 ) -> Result:
     """The result of a run that has ended: what its tracks found, judged together with what concerns all of them."""
-    run_flags = [*_rehearsal(facts), *_run_flags(pipeline, live, report, interrupt.reason)]
+    run_flags = [*_rehearsal(pipeline), *_run_flags(pipeline, live, report, interrupt.reason)]
     flags = pipeline.registry.judged(run_flags)
     return Result(
         folder,
@@ -131,13 +131,15 @@ def _run_flags(
     for name in motion.ended_early if motion is not None else ():
         yield Flag("ended-early", f"{name} sent its last reading before the motion was over")
     yield from device_flags(pipeline.alignment, pipeline.ports, health)
+    excess = pipeline.safety.excess(motion.peak_force) if motion is not None and pipeline.safety is not None else None
+    if interrupted is not None and excess is not None and excess not in interrupted:
+        interrupted = f"{interrupted}; {excess}"
     yield from record_flags(report, pipeline.alignment, interrupted)
 
 
-def _rehearsal(facts: Mapping[str, Any]) -> Iterator[Flag]:
+def _rehearsal(pipeline: Pipeline) -> Iterator[Flag]:
     """That nothing was measured."""
-    if (rehearsal := facts.get("rehearsal")) is not None:
-        twin = rehearsal["twin"]
+    if (twin := pipeline.run.rehearsal) is not None:
         yield Flag("rehearsal", f"simulated time, twin {twin}: the numbers are of its specimen, and of no real one")
 
 

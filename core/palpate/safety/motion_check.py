@@ -47,14 +47,15 @@ def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport
     spans = (np.arange(max(first - _COMMON, 0), min(first + _STRETCH, count)) for first in range(0, count, _STRETCH))
     times = (np.asarray(span * _STEP, np.float64) for span in spans)
     surface = surface_of(trajectory)
-    return _judged(((time, setpoints_at(trajectory, time)) for time in times), limits, surface)
+    whole = _joined(((time, setpoints_at(trajectory, time)) for time in times), limits, surface)
+    return _judged(whole, limits, surface, _ends_pressed_in(whole))
 
 
 def check_setpoints(
     times: Floats, setpoint: Setpoint, limits: SafetySettings, surface: Surface | None = None
 ) -> MotionReport:
     """Setpoints at times (n,) [s], over a surface if one is given, against the limits."""
-    return _judged([(times, setpoint)], limits, surface)
+    return _judged(_Stretch.of(times, setpoint, limits, surface), limits, surface)
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ class _Stretch:
     turn_apart: float  # [rad/s] by which the stated turn and what the rotations do are apart
     askew: float  # [rad] between tool and normal
     depth: float  # [m] below the surface, along its normal
+    heights: tuple[float, float]  # [m] over the skin, first and last
     clearance: ToolGap  # of the tool above the tip from the surface
     finite: bool
     apart: tuple[float, float, float]  # [m/s] stated velocity and what the positions do: too far apart by, and both
@@ -76,10 +78,12 @@ class _Stretch:
     def of(cls, times: Floats, setpoint: Setpoint, limits: SafetySettings, surface: Surface | None) -> _Stretch:
         moved = np.diff(setpoint.position, axis=0) / np.diff(times)[:, None]
         normal, depth = np.broadcast_to(np.array([0.0, 0.0, 1.0]), setpoint.position.shape), 0.0
+        height = setpoint.position[:, 2]
         clearance = ToolGap()
         if surface is not None:
             points = surface_points(surface, setpoint.position)
-            normal, depth = points.normal, float((-points.height).max(initial=0.0))
+            normal, height = points.normal, points.height
+            depth = float((-height).max(initial=0.0))
             if limits.tool is not None:
                 clearance = tool_clearance(limits.tool, times, setpoint, surface)
         turn, turn_apart = _turns(times, setpoint, limits)
@@ -94,6 +98,7 @@ class _Stretch:
             turn_apart,
             float(np.arccos(np.clip((setpoint.axes * normal).sum(axis=1), -1.0, 1.0)).max(initial=0.0)),
             depth,
+            (float(height[0]), float(height[-1])),
             clearance,
             bool(np.isfinite(setpoint.position).all() and np.isfinite(setpoint.velocity).all()),
             _apart(moved, setpoint.velocity, limits.acceleration * np.diff(times)),
@@ -109,16 +114,18 @@ class _Stretch:
             max(self.turn_apart, other.turn_apart),
             max(self.askew, other.askew),
             max(self.depth, other.depth),
+            (self.heights[0], other.heights[1]),
             min(self.clearance, other.clearance),
             self.finite and other.finite,
             max(self.apart, other.apart),
         )
 
 
-def _judged(
-    stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings, surface: Surface | None = None
-) -> MotionReport:
-    whole = reduce(_Stretch.and_of, (_Stretch.of(times, setpoint, limits, surface) for times, setpoint in stretches))
+def _joined(stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings, surface: Surface | None) -> _Stretch:
+    return reduce(_Stretch.and_of, (_Stretch.of(times, setpoint, limits, surface) for times, setpoint in stretches))
+
+
+def _judged(whole: _Stretch, limits: SafetySettings, surface: Surface | None, more: Iterable[str] = ()) -> MotionReport:
     reach, inward, (apart, stated, seen) = whole.reach, whole.inward, whole.apart
     problems = [] if whole.finite else ["a setpoint is not a finite number"]
     problems += [_sentence(excess) for excess in limits.motion.excesses(reach)]
@@ -131,7 +138,7 @@ def _judged(
         turn, most = math.degrees(whole.turn), math.degrees(limits.angular_speed)
         problems.append(f"the tool turns at {turn:.1f} deg/s, over the limit of {most:.1f} deg/s")
     problems += _askew(whole, limits, surface is not None)
-    problems += _too_near(whole.clearance)
+    problems += [*_too_near(whole.clearance), *more]
     return MotionReport(
         whole.times[1] - whole.times[0],
         reach.low,
@@ -165,6 +172,17 @@ def _askew(whole: _Stretch, limits: SafetySettings, on_surface: bool) -> list[st
             "([safety] depth)"
         )
     return problems
+
+
+def _ends_pressed_in(whole: _Stretch) -> list[str]:
+    """That the tip would stay in the material: a motion ends above the skin, or at least where it began."""
+    first, last = whole.heights
+    if not last < min(first, 0.0) - _TOLERANCE:
+        return []
+    return [
+        f"it ends with the tip {-1e3 * last:.2f} mm below the skin, where the tip would stay: a motion ends above the "
+        "skin, or as high as it began"
+    ]
 
 
 def _too_near(clearance: ToolGap) -> list[str]:

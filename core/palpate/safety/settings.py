@@ -10,15 +10,16 @@ from palpate.arm_limits import NO_DEPTH, ArmLimits
 from palpate.parts import Settings
 from palpate.safety.motion_limits import MotionLimits
 from palpate.safety.tool_clearance import ToolBody
-from palpate.units import Acceleration, Angle, AngularSpeed, Depth, Force, Length, Speed, Stiffness, Time
+from palpate.units import Acceleration, Angle, AngularSpeed, Depth, Force, Length, Speed, Stiffness, Time, Torque
 
 
 class SafetySettings(Settings):
     """The ``[safety]`` table: limits of a motion, and what stops it. A live robot does not move without one.
 
     Between a force of `stop_force` on the skin and the tip at rest lie the time tau, which is the delay of the sensor's
-    filter and the latency, and the braking at deceleration a. Against a material of stiffness K the force rises by
-    K (v tau + v^2/2a) in that time: where this exceeds `force` for the fastest inward speed v, the motion is refused.
+    filter, the age of a reading and the latency, and the braking at deceleration a. Against a material of stiffness K
+    the force rises by K (v tau + v^2/2a) in that time: where this exceeds `force` for the fastest inward speed v, the
+    motion is refused.
     """
 
     low: tuple[Length, ...] = Field(
@@ -49,6 +50,7 @@ class SafetySettings(Settings):
     )
     force: Force = Field(gt=0, le=1e4, description="force that must not be exceeded")
     stop_force: Force = Field(gt=0, le=1e4, description="force that stops the motion, along any axis, tared")
+    torque: Torque = Field(default=3.0, gt=0, le=1e3, description="torque that stops the motion, about any axis, tared")
     stiffness: Stiffness = Field(ge=1.0, le=1e9, description="stiffest material that the tip may meet")
     latency: Time = Field(default=0.05, gt=0, description="longest time from a reading to the beginning of braking")
     sensor_delay: Time | None = Field(
@@ -60,6 +62,12 @@ class SafetySettings(Settings):
     deceleration: Acceleration = Field(default=1.0, gt=0, description="of braking")
     sensor_timeout: Time = Field(
         default=0.1, gt=0, description="a sensor or robot that is silent for longer stops the motion"
+    )
+    reading_age: Time = Field(
+        default=0.02,
+        gt=0,
+        le=1.0,
+        description="a reading or state that comes later than this, beyond the promptest of 30 s, stops the motion",
     )
     held_up: Time = Field(
         default=0.5, gt=0, description="this program being held up for longer, by others or by itself, stops the motion"
@@ -82,12 +90,23 @@ class SafetySettings(Settings):
 
     @property
     def reaction(self) -> float:
-        """Time [s] from a force on the skin to the beginning of braking: delay of the sensor's filter and latency."""
-        return self.latency + (self.sensor_delay or 0.0)
+        """Time [s] from a force on the skin to the beginning of braking: sensor's delay, a reading's age, latency."""
+        return self.latency + self.reading_age + (self.sensor_delay or 0.0)
 
     def overshoot(self, speed: float) -> float:
         """Force [N] by which the limit is overrun at an inward speed [m/s]: K (v tau + v^2/2a)."""
         return self.stiffness * (speed * self.reaction + speed**2 / (2.0 * self.deceleration))
+
+    def excess(self, peak: float) -> str | None:
+        """By how much a force [N] passed `force`, in words; None where it did not."""
+        if peak <= self.force:
+            return None
+        return f"the force reached {peak:.1f} N, {peak - self.force:.1f} N over [safety] force = {self.force:g} N"
+
+    @property
+    def rise_window(self) -> float:
+        """Way [m] inwards within which the force has to rise: half of what lies between `stop_force` and `force`."""
+        return (self.force - self.stop_force) / (2.0 * self.stiffness)
 
     @property
     def motion(self) -> MotionLimits:
@@ -106,4 +125,4 @@ class SafetySettings(Settings):
         """What an arm has to keep by itself."""
         depth = NO_DEPTH if self.depth is None else self.depth
         limits = self.low, self.high, self.speed, self.acceleration, self.orientation, self.angular_speed
-        return ArmLimits(*limits, depth)
+        return ArmLimits(*limits, depth, self.reading_age)

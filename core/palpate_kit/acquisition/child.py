@@ -36,6 +36,9 @@ class Child:
             self._process = host().start(role, module, (theirs.fileno(), memory), json.dumps(settings))
             self.ring = Ring(memory, columns)
             self.memory = os.dup(memory)  # to hand on
+        except BaseException:
+            ours.close()
+            raise
         finally:
             theirs.close()
             os.close(memory)

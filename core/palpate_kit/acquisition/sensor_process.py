@@ -73,7 +73,9 @@ class _SensorLink:
         """Where other processes find the readings of a stream."""
         if stream not in self._row:
             return None
-        return SharedReadings(self._child.memory, HEAD, ROWS, self._row.size, self._row[stream].start)
+        row, tick = self._row, self._process.reader.tick
+        columns = row.size, row[stream].start, row.at(_HOST), row.at(_SENSOR)
+        return SharedReadings(self._child.memory, HEAD, ROWS, *columns, tick)
 
     def batches(self) -> Iterator[Batch]:
         """What has come, every 4 ms; raises DeviceError as soon as the sensor fails."""

@@ -135,7 +135,7 @@ class RunFolder:
         try:
             return toml_tables(self.pipeline_text)
         except tomllib.TOMLDecodeError as error:
-            raise LogError(f"{self.pipeline}: is a damaged pipeline: {error}") from error
+            raise LogError(f"{self.pipeline}: is a damaged pipeline, and not TOML: {error}") from error
 
     @property
     def given(self) -> Path:
@@ -163,10 +163,29 @@ class RunFolder:
         return self.path / "maps"
 
     @property
+    def rehearsal(self) -> str | None:
+        """The twin in whose simulated time the run was made, or None of one that measured; raises LogError.
+
+        Earlier versions wrote it into the result only.
+        """
+        if "rehearsal" in (settings := self.settings.get("run", {})):
+            return str(settings["rehearsal"])
+        found = self.result["run"].get("rehearsal") if self.finished else None
+        return None if found is None else str(found["twin"])
+
+    @property
     def parts(self) -> list[RunFolder]:
-        """This folder and those of its continuations, in their order."""
+        """This folder and those of its continuations, in their order; raises LogError for simulated beside measured."""
         later = sorted(self.path.glob("part-*"), key=lambda part: int(part.name.rpartition("-")[2]))
-        return [self, *(RunFolder(part) for part in later)]
+        parts = [self, *(RunFolder(part) for part in later)]
+        simulated = {part.path: part.rehearsal is not None for part in parts if later and part.began}
+        if len(set(simulated.values())) > 1:
+            names = ", ".join(str(path) for path, is_simulated in simulated.items() if is_simulated)
+            raise LogError(
+                f"{self.path}: holds simulated and measured parts, which are never joined: {names} is of a rehearsal; "
+                "move what does not belong here into a folder of its own"
+            )
+        return parts
 
     @property
     def next_part(self) -> Path:

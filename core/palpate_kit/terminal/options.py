@@ -36,3 +36,4 @@ WhereOption = Annotated[
         help="Of a folder of fits of many curves only these, such as 'verdict:doubtful sample=S1 E>100 rms<0.05'.",
     ),
 ]  # fmt: skip
+UnchangedOption = Annotated[bool, typer.Option("--yes", help="Ask nothing: specimen and tool are still the same.")]

@@ -16,6 +16,7 @@ from palpate.host import (
     SafetySettings,
     load_pipeline,
     ports_of,
+    refuse_rehearsal,
     wrong_channels,
 )
 
@@ -49,6 +50,7 @@ class CalibrationPlan:
 def load_plan(path: Path, overrides: Iterable[str] = ()) -> CalibrationPlan:
     """The calibration plan in a file; raises ConfigurationError with every mistake at once, each with its line."""
     pipeline = load_pipeline(path, overrides, estimates=False)
+    refuse_rehearsal(pipeline)
     settings = pipeline.tables.get("calibration", CalibrationSettings())
     assert isinstance(settings, CalibrationSettings)
     mistakes = [

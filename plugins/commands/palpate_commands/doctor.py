@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 from palpate import UserError
-from palpate.host import load_pipeline
+from palpate.host import load_pipeline, refuse_rehearsal
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 
@@ -28,7 +28,9 @@ def doctor(
 ) -> None:
     """Connect every device and look: ports, rates, pauses, clocks, noise at rest, the limits. Nothing moves."""
     found = []
-    for finding in examine(load_pipeline(file, overrides or []), duration):
+    pipeline = load_pipeline(file, overrides or [])
+    refuse_rehearsal(pipeline)
+    for finding in examine(pipeline, duration):
         found.append(finding)
         if verbose and not as_json:
             typer.echo(_line(finding))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,15 @@ _FOLLOWED = 1e-3  # [m] that a tip may be from where the motion has it
 _ROWS = 2000  # of the record that are compared for it
 
 
-def remaining_pipeline(folder: Path) -> Pipeline | None:
+def remaining_pipeline(folder: Path, overrides: Sequence[str] = ()) -> Pipeline | None:
     """The pipeline that does what a run and its continuations left undone, or None where all was finished.
 
-    Every part may have left something; a later part whose motion is just that has done it. Raises ConfigurationError
-    where a motion can only be done as one.
+    Every part may have left something; a later part whose motion is just that has done it. The pipeline is that of the
+    part, with overrides on top. Raises ConfigurationError where a motion can only be done as one, or is overridden.
     """
+    for assignment in overrides:
+        if assignment.startswith("trajectory."):
+            raise ConfigurationError(f"--set {assignment}: what is left of a motion is as recorded; run another one")
     run = RunFolder(folder)
     recorded_pipeline(folder)
     left: list[tuple[Path, Pipeline, Trajectory]] = []
@@ -42,7 +46,7 @@ def remaining_pipeline(folder: Path) -> Pipeline | None:
     if not isinstance(remaining, Resumable):
         (name,) = pipeline.trajectories
         raise ConfigurationError(f"{where}: [trajectory.{name}] cannot be continued, only repeated: run it again")
-    return continue_pipeline(pipeline, remaining, len(run.parts))
+    return continue_pipeline(recorded_pipeline(where, overrides), remaining, len(run.parts))
 
 
 def _remaining(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> Trajectory | None:

@@ -15,6 +15,8 @@ from palpate_kit.runs.result_file import open_table
 from palpate_kit.runs.run_folder import RunFolder, TrackTable
 from palpate_kit.runs.skin_places import skin_of, skin_places
 
+_OF_A_PART = ("trajectory", "run.seed", "run.rehearsal", "safety", "sink")  # what a continuation may have otherwise
+
 
 @dataclass(frozen=True)
 class Path2D:
@@ -70,12 +72,12 @@ def _accepted(folder: Path) -> list[RunFolder]:
 
 
 def demand_one_pipeline(run: RunFolder) -> None:
-    """Raise LogError where a continuation was not made with the settings of the run, its motion and seed apart."""
+    """Raise LogError where a continuation has other settings than the run, beyond motion, seed, limits and sinks."""
     own = run.pipeline_text if run.began else None
     for part in run.parts[1:] if own is not None else ():
         if part.began:
             text = part.pipeline_text
-            if differing := differences(text, own or "", ("trajectory", "run.seed")):
+            if differing := differences(text, own or "", _OF_A_PART):
                 raise LogError(f"{part.path}: is no continuation of {run.path}, nothing is mixed: {differing}")
 
 

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 from palpate import ArmTruth, ConfigurationError, DeviceError, HoldUp, SimulatedTwin, Time, Twin
-from palpate.host import Pipeline, Result, SafetySettings, load_pipeline, plain_settings, run_pipeline, suggest
+from palpate.host import Pipeline, Result, SafetySettings, load_pipeline, run_pipeline, suggest
 from palpate_kit.terminal.options import DetailsOption, FolderOption, Overrides
 from palpate_kit.terminal.result_summary import result_view
 from palpate_kit.terminal.table import Table, console
@@ -45,15 +45,9 @@ def rehearse(
 ) -> None:
     """Run the pipeline of a robot in simulated time: nothing real moves, and every time it goes the same way."""
     pipeline = _rehearsed(file, [*(overrides or []), *_of_specimen(specimen or [])])
-    name, twin = next(iter(pipeline.twins.items()))
+    (twin,) = pipeline.twins.values()
     hold_ups, faults = [_hold_up(text) for text in hold_up or []], _faults(fault or [])
-    rehearsal = {
-        "twin": name,
-        "specimen": plain_settings(twin, pipeline.registry).get("specimen"),
-        "faults": fault or [],
-        "hold_ups": hold_up or [],
-        "seed": seed,
-    }
+    rehearsal = {"faults": fault or [], "hold_ups": hold_up or [], "seed": seed}
     result: Result | None = None
     failure: DeviceError | None = None
     with twin.simulated(seed, hold_ups) as bench:
@@ -101,7 +95,7 @@ def _rehearsed(file: Path, overrides: Sequence[str]) -> Pipeline:
             )
         stated += _stand_in(pipeline)
     name = next(iter(pipeline.twins), "rehearsal")
-    return load_pipeline(file, [*stated, *(f"twin.{name}.{entry}" for entry in rest)])
+    return load_pipeline(file, [*stated, *(f"twin.{name}.{entry}" for entry in rest), f'run.rehearsal="{name}"'])
 
 
 def _stand_in(pipeline: Pipeline) -> Iterator[str]:

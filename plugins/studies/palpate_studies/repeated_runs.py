@@ -94,7 +94,7 @@ def perform(
     planned = list(palpations(pipeline))
     if scheduler is not None and _by_the_clock(pipeline):
         raise ConfigurationError(f"{path}: --scheduler is for simulations that keep no clock: an arm moves by itself")
-    wait = _settings(pipeline).wait if _by_the_clock(pipeline) else 0.0
+    wait = _settings(pipeline).wait if _by_the_clock(pipeline) and pipeline.run.rehearsal is None else 0.0
     folder = make_folder(f"{pipeline.run.name}-repeated", out, datetime.now(UTC).astimezone())
     if scheduler is not None:
         return _spread(planned, folder, scheduler, stage)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from palpate import Arm, Batch, Device, Link, Trajectory, clock
 
+from palpate_testing.arm_checks import check_follows, check_stops, set_out
 from palpate_testing.failure_messages import demand
 
 _MOST = 100  # batches of one instant of simulated time
@@ -16,7 +17,8 @@ def check_device(device: Device, trajectory: Trajectory | None = None, seed: int
     Checked: channels known before connecting, with names that differ; batches only of announced streams, of the right
     width, with time-stamps in whole nanoseconds, one per row; `stop` twice does no harm; a device that is connected
     again with the same seed sends the same readings. A live device is listened to for some time [s], `listen`, and may
-    send other readings the second time.
+    send other readings the second time. The tip of an arm is where the motion has it, and that of a live arm stands
+    soon once it is stopped on its way: it moves. Both are judged by the positions that it sends.
     """
     name = type(device).__name__
     names = [stream.name for stream in device.streams]
@@ -35,6 +37,10 @@ def check_device(device: Device, trajectory: Trajectory | None = None, seed: int
         for stamps in (batch.time, batch.received):
             demand(stamps.dtype == np.int64, f"{name}.{batch.stream}: time-stamps must be int64 nanoseconds")
             demand(stamps.shape == (len(batch.values),), f"{name}.{batch.stream}: one time-stamp for each row")
+    if trajectory is not None and moves(device, seed):
+        check_follows(device, first, trajectory, is_whole=not device.live)
+        if device.live:
+            check_stops(device, trajectory, seed, listen)
     second = batches_of(device, trajectory, seed, listen)
     if device.live:
         demand(any(len(batch.time) for batch in second), f"{name} sends nothing when connected again")
@@ -46,24 +52,29 @@ def check_device(device: Device, trajectory: Trajectory | None = None, seed: int
     demand(same, f"{name} sends other readings when connected again with the same seed")
 
 
+def moves(device: Device, seed: int) -> bool:
+    """Whether a device moves the tip."""
+    with device.connect(seed) as link:
+        return isinstance(link, Arm)
+
+
 def batches_of(device: Device, trajectory: Trajectory | None, seed: int, listen: float) -> list[Batch]:
     """What a device sends: all of it, or where it is live what comes within some time [s]."""
     with device.connect(seed) as link:
-        moves = isinstance(link, Arm)
         if isinstance(link, Arm):
             demand(trajectory is not None, f"{type(device).__name__} moves: give check_device a trajectory")
             assert trajectory is not None
-            link.follow(trajectory)
-        found = _heard(link, listen, type(device).__name__) if device.live else list(link.batches())
-        if moves:
-            assert isinstance(link, Arm)
+            if not device.live:
+                link.follow(trajectory)
+        found = _heard(link, listen, type(device).__name__, trajectory) if device.live else list(link.batches())
+        if isinstance(link, Arm):
             link.stop()
             link.stop()
     return found
 
 
-def _heard(link: Link, seconds: float, name: str) -> list[Batch]:
-    """What a live link sends within some time [s]; a silent one cannot hold it up."""
+def _heard(link: Link, seconds: float, name: str, trajectory: Trajectory | None) -> list[Batch]:
+    """What a live link sends within some time [s], and an arm on its motion; a silent one cannot hold it up."""
     found: list[Batch] = []
     failures: list[Exception] = []
     enough = clock().event()
@@ -86,6 +97,8 @@ def _heard(link: Link, seconds: float, name: str) -> list[Batch]:
 
     thread = clock().thread(hear, name)
     thread.start()
+    if isinstance(link, Arm) and trajectory is not None:
+        set_out(link, trajectory)
     thread.join(seconds)
     enough.set()
     if failures:

@@ -89,6 +89,11 @@ _RIG = {
         "The force lags the motion by more than any passive contact can explain; no viscosity is valid.",
         "Calibrate the timing (`palpate calibrate`), or declare the force's delay in [alignment].",
     ),
+    "velocity-other": FlagMeaning(
+        "invalid",
+        "The stated velocity is not how the position changes: of another unit, axis, sign or tip, or frozen.",
+        "Look at the channels of position and velocity, or leave the velocity out.",
+    ),
     "velocity-late": _doubtful(
         "The velocity lags the position: filtered (a mean of n samples is late by (n - 1)/2), or of another clock.",
         "Declare the velocity's delay in [alignment], or leave the velocity out.",

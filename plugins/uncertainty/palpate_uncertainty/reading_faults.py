@@ -12,6 +12,7 @@ from palpate_uncertainty.influence import effects_by_name
 from palpate_uncertainty.uncertainty_budget import per_newton
 
 _LATE = 1e-3  # [s] of the velocity against the position
+_LEAST, _MOST = 0.6, 1.5  # of the velocity in parts of what the position changes by; noise and delay explain less
 _SURE = 5.0  # standard uncertainties of that
 _AIR = 0.2  # of the force that counts as touch: 0.05 N where the sensor has the paper's noise
 
@@ -34,7 +35,14 @@ def velocity_flags(track: TrackEvidence, end: TrackEnd, course: Along | None) ->
     Where the velocity is all that it knows of the motion, the motion is late: theta shifts as with a delay of the force
     of the other sign. Where the position is used as well, only the rate is late: f = -dF/dd' d'' tau.
     """
-    if end.report.velocity_delay is None or track.estimator.motion == "position":
+    if track.estimator.motion == "position":
+        return
+    share = end.report.velocity_share
+    if share is not None and not _LEAST <= share <= _MOST:
+        text = f"the stated velocity is {share:.2g} times what the position changes by: one of the two is wrong"
+        yield Flag("velocity-other", text)
+        return
+    if end.report.velocity_delay is None:
         return
     late, uncertainty = end.report.velocity_delay
     if abs(late) <= max(_LATE, _SURE * uncertainty):

@@ -27,7 +27,9 @@ def send_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings)
             if shared is not None:
                 normal = channels.index(port.column), float(port.signal.sign)
                 force = channels, tare, limits.stop_force, port.signal.channel, *normal
-                arm.watch_force(ForceWatch(shared, *force, contact.ranges, contact.repeats))
+                torque = contact.torques, tuple(contact.torque_tare.tolist()), limits.torque
+                sound = limits.reading_age, contact.repeats, guard.rise.sound
+                arm.watch_force(ForceWatch(shared, *force, contact.ranges, *sound, *torque))
 
 
 def refuse_preload(standstill: float, limits: SafetySettings, port: Port, offset: float | None = None) -> None:

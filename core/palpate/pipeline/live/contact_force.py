@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.alignment import Port
+from palpate.arm_limits import torque_fault
 from palpate.device import Batch, address
 from palpate.errors import DeviceError
 from palpate.repeated_readings import RepeatCount, Repeats
@@ -21,11 +22,13 @@ class ContactForce:
         self.port, self.name = port, port.signal.channel
         self.components = port.components
         self._channels = port.stream.channels
+        self.torques = tuple(i for i, channel in enumerate(self._channels) if channel.unit == _TORQUE)
         self.ranges = tuple(self._range(column) for column in self.components)
         self._low, self._high = np.array(self.ranges).T
         self._rows: list[Floats] = []  # (n, channels) at standstill
         self._stamps: list[NDArray[np.int64]] = []  # [ns]
         self.tare: Floats | None = None  # (components,) [N]
+        self.torque_tare = np.zeros(0)  # (torques,) [N m]
         self.repeats: Repeats | None = None
         self._count: RepeatCount | None = None
 
@@ -59,6 +62,8 @@ class ContactForce:
                 f"{repeats.names[0]} repeats its reading in every digit through the standstill, {len(rows)} times: the "
                 "sensor or its driver is stuck, or its resolution is too coarse to see that it measures; start it anew"
             )
+        self.torques = tuple(i for i in self.torques if np.isfinite(rows[:, i]).all())  # others are not measured
+        self.torque_tare = rows[:, self.torques].mean(axis=0)
         self.tare = np.nanmean(rows[:, self.components], axis=0)
         self.repeats, self._count = repeats, RepeatCount(repeats)
 
@@ -70,6 +75,10 @@ class ContactForce:
         if ends.any():
             return f"{self._address(self.components[int(np.flatnonzero(ends)[0])])} is at the end of its range"
         return None
+
+    def torque_fault(self, rows: Floats, most: float) -> str | None:
+        """Why readings (n, channels) are a torque over `most` [N m], or none; None where they are in order."""
+        return torque_fault(rows[:, self.torques], self.torque_tare, most)
 
     def repeated(self, rows: Floats) -> str | None:
         """Why the sensor no longer measures, after the next readings (n, channels) of a motion; None where it does."""

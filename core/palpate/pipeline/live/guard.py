@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Mapping
 from typing import Literal
@@ -15,8 +14,11 @@ from palpate.device import Arm, Batch, Retractable
 from palpate.errors import DeviceError
 from palpate.pipeline.live.contact_force import ContactForce
 from palpate.pipeline.live.host_watch import HostWatch
-from palpate.pipeline.live.signal_watch import SignalWatch
+from palpate.pipeline.live.peak_force import PeakForce
+from palpate.pipeline.live.rise_check import RiseCheck
+from palpate.pipeline.live.signal_watch import AHEAD, SignalWatch, refuse_other_clocks
 from palpate.pipeline.live.standstill import Noise, Standstill, refuse_unsteady
+from palpate.pipeline.live.stopped_tip import StoppedTip
 from palpate.safety import SafetySettings
 from palpate.sink import GuardState
 from palpate.vectors import Floats
@@ -31,11 +33,13 @@ _REVERSED = (
 class Guard:
     """Sees every batch first, in the thread that received it.
 
-    It trips on a force beyond `stop_force` in any component that the force's stream declares, a tip below the depth
-    limit, a reading that is at the end of its range, over it or invalid, a sensor that repeats itself or is silent, a
-    silent robot, a stream of force or position that ends, a device that fails, this program being held up, and on being
-    asked. Tripping makes the arms retract where they can, else stop; the first reason counts. Silence is judged by the
-    process that receives: that this one comes late is no silence. Nothing is watched once all arms are done.
+    It trips on a force beyond `stop_force`, or a torque beyond `torque`, in any component that the force's stream
+    declares, a time-stamp that is ahead of its arrival, a tip below the depth limit, a reading that is at the end
+    of its range, over it or invalid, a sensor that repeats itself, is silent or shows no rise on the way in, a silent
+    robot, readings of force or position that come late, a stream of them that ends, a device that fails, this program
+    being held up, and on being asked. Tripping makes the arms retract where they can, else stop; the first reason
+    counts. Silence is judged by the process that receives: that this one comes late is no silence. Nothing is watched
+    once all arms are done.
     """
 
     def __init__(self, limits: SafetySettings | None, ports: Ports) -> None:
@@ -44,7 +48,8 @@ class Guard:
         self._velocity = SignalWatch(ports["velocity"]) if "velocity" in ports.roles else None
         self.contact = ContactForce(ports["force"])
         self._named = self.contact.components.index(ports["force"].column)
-        self._height, self._deeper = math.inf, False  # [m] of the tip; whether it went down lately
+        self._tip, self._deeper = StoppedTip(), False  # whether it went down lately
+        self.rise = RiseCheck(ports["force"], ports["position"])
         self._arms: list[Arm] = []
         self._moving: set[str] = set()  # devices whose motion goes on
         self._ended: set[str] = set()  # devices that have sent their last batch
@@ -53,17 +58,17 @@ class Guard:
         self._over = clock().event()
         self.reason: str | None = None
         self.tripped: float | None = None  # monotonic [s]
-        self.peak = 0.0  # [N] largest tared reading of any component
-        self.peak_untared = 0.0  # [N] largest reading, with all that the tare takes off
+        self.is_stranded = False  # whether an arm was to stop or leave and did not
+        self.peak = PeakForce()
         self._host = HostWatch(limits.held_up if limits is not None else None, self._over, self.trip)
 
     @property
     def state(self) -> GuardState:
         """What it does now."""
         if self.reason is not None:
-            return GuardState("tripped", self.reason, self.peak)
+            return GuardState("tripped", self.reason, self.peak.tared)
         phase: Literal["standstill", "motion", "over"] = "motion" if self._host.is_watching else "standstill"
-        return GuardState("over" if self._over.is_set() else phase, None, self.peak)
+        return GuardState("over" if self._over.is_set() else phase, None, self.peak.tared)
 
     @property
     def force(self) -> Port:
@@ -79,6 +84,12 @@ class Guard:
     def standstill_middle(self) -> int:
         """When [ns] that standstill was half over, on the host's clock."""
         return self._force.standstill_middle
+
+    def expect_rise(self, inertia: float, set_force: float) -> None:
+        """From now on the force has to rise on the way in, up to one that a law holds [N]; `inertia` [N] of the tip."""
+        assert self._limits is not None
+        still = self._force.at_standstill(), self._position.at_standstill()
+        self.rise.begin(*still, self._limits.rise_window, inertia, set_force)
 
     def begin(self, arms: Mapping[str, Arm]) -> None:
         """From now on the arms are to be stopped, and silence is a fault."""
@@ -103,10 +114,23 @@ class Guard:
         elif self._moving:
             self._ended_early(device)
 
-    def failed(self, text: str) -> None:
-        """A device has failed: no fault once all arms are done."""
-        if not self._over.is_set():
-            self.trip(text)
+    def failed(self, text: str, device: str) -> None:
+        """A device has failed: no fault once all arms are done, a second one of an arm that is to leave."""
+        if self._over.is_set():
+            return
+        if self.reason is None:
+            self.trip(self._tip.standing(text) if device in self._moving else text)
+        elif device in self._moving:
+            self._strand(text)
+
+    def demand_rest(self, patience: float) -> None:
+        """Take note where arms that were stopped `patience` [s] ago have not ended their motion."""
+        if self.tripped is not None and self._moving and not self._over.is_set():
+            self._strand(f"{', '.join(sorted(self._moving))}: no end of its motion within {patience:g} s")
+
+    def _strand(self, text: str) -> None:
+        self.is_stranded = True
+        self._add(self._tip.stranded(text))
 
     def _ended_early(self, device: str) -> None:
         needed = [watch.name for watch in (self._force, self._position) if watch.port.device == device]
@@ -128,6 +152,7 @@ class Guard:
             if self.reason is not None:
                 return
             self.reason, self.tripped = reason, clock().now()
+            self._tip.stop()
         self._stop_arms()
 
     def _add(self, hint: str) -> None:
@@ -145,13 +170,16 @@ class Guard:
 
     def check(self, device: str, batch: Batch, attended: int | None = None) -> None:
         """Look at a batch; `attended`: when the process that receives it last looked for readings [ns]."""
+        key = (device, batch.stream)
         if self._over.is_set():
+            if self.reason is not None and self._force.port.key == key and (tare := self.contact.tare) is not None:
+                self.peak.note(batch.values[:, self.contact.components], tare)  # felt while the arm came to rest
             return
-        if self._host.has_looked(device):
+        if watched := self._host.has_looked(device):
             self._check_silence(device, batch, attended)
         if not len(batch.time):
             return
-        key = (device, batch.stream)
+        self._check_times(key, batch, watched)
         for watch in (self._force, self._position, self._velocity):
             if self.contact.tare is None and watch is not None and watch.port.key == key:
                 watch.add_standstill(batch)
@@ -172,14 +200,37 @@ class Guard:
                 if self._limits is not None and silent > self._limits.sensor_timeout:
                     self.trip(f"{watch.name} is silent for {1e3 * silent:.0f} ms")
 
+    def _check_times(self, key: tuple[str, str], batch: Batch, watched: bool) -> None:
+        for watch in (self._force, self._position):
+            if watch.port.key != key:
+                continue
+            if (leap := watch.leap(batch)) > AHEAD:
+                self.trip(f"a time-stamp of {watch.name} is {leap:.3g} s ahead of its arrival, beyond all before it")
+            watch.age.add(batch.time.tolist(), batch.received.tolist())
+            if watched and self._limits is not None:
+                late = watch.age.complaint(f"readings of {watch.name}", self._limits.reading_age)
+                if late is not None:
+                    self.trip(late)
+
     def _check_height(self, batch: Batch, limits: SafetySettings) -> None:
         height = self._position.port.signal.sign * self._position.of(batch)
         if not np.isfinite(height).all():
             self.trip(f"a reading of {self._position.name} is invalid")
             return
-        self._deeper, self._height = float(height[-1]) < self._height, float(height[-1])
+        self._deeper, self._tip.height = float(height[-1]) < self._tip.height, float(height[-1])
+        self.rise.note_tip(batch, self._tip.height)
+        if self.reason is not None:
+            self._check_obedience(limits)
         if (lowest := float(height.min())) < limits.low[2]:
             self.trip(f"the tip is at {1e3 * lowest:.2f} mm, below the limit of {1e3 * limits.low[2]:g} mm")
+
+    def _check_obedience(self, limits: SafetySettings) -> None:
+        """Stop arms that go on inwards after they were stopped, and say that they do not obey."""
+        if self._moving and (text := self._tip.disobedience(limits)) is not None:
+            self.is_stranded = True
+            for arm in self._arms:
+                arm.stop()
+            self._add(text)
 
     def _check_force(self, batch: Batch, limits: SafetySettings) -> None:
         if self.contact.tare is None:
@@ -190,18 +241,36 @@ class Guard:
             self.trip(fault)
         if np.isfinite(values).all():
             self._check_size(values, self.contact.tare, limits)
-        if (fault := self.contact.repeated(batch.values)) is not None:
+        pushed = self._force.port.signal.sign * (values[:, self._named] - self.contact.tare[self._named])
+        faults = (
+            self.contact.torque_fault(batch.values, limits.torque),
+            self.contact.repeated(batch.values),
+            self.rise.fault(batch, pushed),
+        )
+        for fault in filter(None, faults):
             self.trip(fault)
 
     def _check_size(self, values: Floats, tare: Floats, limits: SafetySettings) -> None:
-        largest = float(np.abs(values - tare).max())
-        self.peak = max(self.peak, largest)
-        self.peak_untared = max(self.peak_untared, float(np.abs(values).max()))
+        largest = self.peak.note(values, tare)
+        self._tip.felt = self.peak.latest
         if largest > limits.stop_force:
             pushed = self._force.port.signal.sign * float(values[-1, self._named] - tare[self._named])
             self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
             if pushed < -_PULL * limits.stop_force and self._deeper:
                 self._add(_REVERSED)
+
+    def awaits_readings(self, waited: float) -> bool:
+        """Whether readings from before the arms stood may still come, a time [s] after that; only after a stop."""
+        if self.reason is None or self._limits is None:
+            return False
+        late = (self._limits.sensor_delay or 0.0) + max(self._force.age.latest, 0.0)
+        return self.peak.may_rise(waited, late, self._limits)
+
+    @property
+    def account(self) -> str | None:
+        """Why the arms were stopped, and by how much the force then passed `force`; None where they were not."""
+        excess = None if self._limits is None else self._limits.excess(self.peak.tared)
+        return self.reason if self.reason is None or excess is None else f"{self.reason}; {excess}"
 
     @property
     def has_stood_still(self) -> bool:
@@ -220,6 +289,7 @@ class Guard:
             raise DeviceError(
                 f"{silent} gave nothing usable at standstill; is the device on, and are its readings valid?"
             )
+        refuse_other_clocks(self._force, self._position)
         speed = float(velocity.std(ddof=1)) if len(velocity) > _ENOUGH else None
         found = Standstill(float(force.mean()), float(force.std(ddof=1)), speed)
         if self._limits is not None and self.contact.tare is None:

@@ -73,9 +73,9 @@ class LiveLinks:
                 if self._ending.is_set():
                     break
         except DeviceError as error:
-            self._guard.failed(str(error))
+            self._guard.failed(str(error), name)
         except BaseException as error:  # whatever a device's code raises, SystemExit as well: the arms must stop
-            self._guard.failed(f"{name}: {type(error).__name__}: {error}")
+            self._guard.failed(f"{name}: {type(error).__name__}: {error}", name)
         finally:
             self._guard.ended(name)
             self._hand_on(name, gathered)
@@ -104,6 +104,12 @@ class LiveLinks:
             if tripped is not None and (not self._moving or clock().now() - tripped > patience):
                 return
             yield self._next(_LOOK)
+
+    def after_the_end(self) -> Iterator[list[tuple[str, Batch]]]:
+        """What comes once the arms are done, for as long as the guard waits for what was felt before."""
+        began = clock().now()
+        while self._running and self._guard.awaits_readings(clock().now() - began):
+            yield self._next(_GATHER)
 
     def remaining(self) -> Iterator[list[tuple[str, Batch]]]:
         """What is still in the queue after `stop`."""

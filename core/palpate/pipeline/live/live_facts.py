@@ -85,8 +85,8 @@ def motion_facts(links: Mapping[str, Link], largest_backlog: int, guard: Guard) 
     return MotionFacts(
         {name: finite_tree(link.health) for name, link in links.items() if isinstance(link, ReportsHealth)},
         largest_backlog,
-        guard.peak,
-        guard.peak_untared,
+        guard.peak.tared,
+        guard.peak.untared,
         tuple(sorted(guard.ended_early)),
-        None if guard.reason is None or guard.tripped is None else (guard.reason, guard.tripped),
+        None if guard.account is None or guard.tripped is None else (guard.account, guard.tripped),
     )

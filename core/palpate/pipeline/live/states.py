@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from palpate.alignment import GRAVITY
 from palpate.clocks import clock
 from palpate.device import ReportsHealth
 from palpate.errors import ConfigurationError, DeviceError, error_text
+from palpate.force_rise import NO_SET_FORCE
 from palpate.pipeline.live.approach import check_start
 from palpate.pipeline.live.arm_preparation import refuse_preload, send_limits
 from palpate.pipeline.live.live_run import LiveRun
 from palpate.pipeline.live.retreat_check import RetreatCheck, check_tip_is_free
 from palpate.pipeline.live.standstill import Noise, Standstill
 from palpate.pipeline.live.stored_offset import Offset, stored_offset
+from palpate.safety import SafetySettings
+from palpate.trajectory import ForceControlled, Trajectory, surface_of
 
+_TIP = 0.2  # [kg] behind a sensor, where it is not stated: at most so much, as a rule
 _PATIENCE = 8.0  # [s] for a retraction, or for a device that is slow to begin
 
 
@@ -59,10 +64,22 @@ def get_ready(live: LiveRun, standstill: Standstill, offset: Offset | None) -> R
         return None
     known = offset.value if offset is not None and offset.doubt is None else None
     refuse_preload(standstill.force, limits, guard.force, known)
+    guard.expect_rise(_inertia(live.rig.alignment.tip_mass, trajectory, limits), _set_force(trajectory))
     send_limits(live.links.links, guard, limits)
     check_start(live.arms.values(), trajectory, limits)
     guard.begin(live.arms)
     return check_tip_is_free(live)
+
+
+def _set_force(trajectory: Trajectory) -> float:
+    """The force [N] that a law of the motion holds."""
+    return trajectory.force_law.force if isinstance(trajectory, ForceControlled) else NO_SET_FORCE
+
+
+def _inertia(tip_mass: float | None, trajectory: Trajectory, limits: SafetySettings) -> float:
+    """What acceleration adds to the force [N] at most, and the weight of a tool that turns over a surface."""
+    turning = 0.0 if surface_of(trajectory) is None else GRAVITY
+    return (_TIP if tip_mass is None else tip_mass) * (limits.acceleration + turning)
 
 
 def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
@@ -80,8 +97,14 @@ def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
             live.pass_on(arrivals)
             if live.interrupt.reason is not None:
                 guard.trip(live.interrupt.reason)  # a signal takes note, and trips nothing
+        for arrivals in live.links.after_the_end():
+            live.pass_on(arrivals)
+        guard.demand_rest(_PATIENCE)
     except BaseException as error:
         guard.trip(error_text(error))
         for arrivals in live.links.to_the_end(_PATIENCE):  # let the arms retract
             live.pass_on(arrivals)
+        guard.demand_rest(_PATIENCE)
+        if guard.is_stranded:
+            raise DeviceError(guard.reason) from error
         raise

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError, DeviceError, Force, clock
-from palpate.host import Pipeline, load_pipeline, make_folder, suggest, withdraw_folder, write_new
+from palpate.host import Pipeline, load_pipeline, make_folder, refuse_rehearsal, suggest, withdraw_folder, write_new
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import FolderOption, JsonOption, Overrides
 from palpate_kit.terminal.table import Table, console
@@ -48,6 +48,7 @@ def acceptance(
     softer or longer than declared.
     """
     pipeline = load_pipeline(file, overrides or [])
+    refuse_rehearsal(pipeline)
     limits, visits = demand_limits(pipeline), _visits(step or [])
     force = _stop_force(stop_force, limits.stop_force)
     guide, began = _guide(), datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()

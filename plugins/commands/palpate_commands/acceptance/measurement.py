@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,12 @@ _BEFORE = 0.03  # [s] over which a speed is averaged
 _STEADY = 0.7  # of the speed of the strokes: what is slower was hit at a turn
 _HIGH, _LOW = 0.8, 0.2  # of the speed, between which braking is measured
 _SMOOTH = 3  # states
+_LEFT, _FEW = 1e-3, 20  # [m] from the top of the strokes, before which the force is that of free air; readings
+_ONSET, _RISEN = 6.0, 0.02  # times the noise, or of the largest force: the force shows
+_FREE = 0.3  # [s] between two ways down, at least
+_EARLIEST, _LATEST, _FINE = 0.05, 1.0, 5e-4  # [s] of delays that are tried
+_EVEN = 0.02  # [s] over which force and speed are averaged
+_APART = 0.15  # of the fastest: so much the speeds scatter at least
 
 
 class MissedError(Exception):
@@ -80,6 +87,47 @@ def measure_braking(trace: BrakingTrace, event: float, planned: float, inwards: 
         max(way, 0.0),
         step,
     )
+
+
+@dataclass(frozen=True)
+class ForceDelay:
+    """How much later the force comes than the pose, by their stamps."""
+
+    value: float  # [s]
+    std: float  # [s] its standard uncertainty
+
+
+def measure_force_delay(trace: BrakingTrace, time: Floats, force: Floats) -> ForceDelay:
+    """From strokes into a material at different speeds, by times and tared forces (n,) [N]; raises MissedError.
+
+    The force shows a delay after the tip has passed one and the same height on its way down, however fast it goes: the
+    delay is that for which these heights scatter least. Where a force only begins to rise the material's own delay is
+    small, and makes the result too short; foam that has not yet come back makes it too long.
+    """
+    down = trace.height < trace.height.max() - _LEFT
+    before = time < float(trace.time[int(np.argmax(down))])
+    if np.count_nonzero(before) < _FEW:
+        raise MissedError("the sensor sent too few readings before the strokes")
+    count = max(round(_EVEN / float(np.median(np.diff(time)))), 1)
+    even = np.convolve(force, np.full(count, 1 / count), "same")
+    above = np.abs(even) > max(_ONSET * float(even[before].std()), _RISEN * float(np.abs(even).max()))
+    shown = time[above]
+    onsets = shown[np.diff(shown, prepend=-math.inf) > _FREE]
+    few = MissedError(f"the force rose on {len(onsets)} ways down: strokes at two speeds into foam show a delay")
+    if len(onsets) < 2:
+        raise few
+    late = np.asarray(np.arange(-_EARLIEST, _LATEST, _FINE), np.float64)
+    then = onsets[:, None] - late
+    heights = np.interp(then, trace.time, trace.height)  # (strokes, delays)
+    speeds = (np.interp(then - _EVEN, trace.time, trace.height) - heights) / _EVEN
+    scatter = np.where((speeds > 0.0).all(axis=0), heights.std(axis=0), math.inf)
+    best = int(np.argmin(scatter))
+    apart = float(np.std(speeds[:, best]))
+    if apart < _APART * float(speeds[:, best].max()) or not math.isfinite(scatter[best]):
+        raise few
+    step = float(np.median(np.diff(trace.time)))
+    error = float(scatter[best]) / math.sqrt(max(len(onsets) - 2, 1)) / apart
+    return ForceDelay(float(late[best]), math.hypot(error, step))
 
 
 def first_beyond(time: Floats, values: Floats, limit: float) -> float:

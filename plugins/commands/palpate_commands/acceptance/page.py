@@ -50,7 +50,10 @@ class Acceptance:
         return "failed" if self.failed else "passed" if self.is_whole else "passed in part"
 
     def worst(self) -> Iterator[str]:
-        """Latency and deceleration as measured, beside those declared."""
+        """ForceDelay of the force, latency and deceleration as measured, beside those declared."""
+        for late in (outcome.force_delay for outcome in self.outcomes if outcome.force_delay is not None):
+            declared = f"`sensor_delay` = {1e3 * (self.limits.sensor_delay or 0.0):.1f} ms is declared"
+            yield f"the force comes {1e3 * late.value:.0f} ± {1e3 * late.std:.0f} ms after the pose; {declared}"
         found = [outcome for outcome in self.outcomes if outcome.braking is not None]
         of_latency = [o.braking.reaction for o in found if o.braking and o.visit.step.bound in ("latency", "reaction")]
         softest = [o.braking.deceleration for o in found if o.braking]
@@ -112,8 +115,9 @@ class Acceptance:
             "Each number is followed by what is declared. Reaction: from the event to the beginning of braking. The "
             "event is the robot's own report of the stop, the signal, the sensor's last reading before its cable was "
             "pulled, or the reading that passed the limit. Way: from the event until the tip stands or turns back; "
-            "v tau + v^2/2a is allowed, v being the most speed until it brakes. Times are known to the spacing of the "
-            "robot's states."
+            "v tau + v^2/2a is allowed, v being the most speed until it brakes. Where nothing is stopped the reaction "
+            "is how late the force comes after the pose: it belongs into `sensor_delay`. Times are known to the "
+            "spacing of the robot's states."
         )
         yield ""
         yield "What the run told:"
@@ -128,6 +132,9 @@ def row_of(outcome: Outcome) -> tuple[str, ...]:
     """A step as texts, each number with what is declared."""
     visit, found, allowed = outcome.visit, outcome.braking, outcome.allowed
     verdict = "; ".join(outcome.problems) or "passed"
+    if (late := outcome.force_delay) is not None:
+        times = f"{1e3 * late.value:.0f} ({1e3 * allowed.reaction:.0f})"
+        return visit.name, visit.step.what, "", times, "", "", verdict
     if found is None:
         return (
             visit.name,
@@ -151,8 +158,9 @@ def row_of(outcome: Outcome) -> tuple[str, ...]:
 
 
 def _step(outcome: Outcome) -> dict[str, Any]:
-    found = outcome.braking
-    declared = asdict(outcome.allowed) | ({} if found is None else {"way": outcome.allowed.way(found.speed)})
+    found = outcome.braking or outcome.force_delay
+    braking = outcome.braking
+    declared = asdict(outcome.allowed) | ({} if braking is None else {"way": outcome.allowed.way(braking.speed)})
     return {
         "name": outcome.visit.name,
         "what": outcome.visit.step.what,

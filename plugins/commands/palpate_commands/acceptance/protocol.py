@@ -8,11 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from palpate import ConfigurationError, DeviceError, clock, host_time_ns
+from palpate import ConfigurationError, DeviceError, Floats, clock, host_time_ns
 from palpate.host import Pipeline, SafetySettings, check_own_motion, own_motions
 
 from palpate_commands.acceptance.job import StrokesJob
-from palpate_commands.acceptance.measurement import Braking, MissedError, first_beyond, measure_braking
+from palpate_commands.acceptance.measurement import (
+    Braking,
+    ForceDelay,
+    MissedError,
+    first_beyond,
+    measure_braking,
+    measure_force_delay,
+)
 from palpate_commands.acceptance.observer import Observer, WatchedArm, observed
 from palpate_commands.acceptance.steps import AcceptanceStep, Visit
 from palpate_commands.acceptance.strokes import Strokes, demand_limits, plan_strokes, strokes_pipeline
@@ -49,11 +56,15 @@ class Outcome:
     allowed: Allowed
     braking: Braking | None  # None where nothing could be measured
     told: str  # what the run gave as its reason, or why nothing was measured
+    force_delay: ForceDelay | None = None  # of the force, where that was what the step was for
 
     @property
     def problems(self) -> tuple[str, ...]:
         """What of it is worse than declared; the spacing of the states is left out of account."""
         found, allowed = self.braking, self.allowed
+        if self.force_delay is not None:
+            late = self.force_delay.value - 2.0 * self.force_delay.std > allowed.reaction
+            return ("the force comes later than declared",) if late else ()
         if found is None:
             return ("not measured",)
         verdicts = (
@@ -129,6 +140,7 @@ class AcceptanceProtocol:
             "latency": limits.latency,
             "reaction": limits.reaction,
             "sensor_timeout": limits.sensor_timeout,
+            "sensor_delay": limits.sensor_delay or 0.0,
             "blind": max(blind, limits.latency),
         }
         return Allowed(of[step.bound], limits.deceleration)
@@ -139,7 +151,7 @@ class AcceptanceProtocol:
             if why:
                 self._guide.say(f"  once more: {why}")
             try:
-                braking, told = self._attempt(visit)
+                outcome = self._attempt(visit, allowed)
             except MissedError as error:
                 why = str(error)
                 self._recover(visit)
@@ -149,7 +161,7 @@ class AcceptanceProtocol:
                 self._guide.ask(f"  nothing moved: {why}; see to that")
                 continue
             self._recover(visit)
-            return Outcome(visit, allowed, braking, told)
+            return outcome
         return Outcome(visit, allowed, None, f"{step.name} in {_ATTEMPTS} attempts: {why}")
 
     def _recover(self, visit: Visit) -> None:
@@ -157,7 +169,7 @@ class AcceptanceProtocol:
         if what := "; ".join(text for text in (visit.step.then, lift) if text):
             self._guide.ask(f"  {what}")
 
-    def _attempt(self, visit: Visit) -> tuple[Braking, str]:
+    def _attempt(self, visit: Visit, allowed: Allowed) -> Outcome:
         self._runs += 1
         folder = self._folder / f"{self._runs:02d}-{visit.name.replace('/', '-')}"
         strokes, origin = self._strokes(visit), host_time_ns()
@@ -168,8 +180,12 @@ class AcceptanceProtocol:
             self.identity = self.identity or observer.health
             event = self._stopped(visit, observer, job, strokes, origin)
             trace = observer.trace(origin)
+            if not visit.step.stops:
+                found = measure_force_delay(trace, *self._tared(job, origin))
+                return Outcome(visit, allowed, None, self._told(job) or "it came to its end", found)
             event = self._event_of(visit, observer, job, origin) if event is None else event
-            return measure_braking(trace, event, strokes.speed, visit.step.leaves), self._told(job)
+            braking = measure_braking(trace, event, strokes.speed, visit.step.leaves)
+            return Outcome(visit, allowed, braking, self._told(job))
 
     def _told(self, job: StrokesJob) -> str:
         stop = job.run.live_facts.get("stop") or {}
@@ -187,7 +203,7 @@ class AcceptanceProtocol:
         elif step.by_hand:
             self._wait_for_a_hand(visit, observer, job, strokes)
         else:
-            self._wait(lambda: not job.is_running, _START + strokes.duration)
+            self._wait(lambda: not job.is_running, _START + 2.0 * strokes.lasts)
         self._wait_for_rest(observer)
         if step.number == signal.SIGSTOP:
             job.send(signal.SIGCONT)
@@ -238,15 +254,23 @@ class AcceptanceProtocol:
         """When [s] it happened, by what the robot or the sensor said."""
         if visit.step.modes:
             return observer.mode_change(origin, visit.step.modes)
+        if visit.step.name != "force":
+            return float(self._readings(job, origin)[0][-1])
+        return first_beyond(*self._tared(job, origin), self._stop_force)
+
+    @staticmethod
+    def _readings(job: StrokesJob, origin: int) -> tuple[Floats, Floats]:
         time, force = job.run.readings(origin)
         if not len(time):
             raise MissedError("the sensor sent no readings")
-        if visit.step.name != "force":
-            return float(time[-1])
+        return time, force
+
+    def _tared(self, job: StrokesJob, origin: int) -> tuple[Floats, Floats]:
+        time, force = self._readings(job, origin)
         standstill = job.run.live_facts.get("standstill")
         if standstill is None:
             raise self._refusal(job)
-        return first_beyond(time, force - standstill["force"], self._stop_force)
+        return time, force - standstill["force"]
 
     def _wait_for_rest(self, observer: Observer) -> None:
         """Until the arm has stood for a while, or for as long as patience lasts."""

@@ -17,7 +17,8 @@ class AcceptanceStep:
 
     name: str
     what: str  # what happens
-    bound: Literal["latency", "reaction", "sensor_timeout", "blind"]  # what declares how soon braking has to begin
+    # What declares how soon braking has to begin; sensor_delay: how late the force may come, for nothing is stopped.
+    bound: Literal["latency", "reaction", "sensor_timeout", "blind", "sensor_delay"]
     ask: str = ""  # of a person, while the arm moves; empty: this program does it
     then: str = ""  # of a person, afterwards
     modes: tuple[int, ...] = ()  # safety modes by which the controller tells of it
@@ -25,6 +26,11 @@ class AcceptanceStep:
     group: bool = False  # to all of its processes
     sites: tuple[Site, ...] = ("free-air", "foam")
     leaves: bool = True  # whether the arm leaves the material by itself
+
+    @property
+    def stops(self) -> bool:
+        """Whether the motion is stopped: else strokes at two speeds go to their end."""
+        return self.bound != "sensor_delay"
 
     @property
     def by_hand(self) -> bool:
@@ -35,6 +41,7 @@ class AcceptanceStep:
 STEPS: Mapping[str, AcceptanceStep] = {
     step.name: step
     for step in (
+        AcceptanceStep("delay", "strokes at two speeds: how late the force comes", "sensor_delay", sites=("foam",)),
         AcceptanceStep(
             "estop",
             "the emergency stop is pressed",

@@ -19,6 +19,7 @@ _AT_ANY_TIME, _ON_THE_WAY_DOWN = 0.8, 1.5  # [s] that a stroke takes at least wh
 _SOFT = 4.0  # times its own mean acceleration that a turn may take at most; its profile needs 1.9
 _PATIENCE = 60.0  # [s] of strokes where a person stops them
 _FEW = 15.0  # [s] otherwise
+_CYCLES, _SLOW = 2, 0.25  # strokes at each of two speeds, the slower a part of the faster
 _KIND = "load-unload"
 
 
@@ -30,7 +31,8 @@ class Strokes:
     bottom: float  # [m]
     speed: float  # [m/s]
     turn: float  # [s] of each turn
-    duration: float  # [s] of all of them
+    duration: float  # [s] of all of them at that speed
+    slow: float | None = None  # [m/s] of as many before them
 
     @property
     def straight(self) -> tuple[float, float]:
@@ -38,7 +40,17 @@ class Strokes:
         bend = self.speed * self.turn / 2
         return self.top - bend, self.bottom + bend
 
-    def table(self) -> dict[str, float]:
+    @property
+    def speeds(self) -> tuple[float, ...]:
+        """[m/s] one after the other."""
+        return (self.speed,) if self.slow is None else (self.slow, self.speed)
+
+    @property
+    def lasts(self) -> float:
+        """Time [s] that all of them take, but for their turns."""
+        return self.duration * sum(self.speed / speed for speed in self.speeds)
+
+    def table(self) -> dict[str, float | None]:
         """In SI."""
         return asdict(self)
 
@@ -68,6 +80,8 @@ def plan_strokes(pipeline: Pipeline, visit: Visit, allowed: float) -> Strokes:
     least = max(slow if visit.step.by_hand else 0.0, allowed + _BLIND_SPARE)
     speed = min(speed, 0.8 * way / least)
     turn = _SOFT * speed / limits.acceleration
+    if not visit.step.stops:
+        return Strokes(top, bottom, speed, turn, _CYCLES * 2.0 * way / speed, _SLOW * speed)
     return Strokes(top, bottom, speed, turn, _PATIENCE if visit.step.by_hand else _FEW)
 
 
@@ -101,7 +115,7 @@ def strokes_pipeline(pipeline: Pipeline, strokes: Strokes, stop_force: float | N
         "depth": middle - strokes.bottom,
         "clearance": strokes.top - middle,
         "surface": {"height": middle},
-        "speeds": [strokes.speed],
+        "speeds": list(strokes.speeds),
         "cycles": max(1, round(strokes.duration * strokes.speed / (2 * (strokes.top - strokes.bottom)))),
         "turn": strokes.turn,
         "standstill": 0.0,

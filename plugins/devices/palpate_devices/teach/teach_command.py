@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, Length
-from palpate.host import Pipeline, load_pipeline, suggest
+from palpate.host import Pipeline, load_pipeline, refuse_rehearsal, suggest
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 from pydantic import TypeAdapter, ValidationError
@@ -59,6 +59,7 @@ def teach(
     nothing written, where something contradicts.
     """
     pipeline = load_pipeline(file, overrides or [])
+    refuse_rehearsal(pipeline)
     name, arm = _robot(pipeline)
     steps, allowed = _steps(step or []), _length(tolerance)
     if out is not None and out.exists():

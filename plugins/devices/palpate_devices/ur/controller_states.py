@@ -40,24 +40,20 @@ _REDUCED = (
 )
 
 
-def complaint(modes: tuple[int, int, int], height: float | None) -> str | None:
-    """Why the arm cannot continue, from robot mode, safety mode and runtime state; None where it can.
-
-    `height` [m] of the tip over the nominal skin, where it was in motion.
-    """
+def complaint(modes: tuple[int, int, int]) -> str | None:
+    """Why the arm cannot continue, from robot mode, safety mode and runtime state; None where it can."""
     robot, safety, runtime = modes
-    stands = "" if height is None else f" The tip stands at a height of {1e3 * height:.1f} mm."
     if safety not in _SAFE:
         what = _SAFETY.get(safety, f"safety mode {safety}")
         way_out = f"; {_WAY_OUT[safety]}." if safety in _WAY_OUT else "."
-        return f"the robot is in {what}{way_out}{stands}"
+        return f"the robot is in {what}{way_out}"
     if robot != RUNNING:
         name, remedy = _ROBOT.get(robot, (f"mode {robot}", "look at the pendant for the cause"))
-        return f"the robot is {name}, not RUNNING; {remedy}.{stands}"
+        return f"the robot is {name}, not RUNNING; {remedy}."
     if runtime in _PAUSES:
-        return f"the robot's program was paused on the pendant.{stands}"
+        return "the robot's program was paused on the pendant."
     if runtime != PLAYING:
-        return f"the robot's program was stopped (pendant, dashboard, watchdog or a pose out of reach).{stands}"
+        return "the robot's program was stopped (pendant, dashboard, watchdog or a pose out of reach)."
     return None
 
 

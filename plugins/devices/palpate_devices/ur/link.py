@@ -9,6 +9,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import typer
 from palpate import (
     ArmLimits,
     Batch,
@@ -47,10 +48,22 @@ if TYPE_CHECKING:
 
 _POSE, _TWIST = ROW.span("position", "rotation"), ROW.span("velocity", "turning")
 
+RATE = 1.0 / PERIOD  # [Hz] of the controller's states
+_RATE_SLACK = 0.02  # of it
 _POLL = 0.006  # [s]
 _BEAT_SLACK = 0.02  # [s]
 _SHORTEST_RETREAT = 0.1e-3  # [m]
 _HEARD = 0.02  # [s] until the servo process has heard of it
+
+
+def other_rate(rate: float) -> str | None:
+    """What is said of a controller that sends its state at a rate [Hz] other than expected; None where it does not."""
+    if abs(rate - RATE) <= _RATE_SLACK * RATE:
+        return None
+    return (
+        f"the controller sends its state at {rate:.0f} Hz in place of {RATE:.0f} Hz: the motion goes by time, and is "
+        "recorded more coarsely"
+    )
 
 
 class URLink:
@@ -70,6 +83,9 @@ class URLink:
         self._stopped: dict[str, Any] = {}  # why it stopped by itself, and when
         self._turned = np.array([1.0, 1e-3, 1e-6, 1e-9])  # the first quaternion's largest part is positive
         self._states = 0
+        self._other_rate = other_rate(identity.get("state_rate", RATE))
+        if self._other_rate is not None:
+            typer.echo(f"{child.name}: {self._other_rate}", err=True)
         self._first = self._last = 0
         self._mismatch = 0.0
         self._station: FirstStation | None = None  # of the motion that is about to be made
@@ -84,7 +100,9 @@ class URLink:
         """Stop by itself at a force; see `palpate.SupportsLimits`."""
         readings = asdict(watch.readings)
         facts = {"channels": watch.channels, "tare": watch.tare, "stop": watch.stop, "name": watch.name}
-        facts |= {"normal": watch.normal, "sign": watch.sign, "ranges": watch.ranges}
+        facts |= {"normal": watch.normal, "sign": watch.sign, "ranges": watch.ranges, "age": watch.reading_age}
+        facts |= {"torques": watch.torques, "torque_tare": watch.torque_tare, "torque": watch.torque}
+        facts["sound"] = None if watch.sound is None else asdict(watch.sound)
         facts["repeats"] = None if watch.repeats is None else asdict(watch.repeats)
         self._stop_force = watch.stop
         self._child.hand_over("watch", readings.pop("descriptor"), **readings, **facts)
@@ -268,6 +286,7 @@ class URLink:
         turn, _ = agreement(self._settings.work, self._rotation)
         return {
             **self._identity,
+            **({"flags": {"device": self._other_rate}} if self._other_rate else {}),
             **({"own_stop": self._stopped} if self._stopped else {}),
             "tool_off_by_deg": math.degrees(turn),
             "states": self._states,

@@ -38,6 +38,7 @@ _VARIABLES = [
 _LOAD = ["payload", "payload_cog"]
 _NEAR = 5e-3  # [m] between the controller's pose and that of the nominal kinematics
 _SWING, _FASTEST = 5e-3, 3.0  # [m], [m/s] of a tip: the largest arm of the series reaches 2 m/s
+_ENOUGH, _SELDOM = 10, 0.01  # states that tell their rate; [s] between states at the most
 _TAKES = 0.2  # [s] until the controller's states show a new TCP or payload
 
 
@@ -60,6 +61,7 @@ class Robot:
         self._out, self._origin = self._work.matrix[:3, :3], self._work.matrix[:3, 3]
         self._turned: tuple[Floats, list[float]] | None = None
         self._servo = PERIOD, settings["lookahead"], settings["servo_gain"]
+        self.state_period = PERIOD  # [s] from one state to the next
         self.stamp, self.seen, self.fresh = -1.0, clock().now_ns(), False
         self.state: list[float] = []
         self.modes = (7, 1, PLAYING)
@@ -112,13 +114,30 @@ class Robot:
         self._read_load()
 
     def _wait_for_state(self, settle: float) -> None:
-        deadline, began = clock().now() + 2.0, clock().now()
-        while not self.poll() or clock().now() - began < settle:
+        deadline, began, stamps = clock().now() + 2.0, clock().now(), list[float]()
+        while not (fresh := self.poll()) or clock().now() - began < settle:
+            if fresh:
+                stamps.append(self.stamp)
             if clock().now() > deadline:
                 raise RuntimeError("the controller sends no states")
             clock().sleep(PERIOD)
+        if not math.isfinite(self.stamp):
+            raise RuntimeError("the controller's time-stamp is no number")
+        self._note_rate(stamps)
         since = datetime.fromtimestamp(clock().epoch_ns() / 1e9 - self.stamp, UTC)
         self.facts["powered_since"] = since.isoformat(timespec="seconds")
+
+    def _note_rate(self, stamps: list[float]) -> None:
+        """How often states come, by their time-stamps; raises RuntimeError where an arm cannot be led by so few."""
+        if len(stamps) < _ENOUGH:
+            return
+        period = float(np.median(np.diff(stamps)))
+        self.facts["state_rate"] = 1.0 / period
+        if period > 1.01 * _SELDOM:
+            raise RuntimeError(
+                f"the controller sends its state at {1.0 / period:.0f} Hz; at least {1.0 / _SELDOM:.0f} Hz are needed"
+            )
+        self.state_period = max(period, PERIOD)
 
     def _tell_model(self, settings: dict[str, Any]) -> None:
         q, place = self.state[STATE["joints"]], np.array(self.state[STATE["position"]])
@@ -208,16 +227,19 @@ class Robot:
         """Where the tip is, how fast and how turned; whether it is news since the last look."""
         inwards, fresh = self._out.T, self.fresh
         self.fresh = False
-        position = inwards @ (np.array(self.state[STATE["position"]]) - self._origin)
         rotation = rotation_matrix(self.state[STATE["rotation"]])
         return ArmState(
-            position, inwards @ np.array(self.state[STATE["velocity"]]), rotation, self.state[STATE["joints"]], fresh
+            self.position,
+            inwards @ np.array(self.state[STATE["velocity"]]),
+            rotation,
+            self.state[STATE["joints"]],
+            fresh,
         )
 
     @property
-    def height(self) -> float:
-        """Of the tip in the work frame [m]."""
-        return float((self._out.T @ (np.array(self.state[STATE["position"]]) - self._origin))[2])
+    def position(self) -> Floats:
+        """Of the tip in the work frame (3,) [m]."""
+        return np.asarray(self._out.T @ (np.array(self.state[STATE["position"]]) - self._origin))
 
     def turn(self) -> Floats:
         """Rotation vector (3,) of the tool from where the work frame wants it."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
-from palpate import clock
+from palpate import ReadingAge, clock
 
 from palpate_devices.ur.controller_states import NORMAL, RUNNING, STOPPED, complaint, slowdown
 from palpate_devices.ur.robot import Robot
@@ -13,6 +14,7 @@ from palpate_devices.ur.setpoint_buffer import PERIOD
 _LOST = 0.1  # [s] without a command taken: the link is lost
 _MUTE = 25  # periods in which a stop has to reach the other connection, too
 _HEARD = 0.25  # [s] for a stop to be carried out
+_AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
 _SAFETY_MODES = range(1, 14)  # that a controller has
 _LEAP = "no arm does that; was another TCP set meanwhile?"
 
@@ -30,21 +32,31 @@ class RobotWatch:
     def __init__(self, robot: Robot, timeout: float, beat: Callable[[], object]) -> None:
         self._robot, self._timeout, self._beat = robot, timeout, beat
         self._safety = NORMAL  # mode, at the start of the motion
+        self._age = ReadingAge()
+        self._ahead = math.inf  # [s] of the time-stamp that was most ahead of its arrival
 
     def check_state(self) -> None:
         """Raise RobotFaultError where the newest state makes no sense."""
         robot = self._robot
+        if not math.isfinite(robot.stamp):
+            raise self._garbled("the controller's time-stamp is no number")
+        ahead = robot.stamp - robot.seen / 1e9
+        if ahead > self._ahead + _AHEAD:
+            raise self._garbled(
+                f"the controller's time-stamp is {ahead - self._ahead:.3g} s ahead of its arrival, beyond all before it"
+            )
+        self._ahead = ahead if math.isinf(self._ahead) else max(ahead, self._ahead)
         if not robot.is_number:
             raise self._garbled("the controller's pose or joints are no numbers")
+        self._age.add([round(1e9 * robot.stamp)], [robot.seen])
         if robot.control is not None and (robot.leap is not None or robot.wrong_size is not None):
             raise self._garbled(f"the tip leapt by {1e3 * (robot.leap or 0.0):.0f} mm between two states: {_LEAP}")
 
-    def check_modes(self, moving: bool) -> None:
+    def check_modes(self) -> None:
         """Raise RobotFaultError where the controller's modes say that the arm cannot continue."""
         robot = self._robot
-        if robot.control is None or complaint(robot.modes, None) is None:
+        if robot.control is None or (text := complaint(robot.modes)) is None:
             return
-        text = str(complaint(robot.modes, robot.height if moving else None))
         if robot.modes[1] not in _SAFETY_MODES:
             raise self._garbled(text)
         raise RobotFaultError(text + (self._mute_control() if robot.modes == (RUNNING, NORMAL, STOPPED) else ""))
@@ -60,6 +72,10 @@ class RobotWatch:
         """Why a robot in motion has become slower than it is commanded; None where it has not."""
         robot = self._robot
         return None if robot.control is None else slowdown(robot.paces, robot.modes[1], self._safety)
+
+    def lateness(self, limit: float) -> str | None:
+        """Why the arm is not where its states have it: the latest two were older than a limit [s]; None in time."""
+        return self._age.complaint("the controller's states", limit)
 
     def check_links(self, now: int) -> None:
         """Raise RobotFaultError where a connection is lost or silent."""

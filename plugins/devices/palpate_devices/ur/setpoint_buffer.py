@@ -31,6 +31,7 @@ class Plan:
         self._blocks: dict[int, Floats] = {}  # two at most
         # [m/s], [rad/s], [m] of the rows that were looked over
         self.fastest, self.fastest_turn, self.lowest = 0.0, 0.0, np.inf
+        self.ends = np.zeros((2, PLAN.size))  # first and last row that were looked over
 
     @classmethod
     def of(cls, table: Floats) -> Plan:
@@ -79,6 +80,9 @@ class Plan:
             self.fastest = max(self.fastest, float(ways.max(initial=0.0)) / PERIOD)
             turns = np.linalg.norm(np.diff(rows[:, PLAN["turn"]], axis=0), axis=1)
             self.fastest_turn = max(self.fastest_turn, float(turns.max(initial=0.0)) / PERIOD)
+            self.ends[1] = rows[-1]
+            if first == 0:
+                self.ends[0] = rows[0]
             self.lowest = min(self.lowest, float(rows[:, _PLACE.stop - 1].min()))
             yield rows
 

@@ -12,6 +12,7 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_devices.ur.layout import PLAN
 
+_ROUNDING = 1e-9  # [m]
 _UNIT = 1e-6  # by which the length of a normal may be off 1
 
 
@@ -56,6 +57,14 @@ class StationPlane:
 
 
 LEVEL = StationPlane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
+
+
+def pressed_in_at_the_end(ends: Floats) -> str | None:
+    """Why the tip would stay in the material after a plan with these first and last rows (2, 16); None if not."""
+    first, last = (StationPlane.of_row(row).height(row[PLAN["position"]]) for row in ends)
+    if last >= min(first, 0.0) - _ROUNDING:
+        return None
+    return f"the motion ends with the tip {-1e3 * last:.2f} mm below the skin, where it would stay"
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,9 @@ from palpate_devices.ur.robot_watch import RobotFaultError, RobotWatch
 from palpate_devices.ur.servo import Commander, ServoLaw
 from palpate_devices.ur.servo_pace import Beat, Pace
 from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
-from palpate_devices.ur.station_plane import StationPlane
+from palpate_devices.ur.station_plane import StationPlane, pressed_in_at_the_end
 
-_BLIND = 2_300_000  # [ns] without a new state: of more commands than two on their way only the last would count
+_BLIND = 1.15e9  # [ns] without a new state, of a second between two: of more commands only the last would count
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
 _OWN = 0.85  # of the speed limit: two steps of that in one tick are still below 1.2 of it
 _EXPLAIN = 10  # periods
@@ -128,7 +128,7 @@ class _Loop:
         # A law that reads a frozen position would drive on and on, a force that is not read rises, and commands that
         # lie on a lost link come all at once: without news the arm waits where it is.
         deaf = self._eye is not None and commander.mode in _MOVING and self._eye.deaf(now)
-        if not deaf and now - robot.seen <= _BLIND and robot.unheard <= _UNHEARD:
+        if not deaf and now - robot.seen <= _BLIND * robot.state_period and robot.unheard <= self._unheard:
             self._advance(commander, seen)
         if not robot.servo(commander.command, commander.turn):
             for _ in range(_EXPLAIN):  # the state that says why comes on another connection
@@ -153,11 +153,19 @@ class _Loop:
             self._stop_for(verdict, commander)
 
     def _room(self) -> float:
-        """How far [m] a command may go on, so that all which one tick might take at once makes two of its own steps."""
+        """How far [m] a command may go on, so that all which one tick might take at once is no more than is expected.
+
+        That is two of its own steps, and what comes between two states that come more seldom.
+        """
         limits, ahead = self._fence.limits, self._robot.ahead
         if limits is None or ahead == 0.0:
             return math.inf
-        return float(max(2 * _OWN * limits["speed"] * PERIOD - ahead, 0.0))
+        return float(max(_OWN * limits["speed"] * (PERIOD + self._robot.state_period) - ahead, 0.0))
+
+    @property
+    def _unheard(self) -> float:
+        """For how long [s] no command needs to have been taken, by states that come as seldom as they do."""
+        return _UNHEARD + self._robot.state_period - PERIOD
 
     def _stop_for(self, verdict: Verdict, commander: Commander) -> None:
         """Retract where the arm follows its commands, else stop it where it is."""
@@ -169,7 +177,8 @@ class _Loop:
     def _look_at_force(self, commander: Commander, now: int) -> None:
         if self._eye is None or commander.mode not in _MOVING:
             return
-        text = self._eye.look(now)
+        tip = self._robot.position
+        text = self._eye.look(now, -commander.plane.height(tip), tip)
         if commander.lead is not None:
             commander.lead.hear(self._eye.felt)
         if text is not None:
@@ -190,11 +199,13 @@ class _Loop:
 
     def _check(self, now: int) -> None:
         commander = self._commander
-        self._watch.check_modes(moving=commander is not None and commander.mode != "hold")
+        self._watch.check_modes()
         if commander is None or commander.mode == "hold":
             self._watch.check_start()
-        elif commander.mode in _MOVING and (text := self._watch.slowdown()) is not None:
-            self._stop_for(Verdict(text), commander)  # it leaves the material
+        elif commander.mode in _MOVING:
+            oldest = math.inf if self._fence.limits is None else self._fence.limits.get("reading_age", math.inf)
+            if (text := self._watch.slowdown() or self._watch.lateness(oldest)) is not None:
+                self._stop_for(Verdict(text), commander)  # it leaves the material
         self._watch.check_links(now)
 
     def _listen(self, now: int) -> None:
@@ -256,7 +267,7 @@ class _Loop:
             verdict = self._fence.table(rows)
             text = None if verdict is None else verdict.text
         else:
-            text = self._refusal(offer.law, len(offer.plan) * PERIOD)
+            text = pressed_in_at_the_end(offer.plan.ends) or self._refusal(offer.law, len(offer.plan) * PERIOD)
         if text is not None:
             self._offered = None
             self._refuse(text, commander)

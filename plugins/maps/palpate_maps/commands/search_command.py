@@ -12,7 +12,7 @@ from palpate import ConfigurationError
 from palpate_kit.figures import save_figure
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.json_output import print_aside, print_json
-from palpate_kit.terminal.options import JsonOption, TrackOption
+from palpate_kit.terminal.options import JsonOption, TrackOption, UnchangedOption
 from palpate_kit.terminal.progress import progress, report_progress
 
 from palpate_maps.commands.map_command import Parameter, Run, length
@@ -48,6 +48,7 @@ def search(
         float, typer.Option(help="A lump is certain once points on it have a smaller p-value and leave it in place.")
     ] = 0.001,
     palpation: Annotated[float, typer.Option(help="Seconds of sine at each place.")] = 2.0,
+    yes: UnchangedOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Propose the next places to palpate after a coarse sweep or raster; with --go, visit them.
@@ -55,6 +56,8 @@ def search(
     With --go it ends once every lump is certain, no other place is suspicious, and no patch remains with more than the
     risk, where one is given; or when the budget is spent. It prints how likely a patch remains, and draws where.
     """
+    from palpate_kit.runs.continuation import demand_unchanged
+
     from palpate_maps.area_search import SearchSettings
     from palpate_maps.next_places import Aim
 
@@ -65,6 +68,7 @@ def search(
     with print_aside(as_json):
         rounds = _begin(run, track, parameter, settings, box_of(area), palpation)
         if go:
+            demand_unchanged(rounds.state.motion.pipeline, yes)
             rounds.visit_all(budget)
         else:
             _show(rounds.propose())

@@ -59,6 +59,8 @@ class Controller:
         self.uploads = 0
         self.stuck: list[float] | None = None  # the pose that it keeps reporting
         self.no_number = False  # its pose is none
+        self.stamp_leap = 0.0  # [s] of its time-stamps
+        self.speed_factor = 1.0  # of the tip's speed that it reports
         self.pendant_tcp = arm.tcp
         self.load: tuple[float, tuple[float, ...]] = 0.0, (0.0, 0.0, 0.0)  # [kg] at the flange, its centre [m]
         self._state: dict[str, Any] = {
@@ -176,6 +178,7 @@ class Controller:
         self._safety, self._robot_mode = _NORMAL, _RUNNING
         self._slider, self._scaling, self.arm.pace = 1.0, 1.0, 1.0
         self.unknown_output, self.refuses_start, self.remote, self.deaf = "", False, True, False
+        self.stamp_leap, self.speed_factor = 0.0, 1.0
         self.stuck, self.no_number, self.arm.jammed, self.arm.brakes = None, False, False, math.inf
         self.arm.q, self.arm.qd, self.arm.tcp = q, np.zeros(6), self.pendant_tcp
 
@@ -217,13 +220,13 @@ class Controller:
         measured[:3, :3] = rotation_matrix(shift[3:].tolist()) @ pose[:3, :3]
         emergency = self._safety == _EMERGENCY
         self._state |= {
-            "timestamp": self.now,
+            "timestamp": self.now + self.stamp_leap,
             "actual_q": q.tolist(),
             "actual_qd": qd.tolist(),
             "target_q": arm.q.tolist(),
             "target_qd": arm.qd.tolist(),
             "actual_TCP_pose": pose_of(measured),
-            "actual_TCP_speed": (jacobian @ qd).tolist(),
+            "actual_TCP_speed": (self.speed_factor * (jacobian @ qd)).tolist(),
             "target_TCP_pose": pose_of(pose),
             "actual_TCP_force": self.force.tolist(),
             "ft_raw_wrench": flange_wrench(arm.tip(_FLANGE)[0], *self.load),

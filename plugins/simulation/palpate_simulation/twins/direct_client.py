@@ -15,6 +15,7 @@ from palpate import clock
 
 from palpate_simulation.twins.arm import TICK
 from palpate_simulation.twins.controller import Controller
+from palpate_simulation.twins.delay_line import DelayLine
 from palpate_simulation.twins.rtde import OUTPUTS, layout
 
 _READ_BACK_BYTES = 17
@@ -36,6 +37,7 @@ class DirectPorts:
         self.sockets: list[Any] = []
         self.began = clock().now()
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
+        self.late: DelayLine[dict[str, Any]] = DelayLine()
         self.missing = 0
         self.shut_ports: set[int] = set()
         self.is_open = True
@@ -56,7 +58,9 @@ class DirectPorts:
             self.drop_unsent()
         if self.frozen or self.halved or self.mute:
             return
-        self.latest = dict(self.controller.state())
+        self.late.put(dict(self.controller.state()), clock().now())
+        for state in self.late.take(clock().now()):
+            self.latest = state
         if not self.control_mute and clock().now() >= self._held_until:
             self.latest_control = self.latest
 
@@ -88,6 +92,7 @@ class DirectPorts:
         """Listen and answer again."""
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
         self.missing = 0
+        self.late.clear()
         self.is_open, self._held_until = True, 0.0
         self.drop_unsent()
         self.shut_ports.clear()

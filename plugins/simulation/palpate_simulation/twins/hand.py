@@ -27,11 +27,16 @@ class Hand:
     def release(self) -> None:
         """Nobody touches the arm."""
         self.force = np.zeros(3)  # [N] on the tip
+        self.torque = np.zeros(3)  # [N m] on the tool, about the axes of the sensor
         self._leads = False
 
     def push(self, numbers: list[float]) -> None:
         """Push the tip with a force (3,) [N] from now on; raises ValueError."""
         self.force = np.array(_finite(numbers, 3))
+
+    def twist(self, numbers: list[float]) -> None:
+        """Twist the tool by a torque (3,) [N m] from now on; raises ValueError."""
+        self.torque = np.array(_finite(numbers, 3))
 
     def freedrive(self) -> None:
         """Press the freedrive button, or let go of it; raises ConfigurationError where the arm is stopped."""

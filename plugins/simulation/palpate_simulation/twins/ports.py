@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from palpate_kit.protocols.rdt_packets import PORT
 
 from palpate_simulation.twins.controller import Controller
+from palpate_simulation.twins.delay_line import DelayLine
 from palpate_simulation.twins.sensor_lines import DatagramLine, PseudoTerminal, SerialLine, UdpLine
 from palpate_simulation.twins.sockets import ListeningPorts
 
@@ -21,6 +22,7 @@ class RobotPorts(Protocol):
     halved: bool  # half a state is sent, then none
     missing: int  # bytes that the states lack at their end
     greets_not: bool  # the dashboard does not speak first
+    late: DelayLine[dict[str, Any]]  # on which the states go
     control_mute: bool  # the connection that commands is neither read nor answered
 
     @property

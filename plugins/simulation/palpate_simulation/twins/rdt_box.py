@@ -9,6 +9,7 @@ import numpy as np
 from palpate import Floats
 from palpate_kit.protocols.rdt_packets import PERIOD, REPLY, STOP, STREAM, parse_request
 
+from palpate_simulation.twins.delay_line import DelayLine
 from palpate_simulation.twins.sensor_lines import DatagramLine
 
 COUNTS = {"ati": (1e6, 1e6), "onrobot": (1e4, 1e5)}  # per newton and per newton metre
@@ -33,6 +34,7 @@ class VirtualBox:
         self.sent = self.dropped = 0
         self.fault: str | None = None
         self.corruption, self.sign, self.reply_time, self.lump_time = 0.0, 1.0, 0.0, 0.0
+        self.delay: DelayLine[bytes] = DelayLine()  # on the net
         self.plug_in()
 
     def plug_in(self) -> None:
@@ -55,6 +57,7 @@ class VirtualBox:
     def restore(self) -> None:
         """On the net, and without a fault."""
         self.fault, self.corruption, self.sign, self.lump_time = None, 0.0, 1.0, 0.0
+        self.delay.clear()
         self.plug_in()
 
     def refuse(self, letter: str) -> None:
@@ -62,6 +65,8 @@ class VirtualBox:
 
     def poll(self, now: float) -> None:
         """Requests; `now` [s] is the world's time."""
+        for data in self.delay.take(now):
+            self._write(data)
         with contextlib.suppress(OSError):  # nothing there, or a client that has gone
             command, count = parse_request(self._line.receive()) or (None, 0)
             if command == STREAM:
@@ -83,13 +88,21 @@ class VirtualBox:
     def send(self, instants: Floats, wrench: Floats) -> None:
         """Send the readings (n, 6) taken at instants (n,)."""
         status = _STATUS.get(self.fault or "", 0)
-        for counts in np.rint(self.sign * wrench * self._scale).astype(int).tolist():
+        rows = np.rint(self.sign * wrench * self._scale).astype(int).tolist()
+        for instant, counts in zip(instants.tolist(), rows, strict=True):
             self._sequence = (self._sequence + 1) % (1 << 32)
             if self.fault == "silent" or not self._streaming:
                 continue
             if self.corruption and self._rng.random() < self.corruption:
                 self.dropped += 1  # UDP drops what is damaged
                 continue
-            with contextlib.suppress(OSError):
-                self._line.send(REPLY.pack(self._sequence, self._sequence, status, *counts))
-                self.sent += 1
+            data = REPLY.pack(self._sequence, self._sequence, status, *counts)
+            if self.delay.is_on:
+                self.delay.put(data, instant)
+            else:
+                self._write(data)
+
+    def _write(self, data: bytes) -> None:
+        with contextlib.suppress(OSError):
+            self._line.send(data)
+            self.sent += 1

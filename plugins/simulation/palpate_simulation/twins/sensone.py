@@ -9,6 +9,7 @@ import numpy as np
 from palpate import Floats
 from palpate_kit.protocols.bota_frames import LENGTH, pack_frame
 
+from palpate_simulation.twins.delay_line import DelayLine
 from palpate_simulation.twins.frame_corruption import KINDS, corrupt_frame
 from palpate_simulation.twins.sensor_lines import SerialLine
 
@@ -42,6 +43,7 @@ class VirtualSensor:
         self.reply_time, self.lump_time = _REPLY, 0.0  # [s]
         self._held, self._sent_at = b"", 0.0  # frames that wait for their lump
         self._unsent = b""  # what the terminal did not take
+        self.delay: DelayLine[bytes] = DelayLine()  # on the line
         self._misheard = False  # the port was opened at another baud rate
         self.corruption = 0.0
         self.sign = 1.0
@@ -89,6 +91,7 @@ class VirtualSensor:
         """Plugged in, and without a fault."""
         self.fault, self.corruption, self.sign, self._refuse = None, 0.0, 1.0, ""
         self.reply_time, self.lump_time = _REPLY, 0.0
+        self.delay.clear()
         if self._mode == "unplugged":
             self.plug_in()
 
@@ -114,6 +117,8 @@ class VirtualSensor:
         if self._mode == "boot" and now >= self._boot_at:
             self._write(_TEXT)
             self._mode, self._booted, self._next = "run", now, now
+        for data in self.delay.take(now) if self._mode == "run" else ():
+            self._write(data)
         while self._replies and self._replies[0][0] <= now:
             self._write(self._replies.pop(0)[1])
 
@@ -179,8 +184,14 @@ class VirtualSensor:
             self.sent += bool(frame)
             self.dropped += not frame
             if instant - self._sent_at >= self.lump_time:
-                self._write(self._held)
+                self._deliver(self._held, instant)
                 self._held, self._sent_at = b"", instant
+
+    def _deliver(self, frames: bytes, now: float) -> None:
+        if self.delay.is_on:
+            self.delay.put(frames, now)
+        else:
+            self._write(frames)
 
     def _write(self, data: bytes) -> None:
         if self._misheard:

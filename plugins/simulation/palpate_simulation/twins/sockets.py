@@ -6,10 +6,12 @@ import contextlib
 import socket
 import struct
 import sys
+from typing import Any
 
 from palpate import DeviceError, clock
 
 from palpate_simulation.twins.controller import GREETING, VERSION, Controller
+from palpate_simulation.twins.delay_line import DelayLine
 from palpate_simulation.twins.rtde import ClientSession, packet, packets
 
 RTDE, SCRIPT, DASHBOARD = 30004, 30003, 29999
@@ -72,6 +74,7 @@ class ListeningPorts:
         self.clients: list[Client] = []
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
         self.missing = 0
+        self.late: DelayLine[dict[str, Any]] = DelayLine()
         self._held_until = 0.0  # monotonic time [s]
         self.began = clock().now()  # the controller's zero of time, as a monotonic time [s]
         self.open()
@@ -147,6 +150,7 @@ class ListeningPorts:
         self._held_until = 0.0
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
         self.missing = 0
+        self.late.clear()
         self.open()
 
     @property
@@ -177,10 +181,13 @@ class ListeningPorts:
 
     def broadcast(self) -> None:
         """Send this tick's state to all clients that want it."""
+        now = clock().now()
+        self.late.put(dict(self._controller.state()), now)
+        states = self.late.take(now)
         wanting = [client for client in self.clients if client.session.started and not self._is_mute(client)]
-        if not wanting or self.frozen:
+        if not wanting or self.frozen or not states:
             return
-        state = self._controller.state()
+        state = states[-1]
         for client in wanting:
             data = client.session.data(state, self.missing)
             if not client.send(data[: len(data) // 2] if self.halved else data):

@@ -52,7 +52,7 @@ class World:
             if line is not None
             else VirtualBox(wiring.datagrams(settings.host), settings.sensor_rate, COUNTS[settings.sensor], sensor_seed)
         )
-        self.electronics = Electronics()
+        self.electronics = Electronics(sensor_seed)
         self._rng = np.random.default_rng(noise[2])
         self._rotation = settings.work.matrix[:3, :3].T
         self._mounting = mounting_matrix(settings.mounting)
@@ -63,6 +63,7 @@ class World:
         self._past: deque[tuple[float, Any, Any, Any]] = deque(maxlen=int(settings.force_delay / TICK) + 4)
         self._upright = self.down = -settings.work.matrix[2, :3]  # direction of gravity in the work frame
         self.stalled_until = 0.0
+        self.ticks_per_state = 1  # of the controller, which sends its state so seldom
         self.peak = 0.0
         self._contact = SkinContact()
         self._done = False
@@ -82,6 +83,7 @@ class World:
     def restore(self) -> None:
         """Make everything sound again."""
         self.hand.release()
+        self.ticks_per_state = 1
         self.controller.restore(self._start())
         self.ports.restore()
         self.sensor.restore()
@@ -114,12 +116,18 @@ class World:
             behind = clock().now() - ports.began - controller.now
             for _ in range(int(behind / TICK + _ROUNDING)):
                 self._tick()
-            if behind >= TICK * (1.0 - _ROUNDING):
+            if behind >= TICK * (1.0 - _ROUNDING) and round(controller.now / TICK) % self.ticks_per_state == 0:
                 ports.broadcast()
 
     def end(self, *_: Any) -> None:
         """Let `run` return."""
         self._done = True
+
+    def send_states_at(self, rate: float) -> None:
+        """Let the controller send its state at a rate [Hz], a whole part of its own; raises ValueError."""
+        if not 1.0 <= rate <= 1.0 / TICK:
+            raise ValueError("states come at 1 to 500 Hz")
+        self.ticks_per_state = round(1.0 / (rate * TICK))
 
     @property
     def position(self) -> Any:
@@ -190,7 +198,9 @@ class World:
             accelerations @ self._axes,
             self.down @ self._axes,
         )
-        return sensed_wrench(push, accelerations, *load, down.tolist(), settings.centre_of_mass)
+        wrench = sensed_wrench(push, accelerations, *load, down.tolist(), settings.centre_of_mass)
+        wrench[:, 3:] += self.hand.torque
+        return wrench
 
     def turn_gravity(self, down: Sequence[float]) -> None:
         """Let gravity point along `down` in the axes that the sensor has where the tool looks at the skin."""

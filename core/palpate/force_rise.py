@@ -1,0 +1,190 @@
+"""Whether the force rises as the tip goes deeper: a saturated sensor with noise on top repeats no reading."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from palpate.vectors import Floats
+
+NO_SET_FORCE = 1e9  # [N]; no law holds a force
+LONGEST = 1e-3  # [m] of a window
+_SHARE = 0.2  # of F w/depth: a law F ~ d^n rises by n/2 of it from the mean of one half to that of the other
+_SIGNIFICANT = 5.0  # standard errors
+_POSE = 10.0  # times the noise of the pose, which a window is long at least
+_STEPS = 20  # of a window
+_SLOWER = 0.9  # of the speed from half to half, which falls by a fifth within the window then
+_STANDS = 0.5  # of the speed at the begin of a window: a hold, in which the force relaxes
+_SIDEWAYS = 0.5  # of a window
+_AT_SET_FORCE = 0.9  # of the force that a law holds
+_READINGS = 20  # over which contact is looked for
+_FEW = 4  # readings of half a window
+_QUIET, _BLOCK = 0.2, 100  # of the noise at standstill; readings
+_BLOCKS, _SHORTEST = 40, 8  # of a standstill; readings of one
+
+
+@dataclass(frozen=True)
+class SoundForce:
+    """A sound force at standstill, in free air, and over which ways it has to rise in contact."""
+
+    name: str
+    windows: tuple[float, ...]  # [m]
+    std: float  # [N] of one reading
+    correlation: float  # by so much the variance of a mean is larger than that of independent readings
+    roughness: float  # [N] rms of second differences; 0 where the resolution hides it
+    inertia: float  # [N] of the tip's mass, at most
+    position_std: float  # [m]
+    set_force: float = NO_SET_FORCE  # [N] that a law of the motion holds: there it does not rise
+
+    @classmethod
+    def of(cls, name: str, force: Floats, position: Floats, window: float, inertia: float) -> SoundForce:
+        """From readings (n,) [N] and positions (m,) [m] at standstill, both finite; `window` [m] beside 1 mm."""
+        size = max(len(force) // _BLOCKS, _SHORTEST)
+        means = force[: len(force) // size * size].reshape(-1, size).mean(axis=1)
+        std = float(force.std())
+        of_means = size * float(means.var()) / std**2 if len(means) > 2 and std > 0.0 else 1.0
+        steps = np.diff(np.unique(force))
+        fine = len(steps) > 0 and std >= float(steps.min())
+        roughness = float(np.sqrt(np.mean(np.diff(force, 2) ** 2))) if fine and len(force) > 2 else 0.0
+        position_std = float(position.std())
+        windows = {min(window, LONGEST), LONGEST}
+        judged = tuple(sorted(w for w in windows if w >= _POSE * position_std))
+        return cls(name, judged, std, max(of_means, 1.0), roughness, inertia, position_std)
+
+    def standard_error(self, count: float) -> float:
+        """Of the mean of so many readings [N]."""
+        return self.std * math.sqrt(self.correlation / count)
+
+
+class RiseWatch:
+    """Looks whether the force rises on the way in, at least as a contact law F ~ d^n with n >= 1 does.
+
+    Over a way w inwards, within contact and ending at a depth d, the mean force of the last half exceeds that of the
+    first by F n w/(2 d). Less than a fifth of F w/d is no contact, where that can be told from noise and inertia.
+    Not judged are ways on which the tip slows down, for a part of the force goes with speed, or goes sideways.
+    """
+
+    def __init__(self, sound: SoundForce) -> None:
+        self._sound = sound
+        self._recent: deque[tuple[float, int, float]] = deque()  # way [m], readings, sum [N]
+        self._foot: float | None = None  # [m] at which contact began
+        self._ways: list[float] = []  # [m] inwards, in steps
+        self._rows: list[tuple[float, int, float, Sequence[float]]] = []  # there: time [s], readings, sum [N], place
+        self._count, self._sum = 0, 0.0
+        self._tail = np.zeros(0)  # [N] the latest two readings
+        self._rough, self._differences = 0.0, 0
+
+    def add(self, time: float, forces: Floats, way: float, place: Sequence[float]) -> str | None:
+        """Why the force is not to be believed, after readings (n,) [N] that push out, at a time [s]; None where it is.
+
+        `way` [m] of the tip inwards, from anywhere; `place` [m] of the tip.
+        """
+        if not len(forces):
+            return None
+        count, total = len(forces), float(forces.sum())
+        if not math.isfinite(total):
+            return None  # no reading is judged elsewhere
+        self._note_contact(way, count, total)
+        joined = np.concatenate([self._tail, forces])
+        self._tail = joined[-2:]
+        if self._foot is None:
+            return None
+        self._foot = min(self._foot, way)  # where the material was left behind it is touched again no deeper
+        self._count, self._sum = self._count + count, self._sum + total
+        return self._quiet(joined) or self._flat(time, way, place)
+
+    def _note_contact(self, way: float, count: int, total: float) -> None:
+        self._recent.append((way, count, total))
+        readings = sum(row[1] for row in self._recent)
+        while readings - self._recent[0][1] >= _READINGS:
+            readings -= self._recent.popleft()[1]
+        if readings < _READINGS:
+            return
+        mean = sum(row[2] for row in self._recent) / readings
+        least = _SIGNIFICANT * self._sound.standard_error(readings) + self._sound.inertia
+        if self._foot is None and mean > least:
+            self._foot = self._recent[0][0]
+        elif mean < 0.5 * least:
+            self._foot = None
+            self._forget()
+
+    def _forget(self) -> None:
+        self._ways.clear()
+        self._rows.clear()
+        self._count, self._sum = 0, 0.0
+        self._rough, self._differences = 0.0, 0
+
+    def _quiet(self, readings: Floats) -> str | None:
+        usual = self._sound.roughness
+        second = np.diff(readings, 2)
+        self._rough, self._differences = self._rough + float(second @ second), self._differences + len(second)
+        if self._differences < _BLOCK:
+            return None
+        found = math.sqrt(self._rough / self._differences)
+        self._rough, self._differences = 0.0, 0
+        if found >= _QUIET * usual:
+            return None
+        return (
+            f"the noise of {self._sound.name} in contact is {100 * found / usual:.0f} % of that at standstill: the "
+            "sensor is saturated or stuck, and the force is unknown"
+        )
+
+    def _flat(self, time: float, way: float, place: Sequence[float]) -> str | None:
+        """Whether a whole window of the way in shows no rise."""
+        windows = self._sound.windows
+        if not windows:
+            return None
+        step = windows[0] / _STEPS
+        if self._ways and way < self._ways[-1] + step:
+            if way < self._ways[-1] - max(_POSE * self._sound.position_std, step):  # it goes out
+                self._ways.clear()
+                self._rows.clear()
+            return None
+        self._ways.append(way)
+        self._rows.append((time, self._count, self._sum, place))
+        found = next((text for window in windows if (text := self._judge(window)) is not None), None)
+        if len(self._ways) > 8 * _STEPS and self._ways[2 * _STEPS] < way - LONGEST:
+            del self._ways[:_STEPS], self._rows[:_STEPS]
+        return found
+
+    def _slows_down(self, first: int, middle: int) -> bool:
+        """Whether the tip slows down from half to half of a window, or nearly stands within it."""
+        last = len(self._ways) - 1
+        edges = first, (first + middle) // 2, middle, (middle + last) // 2, last
+        quarters = [self._speed(begin, end) for begin, end in pairwise(edges)]
+        return (
+            self._speed(middle, last) < _SLOWER * self._speed(first, middle)
+            or min(quarters[1:]) < _STANDS * quarters[0]
+        )
+
+    def _speed(self, begin: int, end: int) -> float:
+        return (self._ways[end] - self._ways[begin]) / max(self._rows[end][0] - self._rows[begin][0], 1e-9)
+
+    def _judge(self, window: float) -> str | None:
+        ways, rows, sound = self._ways, self._rows, self._sound
+        first = bisect_right(ways, ways[-1] - window) - 1
+        middle = bisect_right(ways, ways[-1] - 0.5 * window) - 1
+        if first < 0 or middle <= first or self._foot is None:
+            return None
+        (_, n0, sum0, there), (_, n1, sum1, _), (_, n2, sum2, here) = rows[first], rows[middle], rows[-1]
+        length = ways[-1] - ways[first]
+        if min(n1 - n0, n2 - n1) < _FEW or math.dist(here, there) > math.hypot(1.0, _SIDEWAYS) * length:
+            return None
+        low, high = (sum1 - sum0) / (n1 - n0), (sum2 - sum1) / (n2 - n1)
+        if self._slows_down(first, middle) or high > _AT_SET_FORCE * sound.set_force:
+            return None
+        force = (sum2 - sum0) / (n2 - n0)
+        least = _SHARE * force * length / (ways[-1] - self._foot)
+        error = math.hypot(sound.standard_error(n1 - n0), sound.standard_error(n2 - n1))
+        if least < _SIGNIFICANT * error + sound.inertia or high - low >= least:
+            return None
+        return (
+            f"{sound.name} rises by {high - low:.2f} N at {force:.1f} N while the tip goes {1e3 * length:.2f} mm "
+            f"deeper, where any contact gives {least:.2f} N or more: the sensor is saturated, and the force is unknown"
+        )

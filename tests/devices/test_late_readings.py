@@ -1,0 +1,137 @@
+"""Readings and states that come late but regularly: judged by what the twin's arm did, in simulated time."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from palpate import ConfigurationError, DeviceError, clock
+from palpate_simulation.twins.delay_line import DelayLine
+
+from tests.devices.simulated_bench import PIPELINE, SHORT
+from tests.devices.test_force_watch import Line, readings
+
+# Some 27 N/mm at the force that stops, declared as such, and 4 mm/s.
+STIFF = (
+    *(entry for entry in SHORT if not entry.startswith("trajectory.press")),
+    "safety.stiffness=27 N/mm",
+    "safety.latency=40 ms",
+    "device.arm.approach_speed=4 mm/s",
+    "twin.bench.specimen.elasticity=3.4 MPa",
+    "twin.bench.specimen.viscosity=3400 Pa*s",
+    "twin.bench.specimen.surface=0 mm",
+    'run.tracks=["dr/ekf"]',
+)
+MOTION = 'type = "load-unload"\ndepth = "3 mm"\nspeeds = ["4 mm/s"]\nclearance = "3 mm"\nstandstill = "0 s"\n'
+# A rig whose readings come half a second late from the start has to be let begin.
+PATIENT = ("device.sensor.settle=1.5 s", "device.sensor.sensor_timeout=1 s", "safety.sensor_timeout=1 s")
+
+
+@pytest.fixture
+def stiff(simulated, tmp_path):
+    """A rig that presses at 4 mm/s on what has some 27 N/mm."""
+    text = PIPELINE.read_text()
+    begin, end = text.index("[trajectory.press]"), text.index("[alignment]")
+    file = tmp_path / "stiff.toml"
+    file.write_text(f"{text[:begin]}[trajectory.press]\n{MOTION}\n{text[end:]}")
+    return lambda *overrides: simulated(*STIFF, *overrides, pipeline=file)
+
+
+def late_from_the_start(rig, seconds, *overrides):
+    clock().sleep(0.1)
+    rig.fault(f"late-readings {seconds}")
+    clock().sleep(0.1)
+    try:
+        rig.run(*PATIENT, *overrides)
+    except DeviceError as error:
+        return str(error)
+    return "it came to its end"
+
+
+@pytest.mark.slow
+def test_a_sound_rig_stops_within_its_force(stiff):
+    rig = stiff()
+    with pytest.raises(DeviceError, match=r"the force is 12\.\d N, over the limit of 12 N that stops the motion \("):
+        rig.run()
+    assert 12.0 < rig.truth.force < 14.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seconds", "height"), [(0.5, 1.5e-3), (0.1, -0.2e-3), (0.2, -0.2e-3), (0.5, -0.2e-3)])
+def test_a_lateness_that_sets_in_stops_within_the_force(stiff, seconds, height):
+    rig = stiff()
+    error, table, _ = rig.run_into(f"late-readings {seconds}", lambda state: state["height"] < height)
+    assert "readings of sensor.wrench.z come late: the newest is" in error
+    assert "reading_age = 20 ms" in error
+    assert rig.truth.force < 20.0
+    assert rig.wait_at_rest()["height"] > 2e-3  # it has left the material
+    assert table["run"]["live"]["peak_force"] < 20.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seconds", "most"), [(0.1, 22.0), (0.2, 33.0), (0.5, 75.0)])
+def test_one_that_was_there_from_the_start_is_not_seen_and_what_it_did_is_reported(stiff, seconds, most):
+    rig = stiff()
+    error = late_from_the_start(rig, seconds)
+    assert re.match(r"the force is 12\.\d N, over the limit of 12 N", error)
+    assert 20.0 < rig.truth.force < most
+    reached = float(error.split("; the force reached ")[1].split(" N")[0])
+    assert reached == pytest.approx(rig.truth.force, abs=0.5)
+    assert f"{reached - 20.0:.1f} N over [safety] force = 20 N" in error
+    live = json.loads((rig.folder / "out" / "result.json").read_text())["run"]["live"]
+    assert live["stop"]["reason"] in error
+
+
+@pytest.mark.parametrize("seconds", [0.1, 0.2, 0.5])
+def test_a_lateness_that_was_measured_is_refused_before_motion(stiff, seconds):
+    """What `palpate acceptance` finds is the sensor's delay."""
+    rig = stiff()
+    with pytest.raises(ConfigurationError, match=r"4\.0 mm/s inwards the force could reach .* is the fastest approach"):
+        rig.run(f"safety.sensor_delay={seconds} s")
+    assert rig.truth.speed < 1e-4
+
+
+@pytest.mark.slow
+def test_states_that_come_late_stop_the_arm(stiff):
+    rig = stiff()
+    error, _, _ = rig.run_into("late-states 0.2", lambda state: state["height"] < -0.2e-3)
+    assert re.match("(the controller's states|readings of arm.tip.z) come late: the newest is", error)
+    assert rig.truth.force < 12.0
+    assert rig.wait_at_rest()["height"] > 2e-3  # it has left the material
+
+
+def test_the_servo_process_sees_the_lateness_by_itself():
+    line = Line(tick=1000, age=0.02)
+    assert line.run(readings(800), stamped=True)[0] is None
+    text, after = line.run(readings(800, seed=1), stamped=True, late=0.1)
+    assert text.startswith("readings of s.z come late: the newest is 100 ms old")
+    assert after < 0.01
+
+
+def test_a_sensor_without_a_clock_has_no_age():
+    line = Line(tick=0, age=0.02)
+    assert line.run(readings(400, seed=1), stamped=True, late=0.5)[0] is None
+
+
+def test_readings_that_arrive_late_are_no_fresh_ones_in_the_reaction():
+    from tests.core.test_safety import limits
+
+    assert limits(reading_age=0.1, sensor_delay=0.2).reaction == pytest.approx(0.36)
+    assert np.isclose(limits().reaction, 0.08)
+
+
+def test_a_delay_line_thins_out_what_it_holds_and_keeps_its_order():
+    line = DelayLine()
+    line.set(0.1, 1.0)
+    times, found = np.arange(0.9, 2.0, 0.002), {}
+    for now in times.tolist():
+        line.put(now, now)
+        found |= dict.fromkeys(line.take(now), now)
+    late = np.array([found[sent] - sent for sent in sorted(found)])
+    assert list(found) == sorted(found)
+    assert late[:50] == pytest.approx(0.0, abs=1e-9)  # before it was set
+    assert late[-1] == pytest.approx(0.1, abs=3e-3)
+    assert np.diff(sorted(found.values())).max() < 0.005  # it is never silent
+    line.clear()
+    line.put(3.0, 3.0)
+    assert line.take(3.0) == [3.0]
