@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests import busy
+
 ROOT = Path(__file__).parent.parent
 _LIVE = {"bench", "shared_bench", "main_job"}  # fixtures that run a twin in real time
 _BESIDE_A_RIG = ("tests/live_page/test_page.py",)  # live, and no arm moves
@@ -26,6 +28,11 @@ def pytest_configure(config):
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="palpate-state-")
     config.add_cleanup(partial(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True))
+
+
+def pytest_addoption(pluginmanager):
+    """A busy machine fails no live test."""
+    pluginmanager.register(busy)
 
 
 @pytest.hookimpl(wrapper=True)
