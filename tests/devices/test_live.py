@@ -277,12 +277,12 @@ def test_a_signal_to_a_real_process(restored, short, patient, tmp_path):
     twin = restored
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     long = "trajectory.press.duration=30 s"  # a machine that stands still must not let it end before the signal
-    job, folder = twin.start_job(touching, (*short, *patient, long), tmp_path / "out", **pipes)
+    job = twin.start_job(touching, (*short, *patient, long), tmp_path / "out", **pipes)
     job.send_signal(signal.SIGINT)
     text, _ = job.communicate(timeout=120)
     assert job.returncode == 128 + signal.SIGINT, text
     assert twin.wait_at_rest()["height"] > 0.002
-    assert readings(folder / "log.mcap", "arm", "tip")
+    assert readings(tmp_path / "out" / "log.mcap", "arm", "tip")
 
 
 @pytest.mark.parametrize("group", [False, True], ids=["main process", "every process of it"])
@@ -299,7 +299,7 @@ def test_kill_9(restored, short, patient, tmp_path, group):
         log = folder / "log.mcap"
         return state["height"] < -0.001 and log.exists() and log.stat().st_size > 50_000
 
-    job, folder = twin.start_job(recording, (*short, *patient), tmp_path / "out", **quiet)
+    job = twin.start_job(recording, (*short, *patient), tmp_path / "out", **quiet)
     before = twin.state()["complaints"]
     if group:
         os.killpg(job.pid, signal.SIGKILL)
@@ -314,5 +314,5 @@ def test_kill_9(restored, short, patient, tmp_path, group):
         time.sleep(2.0)  # twice what the watchdog waits
         assert twin.state()["complaints"] == before
     assert twin.state()["height"] == pytest.approx(state["height"], abs=2e-4)
-    stamps, _ = joined(readings(folder / "log.mcap", "sensor", "wrench", cut=True))
+    stamps, _ = joined(readings(tmp_path / "out" / "log.mcap", "sensor", "wrench", cut=True))
     assert stamps[-1] - stamps[0] > 0.1e9
