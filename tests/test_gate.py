@@ -57,6 +57,15 @@ def test_every_folder_of_tests_belongs_to_a_family_or_the_core(gate, root):
     assert all((root / place).exists() and (root / test).exists() for place, test in gate.OTHERS.items())
 
 
+def test_the_fixed_set_has_one_of_each_kind(root):
+    """Of each folder with slow tests."""
+    folders = {}
+    for path in root.glob("tests/*/test_*.py"):
+        folders[path.parent.name] = folders.get(path.parent.name, "") + path.read_text()
+    slow = {folder for folder, text in folders.items() if "mark.slow" in text}
+    assert {folder for folder in slow if "mark.gate" not in folders[folder]} == set()
+
+
 def git(folder, *words):
     """What git says, as somebody without settings."""
     who = ("-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false")

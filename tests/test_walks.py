@@ -39,6 +39,7 @@ def test_a_page_leads_from_its_first_line_to_its_last(page, tmp_path):
     assert walk.returncode == 0, walk.stdout + walk.stderr
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_readme_shows_what_its_first_run_prints(palpate, tmp_path):
     readme = (ROOT / "README.md").read_text()

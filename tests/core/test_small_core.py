@@ -79,6 +79,7 @@ NEEDED = {
 }
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_without_a_family(family, root, tmp_path):

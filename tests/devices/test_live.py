@@ -59,6 +59,7 @@ def test_a_short_run_and_its_replay(rig):
     check_replay(rig, result)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_example_as_it_stands(simulated):
     twin = simulated()
@@ -156,6 +157,7 @@ REACTIONS = {
 }
 
 
+@pytest.mark.gate
 @pytest.mark.parametrize(
     "fault", [pytest.param(fault, marks=() if fault in QUICK else pytest.mark.slow) for fault in (*ROBOT, *SENSOR)]
 )
@@ -173,6 +175,7 @@ def test_faults_of_a_link_by_the_real_clients(restored, alert, patient, fault):
     check_fault(restored, fault, *restored.run_into(fault, touching, limits=limits))
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "words"),
@@ -192,6 +195,7 @@ def test_a_force_that_is_not_true_presses_nothing(simulated, fault, words):
     assert state["height"] > 0.002
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_what_is_no_fault(simulated):
     """A text between two states, a stall of 50 ms, frames in lumps, left out measurements, a clock that wraps."""
@@ -213,6 +217,7 @@ def test_what_is_no_fault(simulated):
     assert result.tracks["dr/ekf"].parameters["elasticity"].value == pytest.approx(E_TRUE, rel=0.05)
 
 
+@pytest.mark.gate
 @pytest.mark.parametrize(
     "case",
     [
@@ -237,6 +242,7 @@ def test_the_force_limit(simulated, force_limit, tmp_path, case):
     assert twin.state()["peak_force"] < force_limit.bound(elasticity, speed)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_an_exception_in_the_job_itself(rig, monkeypatch, tmp_path):
     """A bug, a full disk: the arm leaves the material before the error is shown."""
@@ -254,6 +260,7 @@ def test_an_exception_in_the_job_itself(rig, monkeypatch, tmp_path):
     assert readings(tmp_path / "out" / "log.mcap", "arm", "tip")
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_each_signal_ends_a_run_with_the_arm_retracted(rig, number, tmp_path):

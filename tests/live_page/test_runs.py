@@ -11,6 +11,7 @@ from tests.live_page.conftest import meanwhile, opened, read, read_any
 PAGE = 'sink.page.type="live"'
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_stop_on_the_page_retracts_the_arm(run_live, stage, addresses):
     def press():

@@ -38,6 +38,7 @@ def shown(page):
             others.append(header)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("log", [True, False], ids=["by its log", "by its tables"])
 @pytest.mark.parametrize("when", ["before the first row", "after the last"])
