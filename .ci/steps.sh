@@ -1,6 +1,6 @@
 # What .ci/run and .ci/full do, each step a function; to be sourced in the project's folder.
 work=$(mktemp -d)
-trap 'kill $(jobs -p) 2> /dev/null; rm -rf "$work"' EXIT
+trap 'kill $(jobs -p) 2> /dev/null || true; rm -rf "$work"' EXIT
 bin="$work/venv/bin"
 
 # The README's test command, with a Python and with the environment in a folder of its own.
@@ -21,17 +21,21 @@ need_chromium() {
     || { echo "The tests of pages need Chromium, and it cannot be installed here."; exit 1; }
 }
 
-contracts() {
-  local PYTHONPATH
+static_checks() {
+  local mypy PYTHONPATH
   PYTHONPATH=core:$(printf "%s:" plugins/*/)
   export PYTHONPATH
+  "$bin/mypy" &
+  mypy=$!
   "$bin/ruff" format --check .
   "$bin/ruff" check .
   "$bin/lint-imports"
-  "$bin/mypy"
+  wait "$mypy"
 }
 
-# The documentation site; `site force` executes its tutorials, `site off` does not.
+# The documentation site; `site force` executes its tutorials, `site off` does not. What it needs beside is no second
+# build of palpate.
 site() {
+  "$bin/pip" install -q 'palpate[docs,notebook]'
   "$bin/sphinx-build" -q -W --keep-going -j auto -D "nb_execution_mode=$1" docs "$work/site"
 }
