@@ -59,20 +59,28 @@ def outcomes(pytester, monkeypatch):
     return run
 
 
+@pytest.mark.gate
+@pytest.mark.slow
 def test_on_a_quiet_machine_a_failure_is_one(outcomes):
     assert outcomes(TESTS, 0, 0.02, 0, 0)[0] == {"passed": 1, "failed": 2}
 
 
+@pytest.mark.gate
+@pytest.mark.slow
 def test_on_a_busy_machine_a_live_one_skips_and_says_why(outcomes):
     found, said = outcomes(TESTS, 0, 0.31, 0, 0.31)
     assert found == {"skipped": 1, "passed": 1, "failed": 1}
     assert "kept a process waiting for 0.31 s, too busy for a test in real time: AssertionError: assert 1 == 2" in said
 
 
+@pytest.mark.gate
+@pytest.mark.slow
 def test_where_a_run_has_to_be_complete_it_fails_all_the_same(outcomes):
     assert outcomes(TESTS, 0, 0.31, 0, 0.31, options=["--busy-fails"])[0] == {"passed": 1, "failed": 2}
 
 
+@pytest.mark.gate
+@pytest.mark.slow
 @pytest.mark.parametrize("outcome", ["raise ValueError", "return 2"])
 def test_what_held_up_a_fixture_of_the_module_concerns_all_of_its_tests(outcomes, outcome):
     assert outcomes(FIXTURE.format(outcome), 0.4, 0, 0, 0)[0] == {"skipped": 2}
