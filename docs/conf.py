@@ -26,8 +26,9 @@ nb_execution_timeout = 600  # of a cell, where other work goes on
 nb_merge_streams = True
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
-# Links to files of the repository, which are no pages of the site; pages of decisions, which their own index lists.
-suppress_warnings = ["myst.xref_missing", "myst.header", "toc.not_included"]
+# Links to files of the repository, which are no pages of the site; pages of decisions, which their own index lists;
+# cells of pages that are not executed.
+suppress_warnings = ["myst.xref_missing", "myst.header", "toc.not_included", "myst-nb.lexer"]
 
 write_reference(Path(__file__).parent / "reference")
 

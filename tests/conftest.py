@@ -9,15 +9,23 @@ from pathlib import Path
 
 import pytest
 
+from tests import busy
+
 ROOT = Path(__file__).parent.parent
 _LIVE = {"bench", "shared_bench", "main_job"}  # fixtures that run a twin in real time
 _BESIDE_A_RIG = ("tests/live_page/test_page.py",)  # live, and no arm moves
+# Long files come first, lest one be left to the end; then those that share nothing, whose tests go one by one.
 _LONG = (
-    *("filters/test_conformance.py", "filters/test_export_filter.py", "studies/test_cluster.py"),
-    *("uncertainty/test_matrix.py", "maps/test_commands.py", "core/test_small_core.py", "test_plugin_readmes.py"),
-    *("fits/test_fit_command.py", "fits/test_fit.py", "report/test_report.py", "test_third_party.py"),
-    *("filters/test_parity.py", "filters/test_kinematic_parity.py", "studies/test_sweep.py", "devices/test_ur3e.py"),
-    *("devices/test_bota.py", "test_pipelines.py", "starting/test_starting.py"),
+    *("studies/test_cluster.py", "filters/test_conformance.py", "filters/test_export_filter.py"),
+    *("uncertainty/test_matrix.py", "maps/test_commands.py", "devices/test_arm_limits.py", "devices/test_ur3e.py"),
+    *("devices/test_acceptance.py", "fits/test_fit_command.py", "fits/test_fit.py", "report/test_report.py"),
+    *("test_third_party.py", "filters/test_parity.py", "filters/test_kinematic_parity.py", "studies/test_sweep.py"),
+    *("devices/test_force_hold.py", "devices/test_bota.py", "devices/test_live.py", "devices/test_hand.py"),
+    "starting/test_starting.py",
+)
+_APART = (
+    *("test_walks.py", "test_pipelines.py", "test_plugin_readmes.py", "core/test_small_core.py"),
+    *("devices/test_stations.py", "report/test_damaged_runs.py"),
 )
 
 
@@ -26,6 +34,11 @@ def pytest_configure(config):
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="palpate-state-")
     config.add_cleanup(partial(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True))
+
+
+def pytest_addoption(pluginmanager):
+    """A busy machine fails no live test."""
+    pluginmanager.register(busy)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -47,7 +60,7 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if not item.get_closest_marker("talks") and _LIVE & set(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.live)
-    rank = {ROOT / "tests" / name: place for place, name in enumerate(_LONG)}
+    rank = {ROOT / "tests" / name: place for place, name in enumerate((*_LONG, *_APART))}
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
 
 
@@ -61,7 +74,9 @@ def pytest_xdist_make_scheduler(config, log):
     class ByFile(LoadFileScheduling):
         def _split_scope(self, nodeid):
             file = nodeid.partition("::")[0]
-            return "rig" if config.option.markexpr == "live" and not file.startswith(_BESIDE_A_RIG) else file
+            if config.option.markexpr == "live" and not file.startswith(_BESIDE_A_RIG):
+                return "rig"
+            return nodeid if file.endswith(_APART) else file
 
     config.option.loadscopereorder = False  # the order is that of the collection
     return ByFile(config, log)

@@ -30,34 +30,34 @@ def words(name):
     return re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower())
 
 
+@pytest.fixture(scope="module")
 def names():
     """Kind, name and place of every file, and of every class and public function at the top of one."""
+    found = []
     for path in PRODUCT:
         place = path.relative_to(ROOT)
-        yield "file", path.stem, place
+        found.append(("file", path.stem, place))
         for node in ast.parse(path.read_text()).body:
             if isinstance(node, ast.ClassDef):
-                yield "class", node.name.lstrip("_"), place
+                found.append(("class", node.name.lstrip("_"), place))
             elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
-                yield "function", node.name, place
-
-
-NAMES = list(names())
+                found.append(("function", node.name, place))
+    return found
 
 
 @pytest.mark.parametrize("kind", ["file", "class", "function"])
-def test_no_participle_and_no_idiom(kind):
+def test_no_participle_and_no_idiom(names, kind):
     odd = [
         f"{place}: {kind} {name}"
-        for which, name, place in NAMES
+        for which, name, place in names
         if which == kind and name not in EXCEPTIONS and PLAIN_WORDS & set(words(name))
     ]
     assert not odd
 
 
-def test_one_name_is_one_class():
+def test_one_name_is_one_class(names):
     places = defaultdict(list)
-    for kind, name, place in NAMES:
+    for kind, name, place in names:
         if kind == "class" and name not in SHARED_NAMES:
             places[name].append(str(place))
     assert not {name: where for name, where in places.items() if len(where) > 1}

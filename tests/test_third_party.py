@@ -34,6 +34,7 @@ def test_its_parts_are_described(palpate, installed):
     assert "slope: angle, must be given" in described
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_its_tip_and_its_filter_run_beside_ours(palpate, installed, point_pipeline, tmp_path):
     done = palpate(

@@ -38,6 +38,7 @@ def guided(root, tmp_path):
     return write
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_every_step_finds_what_the_rig_hides(palpate, root, tmp_path):
     target = tmp_path / "found.toml"

@@ -215,6 +215,7 @@ def hostile(log, folder, text, sha256=None):
     return folder / "log.mcap"
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("with_hash", [False, True])
 def test_the_remedy_approves_this_content_and_no_other(made, palpate, tmp_path, with_hash):
@@ -270,6 +271,7 @@ def test_a_file_that_the_command_line_chooses_is_the_users(made, palpate, tmp_pa
     assert not (made / "trace").exists()
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "message"),
@@ -301,6 +303,7 @@ def test_paths_in_a_log(made, palpate, tmp_path, text, message):
         assert not (here / "trace").exists()
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_calibration_in_a_log_is_looked_up_beside_it(made, palpate, tmp_path):
     log = hostile(made / "log.mcap", tmp_path / "log", '[]\ncalibration = "mine.toml"')
@@ -411,6 +414,7 @@ def test_a_worker_does_not_execute_a_file_that_was_changed_meanwhile(point_pipel
     assert not (tmp_path / "trace").exists()
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_sweep_hands_its_decision_on(palpate, point_pipeline, tmp_path):
     canary(tmp_path)

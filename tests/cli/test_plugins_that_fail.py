@@ -71,6 +71,7 @@ def with_plugin(point_pipeline):
     return make
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "code", "words"),
@@ -97,6 +98,7 @@ def test_a_filter_that_fails_ends_its_track_alone(palpate, with_plugin, tmp_path
     assert len(rows) > 100
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_comparison_with_a_track_that_fails_shows_the_others_and_ends_with_1(palpate, with_plugin, tmp_path):
     path = with_plugin(FILTER.format(body="raise KeyError('lost')"), '\n[estimator.own]\ntype = "broken"\n')
@@ -106,6 +108,7 @@ def test_a_comparison_with_a_track_that_fails_shows_the_others_and_ends_with_1(p
     assert "dr,ekf" in (tmp_path / "out" / "compare.csv").read_text()
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_model_that_cannot_say_what_it_found_ends_its_own_tracks(palpate, with_plugin, tmp_path):
     more = "def material(self, theta):\n        return 1 / 0"

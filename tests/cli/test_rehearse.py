@@ -55,6 +55,7 @@ def number(cell):
     return float(cell.split()[0])
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_rehearsal_ends_with_what_the_arm_did_and_is_the_same_every_time(rehearse, live, tmp_path):
     sets = (*SHORTER, "twin.bench.height=1 mm")

@@ -36,6 +36,7 @@ def tracks(folder):
     return found
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("source", ["run", "run/log.mcap"])
 def test_the_same_bits_from_a_run_folder_and_from_its_log(recorded, palpate, tmp_path, source):

@@ -74,6 +74,7 @@ def test_a_second_run_in_the_same_second_gets_its_own_folder(palpate, point_pipe
     assert len(list((tmp_path / "runs").iterdir())) == 2
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_same_input_gives_the_same_result_bit_for_bit(palpate, palpate_process, point_pipeline, tmp_path):
     for name, call in (("one", palpate), ("two", palpate_process)):
@@ -107,6 +108,7 @@ def wait_until(condition):
         time.sleep(0.02)
 
 
+@pytest.mark.gate
 @pytest.mark.parametrize(
     "number", [signal.SIGINT, *(pytest.param(n, marks=pytest.mark.slow) for n in (signal.SIGTERM, signal.SIGHUP))]
 )

@@ -89,6 +89,7 @@ def codes(folder):
     }
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_run_on_the_reference_becomes_a_check_and_stands_behind_later_runs(palpate, place):
     done = control(palpate, place, "run", *STATED)

@@ -45,6 +45,7 @@ def test_what_is_recorded_comes_before_its_samples_and_these_before_their_estima
     assert all(len(LISTENERS[0].heard[i][1]) == len(LISTENERS[0].heard[i + 1][2]) for i in blocks)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_flags_are_told_as_they_rise_and_as_they_fall(point_pipeline, tmp_path, kept, monkeypatch):
     monkeypatch.setattr("palpate.pipeline.health._EVERY", 0.0)
@@ -65,6 +66,7 @@ def test_a_writer_that_wants_nothing_more_is_asked_for_nothing_more(point_pipeli
     run_pipeline(load_pipeline(point_pipeline, SHORT), tmp_path / "out", observer=Plain())
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_sink_ends_a_live_run_through_the_guard(run_live):
     """The arm is told within the call, not when the next batch comes; the result says why."""
@@ -90,6 +92,7 @@ def test_a_sink_ends_a_live_run_through_the_guard(run_live):
     assert health["tare"]["noise"] == pytest.approx(0.02, rel=0.5)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_sinks_open_before_real_time_scheduling_and_can_start_processes_there(run_live, monkeypatch):
     usual = flow.real_time_section
@@ -105,6 +108,7 @@ def test_sinks_open_before_real_time_scheduling_and_can_start_processes_there(ru
     assert EVENTS == ["open", "undisturbed", "close"]
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_innovations_are_in_the_table_and_in_the_log(run_point):
     from mcap.reader import make_reader

@@ -26,6 +26,7 @@ def run(stage, tmp_path):
     return go
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("ending", "words"),
@@ -53,6 +54,7 @@ def test_a_driver_that_raises_stops_the_arm_although_no_check_needs_it(run):
     assert live.LINKS[0].stops[0][1] == "retract"
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("ending", "words"),
@@ -69,6 +71,7 @@ def test_a_driver_that_sends_what_it_has_not_declared_stops_the_arm(run, tmp_pat
     assert words in json.loads((tmp_path / "out" / "result.json").read_text())["run"]["live"]["stop"]["reason"]
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("lasts", [pytest.param(0.05, marks=pytest.mark.slow), 1.0], ids=["at standstill", "in motion"])
 def test_a_stream_that_no_check_needs_is_flagged_where_it_ends(run, lasts):

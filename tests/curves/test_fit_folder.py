@@ -34,6 +34,7 @@ def test_another_tip_makes_rows_stale_and_they_are_fitted_anew_one_or_all(folder
     assert elasticity(folder) == before  # what was refitted is to the digit what was fitted first
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_curve_has_settings_of_its_own_and_loses_them(folder, palpate):
     before = elasticity(folder)

@@ -16,6 +16,7 @@ from tests.desk.conftest import opened, served
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.gate
 def test_open_look_mark_refit_and_both_pages_have_it(folder):
     with (
         served(folder / "fits", "--workers", "2") as process,
@@ -106,6 +107,7 @@ def test_what_is_overtaken_is_not_answered(folder):
         assert numbers == sorted(numbers)
 
 
+@pytest.mark.gate
 def test_a_stranger_gets_nothing_and_read_only_writes_nothing(folder):
     with served(folder / "fits", "--read-only") as process:
         place = urlsplit(process.address)

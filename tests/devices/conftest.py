@@ -84,54 +84,46 @@ class Bench(Twins):
         need_arm()
         return run_pipeline(self.pipeline(*limits, *overrides), self.folder / out)
 
-    def run_into(self, fault, when, *overrides, limits=PATIENT, attempts=6):
-        """Run with a fault as soon as a condition holds: the error, the fault's time, the run folder.
+    def run_into(self, fault, when, *overrides, limits=PATIENT):
+        """Run with a fault as soon as a condition holds: the error, result.json, the run folder."""
+        times, over = [], threading.Event()
 
-        A machine that stands still stops a run before that; then the fault has not been seen, and it is made in
-        another run.
-        """
-        for attempt in range(attempts):
-            out, times, over = f"out{attempt}", [], threading.Event()
+        def make():
+            while not over.is_set():
+                if when(self.state()):
+                    times.append(self.fault(fault))
+                    return
+                time.sleep(self.look)
 
-            def make(times=times, over=over):
-                while not over.is_set():
-                    if when(self.state()):
-                        times.append(self.fault(fault))
-                        return
-                    time.sleep(self.look)
+        thread, error = threading.Thread(target=make), "it came to its end"
+        thread.start()
+        try:
+            self.run(*overrides, limits=limits)
+        except DeviceError as caught:
+            error = str(caught)
+        finally:
+            over.set()
+            thread.join()
+        table = json.loads((self.folder / "out" / "result.json").read_text())
+        stop = table["run"].get("live", {}).get("stop")
+        assert times, f"{fault!r} was never made: {error}"
+        assert stop, error
+        assert stop["monotonic"] > times[0], f"stopped before {fault!r}: {error}"
+        return error, table, self.folder / "out"
 
-            thread, error = threading.Thread(target=make), "it came to its end"
-            thread.start()
-            try:
-                self.run(*overrides, out=out, limits=limits)
-            except DeviceError as caught:
-                error = str(caught)
-            finally:
-                over.set()
-                thread.join()
-            table = json.loads((self.folder / out / "result.json").read_text())
-            stop = table["run"].get("live", {}).get("stop")
-            if times and stop and stop["monotonic"] > times[0]:
-                return error, table, self.folder / out
-            self.fault("restore")
-        raise AssertionError(f"the machine never let a run come to {fault!r}: {error}")
-
-    def start_job(self, when, overrides, out, attempts=5, **options):
+    def start_job(self, when, overrides, out, **options):
         """`palpate run` in a process of its own, at the moment when a condition holds of the state and the folder."""
         need_arm()
-        for attempt in range(attempts):
-            folder = out.with_name(f"{out.name}{attempt}")
-            sets = [f"device.arm.host={self.host}", f"device.sensor.port={self.port}", *overrides]
-            words = [word for override in sets for word in ("--set", override)]
-            words += ["--out", folder]
-            job = processes.start(processes.PALPATE, "run", PIPELINE, *words, stdin=subprocess.DEVNULL, **options)
-            while job.poll() is None:
-                if when(self.state(), folder):
-                    return job, folder
-                time.sleep(0.005)
-            job.communicate()
-            self.fault("restore")
-        raise AssertionError("the machine never let a run come into contact")
+        sets = [f"device.arm.host={self.host}", f"device.sensor.port={self.port}", *overrides]
+        words = [word for override in sets for word in ("--set", override)]
+        words += ["--out", out]
+        job = processes.start(processes.PALPATE, "run", PIPELINE, *words, stdin=subprocess.DEVNULL, **options)
+        while job.poll() is None:
+            if when(self.state(), out):
+                return job
+            time.sleep(0.005)
+        job.communicate()
+        raise AssertionError(f"the run ended with {job.returncode} before it came into contact")
 
     def close(self):
         self.process.stdin.close()

@@ -64,6 +64,7 @@ def test_a_force_that_is_never_reached_is_missed():
         first_beyond(np.arange(2.0), np.array([0.1, -0.2]), 3.0)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_sound_rig_passes(simulated, tmp_path):
     names = ["free-air/estop", "free-air/safeguard", "free-air/cable", "foam/force"]

@@ -91,6 +91,7 @@ def moved(twin, trajectory, limits=LIMITS, retreat=False, told=None, **changes):
     return " ".join(why), twin.state(), health
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_lawful_motion_goes_through_and_keeps_its_limits(rig):
     why, truth, health = moved(rig, PRESS)
@@ -209,6 +210,7 @@ def test_a_tool_that_looks_elsewhere_is_refused_before_anything_moves(simulated,
     assert twin.state()["fastest_joint"] < np.radians(1.0)  # it holds where it is, by a pose with noise
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_small_turn_is_made_slowly_on_the_way_about_the_tip(simulated):
     twin = simulated(*SHORT, 'twin.bench.tool_rotation=["3 deg", "-2 deg", "1 deg"]')
@@ -242,6 +244,7 @@ def moved_into(twin, fault, **changes):
     return why, truth, heights[0], told[0] - times[0] if told else 0.0
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "words", "delay"),
@@ -264,6 +267,7 @@ def test_what_the_robot_says_is_doubted(rig, fault, words, delay):
     assert truth["fastest_tip"] < 1.2 * LIMITS.speed
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_what_a_lost_link_holds_back_is_never_carried_out(rig):
     """Not even half a second later, when the network delivers again; the watchdog is far too slow to help."""
@@ -288,6 +292,7 @@ def test_nor_what_sockets_hold_back_from_the_real_client(restored):
     assert truth["fastest_tip"] < 0.8 * LIMITS.speed
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_link_that_is_held_up_for_a_moment_is_none_that_is_lost(rig):
     """What lands at once is the way of a few periods: the command waits where the controller does not take it."""
@@ -297,6 +302,7 @@ def test_a_link_that_is_held_up_for_a_moment_is_none_that_is_lost(rig):
     assert truth["fastest_tip"] < LIMITS.speed
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "words", "leaves"),
@@ -336,6 +342,7 @@ def test_a_robot_that_is_not_at_full_speed_does_not_begin(rig, fault, words):
     assert rig.state()["fastest_joint"] < 1e-6
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_reduced_mode_alone_is_no_fault(rig):
     rig.fault("reduced")
@@ -344,6 +351,7 @@ def test_reduced_mode_alone_is_no_fault(rig):
     assert truth["low"][2] == pytest.approx(-0.0025, abs=3e-4)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_retraction_waits_for_a_controller_that_says_nothing_and_does_not_leap(rig):
     """Who does not hear it may not hear what it says: commands on a lost link come all at once when it is back."""
@@ -375,6 +383,7 @@ def test_a_retraction_waits_for_a_controller_that_says_nothing_and_does_not_leap
         assert heights[0] < 0.001
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_it_waits_while_the_sensor_says_nothing(simulated):
     twin = simulated(*SHORT)
@@ -398,6 +407,7 @@ def test_it_waits_while_the_sensor_says_nothing(simulated):
     assert twin.state()["low"][2] == pytest.approx(-0.005, abs=3e-4)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_an_error_in_the_servo_loop_stops_the_arm_and_is_told(simulated, monkeypatch):
     """Whatever the client library, or we, did not expect."""
@@ -418,6 +428,7 @@ def test_an_error_in_the_servo_loop_stops_the_arm_and_is_told(simulated, monkeyp
     assert before > -0.004
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_force_stops_it_although_nobody_of_the_host_looks(simulated, force_limit):
     """The job reads nothing for as long as the motion takes: the servo process reads the sensor by itself."""
@@ -459,6 +470,7 @@ def test_payload_tool_and_model_are_told(simulated):
         pass
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_looking_leaves_a_running_program_alone(rig):
     with device(rig).connect(0) as link:
@@ -493,6 +505,7 @@ def refused(twin, *overrides):
     return str(caught.value)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_preload_is_refused_whatever_the_tare_hides(simulated):
     """The tip 5 mm deep at the start, 17 N on the skin: by its size, by its sum, by a retreat; never pressed deeper."""
@@ -507,6 +520,7 @@ def test_a_preload_is_refused_whatever_the_tare_hides(simulated):
     assert after["peak_force"] < before["peak_force"] + 0.1
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_light_touch_is_felt(simulated):
     twin = simulated(*SHORT, "twin.bench.height=0.1 mm")  # the skin is at 0.3 mm
@@ -533,6 +547,7 @@ class Swing:
         return Setpoint(position, velocity, np.zeros(len(time), bool))
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("control", ["servo", "pd"])
 @pytest.mark.parametrize("held", [0.003, 0.005, 0.009, 0.06])

@@ -89,6 +89,7 @@ def run_with(rig, monkeypatch, how, begins, out):
     return state
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_motion_that_cannot_be_planned_leaves_nothing(rig, monkeypatch):
     for count, how in enumerate(("raise", "nan", "short"), 1):
@@ -97,6 +98,7 @@ def test_a_motion_that_cannot_be_planned_leaves_nothing(rig, monkeypatch):
         assert not (rig.folder / f"out{count}").exists()
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["raise", pytest.param("nan", marks=pytest.mark.slow)])
 def test_a_motion_that_goes_wrong_once_the_run_has_begun_leaves_result_and_log(rig, monkeypatch, how):

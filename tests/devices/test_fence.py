@@ -161,6 +161,7 @@ def commanded(guard, commands, turns=None, look=None, leaving=False):
     return None, len(commands)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_lawful_motion_passes_with_the_noise_of_a_pd_law():
     rng = np.random.default_rng(0)
@@ -305,6 +306,7 @@ def test_an_arm_that_is_stuck_trembles_but_does_not_move():
     assert any(verdict is not None and "has moved by" in verdict.text for verdict in told)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_swing_that_turns_round_has_moved():
     """At 5 Hz and 20 ms late, both ends of a window can be at one height."""

@@ -237,6 +237,7 @@ def test_the_twins_arm_leaves_where_the_force_is_not_found(simulated):
     assert truth["height"] > 0.002
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", ["stuck-force", pytest.param("clipped-force 0.8", marks=pytest.mark.slow)])
 def test_a_force_that_is_not_true_leads_the_twins_arm_no_deeper(simulated, fault):

@@ -46,6 +46,7 @@ def test_a_hard_push_is_taken_for_a_collision(hand):
     assert "a safety stop holds the arm" in hand.say("freedrive")
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_hand_leads_the_tip_to_a_place_and_turns_the_tool(hand):
     assert "not in freedrive" in hand.say("lead 0 0 20 0 0 0")
@@ -76,6 +77,7 @@ def test_a_line_that_cannot_be_is_answered(hand, line, words):
     assert hand.state()["fastest_joint"] == 0.0
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_red_button_stops_a_motion_and_is_let_out_where_the_arm_stands(rig):
     error, table, _ = rig.run_into("estop", lambda state: state["height"] < -0.0005)
@@ -88,6 +90,7 @@ def test_the_red_button_stops_a_motion_and_is_let_out_where_the_arm_stands(rig):
     assert place(rig.state()) == pytest.approx(place(stopped), abs=1e-5)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_push_beyond_the_limit_makes_the_arm_retract(rig):
     error, table, _ = rig.run_into("push 0 0 30", lambda state: state["height"] < -0.0005)
@@ -97,6 +100,7 @@ def test_a_push_beyond_the_limit_makes_the_arm_retract(rig):
     assert rig.wait_at_rest()["height"] > 0.001
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_slow_stop_goes_farther(rig):
     """The way after the red button, as hard as the arm can and at 0.05 rad/s^2, on the approach at 13 mm/s."""

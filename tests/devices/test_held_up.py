@@ -151,6 +151,7 @@ def sometimes(length, every):
     return lambda: length if chance.random() < 1 / every else chance.uniform(0.0, 0.3e-3)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("share", "length", "late"),

@@ -59,6 +59,7 @@ def test_a_short_run_and_its_replay(rig):
     check_replay(rig, result)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_example_as_it_stands(simulated):
     twin = simulated()
@@ -156,6 +157,7 @@ REACTIONS = {
 }
 
 
+@pytest.mark.gate
 @pytest.mark.parametrize(
     "fault", [pytest.param(fault, marks=() if fault in QUICK else pytest.mark.slow) for fault in (*ROBOT, *SENSOR)]
 )
@@ -173,6 +175,7 @@ def test_faults_of_a_link_by_the_real_clients(restored, alert, patient, fault):
     check_fault(restored, fault, *restored.run_into(fault, touching, limits=limits))
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "words"),
@@ -192,6 +195,7 @@ def test_a_force_that_is_not_true_presses_nothing(simulated, fault, words):
     assert state["height"] > 0.002
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("control", ["pd", "servo"])
 def test_a_motion_goes_by_time_however_often_the_controller_sends_its_state(simulated, capsys, control):
@@ -255,6 +259,7 @@ def test_what_is_no_fault(simulated):
     assert result.tracks["dr/ekf"].parameters["elasticity"].value == pytest.approx(E_TRUE, rel=0.05)
 
 
+@pytest.mark.gate
 @pytest.mark.parametrize(
     "case",
     [
@@ -279,6 +284,7 @@ def test_the_force_limit(simulated, force_limit, tmp_path, case):
     assert twin.state()["peak_force"] < force_limit.bound(elasticity, speed)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_an_exception_in_the_job_itself(rig, monkeypatch, tmp_path):
     """A bug, a full disk: the arm leaves the material before the error is shown."""
@@ -296,6 +302,7 @@ def test_an_exception_in_the_job_itself(rig, monkeypatch, tmp_path):
     assert readings(tmp_path / "out" / "log.mcap", "arm", "tip")
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_each_signal_ends_a_run_with_the_arm_retracted(rig, number, tmp_path):
@@ -319,12 +326,12 @@ def test_a_signal_to_a_real_process(restored, short, patient, tmp_path):
     twin = restored
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     long = "trajectory.press.duration=30 s"  # a machine that stands still must not let it end before the signal
-    job, folder = twin.start_job(touching, (*short, *patient, long), tmp_path / "out", **pipes)
+    job = twin.start_job(touching, (*short, *patient, long), tmp_path / "out", **pipes)
     job.send_signal(signal.SIGINT)
     text, _ = job.communicate(timeout=120)
     assert job.returncode == 128 + signal.SIGINT, text
     assert twin.wait_at_rest()["height"] > 0.002
-    assert readings(folder / "log.mcap", "arm", "tip")
+    assert readings(tmp_path / "out" / "log.mcap", "arm", "tip")
 
 
 @pytest.mark.parametrize("group", [False, True], ids=["main process", "every process of it"])
@@ -341,7 +348,7 @@ def test_kill_9(restored, short, patient, tmp_path, group):
         log = folder / "log.mcap"
         return state["height"] < -0.001 and log.exists() and log.stat().st_size > 50_000
 
-    job, folder = twin.start_job(recording, (*short, *patient), tmp_path / "out", **quiet)
+    job = twin.start_job(recording, (*short, *patient), tmp_path / "out", **quiet)
     before = twin.state()["complaints"]
     if group:
         os.killpg(job.pid, signal.SIGKILL)
@@ -356,5 +363,5 @@ def test_kill_9(restored, short, patient, tmp_path, group):
         time.sleep(2.0)  # twice what the watchdog waits
         assert twin.state()["complaints"] == before
     assert twin.state()["height"] == pytest.approx(state["height"], abs=2e-4)
-    stamps, _ = joined(readings(folder / "log.mcap", "sensor", "wrench", cut=True))
+    stamps, _ = joined(readings(tmp_path / "out" / "log.mcap", "sensor", "wrench", cut=True))
     assert stamps[-1] - stamps[0] > 0.1e9

@@ -49,6 +49,7 @@ def check_arm(rig, seen, table, within):
     assert 0 < table["run"]["live"]["stop"]["monotonic"] - time < within
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_full_disk_stops_the_arm_and_leaves_a_log_that_any_reader_opens(rig):
     """A limit on the size of files stands for the disk: writing fails in the same place."""
@@ -71,6 +72,7 @@ def test_a_full_disk_stops_the_arm_and_leaves_a_log_that_any_reader_opens(rig):
     assert 0.5 < wrench / table["run"]["live"]["devices"]["sensor"]["readings"] < 1
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["deleted", pytest.param("moved", marks=pytest.mark.slow)])
 def test_a_run_folder_that_goes_ends_the_motion_at_once(rig, how):

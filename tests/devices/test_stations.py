@@ -182,6 +182,7 @@ def test_the_limits_hold_at_every_tick_over_domes_drawn_at_random(dome, seed):
     assert np.degrees(off[height < -1e-3].max()) < 0.3
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_force_lets_the_arm_leave_along_the_normal_of_its_station(dome):
     twin, ticks = dome("safety.stop_force=1 N")

@@ -67,6 +67,7 @@ def millimetres(texts):
     return np.array([float(text.removesuffix(" mm")) for text in texts])
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_surface_is_found_and_written(teach):
     arm, file = teach("--step", "surface")

@@ -13,6 +13,7 @@ OTHERS = (pytest.param(model, marks=pytest.mark.slow) for model in MODELS[1:])
 LINEAR = {"ting-fit": ("sphere", "quartic")}  # estimators for materials with a relaxation modulus alone
 
 
+@pytest.mark.gate
 @pytest.mark.parametrize("model", [MODELS[0], *OTHERS])
 @pytest.mark.parametrize("estimator", palpate_estimators())
 def test_estimator_conforms(

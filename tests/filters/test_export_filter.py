@@ -50,6 +50,7 @@ def _exported(palpate, tmp_path, estimator, track="dr/filter"):
     return palpate("model", "export", file, "--track", track, "-o", tmp_path / "filter")
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize(

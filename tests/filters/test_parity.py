@@ -43,6 +43,7 @@ def agree(model: ContactModel, theta: list[float], ours: Any, theirs: Any, count
     assert np.array_equal(np.isnan(one.nis), np.isnan(other.nis))
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_ekf_is_filterpys() -> None:
     agree(SPHERE, [1.1e5, 360.0], ExtendedKalmanFilter(**START), FilterpyFilter(filter="ekf", **START))

@@ -136,6 +136,7 @@ def test_no_order_of_logs_or_tracks_changes_a_result(palpate, logs):
             assert found[0] == found[1]
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_run_with_several_fits_prints_one_comparison(palpate, logs):
     done = palpate("run", "fit.toml", "--out", "out")

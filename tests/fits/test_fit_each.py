@@ -164,6 +164,7 @@ def test_two_hundred_curves_are_one_number_in_the_table_in_a_run_and_in_python(t
         assert {key: rows[i][key] for key in told} == told
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_what_was_torn_is_gone_on_with_to_the_same_bytes(folder, palpate):
     palpate(*EACH, "--jobs", "2")

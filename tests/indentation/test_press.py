@@ -60,6 +60,7 @@ def test_without_noise_everything_is_found():
     assert not found.flags
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_truth_is_within_the_uncertainty():
     """Over 60 records; a binomial of 0.95 stays within 50 to 60 in 99.9 % (scipy.stats.binom)."""
@@ -255,6 +256,7 @@ indenter = "tip"
 """
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_command_writes_tables_and_a_picture(tmp_path, capsys):
     path, out = tmp_path / "press.toml", tmp_path / "out"

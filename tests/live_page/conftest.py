@@ -1,12 +1,16 @@
 """Runs for the page: made of few numbers, or of the rig that lives in the tests of the core."""
 
+import queue
+import threading
 import time
 
 import numpy as np
 import pytest
 from palpate import Estimates, Parameter, Run, Samples
 from palpate_kit.page.datagrams import unpack
+from palpate_live import sink, watch_command
 from palpate_live.server_process import PageServer
+from websockets.sync.client import connect
 
 from tests.core.conftest import live_pipeline, run_live, stage  # noqa: F401
 
@@ -54,6 +58,49 @@ def child():
     made.asked = asked
     yield made
     made.close()
+
+
+@pytest.fixture
+def addresses(monkeypatch):
+    """Where pages are, as they are said."""
+    said = queue.Queue()
+    for module in (sink, watch_command):
+        monkeypatch.setattr(module, "say", lambda text: said.put(text.removeprefix("live page: ")))
+    return said
+
+
+def opened(address):
+    """The page's WebSocket as a browser opens it."""
+    where = address.removeprefix("http://")
+    origin = f"http://{where.split('/')[0]}"
+    return connect(f"ws://{where}data", origin=origin, compression=None, max_size=None)
+
+
+def meanwhile(work):
+    """Do something beside a run; a function that waits for it and gives what came out."""
+    found = queue.Queue()
+
+    def do():
+        try:
+            found.put((work(), None))
+        except BaseException as error:  # it is raised where somebody hears it
+            found.put((None, error))
+
+    threading.Thread(target=do, daemon=True).start()
+
+    def wait():
+        answer, error = found.get(timeout=60)
+        if error is not None:
+            raise error
+        return answer
+
+    return wait
+
+
+def read_any(page):
+    """The next message."""
+    said = page.recv(timeout=60)
+    return unpack(said.encode() if isinstance(said, str) else said)
 
 
 def read(socket, kind, patience=20.0):

@@ -139,11 +139,14 @@ def test_without_estimates_rows_are_sent_too(a_run, samples, estimates, monkeypa
     assert len(rows_of(sent)[0]) >= 85
 
 
-def test_an_offline_estimator_speaks_for_rows_that_are_there(a_run, samples, estimates):
+@pytest.mark.parametrize("blocks", [30, 1])
+def test_an_offline_estimator_speaks_for_rows_that_are_there(a_run, samples, estimates, blocks):
+    """Also where the whole record is one block, whose rows are sent already."""
     history = History()
     feed = PageFeed(a_run(), history.add, {})
-    for k in range(30):
-        feed.samples(samples(100 * k, 100))
+    for k in range(blocks):
+        feed.samples(samples(3000 // blocks * k, 3000 // blocks))
+    feed.health({})
     whole = samples(0, 3000)
     feed.estimates("dr/b", estimates(whole, 1))
     table = {"parameters": {"elasticity": FOUND}, "flags": [], "verdict": "good"}

@@ -1,57 +1,17 @@
-"""Whole runs with the page: what it costs them, how it stops them, and what it shows of those that are recorded."""
+"""Whole runs with the page: what it costs them, how it stops them, and what they send it."""
 
 import os
-import queue
 import signal
-import threading
 
-import numpy as np
 import pytest
-from palpate_live import sink, watch_command
-from websockets.sync.client import connect
+from palpate_live import sink
 
-from tests.live_page.conftest import read
+from tests.live_page.conftest import meanwhile, opened, read, read_any
 
 PAGE = 'sink.page.type="live"'
 
 
-@pytest.fixture
-def addresses(monkeypatch):
-    """Where pages are, as they are said."""
-    said = queue.Queue()
-    for module in (sink, watch_command):
-        monkeypatch.setattr(module, "say", lambda text: said.put(text.removeprefix("live page: ")))
-    return said
-
-
-def opened(address):
-    """The page's WebSocket as a browser opens it."""
-    where = address.removeprefix("http://")
-    origin = f"http://{where.split('/')[0]}"
-    return connect(f"ws://{where}data", origin=origin, compression=None, max_size=None)
-
-
-def meanwhile(work):
-    """Do something beside a run; a function that waits for it and gives what came out."""
-    found = queue.Queue()
-
-    def do():
-        try:
-            found.put((work(), None))
-        except BaseException as error:  # it is raised where somebody hears it
-            found.put((None, error))
-
-    threading.Thread(target=do, daemon=True).start()
-
-    def wait():
-        answer, error = found.get(timeout=60)
-        if error is not None:
-            raise error
-        return answer
-
-    return wait
-
-
+@pytest.mark.gate
 @pytest.mark.slow
 def test_stop_on_the_page_retracts_the_arm(run_live, stage, addresses):
     def press():
@@ -98,13 +58,6 @@ def test_the_page_is_told_all_of_a_live_run(run_live, addresses):
     assert tracks == {"dr/ekf"}
 
 
-def read_any(page):
-    from palpate_kit.page.datagrams import unpack
-
-    said = page.recv(timeout=60)
-    return unpack(said.encode() if isinstance(said, str) else said)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_run_ends_as_ever_though_its_page_stands_still_or_dies(how, run_live, addresses, monkeypatch):
@@ -135,72 +88,6 @@ def test_a_simulated_run_with_the_page_finds_the_same(run_point, addresses):
         found["tracks"]["dr/ekf"].pop("seconds_per_sample")
     assert table["tracks"] == other["tracks"]
     assert (plain.folder / "estimates.csv").read_bytes() == (shown.folder / "estimates.csv").read_bytes()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("log", [True, False], ids=["by its log", "by its tables"])
-def test_a_recorded_run_is_watched(log, run_point, addresses, monkeypatch):
-    offline = [] if log else ['run.tracks=["dr/ekf", "dr/smoother"]', 'estimator.smoother.type="kinematic-smoother"']
-    folder = run_point("trajectory.press.duration=3 s", *offline, name="watched").folder
-    if not log:
-        (folder / "log.mcap").unlink()
-    stop = threading.Event()
-    monkeypatch.setattr(watch_command.PageServer, "wait", lambda self: stop.wait(60))
-
-    def look():
-        if not log:
-            assert "table of estimates" in addresses.get(timeout=60)
-        with opened(addresses.get(timeout=60)) as page:
-            assert "Ctrl-C" in addresses.get(timeout=60)
-            run, (time, columns) = read(page, "run")[0], read(page, "rows")[1]
-            found = []
-            while (header := read_any(page)[0])["kind"] != "result":
-                found.append(header)
-        stop.set()
-        return run, time, columns, found
-
-    wait = meanwhile(look)
-    before = sorted(folder.iterdir())
-    watch_command.watch(folder)
-    run, time, columns, told = wait()
-    if log:
-        assert len(told) > 8  # how things stood each second of the record, however fast it was read
-    else:
-        assert {header["kind"] for header in told} == {"health", "found", "flags"}
-        assert [track["name"] for track in run["tracks"]] == ["dr/ekf", "dr/smoother"]
-        assert all(np.isfinite(columns[track["begin"]]).any() for track in run["tracks"])
-    final = next(header for header in told if header["kind"] == "found" and header["final"])
-    value, combined, *_ = final["parameters"]["elasticity"]
-    assert 2e4 < value < 3e5
-    assert combined > 0
-    assert run["recorded"]
-    assert run["tracks"][0]["name"] == "dr/ekf"
-    assert time[-1] == pytest.approx(6.0, abs=0.5)
-    assert columns[0].max() > 3.0
-    assert sorted(folder.iterdir()) == before  # nothing was written
-
-
-def test_a_run_without_a_log_is_not_estimated_once_more(run_point, palpate, tmp_path):
-    folder = run_point("trajectory.press.duration=1 s", name="bare").folder
-    (folder / "log.mcap").unlink()
-    done = palpate("watch", folder, "--set", "alignment.tip_mass=100 g")
-    assert (done.returncode, "no log to estimate again" in done.stderr) == (2, True)
-    (folder / "result.json").unlink()
-    done = palpate("watch", folder)
-    assert (done.returncode, "neither a log nor a result" in done.stderr) == (2, True)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [(["nowhere"], "there is no such file"), (["samples.csv"], "carries no pipeline"), (["empty.mcap"], "empty.mcap")],
-)
-def test_what_cannot_be_watched_is_said(arguments, said, palpate, tmp_path):
-    (tmp_path / "samples.csv").write_text("t,z,f\n0,0,0\n1,0,0\n")
-    (tmp_path / "empty.mcap").write_bytes(b"")
-    done = palpate("watch", *arguments)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.slow

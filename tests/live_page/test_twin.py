@@ -8,7 +8,7 @@ import pytest
 
 from tests.devices.conftest import bench  # noqa: F401
 from tests.live_page.browser import CHROMIUM, browser
-from tests.live_page.test_runs import addresses, meanwhile  # noqa: F401
+from tests.live_page.conftest import addresses, meanwhile  # noqa: F401
 
 pytestmark = pytest.mark.live
 

@@ -26,6 +26,7 @@ def test_what_a_log_holds(palpate, bag):
         assert text in done.stdout
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_suggested_pipeline_runs_as_it_is(palpate, bag, tmp_path):
     suggested = palpate("info", bag.name, "--suggest")

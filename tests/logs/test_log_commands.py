@@ -225,6 +225,7 @@ def test_exports_that_cannot_be(palpate, bag, tmp_path, arguments, words):
     assert words in refused.stderr
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_an_exported_recording_replays_from_csv(palpate, recording, tmp_path):
     assert palpate("log", "export", recording, "-o", "x.csv", "--topic", "/rig/wrench").returncode == 0

@@ -248,6 +248,7 @@ def only_true_numbers(found, strict):
 FUZZ = settings(max_examples=120, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @FUZZ
 @given(data=st.data())

@@ -61,6 +61,7 @@ def test_ten_thousand_sites_take_their_time_and_it_is_said(palpate, raster_run, 
     assert said in done.stderr
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_sweep_gives_a_picture_and_its_lumps(palpate, sweep_run):
     done = palpate("map", sweep_run)
@@ -146,6 +147,7 @@ def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run, tmp_path):
     ]
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_an_interrupted_raster_resumes_at_the_last_whole_line(root, raster_run, tmp_path, palpate):
     """The first part is cut by hand to what a kill in the second line leaves."""

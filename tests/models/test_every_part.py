@@ -156,6 +156,7 @@ def test_jacobian_is_finite_at_and_around_touch_under_every_tip(tip, thickness):
             assert np.isfinite(np.array(number)).all(), depth
 
 
+@pytest.mark.gate
 @pytest.mark.parametrize(
     ("model", "theta"),
     [pytest.param(*part, id=name, marks=[pytest.mark.slow] if part[0].memory else []) for name, part in MODELS.items()],

@@ -51,6 +51,7 @@ def fitted(record):
     return palpate.fit(record, tip=Sphere(radius="5 mm"), model="dr")
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_run_is_that_of_the_command_line(kept):
     written = json.loads((kept.folder / "result.json").read_text())

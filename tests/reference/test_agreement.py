@@ -223,6 +223,7 @@ def measured(tmp_path_factory, root):
 SWEEP = "f [Hz],G' [kPa],G'' [kPa],shear strain [%]\n0.2,37.5,0.455,1\n20,37.5,45.5,1\n"  # E 112.5 kPa, eta 362 Pa s
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_run_against_a_value_and_a_table(measured, palpate, tmp_path):
     """G'' = 2 pi f eta: 4.55 kPa at 2 Hz; the strain of the rheometer is another, which is said, in the report, too."""

@@ -193,6 +193,7 @@ def written(folder, law, values):
     (folder / "sweep.csv").write_text("\n".join(["f [Hz],G' [Pa],G'' [Pa]", *rows]) + "\n")
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_command(palpate, tmp_path):
     law = law_of("standard-linear-solid")

@@ -65,9 +65,9 @@ def damaged_bytes(raw, dice):
     return bytes(raw)
 
 
-def damage(folder, dice, pattern="*"):
-    """Damage one file of a run folder, its result most often; what was done, in words."""
-    files = sorted(file for file in folder.rglob(pattern) if file.is_file())
+def damage(folder, dice, patterns):
+    """Damage one of the files of a run folder that match, its result most often; what was done, in words."""
+    files = sorted(file for pattern in patterns for file in folder.rglob(pattern) if file.is_file())
     file = dice.choice([file for file in files if file.name == "result.json"] * 3 + files)
     raw, kind = file.read_bytes(), dice.random()
     if kind < 0.12:

@@ -47,6 +47,7 @@ def copied(point, tmp_path):
     return shutil.copytree(point, tmp_path / "run")
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_everything_is_on_one_page_the_verdict_first(palpate, copied):
     done = palpate("report", copied)

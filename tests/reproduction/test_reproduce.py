@@ -336,6 +336,7 @@ def test_the_authors_recordings_give_what_they_tell(palpate, shared, tmp_path):
     assert str(shared) not in text
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("sign", [1, -1])
 def test_no_row_agrees_by_construction(palpate, shared, tmp_path, monkeypatch, sign):

@@ -40,6 +40,7 @@ def missed(sent, came):
     return places[-1] - places[0] + 1 - len(places)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_recorded_run_is_estimated_as_it_was_and_as_its_own_recording_says(publish, domain, tmp_path):
     streams = playing.recorded(tmp_path, 4)

@@ -52,6 +52,7 @@ def test_friction_is_never_more_than_its_share_of_the_force_along_the_normal():
     assert (force[1:, 0] == 0).all()
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_force_is_the_same_asked_for_at_once_or_tick_by_tick():
     body = specimen(0.5, 300.0, tilt_x=0.2, radius_x=0.05, radius_y=0.03)

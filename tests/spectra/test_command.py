@@ -18,6 +18,7 @@ def run(tmp_path_factory, root):
     return folder
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_run_folder_becomes_a_table_a_csv_and_a_picture(palpate, run, tmp_path):
     done = palpate("spectrum", run, "--out", tmp_path / "out")

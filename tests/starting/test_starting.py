@@ -92,6 +92,7 @@ def installed(tmp_path_factory):
     return folder
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_plugins_of_ones_own_pass_their_tests_when_installed(installed):
     site = os.pathsep.join([str(installed / "site"), os.environ.get("PYTHONPATH", "")])

@@ -92,6 +92,7 @@ def _numbers(found):
     return {key: {**track, "seconds_per_sample": None} for key, track in tracks.items()}
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_results_are_those_of_this_machine_to_the_bit(scheduler, point_pipeline, tmp_path):
     here = _found(lambda jobs: on_all_cores(jobs, 1), _jobs(point_pipeline, tmp_path / "here", 3))

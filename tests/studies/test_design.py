@@ -12,6 +12,7 @@ def file(root):
     return root / "pipelines" / "late.toml"
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_table_and_recommendation(palpate, file):
     done = palpate("plan", "design", file, "--set", 'design.parameters={elasticity="282.1 kPa", viscosity="860 Pa*s"}')

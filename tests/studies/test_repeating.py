@@ -22,6 +22,7 @@ def repeated(point_pipeline):
     return point_pipeline
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_each_is_a_run_of_its_own_and_moved_on(repeated, palpate, tmp_path):
     place = ["--set", "alignment.lateral_x=rig.tip.x", "--set", "alignment.lateral_y=rig.tip.y"]

@@ -30,6 +30,7 @@ def rows(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_every_combination_gets_a_row_and_a_failure_its_reason(palpate, point_pipeline, tmp_path):
     file, out = with_sweep(point_pipeline, SWEEP), tmp_path / "out"

@@ -60,6 +60,7 @@ def test_eight_touches_cover_in_95_of_100(breast):
     assert np.mean([one.probability < 0.01 for one in registered]) <= 0.05
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_eight_touches_register_it(breast):
     height, turn, registered = attempt(breast, 3)

@@ -55,6 +55,7 @@ class Sensor(Device):
             yield Batch("wrench", stamp, stamp, np.ones((1, 1)))
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_a_device_that_goes_by_the_clock_runs_in_simulated_time():
     instants = []

@@ -58,6 +58,7 @@ def motions(surface):
     }
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("name", motions(Dome()))
 def test_the_tool_goes_along_the_normals_of_a_dome_within_every_limit(name):

@@ -60,6 +60,7 @@ def test_at_least_sixty_kinds_each_with_its_own_name(laboratory):
     assert [mistake.name for mistake in kinds if mistake.palpation() == kinds[0].palpation()] == ["nothing"]
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["casadi-fit", "kinematic-ekf"])
 def test_without_a_mistake_nothing_is_in_doubt(estimated, estimator):

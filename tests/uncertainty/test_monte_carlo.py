@@ -39,6 +39,7 @@ def test_the_draws_agree_with_the_formula_and_with_the_budget(run):
     assert not np.array_equal(propagate_draws(case, 2, seed=2, workers=1).values, found.values[:2])
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_the_command_prints_both(run, capsys):
     budget(run, as_json=True, monte_carlo=4)

@@ -58,11 +58,12 @@ class PageFeed:
     def estimates(self, track: str, estimates: Estimates) -> None:
         """A track's estimates of the block; of an offline estimator, of the whole record."""
         samples = self._samples
-        if samples is None or len(estimates) != len(samples) or estimates.time[0] != samples.time[0]:
+        block = samples is not None and len(estimates) == len(samples) and estimates.time[0] == samples.time[0]
+        if not block or (len(self._chosen) and not self._blocks):  # its rows have been sent
             self._offline[track] = estimates
             return
         self._latest = track
-        if len(self._chosen) and self._blocks:
+        if len(self._chosen):
             own = self._columns.of_track(estimates, self._chosen, self._beyond[track])
             begin = self._begins[track]
             self._blocks[-1][1][:, begin : begin + own.shape[1]] = own
