@@ -184,6 +184,9 @@ def test_a_paper_counts_as_said_by_nobody(palpate, tmp_path, root, evil):
         "palpate run /stranger/evil.toml",
         'palpate fit /stranger --pipeline /stranger/evil.toml --each --no-refit --out "$out"',
         'palpate fit c.csv --pipeline "$out"/pipeline.toml --out "$out"/figures/c',
+        'palpate fit c.csv --each --pipeline "$out"/pipeline.toml --no-refit --out "$out"',
+        'palpate fit c.csv --tip "sphere 3 mm" --pipeline "$out"/pipeline.toml --no-refit --out "$out"',
+        'palpate fit /stranger/evil.toml --each --no-refit --out "$out"',
         'palpate report "$out" --by sample',
         "touch trace",
         "\ntouch trace",
@@ -272,6 +275,14 @@ def test_what_is_written_does_not_leave_the_folder_by_a_link(folder, tmp_path, n
         write()
     assert (outside.read_bytes() if outside.is_file() else None) == before
     assert not outside.is_dir() or not list(outside.iterdir())
+
+
+@pytest.mark.parametrize("place", ["/dev/zero", "../lab.toml", "./pipeline.toml"])
+def test_a_curve_is_read_by_a_pipeline_of_the_folder(folder, place):
+    table = folder / "fits" / "curves.csv"
+    table.write_text(table.read_text().replace(",pipeline.toml", f",{place}"))
+    with pytest.raises(PalpateError, match=r"is no pipeline of the folder"):
+        Desk(folder / "fits")
 
 
 @pytest.mark.slow

@@ -36,8 +36,9 @@ def demand_allowed(action: Action) -> None:
 
 def is_change(action: Action) -> bool:
     """Whether a command changes marks, settings or fits of a folder, or begins one: what its history consists of."""
-    places = [value for option, value in action.options if option == "--out"]
-    return action.command in ("fit", "repeat review") and places == ([] if action.source == OUT else [OUT])
+    given = dict(action.options)
+    begins = "--tip" in given and "--pipeline" not in given and given.get("--out") == OUT  # it names no pipeline
+    return action.command in ("fit", "repeat review") and (action.source == OUT or begins)
 
 
 def demand_allowed_setting(assignment: str) -> None:
