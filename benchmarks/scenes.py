@@ -36,7 +36,7 @@ FAULTS = (
     *("stuck-pose", "jam", "nan-pose", "unplug", "silent", "reboot", "overrange", "saturated", "raw"),
     *("throttled", "corrupt 0.05", "lumps 0.016", "sign", "stuck-force", "clipped-force 6", "end-stream"),
     *("speed-scaling 0.5", "late-readings 0.05", "late-readings 0.2", "late-states 0.1"),
-    *("scaled-force 0.5", "scaled-force 1.5", "clipped-force 6 0.05", "clipped-force 3 0.02"),
+    *("scaled-force 0.5", "scaled-force 1.5", "saturated-force 6 0.05", "saturated-force 3 0.02"),
 )
 _SECOND = ("protective-stop", "mute-control", "freeze", "gone", "half-open 3", "close")  # while the arm leaves, perhaps
 _HARMLESS = ("nothing", "message", "throttled", "corrupt 0.05", "lumps 0.016")
@@ -52,8 +52,8 @@ _MAY_PASS = (
     "half-open 0.4",
     "scaled-force 0.5",
     "scaled-force 1.5",
-    "clipped-force 6 0.05",  # it may be reached where the tip slows down, or not at all
-    "clipped-force 3 0.02",
+    "saturated-force 6 0.05",  # it may be reached where the tip slows down, or not at all
+    "saturated-force 3 0.02",
 )
 _PROCESSES = ("robot", "sensor", "main")
 _HOLD_UPS = (0.0, 0.008, 0.05, 0.275)  # [s]
@@ -120,7 +120,7 @@ class Scene:
         stop = self.stop_force
         if name == "scaled-force":
             stop /= float(level)
-        elif name == "clipped-force":  # seen after a window, but on a way on which the tip slows down
+        elif name in ("clipped-force", "saturated-force"):  # seen after a window, but on a way on which the tip slows down
             stop, allowed = min(stop, float(level.split()[0])), allowed + (self.depth + self.swing) * 1e-3
         depth = (9 * stop / (16 * self.elasticity * _RADIUS**0.5)) ** (2 / 3) + allowed
         beyond = stop + 8 / 3 * self.elasticity * (_RADIUS * depth) ** 0.5 * allowed

@@ -63,12 +63,12 @@ class ForceWatch:
     normal: int = 0  # which of the channels is the force along the normal
     sign: float = 1.0  # of that channel, where the tip is pushed out
     ranges: tuple[tuple[float, float], ...] = ()  # [N] of each channel: at its ends it is no reading; none declared
-    reading_age: float = NO_AGE  # [s]; see `ReadingAge`
     repeats: Repeats | None = None  # of a sound sensor; None: equal readings are of no account
-    sound: SoundForce | None = None  # at standstill; None: whether the force rises on the way in is of no account
     torques: tuple[int, ...] = ()  # channels of the stream
     torque_tare: tuple[float, ...] = ()  # [N m] of each
     torque: float = math.inf  # [N m] at which it stops
+    reading_age: float = NO_AGE  # [s]; see `ReadingAge`
+    sound: SoundForce | None = None  # at standstill; None: whether the force rises on the way in is of no account
 
 
 def torque_fault(torques: Floats, tare: Floats, most: float) -> str | None:

@@ -23,7 +23,7 @@ MOTIONS = {
 def test_the_arm_stops_within_the_force(stiff, level, noise):  # noqa: F811
     """Before, the motion went on to its end: 103 N, told 9."""
     rig = stiff()
-    error, _, _ = rig.run_into(f"clipped-force {level} {noise}", lambda state: state["height"] < 1e-3)
+    error, _, _ = rig.run_into(f"saturated-force {level} {noise}", lambda state: state["height"] < 1e-3)
     assert "sensor.wrench.z rises by" in error
     assert "the sensor is saturated" in error
     assert level - 1.0 < rig.truth.force < level + 4.0

@@ -28,8 +28,8 @@ def send_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings)
                 normal = channels.index(port.column), float(port.signal.sign)
                 force = channels, tare, limits.stop_force, port.signal.channel, *normal
                 torque = contact.torques, tuple(contact.torque_tare.tolist()), limits.torque
-                sound = limits.reading_age, contact.repeats, guard.rise.sound
-                arm.watch_force(ForceWatch(shared, *force, contact.ranges, *sound, *torque))
+                sound = limits.reading_age, guard.rise.sound
+                arm.watch_force(ForceWatch(shared, *force, contact.ranges, contact.repeats, *torque, *sound))
 
 
 def refuse_preload(standstill: float, limits: SafetySettings, port: Port, offset: float | None = None) -> None:

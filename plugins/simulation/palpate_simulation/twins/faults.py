@@ -56,7 +56,8 @@ FAULTS = {
     "silent": "the sensor sends nothing more",
     "end-stream": "the sensor ends its stream and closes its connection; it can be connected to again",
     "stuck-force": "the sensor repeats its latest reading in valid frames, whose time goes on",
-    "clipped-force LEVEL STD": "no axis of the sensor reads more than this force [N], but for noise of STD [N] on top",
+    "clipped-force LEVEL": "no axis of the sensor reads more than this force [N], either way",
+    "saturated-force LEVEL STD": "the same, with noise of this standard deviation [N] on top",
     "scaled-force FACTOR": "the sensor reads so many times what it feels",
     "late-readings SECONDS": "the sensor's readings arrive later and later, in the end by this long",
     "late-states SECONDS": "the same for the controller's states",
@@ -171,7 +172,8 @@ _ACTIONS: dict[str, Action] = {
     **{name: _sensor_fault(name) for name in ("silent", "overrange", "saturated", "raw", "throttled")},
     "end-stream": lambda world, _: world.sensor.end(),
     "stuck-force": lambda world, _: world.electronics.stick(),
-    "clipped-force": lambda world, words: world.electronics.clip(*(float(word) for word in words[:2])),
+    "clipped-force": lambda world, words: world.electronics.clip(float(words[0])),
+    "saturated-force": lambda world, words: world.electronics.clip(float(words[0]), float(words[1])),
     "scaled-force": lambda world, words: world.electronics.rescale(float(words[0])),
     "late-readings": lambda world, words: world.sensor.delay.set(float(words[0]), world.controller.now),
     "late-states": lambda world, words: world.ports.late.set(float(words[0]), clock().now()),
@@ -197,6 +199,7 @@ _NUMBERS = {
     "twist": "three numbers",
     "start": "six numbers",
     "lead": "six numbers",
+    "saturated-force": "two numbers",
 }  # that an action wants; others one
 
 
@@ -218,7 +221,7 @@ def make_fault(world: World, words: list[str]) -> None:
         raise ConfigurationError(f"unknown: {name}{suggest(name, _ACTIONS)}; help lists the commands")
     try:
         _ACTIONS[name](world, given or [""])
-    except ValueError as error:
+    except (ValueError, IndexError) as error:
         raise ConfigurationError(f"{name} needs {_NUMBERS.get(name, 'a number')}, not {' '.join(given)!r}") from error
 
 
