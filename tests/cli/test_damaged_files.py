@@ -85,7 +85,10 @@ FOLDER = {  # files of a folder of fits, and a command that reads them
     "own.toml": ("fit", "out", "--set", "alignment.tip_mass=1 g", "--no-refit"),
     "pipeline.toml": ("fit", "out", "--set", "alignment.tip_mass=1 g", "--no-refit"),
 }
-NAMES = [*MADE, *FOLDER]
+QUICK = ("a.csv", "a.obj", "result.json")
+NAMES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in (*MADE, *FOLDER)]
+TORN = [name for name in NAMES if "fits.csv" not in str(name)]  # whose torn end is left out
+ROWS = [name for name in NAMES if any(f"{end}'" in repr(name) for end in (".csv", ".obj"))]
 
 
 @pytest.fixture(scope="module")
@@ -104,12 +107,12 @@ def fitted(tmp_path_factory):
 
 
 @pytest.fixture
-def file(fitted, tmp_path, root):
+def file(request, tmp_path, root):
     """A function that makes a file by its name, and returns it with the command that reads it."""
 
     def make(name):
         if name in FOLDER:
-            shutil.copytree(fitted, tmp_path, dirs_exist_ok=True)
+            shutil.copytree(request.getfixturevalue("fitted"), tmp_path, dirs_exist_ok=True)
             return tmp_path / "out" / name, FOLDER[name]
         write, command = MADE[name]
         write(tmp_path / name)
@@ -159,7 +162,7 @@ def test_bits_that_are_flipped(file, palpate, name):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.7, 0.99])
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "fits.csv"])  # whose torn end is left out
+@pytest.mark.parametrize("name", TORN)
 def test_an_end_that_is_missing(file, palpate, name, share):
     path, command = file(name)
     raw = path.read_bytes()
@@ -168,7 +171,7 @@ def test_an_end_that_is_missing(file, palpate, name, share):
 
 
 @pytest.mark.parametrize("row", [0, 1, 2])
-@pytest.mark.parametrize("name", [name for name in NAMES if name.endswith((".csv", ".obj"))])
+@pytest.mark.parametrize("name", ROWS)
 def test_a_row_that_lacks_cells(file, palpate, name, row):
     path, command = file(name)
     lines = path.read_text().splitlines()
@@ -193,7 +196,7 @@ def test_what_is_no_regular_file(file, palpate, name, kind):
     path.unlink()
     if kind == "pipe":
         os.mkfifo(path)
-        waiting = threading.Timer(5.0, ended, [path])  # of whoever waits for it
+        waiting = threading.Timer(60.0, ended, [path])  # of whoever waits for it
         waiting.start()
         done = palpate(*command)
         assert waiting.is_alive(), "the pipe was waited for"
@@ -214,7 +217,7 @@ def test_materials_beside_a_mesh_are_not_opened(file, palpate):
     path, command = file("a.obj")
     path.write_text(f"mtllib pipe.mtl\nusemtl skin\n{path.read_text()}")
     os.mkfifo(path.with_name("pipe.mtl"))
-    waiting = threading.Timer(5.0, ended, [path.with_name("pipe.mtl")])
+    waiting = threading.Timer(60.0, ended, [path.with_name("pipe.mtl")])
     waiting.start()
     done = palpate(*command)
     assert waiting.is_alive(), "the pipe was waited for"
@@ -222,6 +225,7 @@ def test_materials_beside_a_mesh_are_not_opened(file, palpate):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_a_pipeline_that_a_table_of_curves_names_is_one_of_its_folder(file, palpate, tmp_path):
     path, command = file("curves.csv")
     path.write_text(path.read_text().replace("pipeline.toml", "/dev/zero"))
@@ -230,6 +234,7 @@ def test_a_pipeline_that_a_table_of_curves_names_is_one_of_its_folder(file, palp
     assert "there is no pipeline '/dev/zero'" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [

@@ -34,7 +34,7 @@ class FitTable:
         self._tracks = len(pipeline.tracks)
         self.path = folder / TABLE
         self._settle(folder, pipeline, device, folder / settings)
-        self.settings = bounded_text(folder / settings)
+        self.settings = settings_text(folder / settings)
         self.done = self._whole() if self.path.exists() else dict[str, str]()
         if not self.path.exists():
             write_whole(self.path, self._text([dict(zip(self.columns, self.columns, strict=True))]))
@@ -52,7 +52,7 @@ class FitTable:
             except OSError as error:
                 raise OutputError(f"{folder}: cannot write: {error.strerror}") from error
             write_whole(settings, text)
-        elif told := differences(text, bounded_text(settings), ignored):
+        elif told := differences(text, settings_text(settings), ignored):
             raise OutputError(f"{folder}: was begun with other settings: {told}; nothing is mixed: give --out another")
 
     def _whole(self) -> dict[str, str]:
@@ -147,6 +147,14 @@ def demand_columns(path: Path) -> None:
     if head != (*_HEAD, *(f"{name}{kind}" for name in names for kind in _KINDS), *_TAIL):
         about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is no table of fits"
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
+
+
+def settings_text(path: Path) -> str:
+    """The text of a pipeline of a folder of fits; raises LogError."""
+    try:
+        return bounded_text(path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"{path}: cannot be read: {error}") from error
 
 
 def columns_in(path: Path) -> tuple[str, ...]:

@@ -17,7 +17,6 @@ from palpate.host import (
     Pipeline,
     Source,
     approved_plugins,
-    bounded_text,
     build_pipeline,
     inherited_approval,
     suggest,
@@ -28,7 +27,7 @@ from palpate.host import (
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, settings_key, value_units
 from palpate_kit.curves.curve_list import FILE, LIST, PIPELINE_FILE, PLACES, Entries, columns_of, read_list
-from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_in, demand_columns, latest_rows
+from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_in, demand_columns, latest_rows, settings_text
 from palpate_kit.curves.own_settings import Own, read_own
 from palpate_kit.runs.review_file import Marks, read_marks
 
@@ -126,10 +125,7 @@ class FitFolder:
 
     def settings_text(self, name: str = SETTINGS) -> str:
         """The text of a pipeline; raises LogError."""
-        try:
-            return bounded_text(self.path / name)
-        except (OSError, UnicodeDecodeError) as error:
-            raise LogError(f"{self.path / name}: cannot be read: {error}") from error
+        return settings_text(self.path / name)
 
     @cached_property
     def cells(self) -> list[dict[str, str]]:
