@@ -120,7 +120,7 @@ class Scene:
         stop = self.stop_force
         if name == "scaled-force":
             stop /= float(level)
-        elif name in ("clipped-force", "saturated-force"):  # seen after a window, but on a way on which the tip slows down
+        elif name in ("clipped-force", "saturated-force"):  # seen after a window, but where the tip slows down
             stop, allowed = min(stop, float(level.split()[0])), allowed + (self.depth + self.swing) * 1e-3
         depth = (9 * stop / (16 * self.elasticity * _RADIUS**0.5)) ** (2 / 3) + allowed
         beyond = stop + 8 / 3 * self.elasticity * (_RADIUS * depth) ** 0.5 * allowed

@@ -22,7 +22,7 @@ def scenes():
 ENDS = {
     0: "the tool is turned by 5.2 deg",
     23: "the robot's program was stopped",
-    1: "done",
+    54: "the controller has closed the link. The tip stands at a height of",
     2: "readings of sensor.wrench.z come late",
     3: "the main job gave no sign of life",
     4: "the arm was to leave, and that has failed",
