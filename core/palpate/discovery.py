@@ -221,9 +221,9 @@ def _oddities(module: Any, plugin: Plugin) -> Iterator[str]:
     known = {name for name in vars(hooks) if name.startswith(_PREFIX)}
     marked = {name for name, item in vars(module).items() if hasattr(item, f"{hooks.PROJECT}_impl")}
     named = {name for name, item in vars(module).items() if isfunction(item) and name.startswith(_PREFIX)}
-    former = {f"{_PREFIX}{field}": f"{{{kind!r}: ...}} from palpate_offers" for kind, (field, _) in hooks.OFFERS.items()}
+    former = {f"{_PREFIX}{field}": f"{{{kind!r}: ...}}" for kind, (field, _) in hooks.OFFERS.items()}
     for name in sorted(marked - known):
-        hint = f": return it as {former[name]}" if name in former else suggest(name, known)
+        hint = f": return it as {former[name]} from palpate_offers" if name in former else suggest(name, known)
         yield f"plugin {plugin.name}: {name} is no hook{hint}"
     for name in sorted(named - marked):
         hint = "" if name in known else f", and is no hook{suggest(name, known)}"
