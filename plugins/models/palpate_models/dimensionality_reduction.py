@@ -11,8 +11,10 @@ from pydantic_core import CoreSchema
 
 from palpate_models.other_layers import other_layers
 from palpate_models.parameters import ELASTICITY, VISCOSITY
+from palpate_models.relaxation_spectrum import RelaxationSpectrum
 from palpate_models.skin import ContactGeometry, Skin, curved_share
 from palpate_models.thickness import HALF_SPACE, Thickness
+from palpate_models.ting_unloading import ting_force
 
 
 class _NoneInTheSchema:
@@ -73,9 +75,7 @@ class DimensionalityReduction(ContactModel):
 
     def loading_cycle_force(self, time: Floats, depth: Floats, theta: Sequence[float], reversal: float) -> Floats:
         """Force (n,) [N] over one loading and one unloading, see `ting_force`."""
-        from palpate_models.ting_unloading import ting_force
-
-        return ting_force(self, time, depth, theta, reversal)
+        return ting_force(self, RelaxationSpectrum(theta[0], theta[1], ()), time, depth, reversal)
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """The parameters themselves."""

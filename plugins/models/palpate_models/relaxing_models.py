@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 from palpate import ContactModel, Floats, Indenter, MaterialValue, Parameter, select
@@ -20,18 +19,11 @@ from palpate_models.parameters import (
     RELAXATION_TIME,
     RELAXING_ELASTICITY,
 )
+from palpate_models.relaxation_spectrum import RelaxationSpectrum
 from palpate_models.skin import ContactGeometry, Skin, curved_share
+from palpate_models.ting_unloading import ting_force
 
 _THICKNESS = 'correction for a layer, as for dimensionality-reduction; left out or "none": a half-space'
-
-
-@dataclass(frozen=True)
-class RelaxationSpectrum:
-    """A relaxation modulus E(t) = E + sum of E_k exp(-t/tau_k), and a damper beside it."""
-
-    lasting: Any  # E [Pa]; None: nothing lasts
-    damper: Any  # shear viscosity [Pa s]; None: there is none
-    arms: tuple[tuple[Any, Any], ...]  # E_k [Pa], 1/tau_k [1/s]
 
 
 class RelaxingModel(ContactModel):
@@ -81,10 +73,10 @@ class RelaxingModel(ContactModel):
         return curved_share(self, curvature, depth)
 
     def loading_cycle_force(self, time: Floats, depth: Floats, theta: Sequence[float], reversal: float) -> Floats:
-        """Force (n,) [N] over one loading and one unloading, see `ting_force`."""
-        from palpate_models.ting_unloading import ting_force
-
-        return ting_force(self, time, depth, theta, reversal)
+        """Force (n,) [N] over one loading and one unloading, see `ting_force`; raises ValueError where it is none."""
+        if self.pace(1e-3, theta) is not None:
+            raise ValueError(f"Ting's unloading needs a relaxation modulus, and {type(self).__name__} has none")
+        return ting_force(self, self.spectrum(theta), time, depth, reversal)
 
     def pace(self, radius: Any, theta: Sequence[Any]) -> Any:
         """What the rates of all arms are multiplied with at a contact radius [m]; None where it plays no part."""
