@@ -42,7 +42,28 @@ def palpate_estimators() -> dict[str, str]:
 @plugin
 def palpate_commands() -> dict[str, Command]:
     """Fits over models and logs."""
-    return {"fit": Command("palpate_fits.fit_command:fit", "Fit models to logs and folders of curves.", "run")}
+    compare, cycles = "palpate fit compare", "palpate fit cycles"
+    return {
+        "fit": Command(
+            "palpate_fits.fit_command:fit",
+            "Fit models to logs and folders of curves.",
+            "run",
+            first_options=(
+                *("--tip", "--model", "--force", "--position", "--time", "--rate"),
+                *("--pipeline", "--set", "--out", "--details"),
+            ),
+            former_options={
+                "--cross": compare,
+                "--carry": f"{compare} --carry",
+                "--no-carry": compare,
+                "--cycles": cycles,
+            },
+        ),
+        "fit compare": Command(
+            "palpate_fits.compare_command:compare", "What is fitted on each log, evaluated on all others.", "run"
+        ),
+        "fit cycles": Command("palpate_fits.cycles_command:cycles", "Every cycle of a log fitted by itself.", "run"),
+    }
 
 
 @plugin
