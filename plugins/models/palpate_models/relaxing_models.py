@@ -1,4 +1,4 @@
-"""Materials that relax, in the frame of the method of dimensionality reduction."""
+"""Linear materials in the frame of the method of dimensionality reduction."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any, ClassVar, Self
 from palpate import ContactModel, Floats, Indenter, MaterialValue, Parameter, select
 from pydantic import Field, model_validator
 
-from palpate_models.dimensionality_reduction import SKIN, OptionalThickness
 from palpate_models.other_layers import other_layers
 from palpate_models.parameters import (
     DASHPOT_VISCOSITY,
@@ -21,13 +20,18 @@ from palpate_models.parameters import (
 )
 from palpate_models.relaxation_spectrum import RelaxationSpectrum
 from palpate_models.skin import ContactGeometry, Skin, curved_share
+from palpate_models.thickness import OptionalThickness
 from palpate_models.ting_unloading import ting_force
 
+_SKIN = (
+    'the skin where it is not level and flat, such as { inclination = "20 deg", skin_radius = "50 mm" }; left out: '
+    "assumed to be both"
+)
 _THICKNESS = 'correction for a layer, as for dimensionality-reduction; left out or "none": a half-space'
 
 
 class RelaxingModel(ContactModel):
-    """A linear material that relaxes, pressed by any axisymmetric tip; a model gives its `spectrum`.
+    """A linear material, which may relax, pressed by any axisymmetric tip; a model gives its `spectrum`.
 
     F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + sum of q_k with an internal state q_k [N] for each arm,
     dq_k/dt = 2 E_k/(1 - nu^2) a(d) d' - q_k/tau_k in contact and -q_k/tau_k out of it.
@@ -36,7 +40,7 @@ class RelaxingModel(ContactModel):
     indenter: Indenter = Field(description="the tip")
     poisson: float = Field(default=0.5, ge=0, le=0.5, description="Poisson's ratio nu; 0.5 for incompressible material")
     thickness: OptionalThickness = Field(default=None, description=_THICKNESS)
-    skin: Skin | None = Field(default=None, description=SKIN)
+    skin: Skin | None = Field(default=None, description=_SKIN)
 
     @model_validator(mode="after")
     def _known_correction(self) -> Self:

@@ -43,8 +43,7 @@ class Plots:
 
 
 def _usable(run: RunData) -> list[str]:
-    tracks = run.document["tracks"]
-    return [name for name, track in tracks.items() if track["verdict"] != "invalid"] or list(tracks)
+    return [name for name, track in run.tracks.items() if track.verdict != "invalid"] or list(run.tracks)
 
 
 def _parameters(run: RunData) -> dict[str, str]:

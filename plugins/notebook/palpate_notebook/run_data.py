@@ -7,26 +7,29 @@ import shutil
 import tomllib
 import warnings
 import weakref
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Iterator, Mapping
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
-from palpate import Floats, LogError, Samples
+from palpate import ConfigurationError, Floats, LogError, Samples
 from palpate.host import (
     Pipeline,
     RecordOutcome,
+    Result,
     acceleration,
     build_pipeline,
     is_live,
     resolved_text,
     run_pipeline,
+    suggest,
 )
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.run_folder import RunFolder, TrackTable
 
 from palpate_notebook.run_functions import RunRecorder, quietly, run_place, write_run
+from palpate_notebook.track_object import TrackView
 
 if TYPE_CHECKING:
     import xarray
@@ -66,6 +69,22 @@ class RunData:
     def name(self) -> str:
         """What the run is called."""
         return str(self.document["run"]["name"])
+
+    @property
+    def tracks(self) -> dict[str, TrackView]:
+        """Every track by its name, MODEL/ESTIMATOR."""
+        return {name: self[name] for name in self.document["tracks"]}
+
+    def __getitem__(self, track: str) -> TrackView:
+        if track not in self.document["tracks"]:
+            raise ConfigurationError(f"there is no track {track!r}{suggest(track, self.document['tracks'])}")
+        return TrackView(track, self.document["tracks"][track], partial(getattr, self, "estimates"))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.document["tracks"])
+
+    def __len__(self) -> int:
+        return len(self.document["tracks"])
 
     @cached_property
     def pipeline(self) -> dict[str, Any]:
@@ -148,15 +167,18 @@ def execute(kind: type[Kind], pipeline: Pipeline, folder: Path | None, holds: ob
     with run_place(folder, temporary) as place, quietly():
         result = run_pipeline(pipeline, place, observer=kept)
         result.demand_whole()
-    tables = {name: kept.table(name) for name in result.tracks if name in kept.found}
-    document = json.loads(json.dumps(result.table()))
-    return kind(result.folder, document, (kept.joined, tables), temporary=temporary, holds=holds)
+    found = kept.joined, kept.tables(result.tracks)
+    return kind(result.folder, _document(result), found, temporary=temporary, holds=holds)
 
 
 def finished_run(kind: type[Kind], outcome: RecordOutcome, holds: object) -> Kind:
     """The outcome of a record in memory as a run, which keeps what it `holds`."""
     kept = RunRecorder.of(outcome)
-    tables = {name: kept.table(name) for name in outcome.result.tracks if name in kept.found}
-    found = (kept.joined if len(outcome.samples) else None, tables)
-    document = json.loads(json.dumps(outcome.result.table()))
-    return kind(None, document, found, origin=outcome.pipeline, holds=holds)
+    samples = kept.joined if len(outcome.samples) else None
+    found = samples, kept.tables(outcome.result.tracks)
+    return kind(None, _document(outcome.result), found, origin=outcome.pipeline, holds=holds)
+
+
+def _document(result: Result) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(json.dumps(result.table()))
+    return document

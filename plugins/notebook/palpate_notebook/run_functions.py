@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -44,6 +44,10 @@ class RunRecorder:
     def joined(self) -> Samples | None:
         """All samples; None where there are none."""
         return Samples.joined(self.blocks) if self.blocks else None
+
+    def tables(self, tracks: Iterable[str]) -> dict[str, TrackTable]:
+        """All estimates of those of the tracks that gave any."""
+        return {name: self.table(name) for name in tracks if name in self.found}
 
     def table(self, track: str) -> TrackTable:
         """All estimates of a track."""

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
 from contextlib import redirect_stdout
-from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from palpate import ConfigurationError, Flag, OutputError
-from palpate.host import analysis, suggest
+from palpate import Flag, OutputError
+from palpate.host import analysis
 from palpate_kit.runs.result_file import read_flags
 from palpate_kit.runs.run_folder import RunFolder
 
@@ -19,7 +17,6 @@ from palpate_notebook.plotting import Plots
 from palpate_notebook.run_data import RunData
 from palpate_notebook.run_html import run_html, run_text
 from palpate_notebook.suggestions import with_suggestions
-from palpate_notebook.track_object import TrackView
 
 if TYPE_CHECKING:
     import pandas
@@ -30,22 +27,6 @@ if TYPE_CHECKING:
 @with_suggestions
 class FinishedRun(RunData):
     """What a run found; `run["dr/ekf"]` is one of its tracks."""
-
-    @property
-    def tracks(self) -> dict[str, TrackView]:
-        """Every track by its name, MODEL/ESTIMATOR."""
-        return {name: self[name] for name in self.document["tracks"]}
-
-    def __getitem__(self, track: str) -> TrackView:
-        if track not in self.document["tracks"]:
-            raise ConfigurationError(f"there is no track {track!r}{suggest(track, self.document['tracks'])}")
-        return TrackView(track, self.document["tracks"][track], partial(getattr, self, "estimates"))
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.document["tracks"])
-
-    def __len__(self) -> int:
-        return len(self.document["tracks"])
 
     @property
     def flags(self) -> dict[str, tuple[Flag, ...]]:
