@@ -161,7 +161,7 @@ class Aligner:
     @property
     def report(self) -> AlignmentReport:
         """What has been found out so far."""
-        contact, counts, tool = self._contact, self._counts, self._reader.report
+        contact, counts = self._contact, self._counts
         streams = {".".join(part for part in key if part): health for key, health in self._intake.health.items()}
         return AlignmentReport(
             streams,
@@ -177,7 +177,5 @@ class Aligner:
             self._check.delay,
             contact.by_change_point,
             contact.pull,
-            tool.sideways,
-            tool.turned,
-            tool.tilt,
+            *self._reader.report,
         )

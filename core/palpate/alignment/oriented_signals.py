@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 from palpate.alignment.lateral_force import LateralForce
 from palpate.alignment.ports import Port
 from palpate.alignment.settings import AlignmentSettings
-from palpate.alignment.signal_reader import ToolReport, ToolSignals
+from palpate.alignment.signal_reader import SignalReader, ToolReport, ToolSignals
 from palpate.alignment.signal_series import Series
 from palpate.alignment.surface_lookup import SurfaceLookup
 from palpate.alignment.tool_frame import Load, ToolFrame, Vector
 from palpate.alignment.turned_tool import ToolWatch
-from palpate.device import Batch
 from palpate.vectors import Floats
 
 
-class TurningToolReader:
+class TurningToolReader(SignalReader):
     """Reads the series of a wrench, a pose and a twist; keeps account of the weight that turns."""
 
     def __init__(self, settings: AlignmentSettings, force: Port, series: Mapping[str, Series]) -> None:
@@ -33,9 +32,6 @@ class TurningToolReader:
         self._signs = [settings.force.sign if one is series["force"] else 1 for one in self._axes]
         self._lateral = LateralForce((0, 1, 2))
         self._watch = ToolWatch()
-
-    def feed(self, device: str, batch: Batch) -> None:
-        """All is taken from the series."""
 
     def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
         """Force, without a weight that turns, height and velocity along the normal, or along the axis that is read.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,7 @@ class ToolSignals:
     curvature: Floats  # (n, 2) [1/m], principal curvatures of the skin; (0, 2) where none is asked for
 
 
-@dataclass(frozen=True)
-class ToolReport:
+class ToolReport(NamedTuple):
     """What a record says of its tool."""
 
     sideways: SidewaysShare | None = None  # of the force; None where its stream has one axis
@@ -43,6 +43,7 @@ class SignalReader(Protocol):
     def feed(self, device: str, batch: Batch) -> None:
         """Take note of the readings of one of a device's streams."""
 
+    @abstractmethod
     def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
         """The signals at the first `count` instants [ns], which become samples; the next is for differences."""
 
@@ -50,11 +51,12 @@ class SignalReader(Protocol):
         """Take note of which of the samples that were read, in their order, are in contact."""
 
     @property
+    @abstractmethod
     def report(self) -> ToolReport:
         """What has been found out so far."""
 
 
-class FixedToolReader:
+class FixedToolReader(SignalReader):
     """Reads one column for each signal: the tool does not turn, or its weight counts as constant."""
 
     def __init__(self, ports: Ports, series: Mapping[str, Series]) -> None:
@@ -76,9 +78,6 @@ class FixedToolReader:
         height = self._series["position"].values[: len(stamps)]
         velocity = self._series["velocity"].at(stamps[:count]) if "velocity" in self._series else None
         return ToolSignals(height, self._series["force"].at(stamps[:count]), velocity, np.zeros((0, 2)))
-
-    def release(self, contact: NDArray[np.bool_]) -> None:
-        """Nothing is asked of the samples."""
 
     @property
     def report(self) -> ToolReport:

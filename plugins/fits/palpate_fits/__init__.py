@@ -62,7 +62,7 @@ def palpate_commands() -> dict[str, Command]:
         "fit compare": Command(
             "palpate_fits.compare_command:compare", "What is fitted on each log, evaluated on all others.", "run"
         ),
-        "fit cycles": Command("palpate_fits.cycles_command:cycles", "Every cycle of a log fitted by itself.", "run"),
+        "fit cycles": Command("palpate_fits.compare_command:cycles", "Every cycle of a log fitted by itself.", "run"),
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 from palpate import Batch, Link, LogError
@@ -26,12 +26,9 @@ class CsvReplay(CsvSettings):
     stated among it. The extra `palpate[excel]` brings openpyxl, which reads workbooks.
     """
 
-    def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The open file."""
-        return self._connected()
-
     @contextmanager
-    def _connected(self) -> Iterator[Link]:
+    def connect(self, seed: int) -> Iterator[Link]:
+        """The open file."""
         yield CsvLink(self)
 
     @classmethod
