@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from functools import cached_property
 
 from palpate import Floats, Setpoint, Trajectory
 
@@ -13,10 +13,10 @@ from palpate_trajectories.surface_motion import SurfaceMotion
 class PlannedTrajectory(Trajectory):
     """A trajectory that plans its `_motion`."""
 
-    @property
-    @abstractmethod
+    @cached_property
     def _motion(self) -> PlannedMotion | SurfaceMotion:
         """Everything that it does, over the whole of its time."""
+        raise NotImplementedError
 
     @property
     def total_duration(self) -> float:
