@@ -26,7 +26,6 @@ from palpate_models import (
     Sphere,
     StandardLinearSolid,
 )
-from palpate_models.ting_unloading import relaxation_of, ting_force
 from palpate_spectra.complex_moduli import answer
 from palpate_spectra.recorded_oscillation import RecordedOscillation
 from palpate_spectra.transient.recorded_press import longest_press
@@ -58,7 +57,7 @@ MODELS = {
 def by_ting(model, theta, records):
     """The same of one loading and unloading after Ting."""
     t, depth = triangle()
-    force = ting_force(model, t, depth, theta)
+    force = model.loading_cycle_force(t, depth, theta, 1e-6)
     return counted(
         lambda seed: TingFit().start(Problem(model, 0.0)).run(samples(t, depth, force, seed)), theta, records
     )
@@ -78,7 +77,7 @@ def counted(fit, theta, records):
 
 def by_relaxation(model, theta, records):
     """E(t) of a hold at the points nearest to three times, against the model's own."""
-    law, began = relaxation_of(model, theta), time.process_time()
+    law, began = model.spectrum(theta), time.process_time()
     inside, flagged = np.zeros(3, int), 0
     for seed in range(records):
         found = curve(longest_press(rig.press(model, theta, seed=seed), "run"))

@@ -14,6 +14,7 @@ from palpate import Floats, Trajectory
 from palpate.config import Pipeline, load_pipeline
 from palpate_maps.map_analysis import Path2D, Sites, sites_along
 from palpate_maps.path_reader import join_paths
+from palpate_simulation.skin_under_tip import SkinUnderTip
 from sweeps import paths
 
 RASTER = Path(__file__).parent.parent / "pipelines" / "raster.toml"
@@ -42,7 +43,7 @@ class Scene:
         specimen = self.pipeline.devices["rig"].specimen  # type: ignore[attr-defined]
         plain = specimen.model_copy(update={"inclusions": ()})
         tips = np.pad(places, ((0, 0), (0, 1)))
-        return specimen.under(tips).theta[0] / plain.under(tips).theta[0] - 1
+        return SkinUnderTip(specimen, tips).theta[0] / SkinUnderTip(plain, tips).theta[0] - 1
 
 
 def scene(seed: int, count: int, peaks: tuple[float, float], body: str) -> Scene:

@@ -26,6 +26,7 @@ from palpate.pipeline import start_tracks
 from palpate.pipeline.planned_motion import single_trajectory
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_maps.map_analysis import Findings, LumpSettings, Path2D, find_lumps, sites_along
+from palpate_simulation.skin_under_tip import SkinUnderTip
 
 PIPELINE = Path(__file__).parent.parent / "pipelines" / "sweep.toml"
 LUMPS = (-0.014, 0.014)  # [m] where the line crosses the sphere, and the horseshoe's bow
@@ -106,7 +107,7 @@ def paths_of(given: Pipeline, samples: Samples) -> Iterator[Path2D]:
 def rmse(path: Path2D, given: Pipeline) -> float:
     """Root mean square error of E [kPa] along the path, without its first and last millimetre."""
     moving = np.abs(path.place[:, 1]) < 0.034
-    error = path.value - given.devices["rig"].specimen.under(np.pad(path.place, ((0, 0), (0, 1)))).theta[0]  # type: ignore[attr-defined]
+    error = path.value - SkinUnderTip(given.devices["rig"].specimen, np.pad(path.place, ((0, 0), (0, 1)))).theta[0]  # type: ignore[attr-defined]
     return float(np.sqrt(np.mean(error[moving] ** 2))) / 1e3
 
 

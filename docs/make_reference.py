@@ -100,6 +100,6 @@ def _commands() -> Iterator[str]:
 def _python() -> Iterator[str]:
     yield "# Python\n\n```{eval-rst}"
     yield from (f".. autofunction:: palpate_notebook.{name}\n" for name in _FACE)
-    options = "   :members:\n   :class-doc-from: class\n"
+    options = "   :members:\n   :inherited-members: float\n   :class-doc-from: class\n"
     yield from (f".. autoclass:: palpate_notebook.{name}\n{options}" for name in _CLASSES)
     yield "```"

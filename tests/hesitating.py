@@ -12,6 +12,7 @@ from palpate_devices.ur.servo import Commander, ServoLaw
 from palpate_devices.ur.setpoint_buffer import Plan
 from palpate_simulation.sensor_wrench import sensed_wrench
 from palpate_simulation.simulated_rig import SimulatedRig
+from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.twins.arm import TICK, SimulatedArm
 
 LAW = ServoLaw("pd", gain=20.0, damping=0.5, approach_speed=0.02, retract_speed=0.05, acceleration=1.0, most=0.2)
@@ -92,7 +93,7 @@ class HesitatingLink:
         way, speed, push = (np.zeros((len(readings), 3)) for _ in range(3))
         way[:, 2] = states[tick, 2] + states[tick, 3] * since + bend * since**2 / 2
         speed[:, 2], push[:, 2] = states[tick, 3] + bend * since, bend
-        contact = rig.specimen.with_friction(rig.specimen.push(before, way, speed), speed)
+        contact = rig.specimen.with_friction(SkinUnderTip(rig.specimen, way).push(before, speed), speed)
         noise, offset = rng.standard_normal((len(readings), 6)), rig.bias + rig.drift * readings
         return sensed_wrench(contact, push, rig.tip_mass, offset, noise, rig.force_std, rig.force_limit)
 

@@ -19,7 +19,10 @@ def test_the_page_of_commands_names_every_one(command):
     assert f"`palpate {command}" in COMMANDS
 
 
-@pytest.mark.parametrize(("hook", "root"), [*hooks.KINDS.values(), *hooks.EXTENSIONS.values()])
+_OFFERED = [("palpate_offers", root) for _, root in hooks.OFFERS.values()]
+
+
+@pytest.mark.parametrize(("hook", "root"), [*hooks.KINDS.values(), *hooks.EXTENSIONS.values(), *_OFFERED])
 def test_every_hook_is_documented(hook, root):
     assert getattr(hooks, hook).__doc__
     assert root.__doc__

@@ -72,12 +72,20 @@ class Discovery:
         """Everything of a kind by name, with the plugin it comes from; raises PluginError where two claim one name."""
         found: dict[str, tuple[Any, Plugin]] = {}
         for plugin, items in self._offers(hook, lambda offer: dict(_checked(offer, kind, root))):
-            for name, item in items.items():
-                if name in found:
-                    first = found[name][1].name
-                    raise PluginError(f"{kind} {name!r} is claimed by two plugins: {first} and {plugin.name}")
-                found[name] = item, plugin
+            _claim(found, kind, items, plugin)
         return found
+
+    @property
+    def offers(self) -> dict[str, dict[str, Any]]:
+        """What is returned by `palpate_offers`: by field of the registry, by name; raises PluginError like `named`."""
+        found: dict[str, dict[str, tuple[Any, Plugin]]] = {kind: {} for kind in hooks.OFFERS}
+        for plugin, kinds in self._offers("palpate_offers", _checked_kinds):
+            for kind, items in kinds.items():
+                _claim(found[kind], kind, items, plugin)
+        return {
+            field: {name: offer for name, (offer, _) in found[kind].items()}
+            for kind, (field, _) in hooks.OFFERS.items()
+        }
 
     @property
     def migrations(self) -> tuple[Migration, ...]:
@@ -229,13 +237,34 @@ def _oddities(module: Any, plugin: Plugin) -> Iterator[str]:
     known = {name for name in vars(hooks) if name.startswith(_PREFIX)}
     marked = {name for name, item in vars(module).items() if hasattr(item, f"{hooks.PROJECT}_impl")}
     named = {name for name, item in vars(module).items() if isfunction(item) and name.startswith(_PREFIX)}
+    former = {f"{_PREFIX}{field}": f"{{{kind!r}: ...}}" for kind, (field, _) in hooks.OFFERS.items()}
     for name in sorted(marked - known):
-        yield f"plugin {plugin.name}: {name} is no hook{suggest(name, known)}"
+        hint = f": return it as {former[name]} from palpate_offers" if name in former else suggest(name, known)
+        yield f"plugin {plugin.name}: {name} is no hook{hint}"
     for name in sorted(named - marked):
         hint = "" if name in known else f", and is no hook{suggest(name, known)}"
         yield f"plugin {plugin.name}: {name} is not marked @palpate.plugin{hint}"
     if not marked & known and not marked | named:
         yield f"plugin {plugin.name} offers nothing: it has no function marked @palpate.plugin, such as palpate_models"
+
+
+def _claim(found: dict[str, tuple[Any, Plugin]], kind: str, items: Mapping[str, Any], plugin: Plugin) -> None:
+    """Add a plugin's items of a kind to those found; raises PluginError where another has claimed a name."""
+    for name, item in items.items():
+        if name in found:
+            first = found[name][1].name
+            raise PluginError(f"{kind} {name!r} is claimed by two plugins: {first} and {plugin.name}")
+        found[name] = item, plugin
+
+
+def _checked_kinds(offer: Any) -> dict[str, dict[str, Any]]:
+    """The items of `palpate_offers` by kind; raises PluginError where a kind is none, or an item not of its kind."""
+    if not isinstance(offer, Mapping):
+        raise PluginError(f"returns {offer!r}, not a mapping of kinds")
+    for kind in offer:
+        if kind not in hooks.OFFERS:
+            raise PluginError(f"returns {kind!r}, which is no kind of offer{suggest(str(kind), hooks.OFFERS)}")
+    return {kind: dict(_checked(items, kind, hooks.OFFERS[kind][1])) for kind, items in offer.items()}
 
 
 def _checked(offer: Any, kind: str, root: type) -> Iterator[tuple[str, Any]]:

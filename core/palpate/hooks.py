@@ -25,21 +25,7 @@ if TYPE_CHECKING:
     from palpate.device import Device
     from palpate.estimation import Estimator
     from palpate.flags import FlagMeaning
-    from palpate.offers import (
-        CalibrationReader,
-        Check,
-        Command,
-        ControlReader,
-        Diagnosis,
-        Display,
-        Fact,
-        FileSuggestion,
-        Recorder,
-        Report,
-        ReportSection,
-        Summary,
-        Template,
-    )
+    from palpate.offers import Command, Diagnosis, Fact, Offer, ReportSection, Template
     from palpate.parts import Part, Settings
     from palpate.sink import Sink
     from palpate.surface import Surface
@@ -104,38 +90,23 @@ def palpate_diagnoses() -> Mapping[str, Diagnosis]:  # type: ignore[empty-body]
 
 
 @_hook
-def palpate_summaries() -> Mapping[str, Summary]:  # type: ignore[empty-body]
-    """What is gathered of every track while it runs, by name, such as values over the places of a sweep."""
+def palpate_offers() -> Mapping[str, Mapping[str, Offer]]:  # type: ignore[empty-body]
+    """What serves one command, or one moment of a run: by kind, by name, as in ``{"check": {"blunt": Check(blunt)}}``.
 
-
-@_hook
-def palpate_recorders() -> Mapping[str, Recorder]:  # type: ignore[empty-body]
-    """What writes down the estimates of every run, by name, beside the sinks that a pipeline asks for."""
-
-
-@_hook
-def palpate_checks() -> Mapping[str, Check]:  # type: ignore[empty-body]
-    """Checks of a pipeline's parts, by name; each is called whenever a pipeline is built, and refuses wrong ones."""
-
-
-@_hook
-def palpate_calibrations() -> Mapping[str, CalibrationReader]:  # type: ignore[empty-body]
-    """What reads calibration files for ``[run] calibration``, by name; of several the first by name is used."""
-
-
-@_hook
-def palpate_controls() -> Mapping[str, ControlReader]:  # type: ignore[empty-body]
-    """What reads control charts for ``[run] control``, by name; of several the first by name is used."""
+    - ``calibration``: reads the file of ``[run] calibration``; of several the first by name is used.
+    - ``check``: is called with the parts of each pipeline that is built, and refuses wrong ones.
+    - ``control chart``: reads the chart of ``[run] control``; of several the first by name is used.
+    - ``display``: shows a run on the terminal while it goes on; of several the first by name is used.
+    - ``file suggestion``: what can be done with a file that is no log, for ``palpate info FILE --suggest``.
+    - ``recorder``: writes down the estimates of every run, beside the sinks that a pipeline asks for.
+    - ``report``: what ``palpate run --report`` makes of a run, by the name of the command that makes it later, too.
+    - ``summary``: what is gathered of every track while it runs, such as values over the places of a sweep.
+    """
 
 
 @_hook
 def palpate_facts() -> Mapping[str, Fact]:  # type: ignore[empty-body]
     """Lines for ``palpate info`` without a log, by name."""
-
-
-@_hook
-def palpate_file_suggestions() -> Mapping[str, FileSuggestion]:  # type: ignore[empty-body]
-    """What can be done with files that are no logs, for ``palpate info FILE --suggest``, by name."""
 
 
 @_hook
@@ -151,16 +122,6 @@ def palpate_tables() -> Mapping[str, type[Settings]]:  # type: ignore[empty-body
 @_hook
 def palpate_report_sections() -> Mapping[str, ReportSection]:  # type: ignore[empty-body]
     """Sections that are shown of a result besides its table of tracks, by name."""
-
-
-@_hook
-def palpate_reports() -> Mapping[str, Report]:  # type: ignore[empty-body]
-    """What ``palpate run --report`` makes of a run, by the name of the command that makes it later, too."""
-
-
-@_hook
-def palpate_displays() -> Mapping[str, Display]:  # type: ignore[empty-body]
-    """What shows a run on the terminal while it goes on, by name; of several the first by name is used."""
 
 
 @_hook
@@ -184,19 +145,21 @@ def palpate_migrations() -> Sequence[Migration]:  # type: ignore[empty-body]
 _EXTENSIONS = {
     "command": ("palpate_commands", "palpate.offers:Command"),
     "table": ("palpate_tables", "palpate.parts:Settings"),
-    "report": ("palpate_reports", "palpate.offers:Report"),
     "report section": ("palpate_report_sections", "palpate.offers:ReportSection"),
-    "display": ("palpate_displays", "palpate.offers:Display"),
     "template": ("palpate_templates", "palpate.offers:Template"),
     "diagnosis": ("palpate_diagnoses", "palpate.offers:Diagnosis"),
-    "summary": ("palpate_summaries", "palpate.offers:Summary"),
-    "recorder": ("palpate_recorders", "palpate.offers:Recorder"),
-    "check": ("palpate_checks", "palpate.offers:Check"),
-    "calibration": ("palpate_calibrations", "palpate.offers:CalibrationReader"),
-    "control chart": ("palpate_controls", "palpate.offers:ControlReader"),
     "fact": ("palpate_facts", "palpate.offers:Fact"),
-    "file suggestion": ("palpate_file_suggestions", "palpate.offers:FileSuggestion"),
     "flag": ("palpate_flags", "palpate.flags:FlagMeaning"),
+}
+_OFFERS = {
+    "calibration": ("calibrations", "palpate.offers:CalibrationReader"),
+    "check": ("checks", "palpate.offers:Check"),
+    "control chart": ("controls", "palpate.offers:ControlReader"),
+    "display": ("displays", "palpate.offers:Display"),
+    "file suggestion": ("file_suggestions", "palpate.offers:FileSuggestion"),
+    "recorder": ("recorders", "palpate.offers:Recorder"),
+    "report": ("reports", "palpate.offers:Report"),
+    "summary": ("summaries", "palpate.offers:Summary"),
 }
 _KINDS = {
     "indenter": ("palpate_indenters", "palpate.contact:Indenter"),
@@ -212,13 +175,15 @@ _KINDS = {
 if TYPE_CHECKING:
     # What a plugin offers besides parts -> (hook, class that each must be, or derive from where it is a class).
     EXTENSIONS: Mapping[str, tuple[str, type]]
+    # Kind of what `palpate_offers` returns -> (its field of the registry, class that each must be).
+    OFFERS: Mapping[str, tuple[str, type]]
     # Kind of part -> (hook, class that its parts derive from).
     KINDS: Mapping[str, tuple[str, type[Part]]]
 
 
 def __getattr__(name: str) -> Any:
-    """KINDS and EXTENSIONS with their classes, which are imported when they are first asked for."""
-    tables = {"KINDS": _KINDS, "EXTENSIONS": _EXTENSIONS}
+    """KINDS, EXTENSIONS and OFFERS with their classes, which are imported when they are first asked for."""
+    tables = {"KINDS": _KINDS, "EXTENSIONS": _EXTENSIONS, "OFFERS": _OFFERS}
     if name not in tables:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = found = {key: (hook, import_target(root)) for key, (hook, root) in tables[name].items()}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
@@ -33,6 +33,8 @@ class Command:
     help: str  # one line for `palpate --help`
     panel: str = "analyse"  # key of PANELS
     former: str = ""  # the name before a renaming; it still works, and says the new one
+    first_options: tuple[str, ...] = ()  # what --help shows; --help all shows every option. Empty: all are shown
+    former_options: Mapping[str, str] = field(default_factory=dict)  # the words that replace options; those are refused
 
 
 @dataclass(frozen=True)

@@ -208,6 +208,7 @@ def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
         for kind, (hook, root) in hooks.EXTENSIONS.items()
     }
     plugins = tuple(found.plugins.values())
+    offered |= found.offers
     return Registry(parts, plugins, found.failures, found.oddities, migrations=found.migrations, **offered)
 
 

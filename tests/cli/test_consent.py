@@ -75,6 +75,7 @@ MORE = {  # what a command wants besides
     "info": ["--suggest"],
     "plot": ["time"],
     "fit choose": ["--models", "dr,kelvin-voigt"],
+    "fit compare": ["another.csv"],
     "reproduce": ["app:correction_factor"],
 }
 ENDINGS = {"log export": "out.csv", "log recover": "out.mcap"}
@@ -87,6 +88,8 @@ ASKS = {
     ("compare", "log"): "log run",
     ("model export", "file"): "log run",
     ("fit", "sources"): "log run",
+    ("fit compare", "sources"): "log run",
+    ("fit cycles", "sources"): "log run",
     ("fit indentation", "source"): "log run bare",
     ("info", "log"): "log run",
     ("spectrum relaxation", "run"): "log run bare",

@@ -8,6 +8,7 @@ from palpate.cli.commands import command_offers, help_text
 from palpate.host import analysis
 from palpate.offers import PANELS
 from palpate.trust import with_plugin_files
+from palpate_commands.completion import options_of
 
 COMMANDS = command_offers().commands
 FORMER = {command.former: name for name, command in COMMANDS.items() if command.former}
@@ -45,6 +46,32 @@ def test_a_former_name_works_and_says_the_new_one(palpate, former):
     assert done.returncode == 0
     assert done.stderr == f"palpate {former} is palpate {FORMER[former]} now\n"
     assert f"palpate {FORMER[former]}" in done.stdout
+
+
+def test_the_first_help_of_fit_has_ten_options_and_all_the_others_are_a_word_away(palpate):
+    first, every = (shown_options(palpate("fit", "--help", *words).stdout) for words in ((), ("all",)))
+    assert first == set(COMMANDS["fit"].first_options)
+    assert len(first) == 10
+    assert every == set(options_of("fit")) - {"--help"}
+    assert "palpate fit --help all shows every option" in palpate("fit", "--help").stdout
+
+
+def shown_options(text):
+    return set(re.findall(r"^│ (--[a-z-]+)", text, re.MULTILINE)) - {"--help"}
+
+
+@pytest.mark.parametrize(
+    ("name", "option"), [(name, option) for name, command in COMMANDS.items() for option in command.former_options]
+)
+def test_a_former_option_is_refused_with_the_new_words(palpate, name, option):
+    done = palpate(*name.split(), "press.csv", option)
+    new = COMMANDS[name].former_options[option]
+    assert done.returncode == 2
+    assert done.stderr == f"palpate: {option}: palpate {name} {option} is {new} now\n"
+    assert option not in options_of(name)
+    command, _, other = new.removeprefix("palpate ").partition(" --")
+    assert not other or f"--{other}" in options_of(command)
+    assert command in COMMANDS
 
 
 def test_no_former_name_is_a_command():

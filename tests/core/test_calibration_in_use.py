@@ -274,8 +274,8 @@ def test_a_plugin_file_reads_calibrations_of_its_own(point_pipeline, tmp_path):
         "    found = Calibration(created=datetime.now(UTC), values={'mass': mass}, channels={})\n"
         "    return AppliedCalibration(found, str(path), valid_for)\n"
         "@plugin\n"
-        "def palpate_calibrations():\n"
-        "    return {'a-balance': CalibrationReader('palpate_file_scales:weighed')}\n"
+        "def palpate_offers():\n"
+        "    return {'calibration': {'a-balance': CalibrationReader('palpate_file_scales:weighed')}}\n"
     )
     (tmp_path / "weight.txt").write_text("0.151")
     text = point_pipeline.read_text().replace('tip_mass = "140 g"', "")

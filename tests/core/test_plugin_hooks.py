@@ -17,6 +17,11 @@ ANSWERS = {
     "return [1]": "{hook} returns [1], not a",
     "return 1": "{hook} returns 1, not a",
 }
+OFFERS = {
+    "return {'chek': {}}": "palpate_offers returns 'chek', which is no kind of offer; did you mean 'check'?",
+    "return {'check': 3}": "palpate_offers returns 3, not a mapping of names",
+    "return {'check': {'own': 3}}": "palpate_offers offers 'own', which is no Check",
+}
 ITEMS = {
     "return {3: Indenter}": "palpate_indenters offers 3, which is not a name",
     "return {'own': 3}": "palpate_indenters offers 'own', which is no Indenter",
@@ -27,6 +32,7 @@ ITEMS = {
 def hook_cases():
     """Each hook with each wrong answer of it."""
     cases = [(hook, body, words) for hook in HOOKS for body, words in ANSWERS.items()]
+    cases += [("palpate_offers", body, words) for body, words in OFFERS.items()]
     return cases + [("palpate_indenters", body, words) for body, words in ITEMS.items()]
 
 
@@ -47,8 +53,20 @@ def distribution(tmp_path):
 
 
 def test_there_are_as_many_hooks_as_are_tested():
-    known = {hook for hook, _ in (*hooks.KINDS.values(), *hooks.EXTENSIONS.values())} | {"palpate_migrations"}
-    assert set(HOOKS) == known
+    known = {hook for hook, _ in (*hooks.KINDS.values(), *hooks.EXTENSIONS.values())}
+    assert set(HOOKS) == known | {"palpate_offers", "palpate_migrations"}
+
+
+@pytest.mark.parametrize(("kind", "field", "root"), [(kind, *names) for kind, names in hooks.OFFERS.items()])
+def test_an_offer_of_each_kind_is_registered_and_its_former_hook_is_named(tmp_path, kind, field, root):
+    assert f"``{kind}``" in hooks.palpate_offers.__doc__
+    text = f"from palpate import {root.__name__}, plugin\n@plugin\ndef palpate_{{}}():\n    return {{}}\n"
+    offer = f"{{'own': {root.__name__}('math:sqrt')}}"
+    (tmp_path / "own.py").write_text(text.format("offers", f"{{{kind!r}: {offer}}}"))
+    assert getattr(registry.load([tmp_path / "own.py"]), field)["own"] == root("math:sqrt")
+    (tmp_path / "old.py").write_text(text.format(field, offer))
+    (oddity, *_) = registry.load([tmp_path / "old.py"]).oddities
+    assert oddity.endswith(f"palpate_{field} is no hook: return it as {{{kind!r}: ...}} from palpate_offers")
 
 
 @pytest.mark.parametrize(("hook", "body", "words"), hook_cases())
@@ -127,7 +145,7 @@ def test_the_other_hooks_of_a_plugin_that_fails_work(palpate, distribution, poin
 def test_a_check_that_raises_is_named(palpate, point_pipeline):
     (point_pipeline.parent / "own.py").write_text(
         "from palpate import Check, plugin\ndef judge(parts, registry):\n    1 / 0\n"
-        "@plugin\ndef palpate_checks():\n    return {'own': Check(judge)}\n"
+        "@plugin\ndef palpate_offers():\n    return {'check': {'own': Check(judge)}}\n"
     )
     done = palpate("check", point_pipeline, "--set", 'run.plugins=["own.py"]')
     assert done.returncode == 2

@@ -5,7 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from palpate_kit.kernel.columns import ColumnFunction, ColumnTable, _compiled, _OnVirtualMachine
+from palpate_kit.kernel.column_table import ColumnTable
+from palpate_kit.kernel.columns import ColumnFunction, _compiled, _OnVirtualMachine
 from palpate_kit.kernel.half_powers import with_roots
 
 from tests.filters.test_kernel import OPERATIONS, a, awkward, b, bits, p, w

@@ -23,7 +23,6 @@ from palpate_models import (
     StandardLinearSolid,
 )
 from palpate_models.modulus_at_rest import at_rest
-from palpate_models.ting_unloading import relaxation_of
 
 from tests.simulated import pipeline, press_and_sines, samples
 
@@ -113,7 +112,7 @@ def test_models_that_say_nothing_of_rest_are_left_alone(model, values):
 
 def after_a_second(model, theta):
     """E(1 s) [Pa]."""
-    law = relaxation_of(model, theta)
+    law = model.spectrum(theta)
     return law.lasting + sum(strength * np.exp(-rate) for strength, rate in law.arms)
 
 

@@ -87,7 +87,7 @@ def budget_of(title, text):
 
 @pytest.mark.slow
 def test_models_and_logs_are_compared_and_evaluated_on_each_other(palpate, logs):
-    asked = ["fit", "v0.csv", "v1.csv", "v2.csv", "--pipeline", "fit.toml", "--out", "out", "--cross"]
+    asked = ["fit", "compare", "v0.csv", "v1.csv", "v2.csv", "--pipeline", "fit.toml", "--out", "out"]
     brief = palpate(*asked)
     assert brief.returncode == 0, brief.stderr
     assert max(map(len, brief.stdout.splitlines())) <= 80
@@ -152,7 +152,7 @@ def test_cycles_are_fitted_by_themselves_and_repeat_reads_them(palpate, logs):
     for name, elasticity in (("soft", E), ("hard", 1.2 * E)):
         write_log(logs / f"{name}.csv", 6e-3, elasticity, seed=3, cycles=4)
         done = palpate(
-            "fit", f"{name}.csv", "--pipeline", "fit.toml", "--out", name, "--cycles", "--no-pictures",
+            "fit", "cycles", f"{name}.csv", "--pipeline", "fit.toml", "--out", name, "--no-pictures",
             "--set", "run.tracks=['dr/*']",
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
@@ -192,6 +192,7 @@ def test_repeat_over_run_folders(palpate, logs):
     [
         (["fit", "nothing.csv"], "there is no such file"),
         (["fit", "v0.csv"], "say with --pipeline"),
+        (["fit", "compare", "v0.csv", "--pipeline", "fit.toml"], "give two logs or more; palpate fit is for one"),
         (["fit", "fit.toml", "--set", "estimator.fit.type=ekf"], "unknown key 'segment'"),
         (["fit", "fit.toml", "--set", "estimator.fit.segment=press"], "'press' is not one of"),
         (["fit", "fit.toml", "--set", "estimator.fit={type='ekf'}"], "no offline estimator"),

@@ -7,7 +7,6 @@ from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 from palpate_fits import TingFit
 from palpate_models import DimensionalityReduction, Poroelastic, PowerLaw, Sphere, StandardLinearSolid
-from palpate_models.ting_unloading import ting_force
 
 from tests.real_bags import pipeline_of
 from tests.simulated import pipeline, samples, solid, triangle
@@ -25,7 +24,7 @@ def run(tmp_path, unloading, trajectory=CYCLE, estimator="ting-fit"):
 def record(model, theta, seed):
     """A triangle in and out of a material, with the rig's noise, from air to air."""
     time, depth = triangle(2e-3)
-    return samples(time, depth, ting_force(model, time, depth, theta), seed)
+    return samples(time, depth, model.loading_cycle_force(time, depth, theta, 1e-6), seed)
 
 
 @pytest.mark.slow

@@ -19,7 +19,6 @@ from palpate_models import (
     StandardLinearSolid,
 )
 from palpate_models.fractional import reciprocal_gamma
-from palpate_models.ting_unloading import ting_force
 from scipy.special import beta, gamma
 
 R = 5e-3
@@ -130,6 +129,8 @@ def test_a_power_law_over_too_many_decades_is_refused():
 
 # ---- Ting
 
+REVERSAL = 1e-6  # [m]
+
 
 def triangle(points=2000, peak=1.0, depth=2e-3):
     time = np.linspace(0, 2 * peak, 2 * points + 1)
@@ -140,7 +141,7 @@ def triangle(points=2000, peak=1.0, depth=2e-3):
 def test_loading_is_lee_and_radok(model):
     time, depth = triangle()
     theta = (1e5, 5e4, 0.3)
-    found = ting_force(model, time, depth, theta)
+    found = model.loading_cycle_force(time, depth, theta, REVERSAL)
     rate = np.where(time < 1.0, 2e-3, -2e-3)
     way_in = time < 1.0
     expected = force_over_time(model, time[way_in], depth[way_in], rate[way_in], theta)
@@ -151,7 +152,9 @@ def test_an_elastic_material_comes_back_as_it_went():
     time, depth = triangle()
     model = DimensionalityReduction(indenter=TIP)
     np.testing.assert_allclose(
-        ting_force(model, time, depth, (1e5, 0.0)), model.force(np.maximum(depth, 1e-12), 0.0, (1e5, 0.0)), atol=2e-6
+        model.loading_cycle_force(time, depth, (1e5, 0.0), REVERSAL),
+        model.force(np.maximum(depth, 1e-12), 0.0, (1e5, 0.0)),
+        atol=2e-6,
     )
 
 
@@ -171,7 +174,7 @@ def test_unloading_solves_tings_integral():
     t1 = brentq(left, 0.0, 1.0)
     exact = 2 / 0.75 * quad(lambda s: modulus(t - s) * math.sqrt(R * v * s) * v, 0, t1)[0]
     time, depth = triangle()
-    found = np.interp(t, time, ting_force(model, time, depth, theta))
+    found = np.interp(t, time, model.loading_cycle_force(time, depth, theta, REVERSAL))
     assert found == pytest.approx(exact, rel=1e-4)
     rate = np.where(time < 1.0, v, -v)
     following = np.interp(t, time, force_over_time(model, time, depth, rate, theta))
@@ -181,6 +184,8 @@ def test_unloading_solves_tings_integral():
 def test_more_than_one_maximum_is_refused_by_name():
     time = np.linspace(0, 2, 1001)
     with pytest.raises(ValueError, match="more than one maximum"):
-        ting_force(StandardLinearSolid(indenter=TIP), time, 2e-3 + 1e-3 * np.sin(8 * time), (1e5, 5e4, 0.3))
+        StandardLinearSolid(indenter=TIP).loading_cycle_force(
+            time, 2e-3 + 1e-3 * np.sin(8 * time), (1e5, 5e4, 0.3), REVERSAL
+        )
     with pytest.raises(ValueError, match="Poroelastic"):
-        ting_force(Poroelastic(indenter=TIP), *triangle(), (1e5, 0.2, 1e-6))
+        Poroelastic(indenter=TIP).loading_cycle_force(*triangle(), (1e5, 0.2, 1e-6), REVERSAL)

@@ -9,6 +9,7 @@ from palpate_models import Cone, DimensionalityReduction, Sphere
 from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.skin_form import elliptic_share
 from palpate_simulation.skin_on_surface import SkinOnSurface
+from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen import Specimen
 from palpate_surfaces import HalfEllipsoid, Plane
 
@@ -53,14 +54,14 @@ def test_a_lump_is_felt_where_the_skin_is_over_it():
     for row, felt in ((0, True), (1, False)):
         tip = there.position[row] - 0.003 * there.normal[row]
         at = tip + DR.indenter.radius * (there.normal[row] - [0.0, 0.0, 1.0])  # as `upright_place` has it
-        stiff, soft = (float(np.ravel(one.under(at[None]).theta[0])[0]) for one in (specimen, plain))
+        stiff, soft = (float(np.ravel(SkinUnderTip(one, at[None]).theta[0])[0]) for one in (specimen, plain))
         assert (stiff > 1.3 * soft) if felt else (stiff == pytest.approx(soft, rel=1e-3))
 
 
 def test_where_there_is_no_skin_there_is_no_force_and_no_motion():
     specimen = Specimen(**TRUE, body=BREAST)
     beside = np.array([[0.09, 0.0, -0.05]])
-    assert specimen.push(np.zeros(1), beside, np.zeros((1, 3)))[0] == 0.0
+    assert SkinUnderTip(specimen, beside).push(np.zeros(1), np.zeros((1, 3)))[0] == 0.0
     with pytest.raises(ConfigurationError, match=r"no skin \(x 90.0, y 0.0, z -50.0 mm\): below the rim"):
         specimen.refuse(Setpoint(beside, np.zeros((1, 3)), np.ones(1, bool)))
 

@@ -6,6 +6,7 @@ from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError
 from palpate.pipeline import run_pipeline
 from palpate_simulation.series_compliance import motion_behind_spring
+from palpate_simulation.skin_under_tip import SkinUnderTip
 
 SHORT = ["trajectory.press.duration=3 s", 'run.tracks=["*/kinematic"]']
 
@@ -15,16 +16,20 @@ def specimen(root, **changes):
     return sim.specimen.model_copy(update=changes)
 
 
+def pushed(body, time, position, velocity):
+    return SkinUnderTip(body, position).push(time, velocity)
+
+
 def test_the_force_is_that_of_the_depth_that_is_left(root):
     body = specimen(root, surface=0.0)
     depth = np.linspace(-0.001, 0.005, 301)
     position = np.column_stack([0 * depth, 0 * depth, -depth])
     still, time = np.zeros_like(position), np.arange(len(depth)) * 1e-3
-    stiff, soft = (body.push(time, *motion_behind_spring(body, time, position, still, k)) for k in (1e12, 2e4))
-    np.testing.assert_allclose(stiff, body.push(time, position, still), atol=1e-6)
+    stiff, soft = (pushed(body, time, *motion_behind_spring(body, time, position, still, k)) for k in (1e12, 2e4))
+    np.testing.assert_allclose(stiff, pushed(body, time, position, still), atol=1e-6)
     left = position.copy()
     left[:, 2] += soft / 2e4
-    np.testing.assert_allclose(soft, body.push(time, left, still), atol=1e-4)
+    np.testing.assert_allclose(soft, pushed(body, time, left, still), atol=1e-4)
     assert (soft <= stiff + 1e-9).all()
     assert soft[-1] < 0.95 * stiff[-1]
 

@@ -8,6 +8,7 @@ from palpate.errors import ConfigurationError
 from palpate_models import DimensionalityReduction, Flat, Sphere
 from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.skin_form import SkinForm, elliptic_share
+from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen import Specimen
 
 R, COUNT, DEPTH = 5e-3, 600, 3e-3
@@ -23,7 +24,7 @@ def press(body, pieces=1, speed=10e-3):
     """Force (n, 3) of a press straight down, from the first touch to DEPTH, asked for in so many pieces."""
     touch = 0.0
     for _ in range(50):
-        touch += float(body.under(np.array([[0.0, 0.0, touch]])).depth[0])
+        touch += float(SkinUnderTip(body, np.array([[0.0, 0.0, touch]])).depth[0])
     position, velocity = np.zeros((COUNT, 3)), np.zeros((COUNT, 3))
     position[:, 2], velocity[:, 2] = touch - np.linspace(0.0, DEPTH, COUNT), -speed
     contact, time = SkinContact(), np.linspace(0.0, DEPTH, COUNT) / speed
@@ -112,7 +113,7 @@ def test_a_skin_that_is_tilted_and_rough_is_rough_along_the_normal():
     rough = specimen(tilt_x=0.2, roughness=1e-4, seed=3)
     smooth = specimen(tilt_x=0.2)
     place = np.array([[0.01, 0.0, 0.0]])
-    more = rough.under(place).depth - smooth.under(place).depth
+    more = SkinUnderTip(rough, place).depth - SkinUnderTip(smooth, place).depth
     assert more == pytest.approx(math.cos(0.2) * rough.relief.without_form.height_at(*place.T[:2]))
 
 
@@ -120,10 +121,10 @@ def test_a_skin_that_is_tilted_and_rough_is_rough_along_the_normal():
 def test_a_skin_that_is_worked_out_once_pushes_as_one_that_is_worked_out_for_each_speed(relief):
     body = specimen(viscosity=362.0, roughness=1e-4, seed=3, **relief)
     position, velocity = np.random.default_rng(2).normal(0.0, 1e-3, (2, 20, 3)) - np.array([0.0, 0.0, 3e-3])
-    time, under = np.arange(20.0), body.under(position)
+    time, under = np.arange(20.0), SkinUnderTip(body, position)
     pushes = [under.push(time, speed * velocity) for speed in (0.0, 1.0, 2.0)]
     for speed, push in zip((0.0, 1.0, 2.0), pushes, strict=True):
-        np.testing.assert_array_equal(push, body.push(time, position, speed * velocity))
+        np.testing.assert_array_equal(push, SkinUnderTip(body, position).push(time, speed * velocity))
     assert pushes[2] - pushes[1] == pytest.approx(pushes[1] - pushes[0])  # damping is linear in the speed
     assert (pushes[1] > pushes[0]).any()
 

@@ -6,6 +6,7 @@ from palpate import ConfigurationError, contact_force
 from palpate_models import DimensionalityReduction, KelvinVoigt, Sphere
 from palpate_simulation.inclusions import Inclusion
 from palpate_simulation.simulated_rig import SimulatedRig
+from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen import Specimen
 from palpate_simulation.specimen_layers import Layer, flat_factor, layered_factors
 from palpate_simulation.surface_relief import Relief
@@ -89,7 +90,7 @@ def test_relief_has_the_slopes_and_the_roughness_that_it_says():
 
 def test_depth_is_measured_from_the_true_skin():
     tilted = specimen(surface=0.001, relief={"tilt_x": 0.1})
-    under = tilted.under(np.array([[0.02, 0.0, -0.002]]))
+    under = SkinUnderTip(tilted, np.array([[0.02, 0.0, -0.002]]))
     ahead = 5e-3 * (1 / np.cos(0.1) - 1)  # the sphere touches beside its lowest point
     assert under.depth == pytest.approx((0.001 + np.tan(0.1) * 0.02 + 0.002 + ahead) * np.cos(0.1))
     rate = under.rate(np.array([[0.004, 0.0, -0.001]]))
@@ -157,7 +158,9 @@ def test_the_papers_specimens_are_known_by_name(name, elasticity, viscosity, con
     assert known.diameter == (0.08 if name == "S5" else 0.05)
     for inclusion, contrast in zip(known.inclusions, contrasts, strict=True):
         x, y = inclusion.line[len(inclusion.line) // 2]
-        assert known.under(np.array([[x, y, 0.0]])).theta[0] / elasticity - 1 == pytest.approx(contrast, abs=0.015)
+        assert SkinUnderTip(known, np.array([[x, y, 0.0]])).theta[0] / elasticity - 1 == pytest.approx(
+            contrast, abs=0.015
+        )
 
 
 def test_what_is_said_replaces_what_the_papers_specimen_has():
@@ -177,13 +180,14 @@ def test_layers_are_felt_by_how_far_the_contact_reaches():
     skin = specimen(layers=({"thickness": 0.001, "stiffness_ratio": 3.0},))
     depth = np.array([1e-6, 1e-4, 1e-3, 4e-3])
     place, still = np.column_stack([0 * depth, 0 * depth, -depth]), np.zeros((4, 3))
-    ratio = skin.push(np.arange(4.0), place, still) / specimen().push(np.arange(4.0), place, still)
+    thin, thick = (SkinUnderTip(one, place).push(np.arange(4.0), still) for one in (skin, specimen()))
+    ratio = thin / thick
     assert ratio[0] == pytest.approx(3.0, rel=0.1)
     assert (np.diff(ratio) < 0).all()
     assert 1.0 < ratio[-1] < 1.6
     like = specimen(layers=({"thickness": 0.001, "stiffness_ratio": 1.0},) * 3)
-    same = like.push(np.arange(4.0), place, still)
-    assert same == pytest.approx(specimen().push(np.arange(4.0), place, still), rel=1e-12)
+    same = SkinUnderTip(like, place).push(np.arange(4.0), still)
+    assert same == pytest.approx(SkinUnderTip(specimen(), place).push(np.arange(4.0), still), rel=1e-12)
 
 
 def test_a_layer_may_be_cut_in_two():
@@ -217,7 +221,7 @@ def felt(body, x=0.0):
     """Force [N] of a specimen 4 mm deep at a place, or (n,) at places (n,)."""
     x = np.asarray(x)
     zero = np.zeros(x.size)
-    force = body.push(zero, np.column_stack([x.ravel(), zero, zero - 0.004]), np.zeros((x.size, 3)))
+    force = SkinUnderTip(body, np.column_stack([x.ravel(), zero, zero - 0.004])).push(zero, np.zeros((x.size, 3)))
     return force if x.ndim else float(force[0])
 
 
@@ -250,7 +254,9 @@ def test_a_specimen_that_remembers_may_scatter_and_soften():
     time = np.arange(500) * 2e-3
     position, velocity = np.zeros((500, 3)), np.zeros((500, 3))
     position[:, 2], velocity[:, 2] = -0.002 * time, -0.002
-    one, other = (Specimen.model_validate(table).push(time, position, velocity) for table in (plain, soft))
+    one, other = (
+        SkinUnderTip(Specimen.model_validate(table), position).push(time, velocity) for table in (plain, soft)
+    )
     ratio = other[10:] / one[10:]
     assert np.ptp(ratio) < 1e-12
     assert ratio[0] / Specimen.model_validate(soft).scatter.at(np.zeros(1), np.zeros(1))[0] == pytest.approx(0.8)

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from palpate.alignment.contact_detector import ContactDetector
 from palpate.alignment.intake import Intake
-from palpate.alignment.lateral_force import LateralForce, SidewaysShare
-from palpate.alignment.oriented_signals import OrientedSignals
+from palpate.alignment.lateral_force import SidewaysShare
+from palpate.alignment.oriented_signals import TurningToolReader
 from palpate.alignment.ports import Ports
 from palpate.alignment.settings import AlignmentSettings
+from palpate.alignment.signal_reader import FixedToolReader, SignalReader, ToolSignals
 from palpate.alignment.signal_series import Health
 from palpate.alignment.tare import Tare
-from palpate.alignment.tilt_range import TiltRange
 from palpate.alignment.turned_tool import TurnedTool
 from palpate.alignment.velocity_lag import VelocityCheck
 from palpate.device import Batch
@@ -63,21 +63,16 @@ class Aligner:
         self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served
         self._nothing: Samples | None = None  # a block without samples
         self._counts = {"samples": 0, "force": 0, "velocity": 0}
-        self._force, self._position = ports["force"], ports["position"].key
-        across = [column for column in self._force.components if column != self._force.column]
-        self._lateral = LateralForce((self._force.column, across[0], across[1])) if len(across) == 2 else None
-        self._oriented: OrientedSignals | None = None
-        if settings.is_oriented:
-            self._oriented, self._lateral = OrientedSignals(settings, self._force, self._roles), None
-        self._tilt = TiltRange(ports["position"])
+        self._reader: SignalReader = (
+            TurningToolReader(settings, ports["force"], self._roles)
+            if settings.is_oriented
+            else FixedToolReader(ports, self._roles)
+        )
 
     def feed(self, device: str, batch: Batch) -> None:
         """Take in the readings of one of a device's streams."""
         self._intake.feed(device, batch)
-        if self._lateral is not None and (device, batch.stream) == self._force.key:
-            self._lateral.feed(batch)
-        if self._oriented is None and (device, batch.stream) == self._position:
-            self._tilt.feed(batch)
+        self._reader.feed(device, batch)
 
     def aligned(self, arrivals: Iterable[tuple[str, Batch]], final: bool = False) -> Samples:
         """The samples that some batches, each with its device, have made ready."""
@@ -93,8 +88,7 @@ class Aligner:
         if "velocity" in self._roles and len(block):
             self._check.feed(block)
         samples = self._contact.feed(block, final)
-        if self._oriented is not None:
-            self._oriented.released(samples)
+        self._reader.release(samples.contact)
         return samples
 
     def _paired(self, final: bool) -> Samples:
@@ -112,37 +106,24 @@ class Aligner:
             count -= early
         if not count and self._nothing is not None:  # as after most batches, where each stream has its own
             return self._nothing
-        stamps, position = base.stamps[:count], base.values[:count]
-        next_stamps, next_position = base.stamps[: count + 1], base.values[: count + 1]
-        if self._oriented is not None and self._oriented.is_projecting:
-            next_position = self._oriented.heights(next_stamps, count)
-            position = next_position[:count]
-        block = self._block(stamps, position, next_stamps, next_position)
+        stamps = base.stamps[: count + 1]
+        signals = self._reader.read(stamps, count)
+        block = self._block(stamps, count, signals)
         if not count:
             self._nothing = block
         else:
-            self._previous = int(stamps[-1]), float(position[-1])
+            self._previous = int(block.stamp[-1]), float(block.position[-1])
             base.drop(count)
             for series in others:
-                series.forget_before(int(stamps[-1]))
+                series.forget_before(self._previous[0])
         return block
 
-    def _block(
-        self,
-        stamps: NDArray[np.int64],
-        position: Floats,
-        next_stamps: NDArray[np.int64],
-        next_position: Floats,
-    ) -> Samples:
-        if self._origin is None and len(stamps):
+    def _block(self, next_stamps: NDArray[np.int64], count: int, signals: ToolSignals) -> Samples:
+        stamps, force, velocity = next_stamps[:count], signals.force, signals.velocity
+        if self._origin is None and count:
             self._origin = int(stamps[0])
-        force = self._roles["force"].at(stamps) if self._oriented is None else self._oriented.forces(stamps)
-        if "velocity" in self._roles and self._oriented is not None and self._oriented.is_projecting:
-            velocity = self._oriented.velocities(stamps)
-        elif "velocity" in self._roles:
-            velocity = self._roles["velocity"].at(stamps)
-        else:
-            velocity = self._central_difference(next_stamps, next_position)[: len(stamps)]
+        if velocity is None:
+            velocity = self._central_difference(next_stamps, signals.height)[:count]
         measuring = np.ones(len(stamps), bool)
         if "measuring" in self._roles:
             measuring = self._roles["measuring"].at(stamps) > 0.5
@@ -155,9 +136,8 @@ class Aligner:
         contact = np.zeros(len(stamps), bool)
         unknown = np.full(len(stamps), np.nan)
         lateral = [self._roles[role].at(stamps) if role in self._roles else unknown for role in _LATERAL]
-        curvature = np.zeros((0, 2)) if self._oriented is None else self._oriented.curvatures(len(stamps))
-        motion = force, position, velocity, contact, measuring
-        return Samples(stamps, time, interval, *motion, np.column_stack(lateral), curvature)
+        motion = force, signals.height[:count], velocity, contact, measuring
+        return Samples(stamps, time, interval, *motion, np.column_stack(lateral), signals.curvature)
 
     def _central_difference(self, stamps: NDArray[np.int64], position: Floats) -> Floats:
         """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and beside a gap."""
@@ -183,7 +163,6 @@ class Aligner:
     def report(self) -> AlignmentReport:
         """What has been found out so far."""
         contact, counts = self._contact, self._counts
-        across = self._oriented or self._lateral
         streams = {".".join(part for part in key if part): health for key, health in self._intake.health.items()}
         return AlignmentReport(
             streams,
@@ -199,8 +178,6 @@ class Aligner:
             self._check.delay,
             contact.by_change_point,
             contact.pull,
-            across.share if across is not None else None,
-            self._oriented.turned if self._oriented is not None else None,
-            self._tilt.width,
+            *self._reader.report,
             self._check.share,
         )

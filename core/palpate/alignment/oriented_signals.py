@@ -7,96 +7,85 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.alignment.lateral_force import LateralForce, SidewaysShare
+from palpate.alignment.lateral_force import LateralForce
 from palpate.alignment.ports import Port
 from palpate.alignment.settings import AlignmentSettings
+from palpate.alignment.signal_reader import SignalReader, ToolReport, ToolSignals
 from palpate.alignment.signal_series import Series
-from palpate.alignment.surface_lookup import LocalPlanes, SurfaceLookup
-from palpate.alignment.tool_frame import ToolFrame, Vector
-from palpate.alignment.turned_tool import ToolWatch, TurnedTool
-from palpate.estimation import Samples
+from palpate.alignment.surface_lookup import SurfaceLookup
+from palpate.alignment.tool_frame import Load, ToolFrame, Vector
+from palpate.alignment.turned_tool import ToolWatch
 from palpate.vectors import Floats
 
 
-class OrientedSignals:
+class TurningToolReader(SignalReader):
     """Reads the series of a wrench, a pose and a twist; keeps account of the weight that turns."""
 
-    def __init__(self, settings: AlignmentSettings, force: Port, roles: Mapping[str, Series]) -> None:
+    def __init__(self, settings: AlignmentSettings, force: Port, series: Mapping[str, Series]) -> None:
         self._frame = ToolFrame(settings, force)
         self._lookup = None if settings.surface is None else SurfaceLookup(settings.surface)
-        self._planes: LocalPlanes | None = None  # of the samples that are being made
-        self.is_projecting = settings.is_projecting  # whether force and motion are those along a stated normal
-        self._roles = roles
+        self._is_projecting = settings.is_projecting
+        self._series = series
         self._axes = [
-            roles.get(f"force {axis}", roles["force"]) for axis, _ in zip("xyz", force.components, strict=True)
+            series.get(f"force {axis}", series["force"]) for axis, _ in zip("xyz", force.components, strict=True)
         ]
-        self._signs = [settings.force.sign if series is roles["force"] else 1 for series in self._axes]
+        self._signs = [settings.force.sign if one is series["force"] else 1 for one in self._axes]
         self._lateral = LateralForce((0, 1, 2))
         self._watch = ToolWatch()
 
-    @property
-    def share(self) -> SidewaysShare | None:
-        """Share of the force that is across the normal, or the tool."""
-        return self._lateral.share
+    def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
+        """Force, without a weight that turns, height and velocity along the normal, or along the axis that is read.
 
-    @property
-    def turned(self) -> TurnedTool | None:
-        """What the tool and its weight did; None where there are no samples yet."""
-        return self._watch.turned
-
-    def forces(self, stamps: NDArray[np.int64]) -> Floats:
-        """Forces (n,) [N] along the normal, without a weight that turns; NaN where a reading is missing."""
-        readings = [sign * series.at(stamps) for sign, series in zip(self._signs, self._axes, strict=True)]
-        x, y, z, w = (self._roles[f"orientation {axis}"].at(stamps) for axis in "xyzw")
-        normal = self._normals(len(stamps))
-        load = self._frame.load((readings[0], readings[1], readings[2]), (x, y, z, w), normal)
-        self._lateral.add(np.column_stack([load.along, *load.across]))
-        nothing = np.zeros(len(stamps))
-        place, height, known = (nothing, nothing, nothing), nothing, np.ones(len(stamps))
-        curvature, curvature_std = nothing, nothing
-        if self.is_projecting:
-            place = self._vector("position", stamps)
-            height = self._frame.along(place, normal)
-        if self._planes is not None:
-            planes = self._planes[: len(stamps)]
-            height, known = planes.height, planes.known
-            curvature, curvature_std = planes.curvature.mean(axis=1) * known, planes.curvature_std
-        self._watch.add(load, place, height, curvature, curvature_std)
-        return np.asarray(load.along * known)
-
-    def heights(self, stamps: NDArray[np.int64], count: int) -> Floats:
-        """Heights (n,) [m] of the tip along the normal: over the surface, or over the plane through the origin.
-
-        The first `count` of them become samples.
+        The height is that over the surface, or over the plane through the origin of the poses.
         """
-        place = self._vector("position", stamps)
-        if self._lookup is None:
-            return self._frame.along(place)
-        self._planes = self._lookup.planes(np.column_stack(place), count)
-        return self._planes.height
+        now, planes, nothing = stamps[:count], None, np.zeros(count)
+        height, motion = self._series["position"].values[: len(stamps)], ((nothing, nothing, nothing), nothing)
+        if self._is_projecting:
+            place = self._vector("position", stamps)
+            if self._lookup is None:
+                height = self._frame.along(place)
+            else:
+                ahead = self._lookup.planes(np.column_stack(place), count)
+                height, planes = ahead.height, ahead[:count]
+            motion = (place[0][:count], place[1][:count], place[2][:count]), height[:count]
+        normal = None if planes is None else _columns(planes.normal)
+        load, velocity = self._load(now, normal), self._velocity(now, normal)
+        self._lateral.add(np.column_stack([load.along, *load.across]))
+        if planes is None:
+            self._watch.add(load, *motion, nothing, nothing)
+            return ToolSignals(height, load.along, velocity, np.full((count, 2), np.nan))
+        curvature = planes.curvature.mean(axis=1) * planes.known
+        self._watch.add(load, *motion, curvature, planes.curvature_std)
+        return ToolSignals(height, load.along * planes.known, velocity, planes.curvature * planes.known[:, None])
 
-    def velocities(self, stamps: NDArray[np.int64]) -> Floats:
-        """Velocities (n,) [m/s] of that height."""
-        return self._frame.along(self._vector("velocity", stamps), self._normals(len(stamps)))
+    def _load(self, stamps: NDArray[np.int64], normal: Vector | None) -> Load:
+        """Forces on the tip, without a weight that turns."""
+        fx, fy, fz = (sign * one.at(stamps) for sign, one in zip(self._signs, self._axes, strict=True))
+        x, y, z, w = (self._series[f"orientation {axis}"].at(stamps) for axis in "xyzw")
+        return self._frame.load((fx, fy, fz), (x, y, z, w), normal)
 
-    def curvatures(self, count: int) -> Floats:
-        """Principal curvatures (n, 2) [1/m] below the first samples that are being made; NaN where they are unknown."""
-        if self._planes is None:
-            return np.full((count, 2), np.nan)
-        planes = self._planes[:count]
-        return planes.curvature * planes.known[:, None]
-
-    def _normals(self, count: int) -> Vector | None:
-        """Columns (n,) of the normals below the first samples that are being made; None where one is for all."""
-        if self._planes is None:
+    def _velocity(self, stamps: NDArray[np.int64], normal: Vector | None) -> Floats | None:
+        if "velocity" not in self._series:
             return None
-        x, y, z = self._planes.normal[:count].T
-        return x, y, z
-
-    def released(self, samples: Samples) -> None:
-        """Take note of which of the samples whose forces were asked for, in order, are in contact."""
-        self._watch.release(samples.contact)
+        if not self._is_projecting:
+            return self._series["velocity"].at(stamps)
+        return self._frame.along(self._vector("velocity", stamps), normal)
 
     def _vector(self, role: str, stamps: NDArray[np.int64]) -> Vector:
-        x, y, z = (self._roles[f"{role} {axis}"].at(stamps) for axis in "xyz")
+        x, y, z = (self._series[f"{role} {axis}"].at(stamps) for axis in "xyz")
         return x, y, z
+
+    def release(self, contact: NDArray[np.bool_]) -> None:
+        """Part the account into air and contact."""
+        self._watch.release(contact)
+
+    @property
+    def report(self) -> ToolReport:
+        """Share of the force across the normal, or the tool, and what the tool and its weight did."""
+        return ToolReport(self._lateral.share, self._watch.turned)
+
+
+def _columns(vectors: Floats) -> Vector:
+    """Columns (n,) of vectors (n, 3)."""
+    x, y, z = vectors.T
+    return x, y, z

@@ -7,14 +7,17 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from palpate.cli.commands import (
     CommandCall,
     Invocation,
     call_of,
+    demand_no_former_option,
     epilog,
     group_text,
     help_text,
+    is_hidden,
     parse_arguments,
     start_text,
     version_text,
@@ -118,6 +121,7 @@ def _call(meant: CommandCall, ends: bool) -> None:
     if meant.command is None:
         print(group_text(meant))
         return
+    demand_no_former_option(meant)
     single = typer.Typer(
         add_completion=False,
         pretty_exceptions_enable=False,
@@ -125,4 +129,7 @@ def _call(meant: CommandCall, ends: bool) -> None:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     single.command(name=meant.name, epilog=epilog(meant))(function_of(meant.command))
-    single(args=list(meant.arguments), prog_name=f"palpate {meant.name}", standalone_mode=ends)
+    command: Any = typer.main.get_command(single)
+    for parameter in command.params:
+        parameter.hidden |= is_hidden(meant, parameter.opts)
+    command(args=list(meant.arguments), prog_name=f"palpate {meant.name}", standalone_mode=ends)

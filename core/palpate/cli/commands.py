@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -173,10 +174,26 @@ def group_text(call: CommandCall) -> str:
 
 def epilog(call: CommandCall) -> str | None:
     """What the help of a command says of its subcommands, as Markdown."""
-    if not call.subcommands:
-        return None
-    rows = (f"- `palpate {call.name} {name}`: {command.help}" for name, command in call.subcommands.items())
-    return "\n\n".join(["Subcommands:", *rows])
+    rows = [f"- `palpate {call.name} {name}`: {command.help}" for name, command in call.subcommands.items()]
+    lines = ["Subcommands:", *rows] if rows else []
+    if call.command is not None and call.command.first_options:
+        lines.append(f"`palpate {call.name} --help all` shows every option.")
+    return "\n\n".join(lines) or None
+
+
+def is_hidden(call: CommandCall, names: Sequence[str]) -> bool:
+    """Whether the help of a command leaves a parameter of such names out; arguments are always shown."""
+    first = call.command.first_options if call.command is not None else ()
+    every = any(word in _HELP and following == "all" for word, following in pairwise(call.arguments))
+    return bool(first) and not every and names[0].startswith("-") and not set(names) & set(first)
+
+
+def demand_no_former_option(call: CommandCall) -> None:
+    """Raise ConfigurationError for an option that other words have replaced."""
+    former = call.command.former_options if call.command is not None else {}
+    for word in call.arguments:
+        if word in former:
+            raise ConfigurationError(f"{word}: palpate {call.name} {word} is {former[word]} now")
 
 
 def _line(name: str, registry: Registry) -> str:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Protocol
 
-from palpate import ConfigurationError, Floats
+from palpate import Floats
 
+from palpate_kit.kernel.choice import VARIABLE, kernel_choice
 from palpate_kit.kernel.llvm import CompiledStep
 from palpate_kit.kernel.translation import Untranslatable
 from palpate_kit.kernel.virtual_machine import VirtualMachine
 
 __all__ = ["Kernel", "LazyKernel", "Step", "compile_step", "kernel_choice", "step_function"]
-
-_VARIABLE = "PALPATE_KERNEL"
 
 
 @dataclass(frozen=True)
@@ -40,30 +37,6 @@ class Kernel(Protocol):
         ...
 
 
-def kernel_choice() -> tuple[str, str]:
-    """Which kernel steps are run by, "llvm" or "vm", and why."""
-    wanted = os.environ.get(_VARIABLE, "auto")
-    if wanted not in ("auto", "llvm", "vm"):
-        raise ConfigurationError(f'environment variable {_VARIABLE}: {wanted!r} is not one of "auto", "llvm", "vm"')
-    found = _llvmlite()
-    if found is None:
-        if wanted == "llvm":
-            raise ConfigurationError(f'{_VARIABLE}=llvm: llvmlite is not installed; pip install "palpate[fast]"')
-        return "vm", 'llvmlite is not installed; pip install "palpate[fast]" makes filters some ten times faster'
-    if wanted == "vm":
-        return "vm", f"{_VARIABLE}=vm asks for it"
-    return "llvm", f"llvmlite {found} is installed"
-
-
-@cache
-def _llvmlite() -> str | None:
-    """The installed version; looking it up takes longer than a second of log."""
-    try:
-        return version("llvmlite")
-    except PackageNotFoundError:
-        return None
-
-
 def step_function(step: Step) -> Any:
     """The CasADi function that every kernel is made from."""
     import casadi
@@ -79,7 +52,7 @@ def compile_step(step: Step) -> Kernel:
         try:
             return CompiledStep(function)
         except (Untranslatable, ImportError, AttributeError, OSError, RuntimeError):  # an old llvmlite, too
-            if os.environ.get(_VARIABLE) == "llvm":
+            if os.environ.get(VARIABLE) == "llvm":
                 raise
     return VirtualMachine(function)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from palpate_kit.kernel.columns import LANES
+from palpate_kit.kernel.column_table import LANES
 from palpate_kit.kernel.translation import Translation
 
 

@@ -8,47 +8,20 @@ that both give the same bits.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from palpate import Floats
 
+from palpate_kit.kernel.choice import VARIABLE, kernel_choice
+from palpate_kit.kernel.column_table import LANES, ColumnTable
 from palpate_kit.kernel.half_powers import with_roots
+from palpate_kit.kernel.llvm import CompiledColumns
 from palpate_kit.kernel.translation import Untranslatable
 from palpate_kit.kernel.virtual_machine import VirtualMachine
 
-LANES = 4
 _BLOCK = 8192  # samples in one sum; sums of sums keep the rounding small
 _PAYS = 20_000  # samples, which the virtual machine takes longer over than LLVM over what it finds compiled
-
-
-class ColumnTable:
-    """Columns (nw times (n,)) of samples, as a function over columns reads them: contiguous, never changed."""
-
-    def __init__(self, columns: Sequence[Floats]) -> None:
-        self.columns = tuple(np.ascontiguousarray(column, np.float64) for column in columns)
-        self._addresses: dict[int, list[tuple[int, Any, int]]] = {}
-
-    def __len__(self) -> int:
-        return len(self.columns[0])
-
-    def part(self, begin: int, end: int) -> ColumnTable:
-        """Rows from begin to end; shares their memory."""
-        return ColumnTable([column[begin:end] for column in self.columns])
-
-    def addresses(self, length: int) -> list[tuple[int, Any, int]]:
-        """Of each block of `length` rows at most: how many they are, where the columns begin, and where that stands."""
-        if length not in self._addresses:
-            begins = np.array([column.ctypes.data for column in self.columns], np.uintp)
-            count = len(self)
-            starts = range(0, count, length)
-            places = [begins + np.uintp(8 * start) for start in starts] if count > length else [begins]
-            self._addresses[length] = [
-                (min(length, count - start), place, place.ctypes.data)
-                for start, place in zip(starts, places, strict=False)
-            ]
-        return self._addresses[length]
 
 
 class ColumnKernel(Protocol):
@@ -99,16 +72,12 @@ class ColumnFunction:
 
 
 def _compiled(function: Any) -> ColumnKernel | None:
-    from palpate_kit.kernel import kernel_choice
-
     if kernel_choice()[0] != "llvm":
         return None
-    from palpate_kit.kernel.llvm import CompiledColumns
-
     try:
         return CompiledColumns(function)
     except (Untranslatable, ImportError, AttributeError, OSError, RuntimeError):
-        if os.environ.get("PALPATE_KERNEL") == "llvm":
+        if os.environ.get(VARIABLE) == "llvm":
             raise
         return None
 

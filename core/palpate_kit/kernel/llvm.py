@@ -17,8 +17,8 @@ from palpate import Floats
 
 from palpate_kit.kernel import column_translation, translation
 from palpate_kit.kernel.code_cache import cached_code
+from palpate_kit.kernel.column_table import LANES, ColumnTable
 from palpate_kit.kernel.column_translation import ColumnTranslation
-from palpate_kit.kernel.columns import LANES, ColumnTable
 from palpate_kit.kernel.translation import LIBRARY, Translation
 
 _ENGINES: list[Any] = []

@@ -37,9 +37,9 @@ def palpate_migrations() -> tuple[Migration, ...]:
 
 
 @plugin
-def palpate_calibrations() -> dict[str, CalibrationReader]:
+def palpate_offers() -> dict[str, dict[str, CalibrationReader]]:
     """What a run takes from a calibration."""
-    return {"calibration": CalibrationReader("palpate_calibration.calibration_use:calibration_in")}
+    return {"calibration": {"calibration": CalibrationReader("palpate_calibration.calibration_use:calibration_in")}}
 
 
 @plugin

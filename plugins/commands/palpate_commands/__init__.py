@@ -45,9 +45,9 @@ def palpate_commands() -> dict[str, Command]:
 
 
 @plugin
-def palpate_recorders() -> dict[str, Recorder]:
+def palpate_offers() -> dict[str, dict[str, Recorder]]:
     """The tables of estimates of every run, as ``[estimates]`` says."""
-    return {"estimates": Recorder("palpate_kit.runs.estimates_file:estimates_file")}
+    return {"recorder": {"estimates": Recorder("palpate_kit.runs.estimates_file:estimates_file")}}
 
 
 @plugin

@@ -16,9 +16,9 @@ def palpate_commands() -> dict[str, Command]:
 
 
 @plugin
-def palpate_controls() -> dict[str, ControlReader]:
+def palpate_offers() -> dict[str, dict[str, ControlReader]]:
     """The check that stands behind a run."""
-    return {"control": ControlReader("palpate_control.chart_use:chart_use")}
+    return {"control chart": {"control": ControlReader("palpate_control.chart_use:chart_use")}}
 
 
 @plugin

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -111,12 +111,9 @@ class McapReplay(Recording):
         span = self._log.span if self._log.complete else None
         return (span[1] - span[0]) / 1e9 if span else None
 
-    def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The open log."""
-        return self._connected()
-
     @contextmanager
-    def _connected(self) -> Iterator[Link]:
+    def connect(self, seed: int) -> Iterator[Link]:
+        """The open log."""
         if (height := self.attached(self.file).facts.get("lifted")) is not None:
             raise LogError(f"{self.file}: was recorded {height} above the specimen (--lift): nothing was palpated")
         yield LogLink(self._log, self._feeds, window(self._log, self.begin, self.end), str(self.file))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +31,9 @@ class McapSink(Sink):
 
     file: str = Field(default="log.mcap", pattern=r"^[^/]+$", description="name of the file within the run folder")
 
-    def open(self, run: Run) -> AbstractContextManager[Writer]:
-        """A writer of the whole run; raises OutputError where the file cannot be made or the disk is full."""
-        return self._opened(run)
-
     @contextmanager
-    def _opened(self, run: Run) -> Iterator[Writer]:
+    def open(self, run: Run) -> Iterator[Writer]:
+        """A writer of the whole run; raises OutputError where the file cannot be made or the disk is full."""
         path = run.folder / self.file
         try:
             with path.open("xb", buffering=0) as file, tempfile.TemporaryFile() as index:

@@ -1,9 +1,9 @@
 """Offline fits of contact models to recorded palpations, with the surface unknown.
 
-`estimator` holds the settings, `tracker` leads through a fit: `residual` is made of a `fit_record`, `first_guess` and
-`solvers` find its minimum, `uncertainty`, `profile_likelihood`, `bootstrap` and `budget` say how far it can be
-believed, `identifiability` what cannot be told apart, `report` and `typed_report` what of all this goes into the
-result, `flags` what its flags mean. `ting_fit` is for one loading and one unloading.
+`fit_settings` holds the keys of `estimator`, `tracker` leads through a fit: `residual` is made of `record_arrays`,
+`first_guess` and `solvers` find its minimum, `uncertainty`, `profile_likelihood`, `bootstrap` and `budget` say how far
+it can be believed, `identifiability` what cannot be told apart, `report` and `typed_report` what of all this goes into
+the result, `flags` what its flags mean. `ting_fit` is for one loading and one unloading.
 """
 
 from __future__ import annotations
@@ -42,7 +42,28 @@ def palpate_estimators() -> dict[str, str]:
 @plugin
 def palpate_commands() -> dict[str, Command]:
     """Fits over models and logs."""
-    return {"fit": Command("palpate_fits.fit_command:fit", "Fit models to logs and folders of curves.", "run")}
+    compare, cycles = "palpate fit compare", "palpate fit cycles"
+    return {
+        "fit": Command(
+            "palpate_fits.fit_command:fit",
+            "Fit models to logs and folders of curves.",
+            "run",
+            first_options=(
+                *("--tip", "--model", "--force", "--position", "--time", "--rate"),
+                *("--pipeline", "--set", "--out", "--details"),
+            ),
+            former_options={
+                "--cross": compare,
+                "--carry": f"{compare} --carry",
+                "--no-carry": compare,
+                "--cycles": cycles,
+            },
+        ),
+        "fit compare": Command(
+            "palpate_fits.compare_command:compare", "What is fitted on each log, evaluated on all others.", "run"
+        ),
+        "fit cycles": Command("palpate_fits.compare_command:cycles", "Every cycle of a log fitted by itself.", "run"),
+    }
 
 
 @plugin

@@ -1,4 +1,4 @@
-"""``palpate fit``: offline fits of several models to several logs, side by side."""
+"""``palpate fit``: offline fits of files, of logs and of folders of curves."""
 
 from __future__ import annotations
 
@@ -7,21 +7,11 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from palpate import ConfigurationError, OutputError, PalpateError
-from palpate.host import (
-    approved_plugins,
-    bounded_text,
-    finite_tree,
-    json_document,
-    load_pipeline,
-    make_folder,
-    values_on_trust,
-    withdraw_folder,
-    write_whole,
-)
+from palpate import ConfigurationError
+from palpate.host import approved_plugins, load_pipeline, make_folder
 from palpate_kit.curves.curve_files import curve_files, curves_by
 from palpate_kit.curves.curve_fits import CurveReader, offline
 from palpate_kit.curves.fit_folder import is_fit_folder
@@ -31,24 +21,26 @@ from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides,
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
 
-from palpate_fits.evaluation import each_cycle, evaluate
-from palpate_fits.fit_jobs import LogFit, fits_of
-from palpate_fits.fit_sources import leave_out, log_device, named_pipelines
-from palpate_fits.fit_tables import by_cycle, each_table, evaluation, fit_overview, fit_views
-
-_FIT = "fit.json"
+from palpate_fits.fit_sources import log_device
+from palpate_fits.fit_tables import each_table
+from palpate_fits.whole_logs import (
+    JsonOption,
+    OutOption,
+    PicturesOption,
+    PipelineOption,
+    WholeLogs,
+    fit_logs,
+)
 
 
 def fit(
     sources: Annotated[
         list[Path],
         typer.Argument(
-            metavar="SOURCE...", help="Pipeline files, or logs that --pipeline can read; folders, with --each."
+            metavar="SOURCE...", help="Files or folders, with --tip; pipelines; logs that --pipeline can read."
         ),
     ],
-    pipeline: Annotated[
-        Path | None, typer.Option(help="How to read the logs: a pipeline with one device that has a file.")
-    ] = None,
+    pipeline: PipelineOption = None,
     tip: Annotated[
         str | None, typer.Option(help='Fit files without a pipeline, or folders of them: "sphere 3 mm" (its radius).')
     ] = None,
@@ -59,20 +51,12 @@ def fit(
     position: Annotated[str | None, typer.Option(help="With --tip: the column of the height or depth.")] = None,
     time: Annotated[str | None, typer.Option(help="With --tip: the column of the time.")] = None,
     rate: Annotated[str | None, typer.Option(help='With --tip: of readings without a time, as in "500 Hz".')] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", help="Folder; what is fitted already in one of the same logs is kept. [default: runs/...]"
-        ),
-    ] = None,
+    out: OutOption = None,
     overrides: Overrides = None,
-    cross: Annotated[bool, typer.Option("--cross", help="Evaluate what was fitted on each log on all others.")] = False,
-    carry: Annotated[bool, typer.Option(help="As --cross, with the surface of the first, too.")] = False,
-    cycles: Annotated[bool, typer.Option("--cycles", help="Fit every cycle of a log by itself.")] = False,
     scheduler: SchedulerOption = None,
     stage: StageOption = None,
-    pictures: Annotated[bool, typer.Option(help="Draw force over time and depth, and residuals.")] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of the tables.")] = False,
+    pictures: PicturesOption = True,
+    as_json: JsonOption = False,
     details: DetailsOption = False,
     layout: FormatOption = "table",
     each: Annotated[
@@ -96,7 +80,7 @@ def fit(
 ) -> None:
     """Fit every offline track to every log: elasticity, viscosity and a verdict for each.
 
-    A folder that --each or --tip has made is continued: what has changed since is fitted anew. There, --set, --tip
+    A folder that --each or --tip has made is continued: what has changed since is fitted again. There, --set, --tip
     and --model change the settings of all curves, and --set with --where those of some.
     """
     demand_scheduler(scheduler, stage)
@@ -120,12 +104,7 @@ def fit(
             raise ConfigurationError("--tip is for files without a pipeline, which has a tip of its own")
         from palpate_fits.file_fits import FileFit, fit_files
 
-        for option, asked in (
-            ("--cross", cross or carry),
-            ("--cycles", cycles),
-            ("--by", by),
-            ("--scheduler", scheduler),
-        ):
+        for option, asked in (("--by", by), ("--scheduler", scheduler)):
             if asked:
                 raise ConfigurationError(f"{option}: wants a pipeline; --tip writes one beside its table")
         given = {"force": force, "position": position, "time": time, "rate": rate}
@@ -140,89 +119,7 @@ def fit(
             _demand_seen_files(by, stage, jobs)
         _each(sources, pipeline, overrides or [], out, by, scheduler, jobs, as_json, not no_refit)
         return
-    if scheduler is not None:  # workers stand elsewhere
-        sources, pipeline = [source.resolve() for source in sources], pipeline.resolve() if pipeline else None
-    failures: dict[str, PalpateError] = {}
-    folder, logs = _fitted(sources, pipeline, overrides or [], out, scheduler, stage, pictures, details, failures)
-    crossed = evaluate(logs, carry) if (cross or carry) and len(logs) > 1 else []
-    by_cycle = [row for log in logs for row in each_cycle(log)] if cycles else []
-    document = _document(logs, crossed, by_cycle)
-    _write(folder, document)
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-    else:
-        _show(logs, crossed, by_cycle, folder, details)
-    if failures:
-        typer.echo(f"{len(failures)} of {len(sources)} logs failed: {', '.join(failures)}", err=True)
-        raise typer.Exit(1)
-
-
-def _fitted(
-    sources: Sequence[Path],
-    reader: Path | None,
-    overrides: list[str],
-    out: Path | None,
-    scheduler: str | None,
-    stage: str | None,
-    pictures: bool,
-    details: bool,
-    failures: dict[str, PalpateError],
-) -> tuple[Path, list[LogFit]]:
-    """The folder, and the logs that were fitted in the order of the sources; of the others, `failures` hold why.
-
-    What is found is written down log by log. Raises UserError where no log was fitted.
-    """
-    with progress(f"look at {len(sources)} sources"):
-        loaded = named_pipelines(sources, reader, overrides, failures)
-    if details:
-        for name, pipeline in loaded:
-            told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
-            typer.echo(f"{name}: taken for known: {told}", err=True)
-    names = [name for name, _ in loaded]
-    gone_on_with = out is not None and (out / _FIT).is_file()
-    folder = _folder(out, names)
-    logs: list[LogFit] = []
-    for name, outcome in fits_of(loaded, folder, scheduler, stage, pictures):
-        if isinstance(outcome, PalpateError):
-            leave_out(name, outcome, failures)
-            continue
-        logs.append(outcome)
-        logs.sort(key=lambda log: names.index(log.name))
-        _write(folder, _document(logs, [], []))  # what is found until now
-    if not logs:
-        if not gone_on_with:
-            withdraw_folder(folder)
-        raise next(iter(failures.values()))
-    return folder, logs
-
-
-def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
-    """A new folder, or one that holds fits of none but these logs; raises OutputError."""
-    if wanted is None or not (wanted / _FIT).is_file():
-        folder = make_folder("fit", wanted, datetime.now(UTC).astimezone())
-        _write(folder, _document([], [], []))
-        return folder
-    try:
-        known = list(json_document(bounded_text(wanted / _FIT))["logs"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise OutputError(f"{wanted / _FIT}: is no document of palpate fit: {error}") from error
-    if others := [name for name in known if name not in names]:
-        raise OutputError(f"{wanted}: holds fits of {', '.join(others)}, which is not among these; nothing is mixed")
-    return wanted
-
-
-def _show(
-    logs: Sequence[LogFit], crossed: list[dict[str, Any]], cycles: list[dict[str, Any]], folder: Path, details: bool
-) -> None:
-    terminal = console(160) if details else console()
-    tables = {log.name: (log.result.tracks, log.result.flags) for log in logs}
-    for view in fit_views(tables) if details else fit_overview(tables):
-        terminal.print(view)
-    if crossed:
-        terminal.print(evaluation(crossed))
-    if cycles:
-        terminal.print(by_cycle(cycles))
-    terminal.print(f"written to {folder}", highlight=False, markup=False, soft_wrap=True)
+    fit_logs(WholeLogs(sources, pipeline, overrides, out, scheduler, stage, pictures, details, as_json))
 
 
 def _demand_seen_files(by: str | None, stage: str | None, jobs: int | None) -> None:
@@ -275,14 +172,3 @@ def _each(
     if failed := sum(track["failed"] for track in found.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)
         raise typer.Exit(1)
-
-
-def _write(folder: Path, document: dict[str, Any]) -> None:
-    write_whole(folder / _FIT, json.dumps(document, indent=2, allow_nan=False) + "\n")
-
-
-def _document(logs: Sequence[LogFit], crossed: list[dict[str, Any]], cycles: list[dict[str, Any]]) -> dict[str, Any]:
-    """The contents of ``fit.json``."""
-    tables = {log.name: {"folder": str(log.result.folder), **log.result.table()} for log in logs}
-    document: dict[str, Any] = finite_tree({"logs": tables, "evaluation": crossed, "cycles": cycles})
-    return document

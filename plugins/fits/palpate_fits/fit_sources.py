@@ -55,8 +55,8 @@ def _carried(log: Path, overrides: list[str]) -> Pipeline:
     """The pipeline that a log carries, with an offline fit where it has none; raises ConfigurationError."""
     carried = read_run_log(log)
     if carried is None:
-        asked = "is a log; say its tip, as in --tip 'sphere 3 mm', or say with --pipeline FILE which pipeline reads it"
-        raise ConfigurationError(f"{log}: {asked}")
+        asked = f"say its tip, as in palpate fit {log} --tip 'sphere 3 mm', or say with --pipeline FILE what reads it"
+        raise ConfigurationError(f"{log}: is a log; {asked}")
     source = replay_source(carried)
     for assignment in overrides:
         source.override(assignment)

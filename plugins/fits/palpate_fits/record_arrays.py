@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
-from palpate_kit.kernel.columns import ColumnTable
+from palpate_kit.kernel.column_table import ColumnTable
 from palpate_kit.numerics.local_cubic import local_cubic
 from palpate_kit.numerics.tip_travel import noise_of
 

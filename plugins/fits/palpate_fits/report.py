@@ -14,12 +14,12 @@ from palpate_kit.numerics.refusal import NotFitted
 
 from palpate_fits.bootstrap import block_bootstrap
 from palpate_fits.budget import TIMING, Sensitivities, row, shift_of
+from palpate_fits.fit_outcome import FitOutcome
 from palpate_fits.height_noise import force_noise
 from palpate_fits.identifiability import INDISTINCT, condition, identifiability
 from palpate_fits.profile_likelihood import ProfileIntervals
 from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import smooth_depth
-from palpate_fits.tracker import FitOutcome
 from palpate_fits.typed_report import fit_report
 from palpate_fits.uncertainty import ResidualScatter, mean_uncertainty, scatter
 from palpate_fits.unknowns import EXTRAS

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from palpate import Estimates, Flag, Floats, Problem, Samples
@@ -30,6 +29,8 @@ from palpate_kit.numerics.tip_travel import (
 from palpate_fits.arm_order import in_order
 from palpate_fits.budget import BudgetSource
 from palpate_fits.first_guess import first_guess, linear_places
+from palpate_fits.fit_outcome import FitOutcome
+from palpate_fits.fit_settings import FitSettings
 from palpate_fits.height_noise import correct_attenuation
 from palpate_fits.loss import LossFunction
 from palpate_fits.multistart import solve_from_many, solve_or_try_others, times_of, with_times_that_show
@@ -38,37 +39,10 @@ from palpate_fits.residual import Residual
 from palpate_fits.solvers import Solution, solve_lm, solve_trf
 from palpate_fits.unknowns import Unknowns
 
-if TYPE_CHECKING:
-    from palpate_fits.estimator import CasadiFit
-
-
 _AIR_SHARE = 0.1  # of the samples, from which on they tell the bias
 _FEWEST = 5  # samples for each unknown
 _STANDS = 10  # equal readings at the end of the range, in contact: the sensor is saturated
 _THIN = 1000
-
-
-@dataclass(frozen=True)
-class FitOutcome:
-    """A finished fit and all that its report needs."""
-
-    settings: CasadiFit
-    problem: Problem
-    samples: Samples
-    rows: Rows  # (n,) fitted samples
-    course: RecordCourse
-    motion: TipTravel
-    approach: Approach | None
-    points: dict[str, ContactPoint]
-    sources: tuple[BudgetSource, ...]
-    unknowns: Unknowns
-    linear: tuple[int, ...]
-    record: FitRecord
-    residual: Residual
-    solution: Solution
-    solver: str
-    loss: LossFunction
-    notes: tuple[Flag, ...]  # flags met on the way
 
 
 class FitTracker:
@@ -76,7 +50,7 @@ class FitTracker:
 
     def __init__(
         self,
-        settings: CasadiFit,
+        settings: FitSettings,
         problem: Problem,
         windows: tuple[Window, ...],
         unknowns: Unknowns,
@@ -263,7 +237,7 @@ def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
     )
 
 
-def _contact_points(settings: CasadiFit, approach: Approach | None) -> dict[str, ContactPoint]:
+def _contact_points(settings: FitSettings, approach: Approach | None) -> dict[str, ContactPoint]:
     if approach is None:
         return {}
     found = {method: contact_point(method, approach, settings.threshold) for method in CONTACT_METHODS}

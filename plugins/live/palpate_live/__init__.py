@@ -25,6 +25,6 @@ def palpate_commands() -> dict[str, Command]:
 
 
 @plugin
-def palpate_displays() -> dict[str, Display]:
+def palpate_offers() -> dict[str, dict[str, Display]]:
     """The panel."""
-    return {"panel": Display("palpate_live.terminal_panel:panel")}
+    return {"display": {"panel": Display("palpate_live.terminal_panel:panel")}}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -70,12 +70,9 @@ class AfmReplay(Recording):
         """The file, its SHA-256, and the curve."""
         return {**file_facts(self.file, [self.file]), "curve": str(self.curve)}
 
-    def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The open file."""
-        return self._connected()
-
     @contextmanager
-    def _connected(self) -> Iterator[Link]:
+    def connect(self, seed: int) -> Iterator[Link]:
+        """The open file."""
         yield _AfmLink(self)
 
     @classmethod

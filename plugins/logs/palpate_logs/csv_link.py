@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import chain, islice
-from typing import TYPE_CHECKING
 
 import numpy as np
 from palpate import Batch, Floats, LogError, to_si
@@ -20,10 +19,8 @@ from pydantic_core import from_json
 
 from palpate_logs.csv_layout import TableLayout, first_lines, layout_of
 from palpate_logs.csv_names import weight_of
+from palpate_logs.csv_settings import CsvSettings
 from palpate_logs.csv_truncation import cut_number
-
-if TYPE_CHECKING:
-    from palpate_logs.csv_replay import CsvReplay
 
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 4096  # rows in one batch
@@ -34,7 +31,7 @@ _OF_NUMBERS = str.maketrans("", "", "0123456789+-.eE")  # takes away what a numb
 class CsvLink:
     """A table that is read."""
 
-    def __init__(self, log: CsvReplay) -> None:
+    def __init__(self, log: CsvSettings) -> None:
         self._log, self._dialect = log, log.dialect
         wanted = [(column.column, si_unit(column.unit)[1] * column.scale) for column in log.columns.values()]
         self._clock = log.time is not None and log.time.unit == CLOCK  # in the last of the wanted columns

@@ -2,51 +2,22 @@
 
 from __future__ import annotations
 
-import codecs
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
-from encodings.aliases import aliases
-from functools import cached_property
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Literal, Self
 
-from palpate import Batch, Channel, File, Frequency, Link, LogError, Settings, Stream, to_si
-from palpate.host import suggest
-from palpate_kit.logs.log_files import regular
-from palpate_kit.logs.log_link import file_facts
-from palpate_kit.logs.readings import si_unit
-from palpate_kit.logs.recording import Recording, Suggestion, Survey
-from palpate_kit.tables.clock_times import CLOCK
-from palpate_kit.tables.dialect import Dialect
+from palpate import Batch, Link, LogError
+from palpate_kit.logs.recording import Suggestion, Survey
 from palpate_kit.tables.table_text import OTHER_SUFFIXES, SUFFIXES
-from pydantic import Field, model_validator
 
 from palpate_logs.csv_link import CsvLink
 from palpate_logs.csv_roles import suggest_csv
+from palpate_logs.csv_settings import CsvSettings
 from palpate_logs.csv_sheet import Sheet
 from palpate_logs.csv_survey import survey_csv, tables_csv
 
 
-class Column(Settings):
-    """One column of the file."""
-
-    column: Annotated[int, Field(ge=0)] | Annotated[str, Field(min_length=1)] = Field(
-        description="column: counted from 0, or its name in the header line"
-    )
-    unit: str = Field(min_length=1, description='unit of its numbers, such as "mm" or "N"; "clock" for times of day')
-    scale: float = Field(default=1.0, description="how many of the unit one of its numbers is, for volts and counts")
-
-
-@dataclass
-class Tally:
-    """What was left out of a file."""
-
-    timeless: int = 0  # rows
-    cut: str | None = None  # the last number, where the file ends within it
-
-
-class CsvReplay(Recording):
+class CsvReplay(CsvSettings):
     """A table of numbers, plain, gzipped or a workbook, as a device: its columns are channels of one stream.
 
     Time comes from a column, or from a rate. Columns are counted, or named by the header, the line of names above the
@@ -55,82 +26,9 @@ class CsvReplay(Recording):
     stated among it. The extra `palpate[excel]` brings openpyxl, which reads workbooks.
     """
 
-    file: File = Field(description="the log, .csv, .tsv, .txt, .csv.gz or .xlsx, relative to the pipeline file")
-    columns: dict[str, Column] = Field(min_length=1, description="channels by name: { column = 0, unit = 'mm' }")
-    rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where no column is the time")
-    time: Column | None = Field(default=None, description="the column of the time: { column = 0, unit = 's' }")
-    delimiter: str = Field(
-        default=",", min_length=1, max_length=1, description='separator of the columns: ",", ";", "\\t", " "'
-    )
-    decimal: Literal[".", ","] = Field(default=".", description="mark before the decimals")
-    thousands: Literal["", ",", ".", " ", "'"] = Field(default="", description="mark between thousands")
-    comment: str = Field(default="#", max_length=2, description='how a line begins that is a comment: "#", "%", "//"')
-    encoding: str | None = Field(
-        default=None, description='such as "utf-8", "utf-16" or "cp1252"; found in the file if left out'
-    )
-    header: int | None = Field(
-        default=None, ge=0, description="line of the names, counted from 1, 0 for none; found if left out"
-    )
-    units: int | None = Field(
-        default=None, ge=0, description="line of units that must agree with the columns', 0 for none; found if left out"
-    )
-    sheet: str | None = Field(default=None, description="of a workbook; the first with rows of numbers if left out")
-
-    @model_validator(mode="after")
-    def _one_source_of_time(self) -> Self:
-        if (self.rate is None) == (self.time is None):
-            raise ValueError('give either rate = "500 Hz" or time = { column = 0, unit = "s" }')
-        if self.time is not None and self.time.unit != CLOCK:
-            to_si(f"1 {self.time.unit}", "s")
-        if self.decimal == self.thousands:
-            raise ValueError(f"thousands = {self.thousands!r} is the mark before the decimals")
-        if self.encoding is not None:
-            _known_encoding(self.encoding)
-        for column in self.columns.values():
-            si_unit(column.unit)
-        return self
-
-    @property
-    def dialect(self) -> Dialect:
-        """How the file is written."""
-        return Dialect(self.delimiter, self.decimal, self.thousands, self.comment)
-
-    @property
-    def streams(self) -> tuple[Stream, ...]:
-        """One stream without a name: channels are addressed as ``device.channel``."""
-        regular(self.file)
-        channels = tuple(Channel(name, si_unit(column.unit)[0]) for name, column in self.columns.items())
-        return (Stream("", channels, self.rate, clock="file"),)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """How many rows were left out since they have no time, and a last one that was cut."""
-        tally, found = self.tally, []
-        if tally.timeless:
-            found.append(f"{self.file.name}: {tally.timeless} rows have no finite time, and were left out")
-        if tally.cut is not None:
-            found.append(
-                f"{self.file.name}: the last line has no end, and its last number, {tally.cut}, fewer digits than all "
-                "above: it was cut and is left out"
-            )
-        return tuple(found)
-
-    @cached_property
-    def tally(self) -> Tally:
-        """What is counted while the file is read."""
-        return Tally()
-
-    @property
-    def provenance(self) -> Mapping[str, str]:
-        """The file and its SHA-256."""
-        return file_facts(self.file, [self.file])
-
-    def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The open file."""
-        return self._connected()
-
     @contextmanager
-    def _connected(self) -> Iterator[Link]:
+    def connect(self, seed: int) -> Iterator[Link]:
+        """The open file."""
         yield CsvLink(self)
 
     @classmethod
@@ -157,15 +55,6 @@ class CsvReplay(Recording):
     def tables(cls, path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
         """See `Recording`."""
         return tables_csv(path, notes)
-
-
-def _known_encoding(name: str) -> None:
-    """Raise ValueError for an encoding that there is not."""
-    try:
-        codecs.lookup(name)
-    except LookupError as error:
-        known = sorted({alias.replace("_", "-") for alias in aliases.values()})
-        raise ValueError(f"encoding = {name!r}: there is no such encoding{suggest(name, known)}") from error
 
 
 def _is_table(path: Path) -> bool:

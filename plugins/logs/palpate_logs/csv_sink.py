@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from typing import Any
 
 from palpate import Batch, Estimates, OutputError, Run, Samples, Sink, Writer
@@ -18,12 +18,9 @@ class CsvSink(Sink):
 
     file: str = Field(default="samples.csv", pattern=r"^[^/]+$", description="name of the file within the run folder")
 
-    def open(self, run: Run) -> AbstractContextManager[Writer]:
-        """A writer of the samples; raises OutputError where the file cannot be made."""
-        return self._opened(run)
-
     @contextmanager
-    def _opened(self, run: Run) -> Iterator[Writer]:
+    def open(self, run: Run) -> Iterator[Writer]:
+        """A writer of the samples; raises OutputError where the file cannot be made."""
         path = run.folder / self.file
         try:
             with path.open("x", newline="", encoding="utf-8") as file:

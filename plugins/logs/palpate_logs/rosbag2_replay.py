@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Self
@@ -76,12 +76,9 @@ class Rosbag2Replay(Recording):
         span = self._bag.span
         return (span[1] - span[0]) / 1e9 if span else None
 
-    def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The open bag."""
-        return self._connected()
-
     @contextmanager
-    def _connected(self) -> Iterator[Link]:
+    def connect(self, seed: int) -> Iterator[Link]:
+        """The open bag."""
         yield LogLink(self._bag, self._feeds, window(self._bag, self.begin, self.end), str(self.file))
 
     @cached_property

@@ -23,6 +23,6 @@ def palpate_commands() -> dict[str, Command]:
 
 
 @plugin
-def palpate_summaries() -> dict[str, Summary]:
+def palpate_offers() -> dict[str, dict[str, Summary]]:
     """Values of a sweep are means over its places."""
-    return {"places": Summary("palpate_maps.path_estimates:Places")}
+    return {"summary": {"places": Summary("palpate_maps.path_estimates:Places")}}

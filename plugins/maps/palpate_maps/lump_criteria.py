@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from palpate import Floats
-
-if TYPE_CHECKING:
-    from palpate_maps.lump_power import LumpPower
 
 SweepMethod = Literal["prominence", "cusum"]
 
@@ -37,6 +34,15 @@ class Lump:
     checked: bool = False  # palpated at a point of it, too
     highest: tuple[float, float] | None = None  # [m] where the contrast is; the middle of a horseshoe is its hole
     height: float | None = None  # [m] z of its middle, on a surface
+
+
+@dataclass(frozen=True)
+class LumpPower:
+    """The weakest lump of a width that a sweep shows with a probability."""
+
+    contrast: float
+    width: float  # [m] at half its height
+    probability: float
 
 
 @dataclass(frozen=True)

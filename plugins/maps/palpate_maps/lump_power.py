@@ -2,23 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from palpate_maps.lump_criteria import LumpSettings
+from palpate_maps.lump_criteria import LumpPower, LumpSettings
 
 PROBABILITY = 0.8
 WIDTH = 10e-3  # [m] at half its height, of the lumps that powers are of: about as narrow as the contact leaves one
-
-
-@dataclass(frozen=True)
-class LumpPower:
-    """The weakest lump of a width that a sweep shows with a probability."""
-
-    contrast: float
-    width: float  # [m] at half its height
-    probability: float
 
 
 def peak_limit(std: float, rooms: float, settings: LumpSettings) -> float:

@@ -10,7 +10,8 @@ from palpate import MaterialValue, Parameter, Time
 from pydantic import Field, model_validator
 
 from palpate_models.parameters import ELASTICITY, LASTING_ELASTICITY
-from palpate_models.relaxing_models import RelaxationSpectrum, RelaxingModel
+from palpate_models.relaxation_spectrum import RelaxationSpectrum
+from palpate_models.relaxing_models import RelaxingModel
 
 _STATES = 10
 _BEYOND = 10.0  # the exponentials' times go so far beyond those for which the law is to hold

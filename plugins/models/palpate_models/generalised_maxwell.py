@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 from palpate import MaterialValue, Parameter, sqrt
 
 from palpate_models.parameters import FLOW_VISCOSITY, INSTANT_ELASTICITY, LASTING_ELASTICITY
-from palpate_models.relaxing_models import RelaxationSpectrum, RelaxingModel
+from palpate_models.relaxation_spectrum import RelaxationSpectrum
+from palpate_models.relaxing_models import RelaxingModel
 
 _TIMES = (0.03, 0.3, 3.0, 30.0)  # [s] first guesses, from the fastest
 

@@ -11,7 +11,8 @@ from pydantic import model_validator
 
 from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, Paraboloid, Sphere
 from palpate_models.parameters import LASTING_ELASTICITY
-from palpate_models.relaxing_models import RelaxationSpectrum, RelaxingModel
+from palpate_models.relaxation_spectrum import RelaxationSpectrum
+from palpate_models.relaxing_models import RelaxingModel
 from palpate_models.thickness import Thickness
 
 # g = w_1 exp(-c_1 sqrt(x)) + w_2 exp(-c_2 x), x = D t/a^2.

@@ -1,16 +1,14 @@
-"""Materials that relax, in the frame of the method of dimensionality reduction."""
+"""Linear materials in the frame of the method of dimensionality reduction."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 from palpate import ContactModel, Floats, Indenter, MaterialValue, Parameter, select
 from pydantic import Field, model_validator
 
-from palpate_models.dimensionality_reduction import SKIN, OptionalThickness
 from palpate_models.other_layers import other_layers
 from palpate_models.parameters import (
     DASHPOT_VISCOSITY,
@@ -20,22 +18,20 @@ from palpate_models.parameters import (
     RELAXATION_TIME,
     RELAXING_ELASTICITY,
 )
+from palpate_models.relaxation_spectrum import RelaxationSpectrum
 from palpate_models.skin import ContactGeometry, Skin, curved_share
+from palpate_models.thickness import OptionalThickness
+from palpate_models.ting_unloading import ting_force
 
+_SKIN = (
+    'the skin where it is not level and flat, such as { inclination = "20 deg", skin_radius = "50 mm" }; left out: '
+    "assumed to be both"
+)
 _THICKNESS = 'correction for a layer, as for dimensionality-reduction; left out or "none": a half-space'
 
 
-@dataclass(frozen=True)
-class RelaxationSpectrum:
-    """A relaxation modulus E(t) = E + sum of E_k exp(-t/tau_k), and a damper beside it."""
-
-    lasting: Any  # E [Pa]; None: nothing lasts
-    damper: Any  # shear viscosity [Pa s]; None: there is none
-    arms: tuple[tuple[Any, Any], ...]  # E_k [Pa], 1/tau_k [1/s]
-
-
 class RelaxingModel(ContactModel):
-    """A linear material that relaxes, pressed by any axisymmetric tip; a model gives its `spectrum`.
+    """A linear material, which may relax, pressed by any axisymmetric tip; a model gives its `spectrum`.
 
     F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + sum of q_k with an internal state q_k [N] for each arm,
     dq_k/dt = 2 E_k/(1 - nu^2) a(d) d' - q_k/tau_k in contact and -q_k/tau_k out of it.
@@ -44,7 +40,7 @@ class RelaxingModel(ContactModel):
     indenter: Indenter = Field(description="the tip")
     poisson: float = Field(default=0.5, ge=0, le=0.5, description="Poisson's ratio nu; 0.5 for incompressible material")
     thickness: OptionalThickness = Field(default=None, description=_THICKNESS)
-    skin: Skin | None = Field(default=None, description=SKIN)
+    skin: Skin | None = Field(default=None, description=_SKIN)
 
     @model_validator(mode="after")
     def _known_correction(self) -> Self:
@@ -81,10 +77,10 @@ class RelaxingModel(ContactModel):
         return curved_share(self, curvature, depth)
 
     def loading_cycle_force(self, time: Floats, depth: Floats, theta: Sequence[float], reversal: float) -> Floats:
-        """Force (n,) [N] over one loading and one unloading, see `ting_force`."""
-        from palpate_models.ting_unloading import ting_force
-
-        return ting_force(self, time, depth, theta, reversal)
+        """Force (n,) [N] over one loading and one unloading, see `ting_force`; raises ValueError where it is none."""
+        if self.pace(1e-3, theta) is not None:
+            raise ValueError(f"Ting's unloading needs a relaxation modulus, and {type(self).__name__} has none")
+        return ting_force(self, self.spectrum(theta), time, depth, reversal)
 
     def pace(self, radius: Any, theta: Sequence[Any]) -> Any:
         """What the rates of all arms are multiplied with at a contact radius [m]; None where it plays no part."""

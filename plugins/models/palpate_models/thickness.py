@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from palpate import Depth, Indenter, InputFile, Settings
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
+from pydantic_core import CoreSchema
 
 from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, NeoHookeanSphere, Paraboloid, Sphere
 from palpate_models.thickness_table import read_table
@@ -195,3 +196,17 @@ def contact_validity(indenter: Indenter, thickness: Layer, depth: float) -> str:
     """What does not hold of a tip or of a thickness correction at a depth [m]; empty where all is well."""
     layer = thickness.validity(indenter, depth) if isinstance(thickness, Thickness) else ""
     return "; ".join(text for text in (indenter.validity(depth), layer) if text)
+
+
+class _NoneInTheSchema:
+    """Says in the JSON schema that "none" and "half-space" are allowed."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [{"enum": ["none", HALF_SPACE]}, handler(schema)]}
+
+
+OptionalThickness = Annotated[
+    Thickness | Literal["half-space"] | None,
+    BeforeValidator(lambda value: None if value == "none" else value),
+    _NoneInTheSchema(),
+]

@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats
 
-from palpate_models.dimensionality_reduction import DimensionalityReduction
-from palpate_models.relaxing_models import RelaxationSpectrum, RelaxingModel
+from palpate_models.relaxation_spectrum import RelaxationSpectrum
 from palpate_models.skin import ContactGeometry
 
-_REVERSAL = 1e-6  # [m]; a smaller way back is none
 _HALVINGS = 40  # of the range in which the end of the integral is looked for
 
 
-def ting_force(
-    model: ContactModel, time: Floats, depth: Floats, theta: Sequence[float], reversal: float = _REVERSAL
-) -> Floats:
-    """Force (n,) [N] on one loading and one unloading, at instants (n,) [s] and depths (n,) [m].
+def ting_force(model: ContactModel, law: RelaxationSpectrum, time: Floats, depth: Floats, reversal: float) -> Floats:
+    """Force (n,) [N] of a law on one loading and one unloading, at instants (n,) [s] and depths (n,) [m].
 
     While the contact grows, F(t) = 2/(1 - nu^2) int_0^t E(t - s) dA(d(s)). After the largest depth t1(t), before it,
     solves int_t1^t E(t - s) d'(s) ds = 0, and F(t) is that integral up to t1(t) only; the contact radius is a(d(t1)),
     and where there is no such t1 the tip is off. Holds are no maxima. Ways back up to `reversal` [m] are noise.
-    Raises ValueError for more than one maximum, and for a model whose relaxation is not that of a linear material.
+    Raises ValueError for more than one maximum.
     Source: Ting 1966; Lee and Radok 1960; by trapezoids in depth and area between the instants.
     """
-    way = _TingIntegrals(model, relaxation_of(model, theta), time, depth, _one_maximum(depth, reversal))
+    way = _TingIntegrals(model, law, time, depth, _one_maximum(depth, reversal))
     found = np.concatenate([way.loading(), way.unloading()])
     held: Any = model
     return np.asarray(2.0 / (1.0 - held.poisson**2) * np.maximum(found, 0.0))
@@ -79,15 +74,6 @@ class _TingIntegrals:
         """Fading sums (m, k) of the loading up to places (m,), as they are in unloading."""
         kept = np.exp(-np.outer(self._later - _at(self._time, at), self._rates))
         return np.asarray(kept * np.column_stack([_at(column, at) for column in sums.T] or [np.zeros((len(at), 0))]))
-
-
-def relaxation_of(model: ContactModel, theta: Sequence[float]) -> RelaxationSpectrum:
-    """The relaxation modulus of a model; raises ValueError where it has none."""
-    if isinstance(model, DimensionalityReduction):
-        return RelaxationSpectrum(theta[0], theta[1], ())
-    if isinstance(model, RelaxingModel) and model.pace(1e-3, theta) is None:
-        return model.spectrum(theta)
-    raise ValueError(f"Ting's unloading needs a linear material with a relaxation modulus, not {type(model).__name__}")
 
 
 def _one_maximum(depth: Floats, reversal: float) -> int:

@@ -6,13 +6,11 @@ import threading
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from palpate import Batch, ContactModel, Estimator, Indenter, Part, Samples
-from palpate.host import RecordTracks, build_parts, build_pipeline, input_files
+from palpate import ContactModel, Estimator, Indenter, Part
+from palpate.host import input_files
 
 from palpate_notebook.fit_object import Fit
 from palpate_notebook.fitter_object import Fitter, RecordEstimator
-from palpate_notebook.part_tables import source_of
 from palpate_notebook.record_object import Record
 from palpate_notebook.run_object import FinishedRun
 
@@ -65,36 +63,6 @@ def compare(
 ) -> FinishedRun:
     """Every model with every estimator on one record, read once; parts and names as in `fit`, which raises the same."""
     return _estimator(models, estimators, tip, uncertainties).estimate(record, name)
-
-
-def align_record(record: Record) -> Samples:
-    """The record's samples, before any model; raises like `fit`."""
-    from palpate_notebook.run_functions import quietly
-
-    tables = {"device": dict(record.devices), "alignment": dict(record.alignment)}
-    pipeline = build_pipeline(source_of(record, tables), estimates=False)
-    with quietly():
-        return RecordTracks(pipeline).estimate().samples
-
-
-def readings_of(record: Record) -> dict[str, Batch]:
-    """All readings of each stream as the devices send them, by "device.stream"; no alignment has a say in them.
-
-    Raises ConfigurationError for a device that no plugin has, LogError where a log cannot be read.
-    """
-    devices = build_parts(source_of(record, {"device": dict(record.devices)}), "device")
-    found: dict[str, list[Batch]] = {}
-    for name, device in devices.items():
-        with device.connect(0) as link:
-            for batch in link.batches():
-                found.setdefault(".".join(part for part in (name, batch.stream) if part), []).append(batch)
-    return {name: _joined(batches) for name, batches in found.items()}
-
-
-def _joined(batches: Sequence[Batch]) -> Batch:
-    """One batch from those of a stream in their order."""
-    columns = [np.concatenate([getattr(batch, key) for batch in batches]) for key in ("time", "received", "values")]
-    return Batch(batches[0].stream, *columns)
 
 
 def _estimator(

@@ -17,7 +17,8 @@ from palpate_kit.runs.tip_words import tip_table
 from palpate_notebook.fit_object import Fit
 from palpate_notebook.part_tables import part_tables, source_of, table_of
 from palpate_notebook.record_object import Record
-from palpate_notebook.run_functions import finished_run, quietly
+from palpate_notebook.run_data import finished_run
+from palpate_notebook.run_functions import quietly
 from palpate_notebook.run_object import FinishedRun
 
 _NAMES = ("file", "sha256")  # keys of a device that name a record; all others say how it is read
@@ -49,7 +50,7 @@ class RecordEstimator:
 
     def pipeline(self, record: Record, name: str | None = None) -> Pipeline:
         """The pipeline of a record; raises ConfigurationError with every mistake at once."""
-        return build_pipeline(source_of(record, self._tables(record, name)))
+        return build_pipeline(source_of(record.name, record.path, self._tables(record, name)))
 
     def estimate(self, record: Record, name: str | None = None) -> FinishedRun:
         """What is estimated of a record; raises ConfigurationError, and LogError where it cannot be read."""
@@ -64,7 +65,7 @@ class RecordEstimator:
             warnings.warn(notice, stacklevel=4)
         with quietly():
             outcome = tracks.estimate(devices, name=name or record.name, text=text)
-        return finished_run(outcome, record)
+        return finished_run(FinishedRun, outcome, record)
 
     def _tables(self, record: Record, name: str | None) -> dict[str, Any]:
         run = {

@@ -13,14 +13,13 @@ from palpate_maps.map_figures import map_picture, sweep_picture
 
 from palpate_notebook.figure_object import Picture
 from palpate_notebook.optional_imports import library
+from palpate_notebook.run_data import RunData
 from palpate_notebook.suggestions import with_suggestions
 
 if TYPE_CHECKING:
     import pandas
     import xarray
     from palpate_maps.map_analysis import Findings, Sites, StiffnessMap
-
-    from palpate_notebook.run_object import FinishedRun
 
 
 @with_suggestions
@@ -98,7 +97,7 @@ class MapView:
 
 
 def map_of(
-    run: FinishedRun,
+    run: RunData,
     track: str | None,
     parameter: str | None,
     cell: str | float,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from weakref import WeakValueDictionary
 
@@ -65,12 +65,9 @@ class MemoryRecord(Device):
         """The SHA-256 of the readings."""
         return {"sha256": self.sha256}
 
-    def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The readings."""
-        return self._connected()
-
     @contextmanager
-    def _connected(self) -> Iterator[Link]:
+    def connect(self, seed: int) -> Iterator[Link]:
+        """The readings."""
         yield _MemoryLink(self._columns)
 
     @property

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, Part
 from palpate.host import Registry, Source, plain_settings
 
-from palpate_notebook.record_object import Record
-
 _UNCHECKED = "unchecked"
 
 
-def source_of(record: Record, tables: dict[str, Any]) -> Source:
+def source_of(name: str, path: Path, tables: dict[str, Any]) -> Source:
     """The tables as the pipeline of a record; raises ConfigurationError for what TOML cannot hold."""
     try:
-        return Source(tomli_w.dumps(tables), record.path)
+        return Source(tomli_w.dumps(tables), path)
     except TypeError as error:
         raise ConfigurationError(
-            f"{record.name}: contains something that cannot be written in a pipeline file: {error}"
+            f"{name}: contains something that cannot be written in a pipeline file: {error}"
         ) from error
 
 

@@ -50,10 +50,11 @@ class Draft:
         Raises ConfigurationError with every mistake of the file, DeviceError where a device fails, StoppedError where
         the user stops it.
         """
-        from palpate_notebook.run_functions import execute
+        from palpate_notebook.run_data import execute
+        from palpate_notebook.run_object import FinishedRun
 
         draft = self if seed is None else self.set("run.seed", seed)
-        return execute(draft.check(), Path(folder) if folder is not None else None)
+        return execute(FinishedRun, draft.check(), Path(folder) if folder is not None else None)
 
     def __repr__(self) -> str:
         changes = "".join(f"\n  {change}" for change in self.changes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Samples
@@ -11,9 +11,7 @@ from palpate.host import display_unit, suggest
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 
 from palpate_notebook.figure_object import Picture
-
-if TYPE_CHECKING:
-    from palpate_notebook.run_object import FinishedRun
+from palpate_notebook.run_data import RunData
 
 _MOST = 20_000  # points in a curve
 _PANELS = 2  # beside each other
@@ -22,7 +20,7 @@ _PANELS = 2  # beside each other
 class Plots:
     """The pictures of a run."""
 
-    def __init__(self, run: FinishedRun) -> None:
+    def __init__(self, run: RunData) -> None:
         self._run = run
 
     def __call__(self, *parameters: str) -> Picture:
@@ -44,12 +42,11 @@ class Plots:
         return Picture(_panels(self._run, names, over_depth=False))
 
 
-def _usable(run: FinishedRun) -> list[str]:
-    names = [name for name, track in run.tracks.items() if track.verdict != "invalid"]
-    return names or list(run.tracks)
+def _usable(run: RunData) -> list[str]:
+    return [name for name, track in run.tracks.items() if track.verdict != "invalid"] or list(run.tracks)
 
 
-def _parameters(run: FinishedRun) -> dict[str, str]:
+def _parameters(run: RunData) -> dict[str, str]:
     """SI unit by parameter, of all tracks."""
     tracks = run.document["tracks"].values()
     return {name: found["unit"] for track in tracks for name, found in track["parameters"].items()}
@@ -65,7 +62,7 @@ def _grid(count: int, height: float = 55.0) -> tuple[Any, list[Any]]:
 
 
 @style()
-def _over_time(run: FinishedRun, parameters: list[str], units: dict[str, str]) -> Any:
+def _over_time(run: RunData, parameters: list[str], units: dict[str, str]) -> Any:
     figure, axes = _grid(len(parameters))
     for axis, name in zip(axes, parameters, strict=True):
         word, factor = display_unit(units[name])
@@ -88,7 +85,7 @@ def _over_time(run: FinishedRun, parameters: list[str], units: dict[str, str]) -
 
 
 @style()
-def _panels(run: FinishedRun, names: list[str], over_depth: bool) -> Any:
+def _panels(run: RunData, names: list[str], over_depth: bool) -> Any:
     samples = run.aligned
     figure, axes = _grid(len(names))
     for axis, name in zip(axes, names, strict=True):
@@ -129,7 +126,7 @@ def _thinned(rows: Any) -> Any:
 
 
 @style()
-def fit_picture(run: FinishedRun, name: str) -> Picture:
+def fit_picture(run: RunData, name: str) -> Picture:
     """Measured and modelled force over time and over depth, and the residual over time."""
     samples, table = run.aligned, run.track_tables[name]
     figure, axes = figure_of(3)

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from palpate import Batch, ConfigurationError, Floats, is_number, printable, to_si
+from palpate import Batch, ConfigurationError, Floats, Samples, is_number, printable, to_si
 from palpate.host import suggest
 
 from palpate_notebook.array_input import numbers, stamps
 from palpate_notebook.html_table import html_table
 from palpate_notebook.memory_device import NamedColumns, register_readings
+from palpate_notebook.part_tables import source_of
 from palpate_notebook.suggestions import with_suggestions
 
 if TYPE_CHECKING:
@@ -45,23 +46,28 @@ class Record:
     def samples(self) -> xarray.Dataset:
         """What the readings become before any model: aligned, tared; dimension time, units in the attributes."""
         from palpate_notebook.datasets import samples_dataset
-        from palpate_notebook.fit_functions import align_record
 
-        return samples_dataset(align_record(self))
+        return samples_dataset(self._aligned)
 
     @property
     def readings(self) -> dict[str, Batch]:
         """The readings as the devices send them, by "device.stream"; of a record that the alignment refuses, too."""
-        from palpate_notebook.fit_functions import readings_of
+        from palpate_notebook.record_readings import readings_of
 
-        return readings_of(self)
+        return readings_of(source_of(self.name, self.path, {"device": dict(self.devices)}))
 
     def plot(self) -> Picture:
         """Force, height and velocity over time."""
-        from palpate_notebook.fit_functions import align_record
         from palpate_notebook.plotting import samples_picture
 
-        return samples_picture(align_record(self), self.name)
+        return samples_picture(self._aligned, self.name)
+
+    @property
+    def _aligned(self) -> Samples:
+        from palpate_notebook.record_readings import samples_of
+
+        tables = {"device": dict(self.devices), "alignment": dict(self.alignment)}
+        return samples_of(source_of(self.name, self.path, tables))
 
     @property
     def _size(self) -> str:

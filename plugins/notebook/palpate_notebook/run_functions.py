@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from palpate import Batch, Estimates, Parameter, Samples
-from palpate.host import Pipeline, RecordOutcome, is_live, run_pipeline
+from palpate.host import Pipeline, RecordOutcome, run_pipeline
 from palpate_kit.runs.run_folder import TrackTable
-
-from palpate_notebook.run_object import FinishedRun
 
 
 @dataclass
@@ -48,6 +45,10 @@ class RunRecorder:
         """All samples; None where there are none."""
         return Samples.joined(self.blocks) if self.blocks else None
 
+    def tables(self, tracks: Iterable[str]) -> dict[str, TrackTable]:
+        """All estimates of those of the tracks that gave any."""
+        return {name: self.table(name) for name in tracks if name in self.found}
+
     def table(self, track: str) -> TrackTable:
         """All estimates of a track."""
         blocks = self.found[track]
@@ -78,44 +79,16 @@ def quietly() -> Iterator[None]:
         yield
 
 
-def execute(pipeline: Pipeline, folder: Path | None, holds: object = None) -> FinishedRun:
-    """Run a pipeline; without a `folder` into one that goes with the result, or, of live devices, into runs/.
-
-    The result keeps what it `holds`. Raises UserError, and StoppedError where the run was stopped.
-    """
-    for notice in pipeline.registry.notices:
-        warnings.warn(notice, stacklevel=3)
-    live = is_live(pipeline.devices)
-    temporary = folder is None and not live
-    kept = RunRecorder({track.name: track.model.parameters for track in pipeline.tracks})
-    with _place(folder, temporary) as place, quietly():
-        result = run_pipeline(pipeline, place, observer=kept)
-        result.demand_whole()
-    tables = {name: kept.table(name) for name in result.tracks if name in kept.found}
-    document = json.loads(json.dumps(result.table()))
-    return FinishedRun(result.folder, document, (kept.joined, tables), temporary=temporary, holds=holds)
-
-
-def finished_run(outcome: RecordOutcome, holds: object) -> FinishedRun:
-    """The outcome of a record in memory as a run, which keeps what it `holds`."""
-    kept = RunRecorder.of(outcome)
-    tables = {name: kept.table(name) for name in outcome.result.tracks if name in kept.found}
-    found = (kept.joined if len(outcome.samples) else None, tables)
-    return FinishedRun(
-        None, json.loads(json.dumps(outcome.result.table())), found, origin=outcome.pipeline, holds=holds
-    )
-
-
 def write_run(pipeline: Pipeline) -> Path:
-    """A temporary folder with everything that a run writes; raises UserError like `execute`."""
-    with _place(None, True) as place, quietly():
+    """A temporary folder with everything that a run writes; raises UserError."""
+    with run_place(None, True) as place, quietly():
         result = run_pipeline(pipeline, place)
         result.demand_whole()
     return result.folder
 
 
 @contextmanager
-def _place(folder: Path | None, temporary: bool) -> Iterator[Path | None]:
+def run_place(folder: Path | None, temporary: bool) -> Iterator[Path | None]:
     """Where the run goes; a temporary folder is removed where the run fails."""
     if not temporary:
         yield folder

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from palpate import ConfigurationError, Flag
@@ -17,16 +17,14 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from palpate_notebook.run_object import FinishedRun
-
 
 @with_suggestions
 class TrackView:
     """What one contact model with one estimator found."""
 
-    def __init__(self, run: FinishedRun, name: str) -> None:
-        self._run, self.name = run, name
-        self.document: Mapping[str, Any] = run.document["tracks"][name]
+    def __init__(self, name: str, document: Mapping[str, Any], estimates: Callable[[], xarray.Dataset]) -> None:
+        self.name, self.document = name, document
+        self._estimates = estimates  # of all tracks; keeps the run and its folder
 
     @property
     def parameters(self) -> dict[str, UncertainQuantity]:
@@ -84,7 +82,7 @@ class TrackView:
     @property
     def estimates(self) -> xarray.Dataset:
         """The estimates over time; dimension time, units in the attributes."""
-        return self._run.estimates.sel(track=self.name)
+        return self._estimates().sel(track=self.name)
 
     def budget(self) -> pandas.DataFrame:
         """Every source of uncertainty, and the standard uncertainty that it gives each value [SI]."""

@@ -28,9 +28,9 @@ def palpate_commands() -> dict[str, Command]:
 
 
 @plugin
-def palpate_file_suggestions() -> dict[str, FileSuggestion]:
+def palpate_offers() -> dict[str, dict[str, FileSuggestion]]:
     """Tables of instruments."""
-    return {"instrument": FileSuggestion("palpate_reference.table_suggestion:suggested_commands")}
+    return {"file suggestion": {"instrument": FileSuggestion("palpate_reference.table_suggestion:suggested_commands")}}
 
 
 @plugin

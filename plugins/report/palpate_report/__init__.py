@@ -19,9 +19,9 @@ def palpate_commands() -> dict[str, Command]:
 
 
 @plugin
-def palpate_reports() -> dict[str, Report]:
+def palpate_offers() -> dict[str, dict[str, Report]]:
     """What `palpate run --report` writes."""
-    return {"report": Report("palpate_report.report_command:write_report")}
+    return {"report": {"report": Report("palpate_report.report_command:write_report")}}
 
 
 @plugin

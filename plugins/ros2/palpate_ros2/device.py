@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from math import inf
@@ -178,12 +178,9 @@ class Ros2Device(Device):
         """The domain."""
         return {"domain": str(self.domain), "middleware": "cyclonedds" if self.middleware == "dds" else self.middleware}
 
-    def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The topics, once all of them are found and as they are described."""
-        return self._connected()
-
     @contextmanager
-    def _connected(self) -> Iterator[Link]:
+    def connect(self, seed: int) -> Iterator[Link]:
+        """The topics, once all of them are found and as they are described."""
         name = f"ros2://{self.domain}"
         with listener(name, self.network, self._topics, self.types, self.alarm) as source:
             feeds = self._found(source, name)

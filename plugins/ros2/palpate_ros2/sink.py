@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from typing import Any, Self
 
 import numpy as np
@@ -45,12 +45,9 @@ class Ros2Sink(Sink):
         demand_reachable(self.middleware, self.interface, self.peers)
         return self
 
-    def open(self, run: Run) -> AbstractContextManager[Writer]:
-        """A participant of the domain; raises OutputError where DDS does not come up."""
-        return self._opened(run)
-
     @contextmanager
-    def _opened(self, run: Run) -> Iterator[Writer]:
+    def open(self, run: Run) -> Iterator[Writer]:
+        """A participant of the domain; raises OutputError where DDS does not come up."""
         try:
             member = talker(Network(self.domain, self.interface, self.peers, True, middleware=self.middleware))
         except DeviceError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from palpate import ConfigurationError, Floats
 
+from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen import Specimen
 
 _STEP = 1e-7  # [m] over which the stiffness of the contact is taken
@@ -32,7 +33,7 @@ def motion_behind_spring(
 
     def pushed(back: Floats, share: Floats) -> Floats:
         there, moving = left(back, share)
-        under = specimen.under(there)
+        under = SkinUnderTip(specimen, there)
         force = under.push(instants, moving)
         return force if specimen.form is None else force * under.normal[:, 2]
 

@@ -10,6 +10,7 @@ from palpate import DeviceError, Floats, ForceLaw, Setpoint, contact_force
 from palpate_kit.force_control import ForceLead
 
 from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
+from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen import Specimen
 
 
@@ -19,7 +20,7 @@ class _ContactHistory:
     def __init__(self, specimen: Specimen, place: Floats) -> None:
         self._specimen, self._place = specimen, place
         self._model = specimen.model
-        on_the_skin = specimen.under(np.array([[*place[:2], specimen.surface]]))
+        on_the_skin = SkinUnderTip(specimen, np.array([[*place[:2], specimen.surface]]))
         self._theta = [float(np.ravel(value)[0]) for value in on_the_skin.theta]
         self._states = [0.0] * len(self._model.memory)
         self._share = 1.0 if specimen.scatter is None else float(specimen.scatter.at(place[None, 0], place[None, 1])[0])
@@ -30,7 +31,7 @@ class _ContactHistory:
 
     def at(self, height: float, speed: float, period: float) -> float:
         """[N] with the tip at a height [m] and speed [m/s], a period [s] after the one before."""
-        under = self._specimen.under(np.array([[*self._place[:2], height]]))
+        under = SkinUnderTip(self._specimen, np.array([[*self._place[:2], height]]))
         depth, rate = float(under.depth[0]), float(under.rate(np.array([[0.0, 0.0, speed]]))[0])
         model, theta, count = self._model, self._theta, len(self._states)
         upright = float(under.normal[0, 2])  # of the force along the normal, that along the tool

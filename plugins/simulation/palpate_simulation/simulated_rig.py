@@ -46,6 +46,7 @@ from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
 from palpate_simulation.simulated_force_control import force_controlled_motion
 from palpate_simulation.simulated_tool import SimulatedTool
 from palpate_simulation.skin_contact import SkinContact
+from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen import Specimen
 from palpate_simulation.tool_axes import MOUNTING, TOOL, mounting_matrix, turn_between
 
@@ -224,7 +225,7 @@ class _RigLink:
             motion = loop.track(setpoint.position, setpoint.velocity)
             if settings.unrest > 0:
                 motion = motion.with_unrest(settings.unrest, self._unrest)
-        tool = SimulatedTool.of(settings, loop, setpoint)
+        tool = SimulatedTool.of(settings.tool_rotation, settings.mounting, settings.down, loop, setpoint)
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
         contact = self._contact(readings, motion, tool)
         origin = host_time_ns() if settings.pace == "real-time" else 0
@@ -259,7 +260,9 @@ class _RigLink:
             position, velocity = settings.specimen.upright_place(position, velocity, out, rate)
         if settings.specimen.form is not None:
             return SkinContact().force(settings.specimen, instants, position, velocity)
-        return settings.specimen.with_friction(settings.specimen.push(instants, position, velocity), sliding)
+        return settings.specimen.with_friction(
+            SkinUnderTip(settings.specimen, position).push(instants, velocity), sliding
+        )
 
     def _wrench(self, instants: Floats, motion: TrackedMotion, contact: Floats, tool: SimulatedTool) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from palpate import Floats, Setpoint, angular_velocities
@@ -12,9 +12,6 @@ from palpate_kit.logs.joint_kinematics import quaternions
 
 from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
 from palpate_simulation.tool_axes import TOOL, mounting_matrix, rotation_matrices
-
-if TYPE_CHECKING:
-    from palpate_simulation.simulated_rig import SimulatedRig
 
 
 @dataclass(frozen=True)
@@ -27,13 +24,20 @@ class SimulatedTool:
     turning: TrackedMotion | None  # rotation vectors [rad]
 
     @classmethod
-    def of(cls, rig: SimulatedRig, loop: PositionLoop, setpoint: Setpoint) -> SimulatedTool:
-        """That of a rig on its way through setpoints, one for each control period."""
-        orientation = TOOL @ rotation_matrix(rig.tool_rotation)
+    def of(
+        cls,
+        tool_rotation: Sequence[float],
+        mounting: Sequence[float] | None,
+        down: Sequence[float],
+        loop: PositionLoop,
+        setpoint: Setpoint,
+    ) -> SimulatedTool:
+        """That of a rig, by its keys, on its way through setpoints, one for each control period."""
+        orientation = TOOL @ rotation_matrix(tool_rotation)
         turning = None
         if (rotation := setpoint.rotation) is not None:
             turning = loop.track(rotation, np.gradient(rotation, loop.period, axis=0))
-        return cls(orientation, orientation @ mounting_matrix(rig.mounting), np.array(rig.down), turning)
+        return cls(orientation, orientation @ mounting_matrix(mounting), np.array(down), turning)
 
     @property
     def is_upright(self) -> bool:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from palpate import Floats
 
+from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen import Specimen
 
 _DEEPER = 1e-7  # [m] over which the stiffness of the contact is taken
@@ -27,7 +28,7 @@ class SkinContact:
 
     def force(self, specimen: Specimen, instants: Floats, position: Floats, velocity: Floats) -> Floats:
         """Force (n, 3) [N] on a tip at positions (n, 3) with velocities (n, 3), at instants (n,) [s] in order."""
-        under = specimen.under(position)
+        under = SkinUnderTip(specimen, position)
         contact = under.push(instants, velocity)
         if specimen.form is None:
             return specimen.with_friction(contact, velocity)
@@ -39,7 +40,7 @@ class SkinContact:
             self._place = position[-1] if len(position) else self._place
             return force
         slow = velocity if specimen.model.memory else np.zeros_like(velocity)  # what remembers has no force at rest
-        deep = specimen.push(instants, position - _DEEPER * under.normal, slow)
+        deep = SkinUnderTip(specimen, position - _DEEPER * under.normal).push(instants, slow)
         fast = under.push(instants, velocity - _FASTER * under.normal)
         stiffness, damping = (deep - under.push(instants, slow)) / _DEEPER, (fast - contact) / _FASTER
         poisson = float(getattr(specimen.model, "poisson", 0.5))

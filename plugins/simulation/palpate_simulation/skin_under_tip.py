@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats, contact_force, force_over_time, loading_cycle_force
 
 from palpate_simulation.skin_form import elliptic_share
 from palpate_simulation.skin_on_surface import SkinOnSurface
-
-if TYPE_CHECKING:
-    from palpate_simulation.specimen import Specimen
+from palpate_simulation.specimen import Specimen
 
 _REVERSAL = 2e-5  # [m] that a position loop may swing back
 

@@ -25,7 +25,6 @@ from palpate_simulation.inclusions import Inclusion
 from palpate_simulation.paper_specimens import SPECIMENS
 from palpate_simulation.skin_form import SkinForm
 from palpate_simulation.skin_on_surface import SkinOnSurface
-from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen_layers import Layer, layered_factors
 from palpate_simulation.specimen_scatter import Conditioning, Scatter
 from palpate_simulation.surface_relief import Relief
@@ -194,14 +193,6 @@ class Specimen(Settings):
         """
         radius = self.tip_radius
         return position + radius * (out - np.array([0.0, 0.0, 1.0])), velocity + radius * rate
-
-    def under(self, position: Floats) -> SkinUnderTip:
-        """The skin under a tip at positions (n, 3) [m]."""
-        return SkinUnderTip(self, position)
-
-    def push(self, instants: Floats, position: Floats, velocity: Floats) -> Floats:
-        """Force (n,) [N] along the normal on a tip at positions (n, 3) with velocities; see `SkinUnderTip.push`."""
-        return self.under(position).push(instants, velocity)
 
     def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Self:
         """The specimen after palpations at distances [m] and ages [s]."""

@@ -62,10 +62,6 @@ class ModulusLine:
         }[of]  # fmt: skip
         return math.sqrt(float(gradient @ self.covariance @ gradient))
 
-    def noise_of_tan(self) -> float:
-        """Standard deviation of tan(delta) by the noise alone."""
-        return self.noise * abs(self.shear) / self.shear.real**2
-
 
 @dataclass(frozen=True)
 class RecordingModuli:

@@ -48,6 +48,6 @@ __all__ = [
 
 
 @plugin
-def palpate_checks() -> dict[str, Check]:
+def palpate_offers() -> dict[str, dict[str, Check]]:
     """Every tip, and third-party contact models, before anything moves."""
-    return {"conformance": Check("palpate_testing.third_party_checks:check_parts")}
+    return {"check": {"conformance": Check("palpate_testing.third_party_checks:check_parts")}}

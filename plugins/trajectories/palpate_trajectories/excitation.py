@@ -5,18 +5,19 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-from palpate import Depth, Floats, Frequency, Length, Setpoint, Speed, Time, Trajectory
+from palpate import Depth, Frequency, Length, Speed, Time
 from pydantic import Field, model_validator
 
 from palpate_trajectories.motion_parts import PlannedMotion, Wave
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.oscillation import ChirpPhase, Oscillation, together
+from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot, profile, rest_profile
 
 _TOP_SPEED = 0.25  # [m/s]
 
 
-class MultiSine(Trajectory):
+class MultiSine(PlannedTrajectory):
     """Several sines at once around a depth: depth(t) = bias + sum_i A_i sin(2 pi f_i t).
 
     Several frequencies distinguish a delay between force and motion from viscosity, whose force grows with the
@@ -46,17 +47,8 @@ class MultiSine(Trajectory):
     def _motion(self) -> PlannedMotion:
         return shaken(self, together(self.amplitudes, self.frequencies))
 
-    @property
-    def total_duration(self) -> float:
-        """From rest to rest [s]."""
-        return self._motion.duration
 
-    def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
-        return self._motion.at(time)
-
-
-class Chirp(Trajectory):
+class Chirp(PlannedTrajectory):
     """A sine around a depth whose frequency goes exponentially from one value to another.
 
     depth(t) = bias + A sin(phi(t)), phi' = 2 pi f1 (f2/f1)^(t/T): every frequency gets the same number of periods.
@@ -87,15 +79,6 @@ class Chirp(Trajectory):
     @cached_property
     def _motion(self) -> PlannedMotion:
         return shaken(self, self._wave)
-
-    @property
-    def total_duration(self) -> float:
-        """From rest to rest [s]."""
-        return self._motion.duration
-
-    def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
-        return self._motion.at(time)
 
 
 def refuse_wave(wave: Oscillation | ChirpPhase, bias: float) -> None:

@@ -5,17 +5,18 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-from palpate import Acceleration, Depth, Floats, Force, ForceLaw, Length, Setpoint, Speed, Stiffness, Time, Trajectory
+from palpate import Acceleration, Depth, Force, ForceLaw, Length, Speed, Stiffness, Time
 from pydantic import Field, model_validator
 
 from palpate_trajectories.motion_parts import PlannedMotion, through
 from palpate_trajectories.nominal_height import NominalHeight
+from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot, rest_profile
 
 _PEAK = 2.0  # a turn takes at least so many times what constant acceleration would
 
 
-class ForceHold(Trajectory):
+class ForceHold(PlannedTrajectory):
     """Down to a force and held there, by a closed loop in the arm's own process: the tip creeps at a constant force.
 
     The tip's speed along the normal is gain (force - what is felt), at most `speed`, with gain = 1/(response
@@ -85,12 +86,3 @@ class ForceHold(Trajectory):
         x, y = (rest_profile(value) for value in self.place)
         end = knots[-1].time + self.standstill
         return PlannedMotion(end, x, y, through(knots), ((law.begin, law.end),), self.surface)
-
-    @property
-    def total_duration(self) -> float:
-        """From rest to rest [s]."""
-        return self._motion.duration
-
-    def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3) of the envelope."""
-        return self._motion.at(time)

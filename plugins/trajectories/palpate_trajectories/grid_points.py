@@ -9,12 +9,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from palpate import Angle, AngularSpeed, Floats, Length, Setpoint, Speed, Surface, Time, Trajectory
+from palpate import Angle, AngularSpeed, Floats, Length, Speed, Surface, Time, Trajectory
 from pydantic import Field, model_validator
 
 from palpate_trajectories.approach import PressShape, Touch, press_motion, surface_press
 from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time, through
 from palpate_trajectories.nominal_height import NominalHeight
+from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.stations import Stations
 from palpate_trajectories.surface_motion import StationFootway, SurfaceLine, SurfaceMotion
@@ -25,7 +26,7 @@ _RAMP = 0.25  # [s]
 Place = tuple[float, float]
 
 
-class GridPoints(Trajectory):
+class GridPoints(PlannedTrajectory):
     """Points on a grid, or `places`, palpated one after the other in the order of a short way.
 
     Each visit is approach, settle, sine, retract, as in a point palpation; travel is in free air. The order is a
@@ -149,15 +150,6 @@ class GridPoints(Trajectory):
                 speed = self.travel_speed * abs(b[axis] - a[axis]) / way if way > 0 else self.travel_speed
                 knots += [Knot(leave, a[axis]), *line_knots(leave, a[axis], b[axis], max(speed, 1e-9), _RAMP)]
         return press_motion(self.press, touches, x, y, measuring, self.surface)
-
-    @property
-    def total_duration(self) -> float:
-        """From rest to rest [s]."""
-        return self._motion.duration
-
-    def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
-        return self._motion.at(time)
 
     def after(self, elapsed: float) -> Trajectory | None:
         """The visits that were not finished after a time [s]."""

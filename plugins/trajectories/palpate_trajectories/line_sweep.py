@@ -6,17 +6,18 @@ import math
 from functools import cached_property
 from typing import Any
 
-from palpate import Floats, Length, Setpoint, Speed, Surface, Time, Trajectory
+from palpate import Length, Speed, Surface, Time
 from pydantic import Field, model_validator
 
 from palpate_trajectories.approach import PressShape, Touch, press_motion, refuse_hasty, surface_press
 from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time, through
 from palpate_trajectories.nominal_height import NominalHeight
+from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.surface_motion import SurfaceLine, SurfaceMotion, footway_along
 
 
-class LineSweep(Trajectory):
+class LineSweep(PlannedTrajectory):
     """A sweep along a line: standstill, approach, palpation at the beginning, line at constant speed, retract.
 
     While measuring, depth(t) = bias + amplitude sin(2 pi f t) below the nominal surface; the coordinates along it have
@@ -76,12 +77,3 @@ class LineSweep(Trajectory):
         )
         arrive = leave + line_time(self._way, self.speed, self.ramp)
         return press_motion(self.press, [Touch(begin, arrive)], x, y, [(begin, arrive)], self.surface)
-
-    @property
-    def total_duration(self) -> float:
-        """From rest to rest [s]."""
-        return self._motion.duration
-
-    def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
-        return self._motion.at(time)

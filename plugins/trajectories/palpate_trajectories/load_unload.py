@@ -5,15 +5,16 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-from palpate import Depth, Floats, Length, Setpoint, Speed, Time, Trajectory
+from palpate import Depth, Length, Speed, Time
 from pydantic import Field, model_validator
 
 from palpate_trajectories.motion_parts import PlannedMotion, through
 from palpate_trajectories.nominal_height import NominalHeight
+from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import TURN, Knot, rest_profile
 
 
-class LoadUnload(Trajectory):
+class LoadUnload(PlannedTrajectory):
     """Down to a depth and up again at constant speed, in cycles, at one speed after the other.
 
     Speed is constant but for the turns, which take `turn` each; the deepest point is exactly `depth`. All of the motion
@@ -40,17 +41,8 @@ class LoadUnload(Trajectory):
     def _motion(self) -> PlannedMotion:
         return loading_cycles(self, [speed for speed in self.speeds for _ in range(self.cycles)], self.depth, 0.0)
 
-    @property
-    def total_duration(self) -> float:
-        """From rest to rest [s]."""
-        return self._motion.duration
 
-    def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
-        return self._motion.at(time)
-
-
-class Compression(Trajectory):
+class Compression(PlannedTrajectory):
     """Compression to a strain of a known thickness at constant speed, held, and released: a dynamometer's protocol.
 
     Defaults are the paper's: 50 mm/min to 10 % of 22 mm.
@@ -74,15 +66,6 @@ class Compression(Trajectory):
     @cached_property
     def _motion(self) -> PlannedMotion:
         return loading_cycles(self, [self.speed], self.thickness * self.strain, self.hold)
-
-    @property
-    def total_duration(self) -> float:
-        """From rest to rest [s]."""
-        return self._motion.duration
-
-    def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
-        return self._motion.at(time)
 
 
 def refuse_speeds(speeds: tuple[float, ...], way: float, turn: float) -> None:

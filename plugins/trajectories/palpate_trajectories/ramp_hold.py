@@ -6,16 +6,17 @@ import itertools
 from functools import cached_property
 from typing import Any
 
-from palpate import Depth, Floats, Length, Setpoint, Speed, Time, Trajectory
+from palpate import Depth, Length, Speed, Time
 from pydantic import Field, model_validator
 
 from palpate_trajectories.load_unload import refuse_speeds
 from palpate_trajectories.motion_parts import PlannedMotion, through
 from palpate_trajectories.nominal_height import NominalHeight
+from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot, rest_profile
 
 
-class RampHold(Trajectory):
+class RampHold(PlannedTrajectory):
     """Down to a depth at constant speed and held there: the force relaxes at a constant depth (stress relaxation).
 
     Several depths are held one after the other, from the shallowest: two depths reveal a material whose relaxation
@@ -57,15 +58,6 @@ class RampHold(Trajectory):
         return PlannedMotion(
             knots[-1].time + self.standstill, x, y, through(knots), ((self.standstill, held),), self.surface
         )
-
-    @property
-    def total_duration(self) -> float:
-        """From rest to rest [s]."""
-        return self._motion.duration
-
-    def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
-        return self._motion.at(time)
 
 
 def _line(start: float, begin: float, end: float, speed: float, turn: float) -> list[Knot]:

@@ -8,19 +8,20 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from palpate import Angle, Floats, Length, Setpoint, Speed, Surface, Time, Trajectory
+from palpate import Angle, Length, Speed, Surface, Time, Trajectory
 from pydantic import Field, model_validator
 
 from palpate_trajectories.approach import PressShape, Touch, press_motion, refuse_hasty, surface_press
 from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time, through
 from palpate_trajectories.nominal_height import NominalHeight
+from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.surface_motion import SurfaceLine, SurfaceMotion, footway_along
 
 _MOST_LINES = 2000
 
 
-class Raster(Trajectory):
+class Raster(PlannedTrajectory):
     """A raster of parallel lines over a rectangle, there and back (boustrophedon) or always in one direction.
 
     The tip stays on the skin: at a line's end it dwells, steps aside by the pitch, and continues; the sine never stops.
@@ -116,15 +117,6 @@ class Raster(Trajectory):
             for k in way.knots
         ]
         return press_motion(self.press, [Touch(begin, way.now)], x, y, measuring, self.surface)
-
-    @property
-    def total_duration(self) -> float:
-        """From rest to rest [s]."""
-        return self._motion.duration
-
-    def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
-        return self._motion.at(time)
 
     def after(self, elapsed: float) -> Trajectory | None:
         """The raster that continues with the first line not finished after a time [s]."""

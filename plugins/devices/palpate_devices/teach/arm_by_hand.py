@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,8 +108,3 @@ def _mean_rotation(vectors: Floats) -> Floats:
 
 def _mm(place: Floats) -> str:
     return f"({', '.join(f'{1e3 * x + 0.0:.1f}' for x in place)}) mm"
-
-
-def degrees_between(one: Floats, other: Floats) -> float:
-    """Angle [deg] between two orientations (3, 3)."""
-    return math.degrees(float(np.linalg.norm(rotation_vector(one.T @ other))))

@@ -6,7 +6,7 @@ import math
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import typer
@@ -39,12 +39,9 @@ from palpate_devices.ur.layout import ROW
 from palpate_devices.ur.reach import ArmReach
 from palpate_devices.ur.servo import ServoLaw, straight_path
 from palpate_devices.ur.setpoint_buffer import PERIOD, write_setpoints
+from palpate_devices.ur.settings import URSettings
 from palpate_devices.ur.start_path import FirstStation, start_path
 from palpate_devices.ur.station_plane import LEVEL
-
-if TYPE_CHECKING:
-    from palpate_devices.ur.device import UR
-
 
 _POSE, _TWIST = ROW.span("position", "rotation"), ROW.span("velocity", "turning")
 
@@ -69,7 +66,7 @@ def other_rate(rate: float) -> str | None:
 class URLink:
     """A connected arm, with limits, retreat, approach, force control, and a report of its health."""
 
-    def __init__(self, settings: UR, child: Child, identity: Mapping[str, Any]) -> None:
+    def __init__(self, settings: URSettings, child: Child, identity: Mapping[str, Any]) -> None:
         self._settings, self._child, self._identity = settings, child, identity
         self._clock = ClockMap()
         self._tool = matrix_of(identity["tcp"])

@@ -1,0 +1,41 @@
+"""What a fit came to, before it is judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from palpate import Flag, Problem, Samples
+from palpate_kit.numerics.contact_point import Approach, ContactPoint
+from palpate_kit.numerics.segments import RecordCourse, Rows
+from palpate_kit.numerics.tip_travel import TipTravel
+
+from palpate_fits.budget import BudgetSource
+from palpate_fits.fit_settings import FitSettings
+from palpate_fits.loss import LossFunction
+from palpate_fits.record_arrays import FitRecord
+from palpate_fits.residual import Residual
+from palpate_fits.solvers import Solution
+from palpate_fits.unknowns import Unknowns
+
+
+@dataclass(frozen=True)
+class FitOutcome:
+    """A finished fit and all that its report needs."""
+
+    settings: FitSettings
+    problem: Problem
+    samples: Samples
+    rows: Rows  # (n,) fitted samples
+    course: RecordCourse
+    motion: TipTravel
+    approach: Approach | None
+    points: dict[str, ContactPoint]
+    sources: tuple[BudgetSource, ...]
+    unknowns: Unknowns
+    linear: tuple[int, ...]
+    record: FitRecord
+    residual: Residual
+    solution: Solution
+    solver: str
+    loss: LossFunction
+    notes: tuple[Flag, ...]  # flags met on the way

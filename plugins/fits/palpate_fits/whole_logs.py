@@ -1,0 +1,151 @@
+"""Fits of whole logs: a folder with a run for each, and fit.json."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from palpate import OutputError, PalpateError
+from palpate.host import (
+    bounded_text,
+    finite_tree,
+    json_document,
+    make_folder,
+    values_on_trust,
+    withdraw_folder,
+    write_whole,
+)
+from palpate_kit.jobs.engines import demand_scheduler
+from palpate_kit.terminal.progress import progress
+from palpate_kit.terminal.table import console
+
+from palpate_fits.fit_jobs import LogFit, fits_of
+from palpate_fits.fit_sources import leave_out, named_pipelines
+from palpate_fits.fit_tables import by_cycle, evaluation, fit_overview, fit_views
+
+_FIT = "fit.json"
+
+SourcesArgument = Annotated[
+    list[Path], typer.Argument(metavar="SOURCE...", help="Pipeline files, or logs that --pipeline can read.")
+]
+PipelineOption = Annotated[
+    Path | None, typer.Option(help="How to read the logs: a pipeline with one device that has a file.")
+]
+OutOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", "-o", help="Folder; what is fitted already in one of the same logs is kept. [default: runs/...]"
+    ),
+]
+PicturesOption = Annotated[bool, typer.Option(help="Draw force over time and depth, and residuals.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print fit.json instead of the tables.")]
+
+
+@dataclass(frozen=True)
+class WholeLogs:
+    """What is asked of logs that are fitted whole."""
+
+    sources: Sequence[Path]
+    pipeline: Path | None
+    overrides: Sequence[str] | None
+    out: Path | None
+    scheduler: str | None
+    stage: str | None
+    pictures: bool
+    details: bool
+    as_json: bool
+
+
+def fit_logs(
+    asked: WholeLogs,
+    evaluated: Callable[[Sequence[LogFit]], list[dict[str, Any]]] = lambda _: [],
+    cycles: Callable[[Sequence[LogFit]], list[dict[str, Any]]] = lambda _: [],
+) -> None:
+    """Fit logs, and print what was found and what more is worked out of the fits; exit 1 where a log failed."""
+    demand_scheduler(asked.scheduler, asked.stage)
+    failures: dict[str, PalpateError] = {}
+    folder, logs = _fitted(asked, failures)
+    document = _document(logs, evaluated(logs), cycles(logs))
+    _write(folder, document)
+    if asked.as_json:
+        typer.echo(json.dumps(document, indent=2))
+    else:
+        _show(logs, document, folder, asked.details)
+    if failures:
+        typer.echo(f"{len(failures)} of {len(asked.sources)} logs failed: {', '.join(failures)}", err=True)
+        raise typer.Exit(1)
+
+
+def _fitted(asked: WholeLogs, failures: dict[str, PalpateError]) -> tuple[Path, list[LogFit]]:
+    """The folder, and the logs that were fitted in the order of the sources; of the others, `failures` hold why.
+
+    What is found is written down log by log. Raises UserError where no log was fitted.
+    """
+    sources, reader = asked.sources, asked.pipeline
+    if asked.scheduler is not None:  # workers stand elsewhere
+        sources, reader = [source.resolve() for source in sources], reader.resolve() if reader else None
+    with progress(f"look at {len(sources)} sources"):
+        loaded = named_pipelines(sources, reader, list(asked.overrides or ()), failures)
+    if asked.details:
+        for name, pipeline in loaded:
+            told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
+            typer.echo(f"{name}: taken for known: {told}", err=True)
+    names = [name for name, _ in loaded]
+    gone_on_with = asked.out is not None and (asked.out / _FIT).is_file()
+    folder = _folder(asked.out, names)
+    logs: list[LogFit] = []
+    for name, outcome in fits_of(loaded, folder, asked.scheduler, asked.stage, asked.pictures):
+        if isinstance(outcome, PalpateError):
+            leave_out(name, outcome, failures)
+            continue
+        logs.append(outcome)
+        logs.sort(key=lambda log: names.index(log.name))
+        _write(folder, _document(logs, [], []))  # what is found until now
+    if not logs:
+        if not gone_on_with:
+            withdraw_folder(folder)
+        raise next(iter(failures.values()))
+    return folder, logs
+
+
+def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
+    """A new folder, or one that holds fits of none but these logs; raises OutputError."""
+    if wanted is None or not (wanted / _FIT).is_file():
+        folder = make_folder("fit", wanted, datetime.now(UTC).astimezone())
+        _write(folder, _document([], [], []))
+        return folder
+    try:
+        known = list(json_document(bounded_text(wanted / _FIT))["logs"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OutputError(f"{wanted / _FIT}: is no document of palpate fit: {error}") from error
+    if others := [name for name in known if name not in names]:
+        raise OutputError(f"{wanted}: holds fits of {', '.join(others)}, which is not among these; nothing is mixed")
+    return wanted
+
+
+def _show(logs: Sequence[LogFit], document: dict[str, Any], folder: Path, details: bool) -> None:
+    terminal = console(160) if details else console()
+    tables = {log.name: (log.result.tracks, log.result.flags) for log in logs}
+    for view in fit_views(tables) if details else fit_overview(tables):
+        terminal.print(view)
+    if document["evaluation"]:
+        terminal.print(evaluation(document["evaluation"]))
+    if document["cycles"]:
+        terminal.print(by_cycle(document["cycles"]))
+    terminal.print(f"written to {folder}", highlight=False, markup=False, soft_wrap=True)
+
+
+def _write(folder: Path, document: dict[str, Any]) -> None:
+    write_whole(folder / _FIT, json.dumps(document, indent=2, allow_nan=False) + "\n")
+
+
+def _document(logs: Sequence[LogFit], crossed: list[dict[str, Any]], cycles: list[dict[str, Any]]) -> dict[str, Any]:
+    """The contents of ``fit.json``."""
+    tables = {log.name: {"folder": str(log.result.folder), **log.result.table()} for log in logs}
+    document: dict[str, Any] = finite_tree({"logs": tables, "evaluation": crossed, "cycles": cycles})
+    return document
