@@ -60,8 +60,8 @@ class Acceptance:
         if of_latency:
             yield (
                 f"longest reaction where `latency` counts: {1e3 * max(of_latency):.0f} ms; `latency` = "
-                f"{1e3 * self.limits.latency:g} ms is declared, {1e3 * self.limits.prompt_reaction:.1f} ms with the delay "
-                "of the sensor's filter"
+                f"{1e3 * self.limits.latency:g} ms is declared, {1e3 * self.limits.prompt_reaction:.1f} ms with the "
+                "delay of the sensor's filter"
             )
         if softest:
             declared = f"`deceleration` = {self.limits.deceleration:g} m/s^2 is declared"
