@@ -91,7 +91,12 @@ class SafetySettings(Settings):
     @property
     def reaction(self) -> float:
         """Time [s] from a force on the skin to the beginning of braking: sensor's delay, a reading's age, latency."""
-        return self.latency + self.reading_age + (self.sensor_delay or 0.0)
+        return self.prompt_reaction + self.reading_age
+
+    @property
+    def prompt_reaction(self) -> float:
+        """The same where readings come as promptly as they do in a sound rig."""
+        return self.latency + (self.sensor_delay or 0.0)
 
     def overshoot(self, speed: float) -> float:
         """Force [N] by which the limit is overrun at an inward speed [m/s]: K (v tau + v^2/2a)."""

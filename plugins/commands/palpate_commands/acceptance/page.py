@@ -60,8 +60,8 @@ class Acceptance:
         if of_latency:
             yield (
                 f"longest reaction where `latency` counts: {1e3 * max(of_latency):.0f} ms; `latency` = "
-                f"{1e3 * self.limits.latency:g} ms is declared, {1e3 * self.limits.reaction:.1f} ms with the delay of "
-                "the sensor's filter"
+                f"{1e3 * self.limits.latency:g} ms is declared, {1e3 * self.limits.prompt_reaction:.1f} ms with the "
+                "delay of the sensor's filter"
             )
         if softest:
             declared = f"`deceleration` = {self.limits.deceleration:g} m/s^2 is declared"
@@ -79,7 +79,8 @@ class Acceptance:
             "verdict": self.verdict,
             "whole": self.is_whole,
             "robot": {key: value for key, value in self.identity.items() if key in _IDENTITY},
-            "declared": {key: getattr(self.limits, key) for key in declared} | {"reaction": self.limits.reaction},
+            "declared": {key: getattr(self.limits, key) for key in declared}
+            | {"reaction": self.limits.prompt_reaction},
             "steps": [_step(outcome) for outcome in self.outcomes],
         }
 

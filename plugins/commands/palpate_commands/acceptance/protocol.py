@@ -138,7 +138,7 @@ class AcceptanceProtocol:
         blind = own_motions(self._pipeline.devices)[self._arm.name].blind
         of = {
             "latency": limits.latency,
-            "reaction": limits.reaction,
+            "reaction": limits.prompt_reaction,
             "sensor_timeout": limits.sensor_timeout,
             "sensor_delay": limits.sensor_delay or 0.0,
             "blind": max(blind, limits.latency),
