@@ -15,6 +15,7 @@ from palpate.alignment.signal_series import Series
 from palpate.alignment.surface_lookup import SurfaceLookup
 from palpate.alignment.tool_frame import Load, ToolFrame, Vector
 from palpate.alignment.turned_tool import ToolWatch
+from palpate.device import Batch
 from palpate.vectors import Floats
 
 
@@ -32,6 +33,9 @@ class TurningToolReader(SignalReader):
         self._signs = [settings.force.sign if one is series["force"] else 1 for one in self._axes]
         self._lateral = LateralForce((0, 1, 2))
         self._watch = ToolWatch()
+
+    def feed(self, device: str, batch: Batch) -> None:
+        """Its account is of samples, which `read` makes."""
 
     def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
         """Force, without a weight that turns, height and velocity along the normal, or along the axis that is read.

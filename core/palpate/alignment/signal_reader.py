@@ -40,6 +40,7 @@ class ToolReport(NamedTuple):
 class SignalReader(Protocol):
     """Reads the series of a record, block by block in their order."""
 
+    @abstractmethod
     def feed(self, device: str, batch: Batch) -> None:
         """Take note of the readings of one of a device's streams."""
 
@@ -47,6 +48,7 @@ class SignalReader(Protocol):
     def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
         """The signals at the first `count` instants [ns], which become samples; the next is for differences."""
 
+    @abstractmethod
     def release(self, contact: NDArray[np.bool_]) -> None:
         """Take note of which of the samples that were read, in their order, are in contact."""
 
@@ -78,6 +80,9 @@ class FixedToolReader(SignalReader):
         height = self._series["position"].values[: len(stamps)]
         velocity = self._series["velocity"].at(stamps[:count]) if "velocity" in self._series else None
         return ToolSignals(height, self._series["force"].at(stamps[:count]), velocity, np.zeros((0, 2)))
+
+    def release(self, contact: NDArray[np.bool_]) -> None:
+        """Its account is the same in air and in contact."""
 
     @property
     def report(self) -> ToolReport:
