@@ -2,6 +2,7 @@
 
 import ast
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,15 @@ from palpate.registry import load
 
 ROOT = Path(__file__).parents[2]
 FAMILIES = sorted(f"palpate_{path.parent.name}" for path in ROOT.glob("plugins/*/README.md"))
+PYPROJECT = ROOT / "pyproject.toml"
 LIBRARIES = {"filterpy", "csv", "mcap", "point", "live"}  # words that are libraries, formats or plain English, too
+
+
+def test_pyproject_names_every_package_that_there_is():
+    text = PYPROJECT.read_text()
+    page = runpy.run_path(str(ROOT / "plugins" / "make_pyproject.py"))["page"]
+    assert page(text) == text
+    assert page(text.replace('logs = "palpate_logs"\n', "").replace('"palpate_maps",', "")) == text
 
 
 def strings(path):
