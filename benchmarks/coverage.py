@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from palpate import ContactModel, Estimator, Floats, Indenter, Problem, Samples
 from palpate.alignment import AlignmentReport, AlignmentSettings
-from palpate.alignment.tare import Tare
+from palpate.alignment_report import Tare
 from palpate.registry import Registry, load
 from palpate.result import TrackRecord, TrackResult, track_result
 from palpate.result.diagnoses import Diagnosable, RunEvidence, apply_diagnoses

@@ -119,7 +119,7 @@ from .rotation_vectors import (
     turned_axes as turned_axes,
 )
 from .simulated_clock import SimulatedClock as SimulatedClock
-from .simulated_turns import EndOfThread as EndOfThread, HoldUp as HoldUp
+from .simulated_turns import EndOfThread as EndOfThread
 from .sink import (
     EstimatesWriter as EstimatesWriter,
     Extent as Extent,
@@ -147,7 +147,13 @@ from .trajectory import (
     setpoints_at as setpoints_at,
     surface_of as surface_of,
 )
-from .twin import ArmTruth as ArmTruth, SimulatedTwin as SimulatedTwin, SupportsTwin as SupportsTwin, Twin as Twin
+from .twin import (
+    ArmTruth as ArmTruth,
+    HoldUp as HoldUp,
+    SimulatedTwin as SimulatedTwin,
+    SupportsTwin as SupportsTwin,
+    Twin as Twin,
+)
 from .units import (
     Acceleration as Acceleration,
     Angle as Angle,

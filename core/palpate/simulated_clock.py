@@ -12,7 +12,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from palpate.clocks import use_clock
-from palpate.simulated_turns import Actor, HoldUp, Turns
+from palpate.simulated_turns import Actor, Turns
+from palpate.twin import HoldUp
 
 _EPOCH = 946_684_800_000_000_000  # [ns]; 2000-01-01, which nobody takes for the time of a measurement
 

@@ -11,8 +11,9 @@ import heapq
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+from palpate.twin import HoldUp
 
 BEGIN = 1_000_000_000  # [ns]; a monotonic time of 0 would be mistaken for none
 
@@ -23,28 +24,6 @@ class EndOfThread(BaseException):
 
 class DeadlockError(RuntimeError):
     """Every thread of a simulation waits for another one."""
-
-
-@dataclass(frozen=True)
-class HoldUp:
-    """A process that is kept waiting for a `duration` [s], `first` at a time [s], then `every` [s], if at all.
-
-    The name "robot" stands for "robot 1", "robot 2" and so on, too.
-    """
-
-    process: str
-    duration: float
-    first: float = 0.0
-    every: float | None = None
-
-    def until(self, now: int) -> int:
-        """When [ns after the start] a thread that is due `now` may run."""
-        begin, length = round(self.first * 1e9), round(self.duration * 1e9)
-        if now < begin:
-            return now
-        if self.every is not None:
-            begin += (now - begin) // round(self.every * 1e9) * round(self.every * 1e9)
-        return max(now, begin + length) if now < begin + length else now
 
 
 class Actor:

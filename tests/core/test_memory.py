@@ -61,7 +61,7 @@ def test_memory_is_flat(live_pipeline, tmp_path):
                 path.step([])
             if block in (round(15 / BLOCK), round(45 / BLOCK) - 1):
                 gc.collect()
-                elsewhere = tracemalloc.Filter(False, "*sample_store.py")
+                elsewhere = tracemalloc.Filter(False, "*sample_keeper.py")
                 looks.append(tracemalloc.take_snapshot().filter_traces([elsewhere]))
         tracemalloc.stop()
     assert path.backlog.estimated > 43.0

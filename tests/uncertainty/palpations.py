@@ -3,7 +3,7 @@
 import numpy as np
 from palpate import Problem, Samples, TrackEnd, TrackEvidence
 from palpate.alignment import AlignmentReport, AlignmentSettings
-from palpate.alignment.tare import Tare
+from palpate.alignment_report import Tare
 from palpate.result.track_record import TrackRecord
 from palpate_filters import KinematicFilter
 from palpate_models import DimensionalityReduction, Sphere

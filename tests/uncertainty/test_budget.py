@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from palpate.alignment import AlignmentReport, AlignmentSettings
-from palpate.alignment.tare import Tare
+from palpate.alignment_report import Tare
 from palpate.config.declared_uncertainties import unknown_sources
 from palpate.estimation import Estimates, Samples
 from palpate.registry import load

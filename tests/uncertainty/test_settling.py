@@ -2,7 +2,7 @@
 
 import numpy as np
 from palpate.alignment import AlignmentReport, AlignmentSettings
-from palpate.alignment.tare import Tare
+from palpate.alignment_report import Tare
 from palpate.estimation import Estimates, Samples
 from palpate.result import TrackRecord
 from palpate.result.track_evidence import TrackEnd

@@ -3,15 +3,15 @@
 The samples do not depend on how the streams were cut into batches, so a replayed log gives those of the live run.
 """
 
-from palpate.alignment.aligner import Aligner, AlignmentReport
+from palpate.alignment.aligner import Aligner
 from palpate.alignment.hesitation import Hesitations, hesitations
 from palpate.alignment.intake import Intake
-from palpate.alignment.lateral_force import SidewaysShare
 from palpate.alignment.ports import Port, Ports, channels, signals
 from palpate.alignment.settings import SIGNAL_UNITS, AlignmentSettings, Signal
-from palpate.alignment.signal_series import Health, Series
+from palpate.alignment.signal_series import Series
 from palpate.alignment.tool_frame import GRAVITY, mounting_of
-from palpate.alignment.turned_tool import TurnedTool
+from palpate.alignment_report import AlignmentReport, SidewaysShare, TurnedTool
+from palpate.stream_health import Health
 
 __all__ = [
     "GRAVITY",

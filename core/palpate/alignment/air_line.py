@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from palpate.alignment.change_point import change_point, samples_as_one, white_noise
 from palpate.alignment.settings import AlignmentSettings
+from palpate.alignment_report import AirLine
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 
@@ -17,31 +18,6 @@ SIGMAS = 10.0  # of the noise, that count as touch where they are less than that
 FIRST_READINGS = 64  # samples that tell how large the noise is
 _FEWEST = 10  # samples of air
 _TILTED = 5.0  # standard uncertainties of a slope
-
-
-@dataclass(frozen=True)
-class AirLine:
-    """The force in free air by a line over time: its level, its slope, and how far readings scatter about it."""
-
-    middle: float  # [s]
-    level: float  # [N] there
-    level_std: float  # [N]
-    slope: float  # [N/s]
-    slope_std: float  # [N/s]
-    noise: float  # [N] standard deviation of one reading
-    until: float  # [s]
-
-    def less(self, offset: float) -> AirLine:
-        """The same of a force less an offset [N]."""
-        return replace(self, level=self.level - offset)
-
-    def at(self, time: Floats) -> Floats:
-        """Force (n,) [N] at times [s]."""
-        return self.level + self.slope * (time - self.middle)
-
-    def spread(self, time: Floats) -> Floats:
-        """By how much (n,) [N] the line may be off at times [s], by three standard uncertainties of its slope."""
-        return 3.0 * self.slope_std * np.abs(time - self.middle)
 
 
 def may_decide(settings: AlignmentSettings) -> bool:

@@ -2,51 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.alignment.contact_detector import ContactDetector
 from palpate.alignment.intake import Intake
-from palpate.alignment.lateral_force import LateralForce, SidewaysShare
+from palpate.alignment.lateral_force import LateralForce
 from palpate.alignment.oriented_signals import OrientedSignals
 from palpate.alignment.ports import Ports
 from palpate.alignment.settings import AlignmentSettings
-from palpate.alignment.signal_series import Health
-from palpate.alignment.tare import Tare
 from palpate.alignment.tilt_range import TiltRange
-from palpate.alignment.turned_tool import TurnedTool
 from palpate.alignment.velocity_lag import VelocityCheck
+from palpate.alignment_report import AlignmentReport
 from palpate.device import Batch
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 
 _SECOND = 1_000_000_000  # [ns]
 _LATERAL = ("lateral_x", "lateral_y")
-
-
-@dataclass(frozen=True)
-class AlignmentReport:
-    """What the alignment found in a record."""
-
-    streams: Mapping[str, Health]  # by "device.stream"
-    tare: Tare | None
-    touch_force: float  # [N]
-    first_touch: tuple[float, float] | None  # time [s], position [m]
-    touches: int
-    air_force: float | None  # [N] mean before the first touch, where it should be none
-    samples: int
-    missing_force: int  # samples whose force could not be had: gap, saturation, invalid readings
-    missing_velocity: int
-    duration: float  # [s] between the first sample and the last
-    velocity_delay: tuple[float, float] | None  # [s] of the velocity against the position, and its uncertainty
-    by_change_point: bool = False  # the first touch is where contact began; else where touch_force was passed
-    pull: float = 0.0  # [N] how far below none the force stays for a few samples, at the most
-    sideways: SidewaysShare | None = None  # of the force; None where its stream has one axis
-    turned: TurnedTool | None = None  # of a tool whose orientation is read
-    tilt: float = 0.0  # range of the cosine between tool and z of its poses, where the weight counts as constant
 
 
 class Aligner:

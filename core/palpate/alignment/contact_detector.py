@@ -13,7 +13,8 @@ from palpate.alignment.contact_threshold import ContactThreshold
 from palpate.alignment.held_samples import FIRST_SAMPLES, Lookback
 from palpate.alignment.load_compensation import LoadCompensation
 from palpate.alignment.settings import AlignmentSettings
-from palpate.alignment.tare import Tare, measured_tare, stated_tare, where
+from palpate.alignment.tare import measured_tare, stated_tare, where
+from palpate.alignment_report import Tare
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 

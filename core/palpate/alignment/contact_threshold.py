@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.alignment.air_line import ROBOT_FORCE, SIGMAS, AirLine
+from palpate.alignment.air_line import ROBOT_FORCE, SIGMAS
 from palpate.alignment.settings import AlignmentSettings
-from palpate.alignment.tare import Tare
+from palpate.alignment_report import AirLine, Tare
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 

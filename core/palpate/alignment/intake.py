@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.alignment.ports import Ports
-from palpate.alignment.signal_series import Health, Series
+from palpate.alignment.signal_series import Series
 from palpate.device import Batch, Stream
+from palpate.stream_health import Health
 
 _SECOND = 1_000_000_000  # [ns]
 _SLOW = 5.0  # usual intervals; a slow stream has long pauses by nature

@@ -3,30 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.alignment_report import SidewaysShare
 from palpate.device import Batch
 from palpate.vectors import Floats
 
 _PER_NEWTON = 1e3  # whole millinewtons: their sums do not depend on how a record is cut into batches
 _LARGEST = 1e6  # [mN]; what is beyond is no reading
 _FEWEST = 100  # readings
-
-
-@dataclass(frozen=True)
-class SidewaysShare:
-    """Slopes of the two forces across the tool over the force along it: what changes together, and no offset."""
-
-    x: float
-    y: float
-    std: float  # of each
-
-    @property
-    def size(self) -> float:
-        """Of both together."""
-        return math.hypot(self.x, self.y)
 
 
 class LateralForce:

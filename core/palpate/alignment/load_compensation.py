@@ -8,8 +8,8 @@ import numpy as np
 
 from palpate.alignment.contact_threshold import SAMPLES_IN_A_ROW
 from palpate.alignment.settings import AlignmentSettings
-from palpate.alignment.tare import Tare
 from palpate.alignment.tool_frame import GRAVITY
+from palpate.alignment_report import Tare
 from palpate.estimation import Samples
 
 

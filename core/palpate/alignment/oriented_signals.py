@@ -7,13 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.alignment.lateral_force import LateralForce, SidewaysShare
+from palpate.alignment.lateral_force import LateralForce
 from palpate.alignment.ports import Port
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.signal_series import Series
 from palpate.alignment.surface_lookup import LocalPlanes, SurfaceLookup
 from palpate.alignment.tool_frame import ToolFrame, Vector
-from palpate.alignment.turned_tool import ToolWatch, TurnedTool
+from palpate.alignment.turned_tool import ToolWatch
+from palpate.alignment_report import SidewaysShare, TurnedTool
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 

@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.alignment.air_line import AirLine, air_line, decides
+from palpate.alignment.air_line import air_line, decides
 from palpate.alignment.change_point import change_point, even_parts
 from palpate.alignment.settings import AlignmentSettings
+from palpate.alignment_report import Tare
 from palpate.errors import LogError
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 
 _WANDER = 0.02  # [N] of a robot; less is drift
 _FEWEST = 10  # samples
-
-
-@dataclass(frozen=True)
-class Tare:
-    """What was subtracted from the force, and how noisy the force was there."""
-
-    offset: float  # [N]
-    offset_std: float | None  # [N] standard uncertainty of the offset, from the scatter; None where none was measured
-    noise: float | None  # [N] standard deviation of one sample in free air
-    until: float | None = None  # [s] end of the free air that it comes from
-    air: AirLine | None = None  # less the offset, of a record whose own noise says what counts as touch
 
 
 def stated_tare(settings: AlignmentSettings, samples: Samples) -> Tare | None:

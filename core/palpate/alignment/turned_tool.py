@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.alignment.tool_frame import Load, Vector
+from palpate.alignment_report import TurnedTool
 from palpate.vectors import Floats
 
 # Whole tenths of a millinewton and micrometres: sums of them do not depend on how a record is cut into blocks.
@@ -17,21 +17,6 @@ _PER_NEWTON, _PER_METRE, _PER_CURVATURE = 1e4, 1e6, 1e4
 _LARGEST = 1e7  # of such parts; what is beyond is no reading
 _FEWEST = 100  # samples
 _WEIGHT, _ALONG, _CURVATURE, _COLUMNS = slice(3, 6), 6, slice(11, 13), 13
-
-
-@dataclass(frozen=True)
-class TurnedTool:
-    """The weight in the axes of the sensor, in the air before contact and in contact, and the motion in contact."""
-
-    turn: float  # [N] distance of the mean weights in contact and in air; 0 where there is one of them only
-    along: float  # [N] how much more of it is along the normal in contact than in the air
-    weight: float  # [N] along the normal in contact
-    spread: float  # [N] rms of the weight about its mean in free air
-    apart: float | None  # how far the readings in free air are from following it, in parts of `spread`; None: no turn
-    apart_std: float  # by noise
-    slope: float  # tangent of the angle between the normal and the motion in contact; 0 without a stated normal
-    curvature: float  # [1/m] mean of the skin's two in contact, by its surface
-    curvature_std: float  # [1/m] standard uncertainty of it, by its surface
 
 
 class ToolWatch:

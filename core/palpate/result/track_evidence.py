@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from palpate.alignment import AlignmentReport, AlignmentSettings
+from palpate.alignment.settings import AlignmentSettings
+from palpate.alignment_report import AlignmentReport
 from palpate.contact import ContactModel
 from palpate.estimation import Estimator
 from palpate.fit_report import FitReport

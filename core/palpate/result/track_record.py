@@ -11,7 +11,7 @@ import numpy as np
 from palpate.estimation import Estimates, Samples, Status
 from palpate.fit_report import FitReport
 from palpate.flags import Flag
-from palpate.result.sample_store import Keeper
+from palpate.result.sample_keeper import Keeper
 from palpate.result.track_result import TrackSummary
 from palpate.result.track_tail import Tail
 from palpate.vectors import Floats
