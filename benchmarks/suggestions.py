@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import PalpateError
-from palpate.cli import call
+from palpate_engine.cli import call
 from palpate_kit.logs.draft_pipeline import recording_of, suggestion_of
 from palpate_kit.logs.readings import si_unit
 

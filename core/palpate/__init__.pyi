@@ -1,6 +1,5 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
-from .alignment.change_point import change_point as change_point
 from .arm_limits import (
     ArmLimits as ArmLimits,
     ForceWatch as ForceWatch,
@@ -16,6 +15,7 @@ from .clocks import (
     clock as clock,
     epoch_offset as epoch_offset,
     host_time_ns as host_time_ns,
+    use_clock as use_clock,
 )
 from .contact import (
     ContactModel as ContactModel,
@@ -71,6 +71,15 @@ from .estimation import (
     Tracker as Tracker,
     track_by_step as track_by_step,
 )
+from .evidence.sample_store import SampleStore as SampleStore
+from .evidence.track_evidence import (
+    Diagnosed as Diagnosed,
+    Term as Term,
+    TrackEnd as TrackEnd,
+    TrackEvidence as TrackEvidence,
+)
+from .evidence.track_tail import Tail as Tail
+from .evidence.uncertain_value import Bias as Bias
 from .fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
 from .flags import ADVICE as ADVICE, Flag as Flag, FlagMeaning as FlagMeaning
 from .hooks import plugin as plugin
@@ -103,23 +112,11 @@ from .offers import (
 from .parts import File as File, InputFile as InputFile, Part as Part, Settings as Settings
 from .printable_text import printable as printable
 from .repeated_readings import RepeatCount as RepeatCount, Repeats as Repeats
-from .result.sample_store import SampleStore as SampleStore
-from .result.track_evidence import (
-    Diagnosed as Diagnosed,
-    Term as Term,
-    TrackEnd as TrackEnd,
-    TrackEvidence as TrackEvidence,
-)
-from .result.track_result import TrackSummary as TrackSummary
-from .result.track_tail import Tail as Tail
-from .result.uncertain_value import Bias as Bias
 from .rotation_vectors import (
     angular_velocities as angular_velocities,
     rotation_rows as rotation_rows,
     turned_axes as turned_axes,
 )
-from .simulated_clock import SimulatedClock as SimulatedClock
-from .simulated_turns import EndOfThread as EndOfThread
 from .sink import (
     EstimatesWriter as EstimatesWriter,
     Extent as Extent,
@@ -134,7 +131,6 @@ from .sink import (
 )
 from .surface import Surface as Surface, SurfacePoints as SurfacePoints, surface_points as surface_points
 from .table_migration import Migration as Migration
-from .track_name import TrackName as TrackName
 from .trajectory import (
     ForceControlled as ForceControlled,
     ForceLaw as ForceLaw,

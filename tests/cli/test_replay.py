@@ -21,8 +21,8 @@ SHORT = [
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory, root):
     """A run with another tip than the file's, by --set, and its log."""
-    from palpate.config import load_pipeline
-    from palpate.pipeline import run_pipeline
+    from palpate_engine.config import load_pipeline
+    from palpate_engine.pipeline import run_pipeline
 
     folder = tmp_path_factory.mktemp("recorded")
     file = shutil.copy(root / "pipelines" / "filters.toml", folder / "point.toml")
@@ -201,8 +201,8 @@ def test_repeat_takes_logs(recorded, palpate, tmp_path, root):
 
 
 def test_an_assumption_belongs_to_its_model_or_to_all(root):
-    from palpate.config import load_pipeline
-    from palpate.pipeline.run_result import _assumed
+    from palpate_engine.config import load_pipeline
+    from palpate_engine.pipeline.run_result import _assumed
 
     kinds = ["model.kv.type=kelvin-voigt", 'run.assumed=["model.dr.poisson", "alignment.tip_mass"]']
     pipeline = load_pipeline(root / "pipelines" / "filters.toml", kinds)

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 from palpate import Batch
-from palpate.alignment import Aligner
-from palpate.pipeline.closing_reserve import ClosingReserve
-from palpate.pipeline.data_path import DataPath
-from palpate.pipeline.latency import Latency
-from palpate.pipeline.outputs import Outputs
-from palpate.pipeline.tracks import Tracks, start_tracks
 from palpate.sink import Run
+from palpate_engine.alignment import Aligner
+from palpate_engine.pipeline.closing_reserve import ClosingReserve
+from palpate_engine.pipeline.data_path import DataPath
+from palpate_engine.pipeline.latency import Latency
+from palpate_engine.pipeline.outputs import Outputs
+from palpate_engine.pipeline.tracks import Tracks, start_tracks
 
 BLOCK, RATE = 0.25, 500.0  # [s], [Hz]
 

@@ -45,8 +45,8 @@ def test_no_word_of_the_core_names_a_plugin(root):
     quoted = re.compile("|".join(rf'(?:^|["\'`]){re.escape(name)}(?:$|["\'`])' for name in sorted(names)))
     found = [
         f"{path.relative_to(root)}: {text!r}"
-        for path in sorted((root / "core" / "palpate").rglob("*.py"))
-        if "testing" not in path.parts
+        for package in ("palpate", "palpate_engine")
+        for path in sorted((root / "core" / package).rglob("*.py"))
         for text in strings(path)
         if quoted.search(text)
     ]
@@ -67,8 +67,8 @@ class Gone:
 
 
 sys.meta_path.insert(0, Gone())
-from palpate.cli import call, main
-from palpate.host import registry
+from palpate_engine.cli import call, main
+from palpate_engine import registry
 
 for name in registry.load().commands:
     with contextlib.redirect_stdout(io.StringIO()) as text:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from palpate import ConfigurationError
-from palpate.cli import call
 from palpate_commands.acceptance.measurement import BrakingTrace, MissedError, first_beyond, measure_braking
+from palpate_engine.cli import call
 
 from tests.devices.simulated_bench import SHORT
 from tests.devices.simulated_job import go_through

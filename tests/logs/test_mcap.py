@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.messages import WRENCH, message_type, numbers_type, pack
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_kit.logs.decoders import decoder_of
 from palpate_kit.logs.readings import FieldReading
 from palpate_kit.logs.topics import Messages, Topic

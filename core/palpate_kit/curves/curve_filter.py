@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from palpate import ConfigurationError, to_si
-from palpate.host import SEVERITIES, display_unit, suggest
+from palpate_engine import SEVERITIES, display_unit, suggest
 
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, LogError, OutputError
-from palpate.host import Pipeline, resolved_text, write_whole
+from palpate_engine import Pipeline, resolved_text, write_whole
 
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, value_units

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import LogError, PalpateError
-from palpate.host import Pipeline, Source, approved_plugins, build_pipeline, inherited_approval
+from palpate_engine import Pipeline, Source, approved_plugins, build_pipeline, inherited_approval
 
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, settings_key, value_units

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import tomli_w
 from palpate import LogError
-from palpate.host import suggest, write_whole
+from palpate_engine import suggest, write_whole
 
 OWN = "own.toml"
 _KEY = "set"

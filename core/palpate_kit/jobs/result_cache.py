@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from palpate.host import Result, finite_tree, write_whole
+from palpate_engine import Result, finite_tree, write_whole
 from pydantic import TypeAdapter
 
 ANSWER = "answer.json"  # with all that result.json leaves out; it comes last, when the run folder is whole

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import LogError, PluginError, printable
-from palpate.host import Registry, registry as registries
+from palpate_engine import Registry, registry as registries
 
 from palpate_kit.logs.recording import Recording, Suggestion, SupportsSurvey, SystemSurvey
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from palpate import Trajectory
-from palpate.host import Pipeline, load_pipeline
+from palpate_engine import Pipeline, load_pipeline
 
 from palpate_kit.runs.run_folder import RunFolder
 

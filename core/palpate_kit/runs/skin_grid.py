@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Extent, Floats, Surface
-from palpate.host import display_unit
+from palpate_engine import display_unit
 
 from palpate_kit.runs.surface_map_file import SurfaceMap
 

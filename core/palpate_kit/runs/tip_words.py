@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from palpate import ConfigurationError, to_si
-from palpate.host import Registry, suggest
+from palpate_engine import Registry, suggest
 
 
 def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:

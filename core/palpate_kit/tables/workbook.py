@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import LogError
-from palpate.host import suggest
+from palpate_engine import suggest
 
 from palpate_kit.logs.decompression import largest
 

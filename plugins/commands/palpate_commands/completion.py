@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import function_of, registry, suggest
+from palpate_engine import function_of, registry, suggest
 
 _BASH = """# palpate in bash: eval "$(palpate init completion bash)" in ~/.bashrc; zsh: palpate init completion zsh
 _palpate() {{

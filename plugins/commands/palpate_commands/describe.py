@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, Settings
-from palpate.host import (
+from palpate_engine import (
     SEVERITIES,
     AlignmentSettings,
     FlagEntry,

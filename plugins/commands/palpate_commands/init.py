@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError, OutputError, Template
-from palpate.host import registry, suggest, write_new
+from palpate_engine import registry, suggest, write_new
 
 from palpate_commands.distribution import KINDS, distribution
 

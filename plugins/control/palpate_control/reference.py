@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, to_si
-from palpate.host import Source, build_parts, dimension, plain_settings, registry, suggest
+from palpate_engine import Source, build_parts, dimension, plain_settings, registry, suggest
 
 QUANTITIES = {"Pa": "elasticity", "N/m": "stiffness", "Pa*s": "viscosity", "N*s/m": "damping"}
 _KEYS = ("name", "value", "uncertainty", "tip")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, LogError
-from palpate.host import RESULT, suggest
+from palpate_engine import RESULT, suggest
 from palpate_kit.runs.device_identity import is_identity
 from palpate_kit.runs.run_folder import RunFolder
 

@@ -13,7 +13,7 @@ from typing import IO, Any
 
 import typer
 from palpate import ConfigurationError, OutputError
-from palpate.host import analysis, registry, suggest
+from palpate_engine import analysis, registry, suggest
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from palpate import ConfigurationError
-from palpate.host import display_unit, registry, write_whole
+from palpate_engine import display_unit, registry, write_whole
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
@@ -122,7 +122,7 @@ async def _output(action: Action, path: str) -> str:
     words = [path if word == OUT else word for word in (*action.command.split(), *action.sources)]
     words += [word for option, value in action.options for word in (option, value) if word]
     process = await asyncio.create_subprocess_exec(
-        sys.executable, "-c", "from palpate.cli import main; main()", *words,
+        sys.executable, "-c", "from palpate_engine.cli import main; main()", *words,
         stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
     )  # fmt: skip
     out, errors = await process.communicate()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from palpate import ConfigurationError, Settings
-from palpate.host import AlignmentSettings, registry
+from palpate_engine import AlignmentSettings, registry
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 LARGEST = 64 * 1024  # bytes of a message

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, printable
-from palpate.host import Registry, approved_plugins, make_folder, registry
+from palpate_engine import Registry, approved_plugins, make_folder, registry
 from palpate_kit.curves.alike_logs import logs_among
 from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable

@@ -10,7 +10,7 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, to_si
-from palpate.host import Pipeline, Registry, Source, build_pipeline, registry
+from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry
 from palpate_kit.curves.alike_logs import alike_logs
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.logs.draft_pipeline import suggestion_of

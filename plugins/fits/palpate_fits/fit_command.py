@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, OutputError, PalpateError
-from palpate.host import (
+from palpate_engine import (
     approved_plugins,
     finite_tree,
     load_pipeline,

@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import Pipeline, Source, build_pipeline, registry, resolved_text, start_tracks, write_whole
+from palpate_engine import Pipeline, Source, build_pipeline, registry, resolved_text, start_tracks, write_whole
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import offline
 from palpate_kit.curves.curve_list import FILE, LIST, add_groups

@@ -25,7 +25,7 @@ from palpate import (
     loading_cycle_force,
     to_si,
 )
-from palpate.host import suggest
+from palpate_engine import suggest
 from pydantic import Field
 
 from palpate_fits.arm_order import places_in_order

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, ContactModel, Floats, LogError, Samples
-from palpate.host import (
+from palpate_engine import (
     AlignmentSettings,
     Pipeline,
     Source,

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from palpate import Batch, Channel, File, Frequency, Link, LogError, Settings, Stream, to_si
-from palpate.host import suggest
+from palpate_engine import suggest
 from palpate_kit.logs.log_files import regular
 from palpate_kit.logs.log_link import file_facts
 from palpate_kit.logs.readings import si_unit

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, LogError
-from palpate.host import suggest
+from palpate_engine import suggest
 from palpate_kit.logs.readings import si_unit
 from palpate_kit.logs.recording import Suggestion
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess

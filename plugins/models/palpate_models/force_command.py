@@ -21,7 +21,7 @@ from palpate import (
     tip_profile,
     to_si,
 )
-from palpate.host import Source, build_parts, registry as registries, suggest
+from palpate_engine import Source, build_parts, registry as registries, suggest
 from palpate_kit.figures import figure_of, save_figure, style
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Batch, ContactModel, Estimator, Indenter, Part, Samples
-from palpate.host import RecordTracks, build_parts, build_pipeline, input_files
+from palpate_engine import RecordTracks, build_parts, build_pipeline, input_files
 
 from palpate_notebook.fit_object import Fit
 from palpate_notebook.fitter_object import Fitter, RecordEstimator

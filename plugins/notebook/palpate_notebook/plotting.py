@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Samples
-from palpate.host import display_unit, suggest
+from palpate_engine import display_unit, suggest
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 
 from palpate_notebook.figure_object import Picture

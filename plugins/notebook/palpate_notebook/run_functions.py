@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Batch, Estimates, Parameter, Samples
-from palpate.host import Pipeline, RecordOutcome, is_live, run_pipeline
+from palpate_engine import Pipeline, RecordOutcome, is_live, run_pipeline
 from palpate_kit.runs.run_folder import TrackTable
 
 from palpate_notebook.run_object import FinishedRun
@@ -124,7 +124,7 @@ def _place(folder: Path | None, temporary: bool) -> Iterator[Path | None]:
     try:
         yield made
     except BaseException:
-        from palpate.host import withdraw_folder
+        from palpate_engine import withdraw_folder
 
         withdraw_folder(made)
         raise

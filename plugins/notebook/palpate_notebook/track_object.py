@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from palpate import ConfigurationError, Flag
-from palpate.host import suggest
+from palpate_engine import suggest
 from palpate_kit.runs.result_file import read_flags
 
 from palpate_notebook.quantity import UncertainQuantity

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, LogError
-from palpate.host import RESULT, suggest
+from palpate_engine import RESULT, suggest
 from palpate_kit.runs.run_folder import RunFolder
 
 _VERDICTS = ("good", "note", "doubtful")  # from the best to the worst that may be used

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats, LogError, is_unit, to_si
-from palpate.host import suggest
+from palpate_engine import suggest
 
 from palpate_reference.instrument_text import InstrumentText
 from palpate_reference.table_blocks import TableBlock

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError, Floats, LogError, OutputError
-from palpate.host import suggest, write_whole
+from palpate_engine import suggest, write_whole
 from palpate_kit.figures import FORMATS, WIDTHS, save_figure
 
 from palpate_report.run_contents import RunContents

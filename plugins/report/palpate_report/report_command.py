@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import suggest, write_whole
+from palpate_engine import suggest, write_whole
 from palpate_kit.curves.fit_folder import is_fit_folder
 from palpate_kit.terminal.options import WhereOption
 from palpate_kit.terminal.progress import progress

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, Floats, to_si
-from palpate.host import RESULT, suggest
+from palpate_engine import RESULT, suggest
 
 from palpate_surfaces.registration_file import file_digest
 from palpate_surfaces.run_touches import SkinTouch, touches_of_run

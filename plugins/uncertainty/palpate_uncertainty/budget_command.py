@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import RESULT, display_unit, suggest
+from palpate_engine import RESULT, display_unit, suggest
 from palpate_kit.runs.result_file import open_table
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.options import DetailsOption, FormatOption, JsonOption

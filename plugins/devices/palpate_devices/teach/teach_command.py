@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, Length
-from palpate.host import Pipeline, load_pipeline, suggest
+from palpate_engine import Pipeline, load_pipeline, suggest
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 from pydantic import TypeAdapter, ValidationError

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import ConfigurationError, LogError, OutputError, printable
-from palpate.host import Source, function_of, plugin_files, registry as registries
+from palpate_engine import Source, function_of, plugin_files, registry as registries
 from palpate_kit.logs.draft_pipeline import pipeline_of, recording_of, suggestion_of, system_at
 from palpate_kit.logs.recording import Suggestion, Survey, TopicSurvey
 from palpate_kit.runs.replay_source import read_run_log, replay_source, run_log_text, with_other_channels

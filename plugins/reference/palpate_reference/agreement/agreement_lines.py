@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from palpate.host import Result, display_unit
+from palpate_engine import Result, display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_reference.agreement.agree_command import AGREEMENT

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from palpate import LogError, to_si
-from palpate.host import suggest
+from palpate_engine import suggest
 
 from palpate_reference.instrument_text import InstrumentText, TextLine, read_text
 from palpate_reference.run_values import Conditions, run_values

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, LogError
-from palpate.host import suggest, write_new
+from palpate_engine import suggest, write_new
 
 from palpate_reference.cards.card_formats import FORMATS
 from palpate_reference.cards.card_text import Program

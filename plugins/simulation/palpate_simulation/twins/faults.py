@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from palpate import ConfigurationError, clock
-from palpate.host import suggest
+from palpate_engine import suggest
 
 from palpate_simulation.twins.specimen_change import restart_at, soften_specimen
 
