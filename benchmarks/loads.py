@@ -36,7 +36,7 @@ from mcap.writer import Writer
 from numpy.typing import NDArray
 from palpate import Floats
 from palpate_devices.messages import POSE, WRENCH, pack
-from palpate_kit.logs import mcap_records as records
+from palpate_records.mcap import mcap_records as records
 from soak import Look
 
 PALPATE = [sys.executable, "-c", "from palpate_engine.cli import main; main()"]

@@ -23,7 +23,7 @@ from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.messages import POSE, WRENCH, pack
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline import run_pipeline, start_tracks
-from palpate_kit.logs import mcap_records as records
+from palpate_records.mcap import mcap_records as records
 
 STEP = 1_000_000  # [ns]
 

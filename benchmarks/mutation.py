@@ -70,7 +70,7 @@ AREAS = {  # by area: modules and the tests that hold them; of several patterns 
     },
     "readers": {
         f"plugins/devices/palpate_devices/mcap_replay.py {_LOGS}/mcap_*.py {_LOGS}/recovery.py": _READ,
-        "core/palpate_kit/tables/*.py plugins/logs/palpate_logs/csv_replay.py":
+        "core/palpate_records/tables/*.py plugins/logs/palpate_logs/csv_replay.py":
             "logs/test_csv_replay.py logs/test_csv_plain.py",
     },
 }  # fmt: skip

@@ -59,6 +59,7 @@ from .errors import (
     PalpateError as PalpateError,
     PluginError as PluginError,
     UserError as UserError,
+    suggest as suggest,
 )
 from .estimation import (
     Belief as Belief,

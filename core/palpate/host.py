@@ -4,4 +4,6 @@ import warnings
 
 from palpate_engine import *  # noqa: F403
 
+from palpate import suggest as suggest
+
 warnings.warn("import from palpate_engine instead of palpate.host, which goes", DeprecationWarning, stacklevel=2)

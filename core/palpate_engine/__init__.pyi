@@ -62,7 +62,6 @@ from .core_names import (
     part_kind as part_kind,
     plugin_file_of as plugin_file_of,
     registry as registry,
-    suggest as suggest,
     trust_plugin as trust_plugin,
     trusted_plugins as trusted_plugins,
     truth_of as truth_of,

@@ -4,7 +4,7 @@ from palpate import registry
 from palpate.contact import force_slopes
 from palpate.device import ask_devices, is_live, own_motions, truth_of
 from palpate.discovery import import_plugin_file, plugin_file_of
-from palpate.errors import ConsentError, StoppedError, suggest
+from palpate.errors import ConsentError, StoppedError
 from palpate.flags import SEVERITIES, verdict, verdict_word
 from palpate.hooks import KINDS
 from palpate.input_file import Enclosure
@@ -42,7 +42,6 @@ __all__ = [
     "part_kind",
     "plugin_file_of",
     "registry",
-    "suggest",
     "trust_plugin",
     "trusted_plugins",
     "truth_of",

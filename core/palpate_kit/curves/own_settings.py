@@ -7,8 +7,8 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import tomli_w
-from palpate import LogError
-from palpate_engine import suggest, write_whole
+from palpate import LogError, suggest
+from palpate_engine import write_whole
 
 OWN = "own.toml"
 _KEY = "set"

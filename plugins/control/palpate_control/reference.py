@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError, to_si
-from palpate_engine import Source, build_parts, dimension, plain_settings, registry, suggest
+from palpate import ConfigurationError, suggest, to_si
+from palpate_engine import Source, build_parts, dimension, plain_settings, registry
 
 QUANTITIES = {"Pa": "elasticity", "N/m": "stiffness", "Pa*s": "viscosity", "N*s/m": "damping"}
 _KEYS = ("name", "value", "uncertainty", "tip")

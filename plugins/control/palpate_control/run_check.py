@@ -11,8 +11,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError, LogError
-from palpate_engine import RESULT, suggest
+from palpate import ConfigurationError, LogError, suggest
+from palpate_engine import RESULT
 from palpate_kit.runs.device_identity import is_identity
 from palpate_kit.runs.run_folder import RunFolder
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import IO, Any
 
 import typer
-from palpate import ConfigurationError, OutputError
-from palpate_engine import analysis, registry, suggest
+from palpate import ConfigurationError, OutputError, suggest
+from palpate_engine import analysis, registry
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline

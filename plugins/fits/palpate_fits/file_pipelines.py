@@ -14,8 +14,8 @@ from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry
 from palpate_kit.curves.alike_logs import alike_logs
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.logs.draft_pipeline import suggestion_of
-from palpate_kit.logs.recording import Suggestion
 from palpate_kit.runs.tip_words import tip_table
+from palpate_records.recording import Suggestion
 
 DEVICE = "log"
 _READER = f"device.{DEVICE}."

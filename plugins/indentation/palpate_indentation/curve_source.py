@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import typer
-from palpate import ConfigurationError, ContactModel, Floats, LogError, Samples
+from palpate import ConfigurationError, ContactModel, Floats, LogError, Samples, suggest
 from palpate_engine import (
     AlignmentSettings,
     Pipeline,
@@ -19,7 +19,6 @@ from palpate_engine import (
     build_pipeline,
     is_live,
     run_pipeline,
-    suggest,
     withdraw_folder,
 )
 from palpate_kit.runs.replay_source import read_run_log, replay_source

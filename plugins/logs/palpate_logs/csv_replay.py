@@ -11,20 +11,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from palpate import Batch, Channel, File, Frequency, Link, LogError, Settings, Stream, to_si
-from palpate_engine import suggest
-from palpate_kit.logs.log_files import regular
+from palpate import Batch, Channel, File, Frequency, Link, LogError, Settings, Stream, suggest, to_si
 from palpate_kit.logs.log_link import file_facts
-from palpate_kit.logs.readings import si_unit
-from palpate_kit.logs.recording import Recording, Suggestion, Survey
-from palpate_kit.tables.clock_times import CLOCK
-from palpate_kit.tables.dialect import Dialect
-from palpate_kit.tables.table_text import OTHER_SUFFIXES, SUFFIXES
+from palpate_records.log_files import regular
+from palpate_records.messages.readings import si_unit
+from palpate_records.recording import Recording, Suggestion, Survey
+from palpate_records.tables.clock_times import CLOCK
+from palpate_records.tables.csv_sheet import Sheet
+from palpate_records.tables.dialect import Dialect
+from palpate_records.tables.table_text import OTHER_SUFFIXES, SUFFIXES
 from pydantic import Field, model_validator
 
 from palpate_logs.csv_link import CsvLink
 from palpate_logs.csv_roles import suggest_csv
-from palpate_logs.csv_sheet import Sheet
 from palpate_logs.csv_survey import survey_csv, tables_csv
 
 

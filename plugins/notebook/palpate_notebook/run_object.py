@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from palpate import ConfigurationError, Flag, Floats, LogError, OutputError, Samples
-from palpate_engine import Pipeline, acceleration, analysis, build_pipeline, resolved_text, suggest
+from palpate import ConfigurationError, Flag, Floats, LogError, OutputError, Samples, suggest
+from palpate_engine import Pipeline, acceleration, analysis, build_pipeline, resolved_text
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.result_file import read_flags
 from palpate_kit.runs.run_folder import RunFolder, TrackTable

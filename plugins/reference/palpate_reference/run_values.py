@@ -9,8 +9,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError, LogError
-from palpate_engine import RESULT, suggest
+from palpate import ConfigurationError, LogError, suggest
+from palpate_engine import RESULT
 from palpate_kit.runs.run_folder import RunFolder
 
 _VERDICTS = ("good", "note", "doubtful")  # from the best to the worst that may be used

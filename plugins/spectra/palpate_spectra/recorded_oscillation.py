@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, ContactModel, Flag, Floats, LogError, Samples
-from palpate_engine import Pipeline, UncertainValue, build_pipeline, load_pipeline, suggest
+from palpate import ConfigurationError, ContactModel, Flag, Floats, LogError, Samples, suggest
+from palpate_engine import Pipeline, UncertainValue, build_pipeline, load_pipeline
 from palpate_kit.runs.continuation import recorded_pipeline
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.run_folder import RunFolder

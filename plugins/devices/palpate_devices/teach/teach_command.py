@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate import ConfigurationError, Length
-from palpate_engine import Pipeline, load_pipeline, suggest
+from palpate import ConfigurationError, Length, suggest
+from palpate_engine import Pipeline, load_pipeline
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 from pydantic import TypeAdapter, ValidationError

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError, Problem
-from palpate_engine import Pipeline, Track, build_pipeline, load_pipeline, make_folder, suggest, write_new
+from palpate import ConfigurationError, Problem, suggest
+from palpate_engine import Pipeline, Track, build_pipeline, load_pipeline, make_folder, write_new
 from palpate_kit.kernel.c_source import c_number
 from palpate_kit.kernel.translation import Untranslatable
 from palpate_kit.runs.replay_source import read_run_log, replay_source

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate import ConfigurationError, LogError
-from palpate_engine import suggest, write_new
+from palpate import ConfigurationError, LogError, suggest
+from palpate_engine import write_new
 
 from palpate_reference.cards.card_formats import FORMATS
 from palpate_reference.cards.card_text import Program
