@@ -70,8 +70,6 @@ from .core_names import (
 )
 from .pipeline import (
     Flow as Flow,
-    Guard as Guard,
-    LiveLinks as LiveLinks,
     RecordOutcome as RecordOutcome,
     RecordTracks as RecordTracks,
     Result as Result,
@@ -84,6 +82,8 @@ from .pipeline import (
     single_trajectory as single_trajectory,
     start_tracks as start_tracks,
 )
+from .pipeline.live.guard import Guard as Guard
+from .pipeline.live.links import LiveLinks as LiveLinks
 from .result import (
     GIVEN as GIVEN,
     PIPELINE as PIPELINE,

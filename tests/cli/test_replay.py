@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 
 import pytest
 from palpate_kit.runs.run_folder import RunFolder, pipeline_among
@@ -34,6 +36,21 @@ def tracks(folder):
     for track in found.values():
         del track["seconds_per_sample"]
     return found
+
+
+LOADED = """
+import sys
+from palpate_engine.cli import call
+
+call(["replay", *sys.argv[1:]])
+print("loaded:", *(name for name in sys.modules if name.startswith(("palpate_arms", "palpate_engine.pipeline.live"))))
+"""
+
+
+def test_a_replay_loads_no_arm_and_nothing_of_a_live_run(recorded, tmp_path):
+    command = [sys.executable, "-c", LOADED, recorded / "log.mcap", "--out", tmp_path / "again"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout.rpartition("loaded:")[2].split() == []
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from palpate.device import ask_devices
 from palpate.errors import ConfigurationError
 from palpate.trajectory import Trajectory, duration_of, setpoints_at
 
-from palpate_engine.pipeline.live.approach import refuse_own_motion
+from palpate_engine.pipeline.approach import refuse_own_motion
 from palpate_engine.pipeline.rig import Rig
 from palpate_engine.safety import demand_safe
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from palpate.device import truth_of
 from palpate.errors import StoppedError
@@ -18,8 +18,10 @@ from palpate_engine.alignment import AlignmentReport, AlignmentSettings
 from palpate_engine.config import Pipeline, resolved_text, values_on_trust
 from palpate_engine.pipeline.device_flags import device_flags
 from palpate_engine.pipeline.interrupt import Interrupt
-from palpate_engine.pipeline.live.live_facts import EstimateFacts, LiveFacts
 from palpate_engine.result import SCHEMA, TrackResult, contradictions, finite, record_flags, stream_tables
+
+if TYPE_CHECKING:
+    from palpate_engine.pipeline.live.live_facts import EstimateFacts, LiveFacts
 
 _BEHIND = 1.0  # [s]; estimates that were less late at worst have kept up
 

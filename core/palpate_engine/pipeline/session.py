@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from threading import Event
+from typing import TYPE_CHECKING
 
 from palpate.device import is_live
 from palpate.errors import DeviceError, UserError, error_text
@@ -17,10 +18,11 @@ from palpate_engine.pipeline.flow import Flow
 from palpate_engine.pipeline.health import HealthReporter
 from palpate_engine.pipeline.interrupt import Interrupt
 from palpate_engine.pipeline.latency import Latency
-from palpate_engine.pipeline.live.live_facts import EstimateFacts, LiveFacts
-from palpate_engine.pipeline.live.standstill import declared_noise
 from palpate_engine.pipeline.outputs import Outputs
-from palpate_engine.pipeline.tracks import Tracks
+from palpate_engine.pipeline.tracks import Tracks, declared_noise
+
+if TYPE_CHECKING:
+    from palpate_engine.pipeline.live.live_facts import LiveFacts
 
 # Log time [s], total [s] where known, how far the estimates are behind [s].
 Observer = Callable[[float, float | None, float], None]
@@ -95,5 +97,7 @@ class Session:
         facts = self._flow.facts
         if facts is None or self._latency is None:
             return facts
+        from palpate_engine.pipeline.live.live_facts import EstimateFacts
+
         backlog = self._path.backlog
         return replace(facts, estimates=EstimateFacts(self._latency.table(), backlog.largest, backlog.given_up))

@@ -24,6 +24,12 @@ _SHALLOW = 1e-4  # [m] at which, or deeper, the share of a curved skin is taken
 _MANY = 256  # samples of a block that are worth a thread
 
 
+def declared_noise(pipeline: Pipeline) -> dict[str, tuple[float, float]]:
+    """The noise of force [N] and velocity [m/s] that estimators count on, by their names."""
+    declared = {track.name.estimator: track.estimator.declared_noise for track in pipeline.tracks}
+    return {name: noise for name, noise in declared.items() if noise is not None}
+
+
 @dataclass
 class RunningTrack:
     """A track at work."""

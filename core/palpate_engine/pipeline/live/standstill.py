@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from palpate.errors import DeviceError
 
-from palpate_engine.config import Pipeline
 from palpate_engine.safety import SafetySettings
 
 Noise = Mapping[str, tuple[float, float]]  # what estimators count on, by name: force [N], velocity [m/s]
@@ -24,12 +23,6 @@ class Standstill:
     def table(self) -> dict[str, float | None]:
         """As in ``result.json``."""
         return {"force": self.force, "force_std": self.force_std, "velocity_std": self.velocity_std}
-
-
-def declared_noise(pipeline: Pipeline) -> dict[str, tuple[float, float]]:
-    """The noise of force [N] and velocity [m/s] that estimators count on, by their names."""
-    declared = {track.name.estimator: track.estimator.declared_noise for track in pipeline.tracks}
-    return {name: noise for name, noise in declared.items() if noise is not None}
 
 
 def refuse_unsteady(found: Standstill, limits: SafetySettings, force: str, declared: Noise) -> None:

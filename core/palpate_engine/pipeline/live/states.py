@@ -6,7 +6,7 @@ from palpate.clocks import clock
 from palpate.device import ReportsHealth
 from palpate.errors import ConfigurationError, DeviceError, error_text
 
-from palpate_engine.pipeline.live.approach import check_start
+from palpate_engine.pipeline.approach import check_start
 from palpate_engine.pipeline.live.arm_preparation import refuse_preload, send_limits
 from palpate_engine.pipeline.live.live_run import LiveRun
 from palpate_engine.pipeline.live.retreat_check import RetreatCheck, check_tip_is_free

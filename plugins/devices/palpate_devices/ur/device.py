@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from palpate import (
     Acceleration,
@@ -31,11 +31,8 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 from palpate_kit.protocols.ur_dashboard import probe, refuse_unready, reported_model, reports_payload
 from pydantic import Field
 
-from palpate_devices.ur import layout
-from palpate_devices.ur.layout import ROW
-from palpate_devices.ur.link import URLink
-from palpate_devices.ur.servo import ServoLaw
-from palpate_devices.ur.setpoint_buffer import PERIOD
+if TYPE_CHECKING:
+    from palpate_arms.servo import ServoLaw
 
 _HINT = ": the client library does that when it loses the link to the controller"
 
@@ -117,6 +114,8 @@ class UR(Device):
     @property
     def streams(self) -> tuple[Stream, ...]:
         """Tip, twist, joints, setpoint, the robot's own wrench, status."""
+        from palpate_arms.setpoint_buffer import PERIOD
+
         rate = 1.0 / PERIOD
         pose = [Channel(axis, "m") for axis in "xyz"] + [Channel(f"q{axis}", "1") for axis in "xyzw"]
         twist = [Channel(axis, "m/s") for axis in "xyz"] + [Channel(f"w{axis}", "rad/s") for axis in "xyz"]
@@ -165,6 +164,9 @@ class UR(Device):
 
     @contextmanager
     def _connected(self, observe: bool) -> Iterator[Link]:
+        from palpate_devices.ur import layout
+        from palpate_devices.ur.link import URLink  # a replay loads nothing of an arm
+
         name = f"ur at {self.host}"
         try:
             identity = host().controller_facts(self.host, probe)
@@ -173,7 +175,7 @@ class UR(Device):
             raise DeviceError(f"ur at {error}") from error
         if self.safety_checksum is not None:
             identity = {**identity, "safety_checksum": self.safety_checksum}
-        child = Child(name, "robot", layout.MODULE, self._worker_settings(identity, observe), ROW.size, _HINT)
+        child = Child(name, "robot", layout.MODULE, self._worker_settings(identity, observe), layout.ROW.size, _HINT)
         try:
             link = URLink(self, child, {**identity, **child.wait_for("ready", self.start)})
             yield link
@@ -201,5 +203,7 @@ class UR(Device):
     @property
     def law(self) -> ServoLaw:
         """How setpoints become commands."""
+        from palpate_arms.servo import ServoLaw
+
         keys = ("control", "gain", "damping", "approach_speed", "retract_speed", "acceleration")
         return ServoLaw(**{key: getattr(self, key) for key in keys}, lever=math.dist(self.tcp, (0.0, 0.0, 0.0)))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from palpate import clock
+from palpate_arms.setpoint_buffer import PERIOD
 
 from palpate_devices.ur.controller_states import NORMAL, RUNNING, STOPPED, complaint, slowdown
 from palpate_devices.ur.robot import Robot
-from palpate_devices.ur.setpoint_buffer import PERIOD
 
 _LOST = 0.1  # [s] without a command taken: the link is lost
 _MUTE = 25  # periods in which a stop has to reach the other connection, too

@@ -11,7 +11,7 @@ from typing import IO
 import numpy as np
 from palpate import Floats, Setpoint, Surface, Trajectory, duration_of, setpoints_at, surface_of, surface_points
 
-from palpate_devices.ur.layout import PLAN, SETPOINT
+from palpate_arms.setpoint_rows import PLAN, SETPOINT
 
 PERIOD = 0.002  # [s]
 _PIECE = 2048  # rows that are looked over at a time, in a tenth of a period

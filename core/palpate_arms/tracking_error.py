@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 from palpate import Floats
 
-from palpate_devices.ur.setpoint_buffer import PERIOD
+from palpate_arms.setpoint_buffer import PERIOD
 
 _STILL = 10  # states that are the same to the last bit
 _STILL_WAY = 0.1e-3  # [m] that commands go on meanwhile

@@ -9,10 +9,10 @@ import numpy as np
 from palpate import Floats, ForceLaw
 from palpate_kit.force_control import ForceLead
 
-from palpate_devices.ur.layout import PLAN, SETPOINT
-from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
-from palpate_devices.ur.station_plane import LEVEL, StationPlane
-from palpate_devices.ur.tool_turns import turn_after, turn_from_to
+from palpate_arms.setpoint_buffer import PERIOD, Plan
+from palpate_arms.setpoint_rows import PLAN, SETPOINT
+from palpate_arms.station_plane import LEVEL, StationPlane
+from palpate_arms.tool_turns import turn_after, turn_from_to
 
 _Z, _VZ = SETPOINT["position"].start + 2, SETPOINT["velocity"].start + 2
 _SHORTEST = 0.15  # [s] of a way, however short

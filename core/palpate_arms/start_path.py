@@ -9,9 +9,9 @@ from palpate import Floats, Setpoint, Trajectory, setpoints_at, surface_of, surf
 from palpate_kit.kinematics.ur_arm import rotation_matrix
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_devices.ur.servo import ServoLaw, straight_path
-from palpate_devices.ur.station_plane import LEVEL, StationPlane
-from palpate_devices.ur.tool_turns import tool_turn, turn_after, turn_from_to
+from palpate_arms.servo import ServoLaw, straight_path
+from palpate_arms.station_plane import LEVEL, StationPlane
+from palpate_arms.tool_turns import tool_turn, turn_after, turn_from_to
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from palpate import Floats, angular_velocities
 from palpate_kit.kinematics.ur_arm import rotation_matrix, rotation_vector
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_devices.ur.setpoint_buffer import PERIOD
+from palpate_arms.setpoint_buffer import PERIOD
 
 
 def tool_turn(work: WorkFrame, rotation: Floats) -> Floats:

@@ -17,7 +17,7 @@ from palpate import clock
 from palpate_kit.acquisition.lateness import Lateness
 from palpate_kit.acquisition.ring import Ring
 
-from palpate_devices.ur.setpoint_buffer import PERIOD
+from palpate_arms.setpoint_buffer import PERIOD
 
 _TICK = round(PERIOD * 1e9)  # [ns]
 _STEP = 5_000  # [ns] by which a deadline is moved at most: a quarter of a per cent of the speed

@@ -12,11 +12,11 @@ from palpate import Floats
 from palpate_kit.kinematics.ur_arm import JOINTS, Model, rotation_matrix, rotation_vector, tip_and_links
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_devices.ur.layout import PLAN, SETPOINT
-from palpate_devices.ur.setpoint_buffer import PERIOD
-from palpate_devices.ur.station_plane import LEVEL, StationExtremes
-from palpate_devices.ur.tool_turns import fastest_turn, turning
-from palpate_devices.ur.tracking_error import TrackingError, length, mm
+from palpate_arms.setpoint_buffer import PERIOD
+from palpate_arms.setpoint_rows import PLAN, SETPOINT
+from palpate_arms.station_plane import LEVEL, StationExtremes
+from palpate_arms.tool_turns import fastest_turn, turning
+from palpate_arms.tracking_error import TrackingError, length, mm
 
 _WINDOW = 10  # periods over which speeds are averaged: the command of a PD law carries the noise of what it measures
 _MORE = 1.2  # what a command may do for a moment, in limits

@@ -11,7 +11,7 @@ from palpate import DeviceError, Floats, Trajectory, duration_of, setpoints_at
 from palpate_kit.kinematics.ur_arm import JOINTS, Model, flange, joints_at, rotation_matrix, tip, tip_and_links
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_devices.ur.fence import LINKS, SINGULAR, is_singular
+from palpate_arms.fence import LINKS, SINGULAR, is_singular
 
 _STEP = 0.02  # [s] between the setpoints that are looked at
 _STRETCH = 5000  # of them at a time

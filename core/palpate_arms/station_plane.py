@@ -10,7 +10,7 @@ from palpate import Floats, turned_axes
 from palpate_kit.kinematics.ur_arm import rotation_matrix, rotation_vector, shortest_turn
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_devices.ur.layout import PLAN
+from palpate_arms.setpoint_rows import PLAN
 
 _UNIT = 1e-6  # by which the length of a normal may be off 1
 
