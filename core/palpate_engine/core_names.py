@@ -1,5 +1,8 @@
 """Names of the core for code that loads pipelines, reads the registry or asks for consent; no part needs them."""
 
+# ruff: noqa: F401
+# mypy: implicit-reexport
+
 from palpate import registry
 from palpate.contact import force_slopes
 from palpate.device import ask_devices, is_live, own_motions, truth_of
@@ -13,38 +16,3 @@ from palpate.parts import input_files, nested_settings, numbers_of, part_kind
 from palpate.registry import FlagEntry, Registry, analysis
 from palpate.trust import announce, approved_files, approved_plugins, inherited_approval, trust_plugin, trusted_plugins
 from palpate.units import Quantity, dimension, display_unit
-
-__all__ = [
-    "KINDS",
-    "SEVERITIES",
-    "ConsentError",
-    "Enclosure",
-    "FlagEntry",
-    "Quantity",
-    "Registry",
-    "StoppedError",
-    "analysis",
-    "announce",
-    "approved_files",
-    "approved_plugins",
-    "ask_devices",
-    "dimension",
-    "display_unit",
-    "force_slopes",
-    "function_of",
-    "import_plugin_file",
-    "inherited_approval",
-    "input_files",
-    "is_live",
-    "nested_settings",
-    "numbers_of",
-    "own_motions",
-    "part_kind",
-    "plugin_file_of",
-    "registry",
-    "trust_plugin",
-    "trusted_plugins",
-    "truth_of",
-    "verdict",
-    "verdict_word",
-]

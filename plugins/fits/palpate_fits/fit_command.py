@@ -23,7 +23,6 @@ from palpate_engine import (
 from palpate_kit.curves.curve_files import curve_files, curves_by
 from palpate_kit.curves.curve_fits import CurveReader, offline
 from palpate_kit.curves.fit_folder import is_fit_folder
-from palpate_kit.curves.folder_fits import fit_each
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_no_jobs, demand_scheduler
 from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, WhereOption
 from palpate_kit.terminal.progress import progress
@@ -33,6 +32,7 @@ from palpate_fits.evaluation import each_cycle, evaluate
 from palpate_fits.fit_jobs import LogFit, fits_of
 from palpate_fits.fit_sources import leave_out, log_device, named_pipelines
 from palpate_fits.fit_tables import by_cycle, each_table, evaluation, fit_overview, fit_views
+from palpate_fits.folder_fits import fit_each
 
 _FIT = "fit.json"
 

@@ -9,15 +9,15 @@ from functools import partial
 from pathlib import Path
 
 from palpate_engine import Pipeline
-
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline, record_tracks
 from palpate_kit.curves.curve_list import add_curves
-from palpate_kit.curves.curve_pool import on_cores
 from palpate_kit.curves.curve_table import SETTINGS, FitTable
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import read_own
 from palpate_kit.terminal.progress import report_progress
+
+from palpate_fits.curve_pool import on_cores
 
 Pool = Callable[[CurveReader, Iterable[Curve]], Iterator[list[Row]]]  # the rows of every curve, in any order
 FEW = 32  # curves that are not worth a second process
