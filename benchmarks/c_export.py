@@ -13,7 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 FILTERS = {"ekf": "ekf", "ukf": "ekf", "afukf": "ekf", "kinematic-ekf": "kinematic"}  # type, estimator of the file
-PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
+PALPATE = [sys.executable, "-c", "from palpate_engine.cli import main; main()"]
 COMPILER = ["arm-none-eabi-gcc", "-std=gnu99", "-O2", "-ffp-contract=off", "-mcpu=cortex-m7", "-mthumb"]
 COMPILER += ["-mfpu=fpv5-d16", "-mfloat-abi=hard", "--specs=rdimon.specs", "-DPALPATE_COUNTER=instructions"]
 EMULATOR = ["qemu-system-arm", "-M", "mps2-an500", "-nographic", "-icount", "shift=0"]

@@ -13,11 +13,11 @@ import argparse
 from collections.abc import Iterable
 
 import numpy as np
-from palpate.alignment import GRAVITY, AlignmentSettings, Ports
 from palpate_calibration.calibrated_value import MeasuredValue
 from palpate_calibration.calibration_record import CalibrationRecord, CalibrationRecorder
 from palpate_calibration.protocol import calibrate
 from palpate_calibration.settings import CalibrationSettings
+from palpate_engine.alignment import GRAVITY, AlignmentSettings, Ports
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_simulation.simulated_rig import SimulatedRig
 from palpate_trajectories.shake import Shake

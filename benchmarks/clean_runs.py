@@ -15,8 +15,8 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 PIPELINE = Path(__file__).parents[1] / "pipelines" / "filters.toml"
 ESTIMATORS = {"kinematic": "kinematic-ekf", "smoother": "kinematic-smoother", "fit": "casadi-fit"}

@@ -27,12 +27,12 @@ from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Estimator, Floats, Indenter, Problem, Samples
-from palpate.alignment import AlignmentReport, AlignmentSettings
-from palpate.alignment.tare import Tare
+from palpate.alignment_report import Tare
 from palpate.registry import Registry, load
-from palpate.result import TrackRecord, TrackResult, track_result
-from palpate.result.diagnoses import Diagnosable, RunEvidence, apply_diagnoses
-from palpate.track_name import TrackName
+from palpate_engine.alignment import AlignmentReport, AlignmentSettings
+from palpate_engine.result import TrackRecord, TrackResult, track_result
+from palpate_engine.result.diagnoses import Diagnosable, RunEvidence, apply_diagnoses
+from palpate_engine.track_name import TrackName
 from palpate_filters import KinematicFilter, KinematicSmoother
 from palpate_fits import CasadiFit
 from palpate_models import DimensionalityReduction

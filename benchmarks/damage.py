@@ -25,8 +25,8 @@ import numpy as np
 import zstandard
 from mcap.writer import Writer
 from palpate import Samples, UserError
-from palpate.host import Source, build_pipeline, run_pipeline
 from palpate_devices.mcap_replay import McapReplay
+from palpate_engine import Source, build_pipeline, run_pipeline
 from palpate_kit.runs.sample_observer import SampleObserver
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

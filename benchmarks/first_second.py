@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
+PALPATE = [sys.executable, "-c", "from palpate_engine.cli import main; main()"]
 POINT = [*PALPATE, "run", str(ROOT / "pipelines" / "point.toml")]
 COMMANDS = {
     "python -c pass": [sys.executable, "-c", "pass"],

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate.host import load_pipeline, run_pipeline
+from palpate_engine import load_pipeline, run_pipeline
 
 PIPELINE = Path(__file__).parent.parent / "pipelines" / "point.toml"
 TRUE = 112.5e3  # [Pa]

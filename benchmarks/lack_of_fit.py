@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 from palpate import Diagnosed, Estimator, Problem, Status, TrackEvidence
-from palpate.result.sample_store import Keeper
+from palpate_engine.result.sample_keeper import Keeper
 from palpate_filters import ExtendedKalmanFilter, KinematicFilter
 from palpate_fits import CasadiFit
 from palpate_models import DimensionalityReduction

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from palpate.config import Pipeline, load_pipeline
+from palpate_engine.config import Pipeline, load_pipeline
 from palpate_maps.map_analysis import (
     Findings,
     LumpSettings,

@@ -34,7 +34,7 @@ sys.path.insert(0, str(ROOT))
 from tests.live_page.browser import Browser, browser  # noqa: E402
 
 PIPELINE = ROOT / "pipelines" / "point_ur3e.toml"
-_PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
+_PALPATE = [sys.executable, "-c", "from palpate_engine.cli import main; main()"]
 _FREQUENCY = 2.0  # [Hz] of that pipeline's sine
 _TICK = os.sysconf("SC_CLK_TCK")
 _JOBS: list[subprocess.Popen[str]] = []  # none is left behind

@@ -36,10 +36,10 @@ from mcap.writer import Writer
 from numpy.typing import NDArray
 from palpate import Floats
 from palpate_devices.messages import POSE, WRENCH, pack
-from palpate_kit.logs import mcap_records as records
+from palpate_records.mcap import mcap_records as records
 from soak import Look
 
-PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
+PALPATE = [sys.executable, "-c", "from palpate_engine.cli import main; main()"]
 PIPELINES = Path(__file__).parents[1] / "pipelines"
 Place = tuple[int, int]  # [bytes] of a message in its row, and of its header's stamp
 BLOCK = 20.0  # [s] of a record that are made at a time

@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline, start_tracks
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.messages import POSE, WRENCH, pack
-from palpate_kit.logs import mcap_records as records
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline, start_tracks
+from palpate_records.mcap import mcap_records as records
 
 STEP = 1_000_000  # [ns]
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from logs import numbers, write
 from mcap.writer import CompressionType
 from palpate_devices.mcap_replay import McapReplay
-from palpate_kit.logs import mcap_records as records
+from palpate_records.mcap import mcap_records as records
 
 
 def repeated(source, target, size):

@@ -9,8 +9,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from palpate.config import Source, build_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import Source, build_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 RECORD = """
 [run]

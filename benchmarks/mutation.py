@@ -31,7 +31,7 @@ from cosmic_ray.plugins import get_operator
 ROOT = Path(__file__).parents[1]
 _QUIET: dict = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "timeout": 600}
 _UNCERTAINTY = "plugins/uncertainty/palpate_uncertainty"
-_ALIGNMENT, _FITS = "core/palpate/alignment", "plugins/filters/palpate_filters/fit"
+_ALIGNMENT, _FITS = "core/palpate_engine/alignment", "plugins/filters/palpate_filters/fit"
 _KERNEL, _LOGS = "plugins/filters/palpate_filters/kernel", "plugins/devices/palpate_devices/logs"
 _LACK = "uncertainty/test_lack_of_fit.py uncertainty/test_lack_of_fit_of_sweeps.py uncertainty/test_whitening.py"
 _BUDGET = "uncertainty/test_budget.py uncertainty/test_budget_command.py uncertainty/test_geometry.py"
@@ -47,8 +47,8 @@ AREAS = {  # by area: modules and the tests that hold them; of several patterns 
         f"{_ALIGNMENT}/*.py": "core/test_alignment.py core/test_ports.py core/test_contact_detector.py",
     },
     "guard": {
-        "core/palpate/pipeline/live/guard.py core/palpate/pipeline/live/*_watch.py "
-        "core/palpate/safety/*.py core/palpate/arm_limits.py":
+        "core/palpate_engine/pipeline/live/guard.py core/palpate_engine/pipeline/live/*_watch.py "
+        "core/palpate_engine/safety/*.py core/palpate/arm_limits.py":
             "core/test_safety.py devices/test_fence.py",
     },
     "fence": {"plugins/devices/palpate_devices/ur3e/f[eo][nl]*.py": "devices/test_fence.py"},
@@ -70,7 +70,7 @@ AREAS = {  # by area: modules and the tests that hold them; of several patterns 
     },
     "readers": {
         f"plugins/devices/palpate_devices/mcap_replay.py {_LOGS}/mcap_*.py {_LOGS}/recovery.py": _READ,
-        "core/palpate_kit/tables/*.py plugins/logs/palpate_logs/csv_replay.py":
+        "core/palpate_records/tables/*.py plugins/logs/palpate_logs/csv_replay.py":
             "logs/test_csv_replay.py logs/test_csv_plain.py",
     },
 }  # fmt: skip

@@ -14,9 +14,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from palpate.config import Source, build_pipeline
-from palpate.host import Result
-from palpate.pipeline import run_pipeline
+from palpate_engine import Result
+from palpate_engine.config import Source, build_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 POINTS = {  # file: radius, lateness of motion and of force
     "d10mm_soft": ("5 mm", "22 ms", "0 ms"),

@@ -17,7 +17,7 @@ from pathlib import Path
 def cost(runs: list[str], file: Path) -> float:
     """CPU [s] of one report of these runs; raises CalledProcessError where there is none."""
     before = os.times()
-    words = [sys.executable, "-c", "from palpate.cli import main; main()", "report", *runs, "--out", str(file)]
+    words = [sys.executable, "-c", "from palpate_engine.cli import main; main()", "report", *runs, "--out", str(file)]
     subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
     after = os.times()
     return after.children_user + after.children_system - before.children_user - before.children_system

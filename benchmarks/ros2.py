@@ -26,8 +26,8 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 import pytest  # noqa: E402
-from palpate.host import load_pipeline, run_pipeline  # noqa: E402
 from palpate_devices.mcap_replay import McapReplay  # noqa: E402
+from palpate_engine import load_pipeline, run_pipeline  # noqa: E402
 
 from tests.ros2 import playing  # noqa: E402
 from tests.ros2.conftest import built  # noqa: E402

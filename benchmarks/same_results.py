@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent.parent
-PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
+PALPATE = [sys.executable, "-c", "from palpate_engine.cli import main; main()"]
 SHIPPED = sorted(path for path in ROOT.glob("pipelines/**/*.toml") if 'type = "sim"' in path.read_text())
 # Of where, when, how fast and by which versions a run was made.
 OF_ONE_RUN = {

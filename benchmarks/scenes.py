@@ -195,7 +195,7 @@ def grid() -> list[Scene]:
 
 def pipeline_of(scene: Scene, folder: Path) -> Any:
     """The example pipeline with this scene's motion, limits and specimen."""
-    from palpate.host import load_pipeline
+    from palpate_engine import load_pipeline
 
     text = (Path(__file__).parents[1] / "pipelines" / "point_ur3e.toml").read_text()
     begin, end = text.index("[trajectory.press]"), text.index("[alignment]")
@@ -232,7 +232,7 @@ def pipeline_of(scene: Scene, folder: Path) -> Any:
 def run(scene: Scene, folder: Path) -> dict[str, Any]:
     """One scene: how it ended, what the arm did, and the promises that were broken."""
     from palpate import HoldUp, PalpateError, UserError, clock
-    from palpate.host import run_pipeline
+    from palpate_engine import run_pipeline
 
     hold_ups = [HoldUp(scene.held, scene.hold_up, 1.0 + scene.instant, scene.every)] if scene.hold_up else []
     made: list[float] = []

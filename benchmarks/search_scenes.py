@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, Trajectory
-from palpate.config import Pipeline, load_pipeline
+from palpate_engine.config import Pipeline, load_pipeline
 from palpate_maps.map_analysis import Path2D, Sites, sites_along
 from palpate_maps.path_reader import join_paths
 from palpate_simulation.skin_under_tip import SkinUnderTip

@@ -13,9 +13,9 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from palpate.config import load_pipeline
 from palpate.estimation import Samples
-from palpate.pipeline import run_pipeline, start_tracks
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline, start_tracks
 from threadpoolctl import threadpool_limits
 
 RASTER = Path(__file__).parent.parent / "pipelines" / "raster.toml"

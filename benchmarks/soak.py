@@ -27,7 +27,7 @@ import numpy as np
 from palpate_devices.mcap_replay import McapReplay
 
 PIPELINE = Path(__file__).parents[1] / "pipelines" / "point_ur3e.toml"
-_PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
+_PALPATE = [sys.executable, "-c", "from palpate_engine.cli import main; main()"]
 _PERIOD = 1.25e6  # [ns] of the sensor
 _HOURS = 3.0  # that a run may take
 _MEMORY = 250.0  # [MB] of all processes, every page once, after that time

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Estimates, Samples, Status
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
-from palpate.pipeline.tracks import start_tracks
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
+from palpate_engine.pipeline.tracks import start_tracks
 
 PIPELINE = Path(__file__).parents[1] / "pipelines" / "filters.toml"
 _CASES = {"1 of 12-20 ms": (1, 0.012, 0.020), "1 of 22-40 ms": (1, 0.022, 0.040)}

@@ -19,9 +19,9 @@ from pathlib import Path
 
 import numpy as np
 from palpate import PalpateError
-from palpate.cli import call
+from palpate_engine.cli import call
 from palpate_kit.logs.draft_pipeline import recording_of, suggestion_of
-from palpate_kit.logs.readings import si_unit
+from palpate_records.messages.readings import si_unit
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.logs.bags import array_message, write_bag

@@ -20,7 +20,7 @@ from palpate_kit.kernel.llvm import CompiledStep
 from palpate_testing import synthetic_samples
 
 ROOT = Path(__file__).parent.parent
-PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
+PALPATE = [sys.executable, "-c", "from palpate_engine.cli import main; main()"]
 FEW = 8  # runs in this process
 
 

@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Floats
-from palpate.config import Pipeline, load_pipeline
 from palpate.estimation import Samples
+from palpate_engine.config import Pipeline, load_pipeline
 from palpate_maps.map_analysis import Path2D, find_lumps, sites_along
 from sweeps import aligned, paths_of, pipeline, samples_of
 

@@ -17,13 +17,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from palpate import TrackName
-from palpate.alignment import Aligner
-from palpate.config import Pipeline, load_pipeline
 from palpate.device import Batch
 from palpate.estimation import Samples, Status
-from palpate.pipeline import start_tracks
-from palpate.pipeline.planned_motion import single_trajectory
+from palpate_engine import TrackName
+from palpate_engine.alignment import Aligner
+from palpate_engine.config import Pipeline, load_pipeline
+from palpate_engine.pipeline import start_tracks
+from palpate_engine.pipeline.planned_motion import single_trajectory
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_maps.map_analysis import Findings, LumpSettings, Path2D, find_lumps, sites_along
 from palpate_simulation.skin_under_tip import SkinUnderTip
@@ -250,7 +250,7 @@ def _spheres(dice: np.random.Generator, count: int) -> list[tuple[float, float]]
 
 def _searched(raster: Path, seed: int, spheres: list[tuple[float, float]]) -> tuple[float, list[tuple[float, float]]]:
     """Seconds of motion, and the places [mm] of the lumps that the command says are certain."""
-    from palpate.cli import call
+    from palpate_engine.cli import call
 
     bodies = ",".join(f'{{shape="sphere", place=["{x} mm","{y} mm"], depth="4 mm", radius="5 mm"}}' for x, y in spheres)
     settings = [f"run.seed={seed}", f"device.rig.specimen.relief.seed={seed}", 'run.tracks=["dr/smoother"]']

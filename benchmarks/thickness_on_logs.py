@@ -11,9 +11,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from palpate import TrackName
-from palpate.config import Source, build_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine import TrackName
+from palpate_engine.config import Source, build_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 TRUTH = 112.5  # kPa, compression test
 HEIGHT = "22 mm"

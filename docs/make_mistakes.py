@@ -9,7 +9,7 @@ import re
 import tempfile
 from pathlib import Path
 
-from palpate.cli import main
+from palpate_engine.cli import main
 
 ROOT = Path(__file__).parent.parent
 _HEAD = """# Mistakes, and what palpate says of them

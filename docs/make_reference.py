@@ -8,8 +8,8 @@ from pathlib import Path
 import typer
 from formulas import with_math
 from palpate import Settings
-from palpate.host import AlignmentSettings, Registry, RunSettings, SafetySettings, function_of, registry
 from palpate_commands.describe import _default, _type
+from palpate_engine import AlignmentSettings, Registry, RunSettings, SafetySettings, function_of, registry
 
 _KINDS = {
     "indenter": "Tips",

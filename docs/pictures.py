@@ -162,10 +162,10 @@ def draw_thickness() -> None:
 
 def late_runs(folder: Path) -> dict[str, tuple[Any, Any]]:
     """Time [s] and viscosity [Pa s] of pipelines/late.toml, before its calibration and after."""
-    from palpate.config import load_pipeline
-    from palpate.pipeline import run_pipeline
     from palpate_calibration.guided_calibration import run_calibration
     from palpate_calibration.plan import load_plan
+    from palpate_engine.config import load_pipeline
+    from palpate_engine.pipeline import run_pipeline
 
     source = Path(__file__).parents[1] / "pipelines" / "late.toml"
     file = folder / "late.calibration.toml"

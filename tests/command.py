@@ -10,7 +10,7 @@ import sys
 import threading
 from pathlib import Path
 
-from palpate.cli import main
+from palpate_engine.cli import main
 
 _AT_A_TERMINAL = {
     signal.SIGINT: signal.default_int_handler,

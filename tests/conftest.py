@@ -142,8 +142,8 @@ def point_pipeline(tmp_path):
 @pytest.fixture
 def run_point(point_pipeline, tmp_path):
     """Run the example pipeline with overrides, the paper's filter only; a fresh folder each time."""
-    from palpate.config import load_pipeline
-    from palpate.pipeline import run_pipeline
+    from palpate_engine.config import load_pipeline
+    from palpate_engine.pipeline import run_pipeline
 
     def run(*overrides, name="out"):
         return run_pipeline(load_pipeline(point_pipeline, ['run.tracks=["*/ekf"]', *overrides]), tmp_path / name)

@@ -5,7 +5,7 @@ import subprocess
 import sys
 from subprocess import DEVNULL, PIPE
 
-PALPATE = "from palpate.cli import main; main()"
+PALPATE = "from palpate_engine.cli import main; main()"
 PYTEST = "import pytest, sys; sys.exit(pytest.main())"  # python -m pytest
 # A process inherits what is ignored: all signals under nohup, Ctrl-C in the background. By `preexec_fn` Python would
 # fork beside the threads of a worker, which it warns of from 3.12 on.

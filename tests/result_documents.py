@@ -1,6 +1,6 @@
 """Documents of results for tests that need one without a run."""
 
-from palpate.result import SCHEMA
+from palpate_engine.result import SCHEMA
 
 
 def value(number, unit="Pa", std=1.0, **more):

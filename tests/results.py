@@ -6,7 +6,7 @@ from functools import cache
 
 import jsonschema
 import pytest
-from palpate.pipeline import pipeline_run
+from palpate_engine.pipeline import pipeline_run
 from palpate_kit.runs.result_model import result_schema
 
 

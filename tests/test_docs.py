@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 from palpate import hooks
-from palpate.cli.commands import command_offers
-from palpate.config.migrations import FORMAT
 from palpate.registry import load
+from palpate_engine.cli.commands import command_offers
+from palpate_engine.config.migrations import FORMAT
 
 ROOT = Path(__file__).parent.parent
 COMMANDS = (ROOT / "docs" / "commands.md").read_text()

@@ -12,9 +12,9 @@ from typing import Any
 import jsonschema
 import pytest
 import typer
-from palpate.cli.commands import call_of, parse_arguments
-from palpate.host import function_of, registry
 from palpate_commands.schema import pipeline_schema
+from palpate_engine import function_of, registry
+from palpate_engine.cli.commands import call_of, parse_arguments
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

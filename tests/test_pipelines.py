@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
-from palpate.host import registry
+from palpate_engine import registry
 
 FOLDER = Path(__file__).parent.parent / "pipelines"
 LONG = (

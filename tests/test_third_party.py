@@ -7,6 +7,9 @@ import sys
 
 import pytest
 
+# A distribution that was written for the release before.
+pytestmark = pytest.mark.filterwarnings("ignore:import from palpate_engine instead of palpate.host:DeprecationWarning")
+
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory, root):

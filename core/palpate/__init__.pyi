@@ -1,6 +1,5 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
-from .alignment.change_point import change_point as change_point
 from .arm_limits import (
     ArmLimits as ArmLimits,
     ForceWatch as ForceWatch,
@@ -17,6 +16,7 @@ from .clocks import (
     clock as clock,
     epoch_offset as epoch_offset,
     host_time_ns as host_time_ns,
+    use_clock as use_clock,
 )
 from .contact import (
     ContactModel as ContactModel,
@@ -60,6 +60,7 @@ from .errors import (
     PalpateError as PalpateError,
     PluginError as PluginError,
     UserError as UserError,
+    suggest as suggest,
 )
 from .estimation import (
     Belief as Belief,
@@ -72,9 +73,17 @@ from .estimation import (
     Tracker as Tracker,
     track_by_step as track_by_step,
 )
+from .evidence.sample_store import SampleStore as SampleStore
+from .evidence.track_evidence import (
+    Diagnosed as Diagnosed,
+    Term as Term,
+    TrackEnd as TrackEnd,
+    TrackEvidence as TrackEvidence,
+)
+from .evidence.track_tail import Tail as Tail
+from .evidence.uncertain_value import Bias as Bias
 from .fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
 from .flags import ADVICE as ADVICE, Flag as Flag, FlagMeaning as FlagMeaning
-from .force_rise import RiseWatch as RiseWatch, SoundForce as SoundForce
 from .hooks import plugin as plugin
 from .notebook import (
     compare as compare,
@@ -104,25 +113,12 @@ from .offers import (
 )
 from .parts import File as File, InputFile as InputFile, Part as Part, Settings as Settings
 from .printable_text import printable as printable
-from .reading_age import ReadingAge as ReadingAge
 from .repeated_readings import RepeatCount as RepeatCount, Repeats as Repeats
-from .result.sample_store import SampleStore as SampleStore
-from .result.track_evidence import (
-    Diagnosed as Diagnosed,
-    Term as Term,
-    TrackEnd as TrackEnd,
-    TrackEvidence as TrackEvidence,
-)
-from .result.track_result import TrackSummary as TrackSummary
-from .result.track_tail import Tail as Tail
-from .result.uncertain_value import Bias as Bias
 from .rotation_vectors import (
     angular_velocities as angular_velocities,
     rotation_rows as rotation_rows,
     turned_axes as turned_axes,
 )
-from .simulated_clock import SimulatedClock as SimulatedClock
-from .simulated_turns import EndOfThread as EndOfThread, HoldUp as HoldUp
 from .sink import (
     EstimatesWriter as EstimatesWriter,
     Extent as Extent,
@@ -137,7 +133,6 @@ from .sink import (
 )
 from .surface import Surface as Surface, SurfacePoints as SurfacePoints, surface_points as surface_points
 from .table_migration import Migration as Migration
-from .track_name import TrackName as TrackName
 from .trajectory import (
     ForceControlled as ForceControlled,
     ForceLaw as ForceLaw,
@@ -150,7 +145,13 @@ from .trajectory import (
     setpoints_at as setpoints_at,
     surface_of as surface_of,
 )
-from .twin import ArmTruth as ArmTruth, SimulatedTwin as SimulatedTwin, SupportsTwin as SupportsTwin, Twin as Twin
+from .twin import (
+    ArmTruth as ArmTruth,
+    HoldUp as HoldUp,
+    SimulatedTwin as SimulatedTwin,
+    SupportsTwin as SupportsTwin,
+    Twin as Twin,
+)
 from .units import (
     Acceleration as Acceleration,
     Angle as Angle,

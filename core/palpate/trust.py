@@ -197,7 +197,7 @@ def _demand_consent(file: PluginFile, place: Path, named: bool, consent: _Consen
         return
     if not _can_ask(consent):
         remedy = f"palpate trust {shlex.quote(printable(str(file.path)))}"
-        remedy += " (in Python: palpate.host.trust_plugin)" if consent.arguments is None else ""
+        remedy += " (in Python: palpate_engine.trust_plugin)" if consent.arguments is None else ""
         raise ConsentError(
             f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {why}, and its content has never been approved "
             f"here, so it is not executed; read it, then approve it: {remedy}"

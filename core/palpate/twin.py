@@ -11,7 +11,6 @@ from typing import ClassVar, Protocol, runtime_checkable
 from palpate.device import Device
 from palpate.errors import ConfigurationError
 from palpate.parts import Part
-from palpate.simulated_turns import HoldUp
 
 
 @dataclass(frozen=True)
@@ -26,6 +25,28 @@ class ArmTruth:
     joint_speed: float  # [rad/s] fastest joint
     force: float  # [N] largest on the skin
     moving: bool  # whether a joint still moves
+
+
+@dataclass(frozen=True)
+class HoldUp:
+    """A process that is kept waiting for a `duration` [s], `first` at a time [s], then `every` [s], if at all.
+
+    The name "robot" stands for "robot 1", "robot 2" and so on, too.
+    """
+
+    process: str
+    duration: float
+    first: float = 0.0
+    every: float | None = None
+
+    def until(self, now: int) -> int:
+        """When [ns after the start] a thread that is due `now` may run."""
+        begin, length = round(self.first * 1e9), round(self.duration * 1e9)
+        if now < begin:
+            return now
+        if self.every is not None:
+            begin += (now - begin) // round(self.every * 1e9) * round(self.every * 1e9)
+        return max(now, begin + length) if now < begin + length else now
 
 
 @runtime_checkable

@@ -1,1 +1,1 @@
-"""What several plugin families use, below all of them: imports `palpate` and `palpate.host` only."""
+"""What several families use, below all of them: imports `palpate`, `palpate_engine` and `palpate_records` only."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats, OutputError
-from palpate.host import whole_file
+from palpate_engine import whole_file
 
 WIDTHS = {"single": 85.0, "middle": 120.0, "double": 175.0}  # [mm] of the columns of journals
 FORMATS = ("png", "svg", "pdf")

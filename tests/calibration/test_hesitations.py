@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate.alignment import AlignmentSettings, Ports, hesitations
 from palpate_calibration.calibration_record import CalibrationRecorder
 from palpate_calibration.protocol import calibrate
 from palpate_calibration.settings import CalibrationSettings
 from palpate_calibration.steps import evaluate_step
+from palpate_engine.alignment import AlignmentSettings, Ports, hesitations
 from palpate_models import DimensionalityReduction, Flat, Sphere
 from palpate_simulation.simulated_rig import SimulatedRig
 from palpate_trajectories.point import Point

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from palpate import Batch, Channel, LogError, Stream
-from palpate.alignment import AlignmentSettings, Ports
 from palpate_calibration.orientations import Pose, WrenchRecorder, weigh_tool
 from palpate_calibration.settings import Orientations
+from palpate_engine.alignment import AlignmentSettings, Ports
 
 MASS, CENTRE = 0.25, np.array([0.001, -0.002, 0.04])
 BIAS, TORQUE = np.array([0.3, -0.2, 0.6]), np.array([0.01, 0.02, -0.03])

@@ -5,7 +5,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from palpate import Channel, LogError, Stream
-from palpate.alignment import AlignmentSettings, Health, Ports
 from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue
 from palpate_calibration.calibration_record import CalibrationRecord, CalibrationRecorder, Trace
 from palpate_calibration.motion_segments import Segment, shake_segments, standing_still
@@ -13,6 +12,7 @@ from palpate_calibration.protocol import calibrate
 from palpate_calibration.settings import CalibrationSettings
 from palpate_calibration.shake_analysis import shake_fit
 from palpate_calibration.statics import series_compliance, tap_delay, weight_fit
+from palpate_engine.alignment import AlignmentSettings, Health, Ports
 from palpate_models import DimensionalityReduction, Flat, Sphere
 from palpate_simulation.simulated_rig import SimulatedRig
 from palpate_trajectories.point import Point

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 from palpate import OutputError, PluginError, open_run, read, trust
-from palpate.config import Source, build_pipeline, load_pipeline
-from palpate.host import write_whole
 from palpate.offers import function_of
-from palpate.pipeline import run_pipeline
 from palpate.registry import load_commands
+from palpate_engine import write_whole
+from palpate_engine.config import Source, build_pipeline, load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_kit.jobs.job import Job, Parcel, PortablePipeline, run_parcel
 from palpate_kit.runs.continuation import recorded_pipeline
 
@@ -352,7 +352,7 @@ def test_pipelines_in_the_folder_of_a_paper_are_not_named(palpate, tmp_path, roo
 def test_python_executes_no_more_than_a_command(made):
     read(made / "log.mcap")  # of which it takes signals and alignment only
     for attempt in (open_run(made / "run").replay, lambda: recorded_pipeline(made / "bare")):
-        with pytest.raises(PluginError, match=r"palpate trust .* \(in Python: palpate\.host\.trust_plugin\)"):
+        with pytest.raises(PluginError, match=r"palpate trust .* \(in Python: palpate_engine\.trust_plugin\)"):
             attempt()
     assert not (made / "trace").exists()
 

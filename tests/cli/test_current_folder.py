@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 from palpate import ConfigurationError
-from palpate.cli import main
-from palpate.host import safe_processes
 from palpate_desk.curve_answers import curve_answer
 from palpate_desk.desk import Desk
 from palpate_desk.folder_view import exported
 from palpate_desk.page_messages import read_message
 from palpate_desk.refits import Worker
+from palpate_engine import safe_processes
+from palpate_engine.cli import main
 from palpate_kit.acquisition.computer import Computer
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.jobs.process_pool import process_pool
@@ -121,7 +121,9 @@ def test_the_environment_is_put_back(monkeypatch, before):
 def test_a_command_looks_for_modules_in_no_current_folder(monkeypatch, capsys):
     monkeypatch.setattr(sys, "path", ["", *sys.path])
     seen = []
-    monkeypatch.setattr("palpate.cli._main", lambda given: seen.append((sys.path[:], os.environ["PYTHONSAFEPATH"])))
+    monkeypatch.setattr(
+        "palpate_engine.cli._main", lambda given: seen.append((sys.path[:], os.environ["PYTHONSAFEPATH"]))
+    )
     main(["--version"])
     ((path, safe),) = seen
     assert safe

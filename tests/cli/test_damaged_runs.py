@@ -5,8 +5,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 ROOT = Path(__file__).parents[2]
 # What reads a result and needs it. `watch` shows one without a log; the others replay the log, which has the pipeline.

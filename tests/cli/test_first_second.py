@@ -23,7 +23,7 @@ SLOW = ("numpy", "pydantic", "typer", "rich", "casadi", "scipy")
 @pytest.mark.parametrize("argument", ["--version", "--help"])
 def test_looking_up_imports_neither_numbers_nor_parts(argument):
     script = (
-        "import sys\nfrom palpate.cli import main\n"
+        "import sys\nfrom palpate_engine.cli import main\n"
         f"main([{argument!r}])\n"
         f"sys.exit(' '.join(name for name in {SLOW!r} if name in sys.modules))\n"
     )
@@ -35,7 +35,7 @@ def test_looking_up_imports_neither_numbers_nor_parts(argument):
 @pytest.mark.slow
 def test_a_run_of_a_simulated_point_imports_no_scipy(tmp_path):
     script = (
-        "import sys\nfrom palpate.cli import call\n"
+        "import sys\nfrom palpate_engine.cli import call\n"
         f"call(['run', {str(ROOT / 'pipelines' / 'point.toml')!r}, '--out', {str(tmp_path / 'run')!r}])\n"
         "sys.exit('imports scipy' if 'scipy' in sys.modules else 0)\n"
     )

@@ -10,7 +10,7 @@ SHORT = ["--set", "trajectory.press.duration=2 s", "--set", 'run.tracks=["*/kine
 
 @pytest.fixture(scope="module")
 def run(root, tmp_path_factory):
-    from palpate.host import load_pipeline, run_pipeline
+    from palpate_engine import load_pipeline, run_pipeline
 
     return run_pipeline(
         load_pipeline(root / "pipelines" / "filters.toml", SHORT[1::2]), tmp_path_factory.mktemp("f") / "r"

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 from palpate import trust
-from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError, PluginError
 from palpate.units import to_si
+from palpate_engine.config import load_pipeline
 
 from tests.processes import DEVNULL, PALPATE, PIPE, start
 
@@ -66,7 +66,13 @@ def test_names_are_never_markup_and_never_steer_a_terminal(palpate, point_pipeli
 
 @pytest.mark.slow
 def test_an_output_that_takes_no_utf_8_or_is_full(point_pipeline, tmp_path):
-    command = [sys.executable, "-c", "from palpate.cli import main; main()", "describe", "dimensionality-reduction"]
+    command = [
+        sys.executable,
+        "-c",
+        "from palpate_engine.cli import main; main()",
+        "describe",
+        "dimensionality-reduction",
+    ]
     for encoding in ("ascii", "latin-1"):
         done = subprocess.run(command, env={**os.environ, "PYTHONIOENCODING": encoding}, capture_output=True)
         assert done.returncode == 0, done.stderr

@@ -6,11 +6,11 @@ import shutil
 from typing import get_args
 
 import pytest
-from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError
 from palpate.input_file import LARGEST, Enclosure, check_input
 from palpate.parts import InputFile, Part, Settings, input_files
 from palpate.registry import load
+from palpate_engine.config import load_pipeline
 
 TIP = '[indenter.tip]\ntype = "profile"\npoints = "{}"\n'
 SHORT = ("--set", "trajectory.press.duration=1 s", "--set", 'run.tracks=["dr/ekf"]')

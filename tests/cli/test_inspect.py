@@ -61,7 +61,7 @@ def test_looking_around_imports_nothing_heavy(arguments):
     script = (
         "import sys\n"
         f"sys.argv = ['palpate', *{arguments!r}]\n"
-        "from palpate.cli import main\n"
+        "from palpate_engine.cli import main\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         f"found = [name for name in {HEAVY!r} if name in sys.modules]\n"
         "sys.exit(f'imported: {found}' if found else 0)\n"

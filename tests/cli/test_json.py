@@ -4,7 +4,7 @@ import json
 import shutil
 
 import pytest
-from palpate.host import load_pipeline, run_pipeline
+from palpate_engine import load_pipeline, run_pipeline
 
 LINE = [
     'trajectory.sweep.start=["0 mm", "-22 mm"]',

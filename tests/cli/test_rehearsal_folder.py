@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 from palpate import ConfigurationError, LogError
-from palpate.config import load_pipeline, resolved_text
 from palpate.offers import function_of
-from palpate.pipeline import run_pipeline
 from palpate.registry import load_commands
 from palpate_commands.remaining_motion import remaining_pipeline
+from palpate_engine.config import load_pipeline, resolved_text
+from palpate_engine.pipeline import run_pipeline
 from palpate_kit.acquisition.computer import use_host
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_simulation.twins.bench import VirtualBench

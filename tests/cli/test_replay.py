@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 
 import pytest
 from palpate_kit.runs.run_folder import RunFolder, pipeline_among
@@ -21,8 +23,8 @@ SHORT = [
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory, root):
     """A run with another tip than the file's, by --set, and its log."""
-    from palpate.config import load_pipeline
-    from palpate.pipeline import run_pipeline
+    from palpate_engine.config import load_pipeline
+    from palpate_engine.pipeline import run_pipeline
 
     folder = tmp_path_factory.mktemp("recorded")
     file = shutil.copy(root / "pipelines" / "filters.toml", folder / "point.toml")
@@ -34,6 +36,21 @@ def tracks(folder):
     for track in found.values():
         del track["seconds_per_sample"]
     return found
+
+
+LOADED = """
+import sys
+from palpate_engine.cli import call
+
+call(["replay", *sys.argv[1:]])
+print("loaded:", *(name for name in sys.modules if name.startswith(("palpate_arms", "palpate_engine.pipeline.live"))))
+"""
+
+
+def test_a_replay_loads_no_arm_and_nothing_of_a_live_run(recorded, tmp_path):
+    command = [sys.executable, "-c", LOADED, recorded / "log.mcap", "--out", tmp_path / "again"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout.rpartition("loaded:")[2].split() == []
 
 
 @pytest.mark.gate
@@ -202,8 +219,8 @@ def test_repeat_takes_logs(recorded, palpate, tmp_path, root):
 
 
 def test_an_assumption_belongs_to_its_model_or_to_all(root):
-    from palpate.config import load_pipeline
-    from palpate.pipeline.run_result import _assumed
+    from palpate_engine.config import load_pipeline
+    from palpate_engine.pipeline.run_result import _assumed
 
     kinds = ["model.kv.type=kelvin-voigt", 'run.assumed=["model.dr.poisson", "alignment.tip_mass"]']
     pipeline = load_pipeline(root / "pipelines" / "filters.toml", kinds)

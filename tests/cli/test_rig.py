@@ -4,7 +4,7 @@ import os
 
 import pytest
 from palpate import ConfigurationError
-from palpate.cli import call
+from palpate_engine.cli import call
 
 from tests.processes import PALPATE, PIPE, start
 

@@ -163,7 +163,7 @@ def test_a_full_disk_ends_the_run_with_one_message_and_a_log_that_opens(flushes,
         "from palpate_devices import log_recorder\n"
         f"log_recorder.FLUSH_EVERY = {0.15 if flushes == 'in time' else 60.0}\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))\n"
-        "from palpate.cli import main\nmain()\n"
+        "from palpate_engine.cli import main\nmain()\n"
     )
     done = run(script, "run", point_pipeline, "--out", tmp_path / "out", cwd=tmp_path, timeout=60)
     assert done.returncode == 2
@@ -185,7 +185,7 @@ def test_a_sink_stays_in_the_run_folder(palpate, point_pipeline):
 
 @pytest.mark.slow
 def test_a_terminal_that_goes_ends_nothing_under_nohup(point_pipeline, tmp_path):
-    command = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(point_pipeline), *SHORT]
+    command = [sys.executable, "-c", "from palpate_engine.cli import main; main()", "run", str(point_pipeline), *SHORT]
     command += ["--set", "device.rig.pace=real-time", "--out", str(tmp_path / "out")]
     process = subprocess.Popen(["nohup", *command], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     wait_until((tmp_path / "out" / "estimates.csv").exists)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft202012Validator
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
 from palpate.registry import load
-from palpate.result import SCHEMA
 from palpate_commands.schema import pipeline_schema
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
+from palpate_engine.result import SCHEMA
 from palpate_kit.runs.result_model import result_schema
 
 from tests.results import mistakes

@@ -4,11 +4,11 @@ import re
 
 import pytest
 from palpate import PluginError
-from palpate.cli.commands import command_offers, help_text
-from palpate.host import analysis
 from palpate.offers import PANELS
 from palpate.trust import with_plugin_files
 from palpate_commands.completion import options_of
+from palpate_engine import analysis
+from palpate_engine.cli.commands import command_offers, help_text
 
 COMMANDS = command_offers().commands
 FORMER = {command.former: name for name, command in COMMANDS.items() if command.former}

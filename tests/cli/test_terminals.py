@@ -14,7 +14,7 @@ from rich.table import Table
 
 from tests.processes import PIPE, start
 
-COMMAND = [sys.executable, "-c", "from palpate.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from palpate_engine.cli import main; main()"]
 
 
 def run(*arguments, **env):
@@ -74,7 +74,7 @@ def test_a_reader_that_goes_early_is_no_error(arguments):
 @pytest.mark.parametrize("wait", [0.0, *(pytest.param(wait, marks=pytest.mark.slow) for wait in (0.1, 0.3, 0.6, 0.9))])
 def test_ctrl_c_within_the_first_second_ends_without_a_traceback(point_pipeline, tmp_path, wait):
     """Counted from where the interpreter has come to the command: before that it is the interpreter's own affair."""
-    code = "import sys\nfrom palpate.cli import main\nprint('ready', flush=True)\nmain(sys.argv[1:])"
+    code = "import sys\nfrom palpate_engine.cli import main\nprint('ready', flush=True)\nmain(sys.argv[1:])"
     words = ["run", point_pipeline, "--out", tmp_path / "out", "--set", "device.rig.pace=real-time"]
     process = start(code, *words, stdout=PIPE, stderr=PIPE, text=True)
     try:

@@ -47,8 +47,8 @@ type = "kinematic-ekf"
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory, root):
     """A run on the reference, and its pipeline file."""
-    from palpate.config import load_pipeline
-    from palpate.pipeline import run_pipeline
+    from palpate_engine.config import load_pipeline
+    from palpate_engine.pipeline import run_pipeline
 
     folder = tmp_path_factory.mktemp("measured")
     file = shutil.copy(root / "pipelines" / "filters.toml", folder / "point.toml")
@@ -308,7 +308,7 @@ def test_a_disk_that_fails_while_a_check_is_appended_leaves_the_chart_as_it_was(
     def full(_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("palpate.atomic_files.os.fsync", full)
+    monkeypatch.setattr("palpate_engine.atomic_files.os.fsync", full)
     with pytest.raises(OutputError, match="No space left"):
         append_check(file, chart_of(), check(2))
     assert file.read_bytes() == before

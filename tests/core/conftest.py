@@ -1,8 +1,8 @@
 """Live runs of a rig that lives in the test."""
 
 import pytest
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 from tests.core import live
 

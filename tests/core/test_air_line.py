@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from palpate import Batch, Channel, Stream
-from palpate.alignment import Aligner, AlignmentSettings, Ports
-from palpate.alignment.change_point import change_point, shortest_descent
 from palpate.estimation import Samples
+from palpate_engine.alignment import Aligner, AlignmentSettings, Ports
+from palpate_engine.alignment.change_point import change_point, shortest_descent
 
 RATE, AIR, DEEP = 2000.0, 2e-6, 0.6e-6
 STREAM = Stream("", (Channel("force", "N"), Channel("height", "m")), None)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import Batch, Channel, LogError, Stream
-from palpate.alignment import Aligner, AlignmentSettings, Ports
-from palpate.alignment.signal_series import Health
 from palpate.estimation import Samples
+from palpate.stream_health import Health
+from palpate_engine.alignment import Aligner, AlignmentSettings, Ports
 
 FORCE = Stream("wrench", (Channel("z", "N", (-50.0, 50.0)),), 800.0)
 MOTION = Stream("tip", (Channel("z", "m"), Channel("vz", "m/s")), 500.0)

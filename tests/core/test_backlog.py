@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from palpate import Batch, Channel, Stream
-from palpate.alignment import AlignmentSettings, Ports
 from palpate.estimation import Estimates, Samples
-from palpate.pipeline import backlog as module, run_pipeline
-from palpate.pipeline.backlog import Backlog
-from palpate.pipeline.latency import Latency
-from palpate.pipeline.tracks import Tracks, start_tracks
+from palpate_engine.alignment import AlignmentSettings, Ports
+from palpate_engine.pipeline import backlog as module, run_pipeline
+from palpate_engine.pipeline.backlog import Backlog
+from palpate_engine.pipeline.latency import Latency
+from palpate_engine.pipeline.tracks import Tracks, start_tracks
 
 from tests.core.live import LISTENERS
 
@@ -70,7 +70,7 @@ def test_latency_is_from_arrival_to_estimate(monkeypatch):
     latency.arrived([("r", Batch("tip", stamps, stamps + 500, np.zeros((1000, 1))))])
     latency.arrived([("r", Batch("other", stamps, stamps, np.zeros((1000, 1))))])
     assert latency.table() is None
-    monkeypatch.setattr("palpate.pipeline.latency.host_time_ns", lambda: int(stamps[989]) + 500 + 5_000_000)
+    monkeypatch.setattr("palpate_engine.pipeline.latency.host_time_ns", lambda: int(stamps[989]) + 500 + 5_000_000)
     latency.served(stamps[980:990])
     table = latency.table()
     assert table["max"] == pytest.approx(989 * 0.002 + 0.005)

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import pytest
 from palpate import ConfigurationError
-from palpate.config import load_pipeline
-from palpate.config.calibration import calibration_of
-from palpate.pipeline import run_pipeline
-from palpate.pipeline.live.stored_offset import stored_offset
 from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue, calibrated_value
+from palpate_engine.config import load_pipeline
+from palpate_engine.config.calibration import calibration_of
+from palpate_engine.pipeline import run_pipeline
+from palpate_engine.pipeline.live.stored_offset import stored_offset
 from palpate_kit.runs.calibration_file import Calibration, read_calibration
 
 

@@ -4,11 +4,11 @@ import json
 import tomllib
 
 import pytest
-from palpate.config import load_pipeline, resolved_text
 from palpate.errors import ConfigurationError, PluginError
 from palpate.hooks import KINDS
 from palpate.registry import load
 from palpate_commands.schema import pipeline_schema
+from palpate_engine.config import load_pipeline, resolved_text
 
 
 def complaint(path, *overrides):

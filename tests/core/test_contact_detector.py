@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from palpate import Batch, Channel, Stream
-from palpate.alignment import Aligner, AlignmentSettings, Ports
-from palpate.alignment.change_point import change_point
 from palpate.estimation import Samples
+from palpate_engine.alignment import Aligner, AlignmentSettings, Ports
+from palpate_engine.alignment.change_point import change_point
 
 FORCE = Stream("wrench", (Channel("z", "N", (-50.0, 50.0)),), 500.0)
 MOTION = Stream("tip", (Channel("z", "m"),), 500.0)

@@ -4,10 +4,10 @@ import tomllib
 
 import pytest
 from palpate import ConfigurationError
-from palpate.config import load_pipeline, resolved_text
-from palpate.config.unit_plausibility import implausible_units
 from palpate.registry import load
 from palpate_commands.schema import pipeline_schema
+from palpate_engine.config import load_pipeline, resolved_text
+from palpate_engine.config.unit_plausibility import implausible_units
 
 REGISTRY = load()
 

@@ -3,9 +3,9 @@
 import json
 
 import pytest
-from palpate.config import load_pipeline
 from palpate.errors import DeviceError
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 from tests.core import live
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from palpate import RiseWatch, SoundForce
+from palpate_engine import RiseWatch, SoundForce
 
 RATE, STEP = 800.0, 1 / 400  # [Hz], [s] between two looks, two readings each
 RNG = np.random.default_rng(0)

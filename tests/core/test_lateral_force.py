@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from palpate import Batch
-from palpate.alignment.lateral_force import LateralForce
+from palpate_engine.alignment.lateral_force import LateralForce
 
 
 def readings(count=4000, share=(0.1, -0.05), noise=0.05):

@@ -6,11 +6,11 @@ from dataclasses import replace
 import pytest
 from palpate import Flag, FlagMeaning
 from palpate.flags import judged_flags
-from palpate.host import UncertainValue
 from palpate.registry import load
-from palpate.result.agreement import contradictions
-from palpate.result.materiality import WIDE, weigh
-from palpate.result.track_result import TrackResult
+from palpate_engine import UncertainValue
+from palpate_engine.result.agreement import contradictions
+from palpate_engine.result.materiality import WIDE, weigh
+from palpate_engine.result.track_result import TrackResult
 
 REGISTRY = load()
 

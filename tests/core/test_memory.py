@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 from palpate import Batch
-from palpate.alignment import Aligner
-from palpate.pipeline.closing_reserve import ClosingReserve
-from palpate.pipeline.data_path import DataPath
-from palpate.pipeline.latency import Latency
-from palpate.pipeline.outputs import Outputs
-from palpate.pipeline.tracks import Tracks, start_tracks
 from palpate.sink import Run
+from palpate_engine.alignment import Aligner
+from palpate_engine.pipeline.closing_reserve import ClosingReserve
+from palpate_engine.pipeline.data_path import DataPath
+from palpate_engine.pipeline.latency import Latency
+from palpate_engine.pipeline.outputs import Outputs
+from palpate_engine.pipeline.tracks import Tracks, start_tracks
 
 BLOCK, RATE = 0.25, 500.0  # [s], [Hz]
 
@@ -61,7 +61,7 @@ def test_memory_is_flat(live_pipeline, tmp_path):
                 path.step([])
             if block in (round(15 / BLOCK), round(45 / BLOCK) - 1):
                 gc.collect()
-                elsewhere = tracemalloc.Filter(False, "*sample_store.py")
+                elsewhere = tracemalloc.Filter(False, "*sample_keeper.py")
                 looks.append(tracemalloc.take_snapshot().filter_traces([elsewhere]))
         tracemalloc.stop()
     assert path.backlog.estimated > 43.0

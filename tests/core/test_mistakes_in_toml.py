@@ -2,7 +2,7 @@
 
 import pytest
 from palpate import ConfigurationError
-from palpate.config import load_pipeline
+from palpate_engine.config import load_pipeline
 
 
 def test_a_part_without_a_name_is_told_how_to_name_it(point_pipeline):

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 import pytest
 from palpate import OutputError
-from palpate.result.result_folder import make_folder
+from palpate_engine.result.result_folder import make_folder
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 

@@ -19,12 +19,12 @@ from palpate import (
     Trajectory,
     Turnable,
 )
-from palpate.alignment import Aligner, AlignmentSettings, Ports
-from palpate.config import load_pipeline
-from palpate.config.signal_wiring import check_wiring
 from palpate.device import ask_devices, own_motions, truth_of
-from palpate.pipeline.live.guard import Guard
 from palpate_calibration.calibration_record import CalibrationRecorder
+from palpate_engine.alignment import Aligner, AlignmentSettings, Ports
+from palpate_engine.config import load_pipeline
+from palpate_engine.config.signal_wiring import check_wiring
+from palpate_engine.pipeline.live.guard import Guard
 from palpate_logs.csv_replay import CsvReplay
 from palpate_trajectories.point import Point
 from palpate_trajectories.raster import Raster

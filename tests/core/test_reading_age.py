@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from palpate import ReadingAge
+from palpate_engine import ReadingAge
 
 MS = 1_000_000  # [ns]
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from palpate import Batch, Channel, DeviceError, RepeatCount, Repeats, Stream
-from palpate.alignment import AlignmentSettings, Ports
-from palpate.pipeline.live.guard import Guard
-from palpate.safety import SafetySettings
+from palpate_engine.alignment import AlignmentSettings, Ports
+from palpate_engine.pipeline.live.guard import Guard
+from palpate_engine.safety import SafetySettings
 
 RATE = 800.0  # [Hz]
 LIMITS = SafetySettings(

@@ -4,7 +4,7 @@ import json
 
 import pytest
 from palpate.errors import LogError
-from palpate.host import SCHEMA
+from palpate_engine import SCHEMA
 from palpate_kit.runs.estimates_columns import columns_of
 from palpate_kit.runs.result_file import read_result
 from palpate_maps.map_analysis import tracks_of

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import Batch, Channel, ConfigurationError, DeviceError, OwnMotion, Setpoint, Stream
-from palpate.alignment import AlignmentSettings, Ports
-from palpate.config.safety_wiring import contradictions, wire_safety
-from palpate.pipeline.live.arm_preparation import refuse_preload
-from palpate.pipeline.live.guard import Guard
-from palpate.pipeline.live.retreat_check import compare_readings, refuse_contact
-from palpate.safety import Reach, SafetySettings, check_motion, check_own_motion, check_setpoints, demand_safe
 from palpate_calibration.settings import CalibrationSettings
+from palpate_engine.alignment import AlignmentSettings, Ports
+from palpate_engine.config.safety_wiring import contradictions, wire_safety
+from palpate_engine.pipeline.live.arm_preparation import refuse_preload
+from palpate_engine.pipeline.live.guard import Guard
+from palpate_engine.pipeline.live.retreat_check import compare_readings, refuse_contact
+from palpate_engine.safety import Reach, SafetySettings, check_motion, check_own_motion, check_setpoints, demand_safe
 from palpate_studies.design.settings import DesignSettings
 from palpate_trajectories.point import Point
 

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 from palpate import clock
-from palpate.pipeline.live.scheduling import real_time_section
+from palpate_engine.pipeline.live.scheduling import real_time_section
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="no such scheduling here")
 
@@ -55,7 +55,7 @@ def test_where_it_is_not_permitted_everything_runs(monkeypatch):
 SPIN = """
 import os, time
 from palpate import clock
-from palpate.pipeline.live import scheduling
+from palpate_engine.pipeline.live import scheduling
 scheduling._SPELL = 0.2
 said = []
 with scheduling.real_time_section(said.append) as text:

@@ -6,8 +6,9 @@ import threading
 
 import pytest
 from palpate.clocks import clock, host_time_ns
-from palpate.simulated_clock import SimulatedClock
-from palpate.simulated_turns import DeadlockError, HoldUp
+from palpate.twin import HoldUp
+from palpate_kit.simulated_time.simulated_clock import SimulatedClock
+from palpate_kit.simulated_time.simulated_turns import DeadlockError
 
 
 def test_the_order_of_turns_is_that_of_the_times_waited_for():

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 from palpate import ConfigurationError, Setpoint, Surface, SurfacePoints
-from palpate.safety import SafetySettings, check_setpoints
-from palpate.safety.tool_clearance import ToolBody, tool_clearance
+from palpate_engine.safety import SafetySettings, check_setpoints
+from palpate_engine.safety.tool_clearance import ToolBody, tool_clearance
 from palpate_surfaces.plane import Plane
 
 TOOL = ToolBody(radius=0.035, begin=0.085, end=0.18)

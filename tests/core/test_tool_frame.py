@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 from palpate import Batch, Channel, Stream, Surface, SurfacePoints
-from palpate.alignment import Aligner, AlignmentSettings, Ports
-from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError
-from palpate.result.record_flags import alignment_flags
+from palpate_engine.alignment import Aligner, AlignmentSettings, Ports
+from palpate_engine.config import load_pipeline
+from palpate_engine.result.record_flags import alignment_flags
 from palpate_kit.kinematics.ur_arm import quaternion, rotation_matrix
 
 MASS, GRAVITY, BIAS = 0.14, 9.80665, np.array([0.4, -0.3, 0.6])

@@ -4,7 +4,7 @@ import json
 import pickle
 
 import pytest
-from palpate import TrackName
+from palpate_engine import TrackName
 
 
 def test_it_is_the_text_that_it_spells():

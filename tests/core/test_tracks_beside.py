@@ -6,9 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from palpate import ConfigurationError, Samples
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
-from palpate.pipeline.tracks import Tracks, start_tracks
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
+from palpate_engine.pipeline.tracks import Tracks, start_tracks
 
 SHORT = ("trajectory.press.duration=3 s",)
 

@@ -3,8 +3,8 @@
 import tomllib
 
 import pytest
-from palpate.config import Source, build_pipeline, load_pipeline, resolved_text
 from palpate.errors import ConfigurationError
+from palpate_engine.config import Source, build_pipeline, load_pipeline, resolved_text
 
 PLUGIN = """
 from palpate import Estimator, Migration, Settings, Speed, plugin

@@ -11,9 +11,9 @@ from subprocess import PIPE
 
 import numpy as np
 import pytest
-from palpate.config import load_pipeline
 from palpate.errors import DeviceError
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 from tests import processes
 from tests.devices.simulated_bench import PIPELINE, SHORT, SimulatedBench, Twins, readings

@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 
 from palpate import clock
-from palpate.config import load_pipeline
 from palpate.errors import DeviceError
-from palpate.pipeline import run_pipeline
 from palpate_devices.mcap_replay import McapReplay
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_simulation.twins.faults import apply_fault
 from palpate_simulation.twins.simulated_computer import simulated
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from palpate import ConfigurationError
-from palpate.cli import call
 from palpate_commands.acceptance.measurement import (
     BrakingTrace,
     MissedError,
@@ -11,6 +10,7 @@ from palpate_commands.acceptance.measurement import (
     measure_braking,
     measure_force_delay,
 )
+from palpate_engine.cli import call
 
 from tests.devices.simulated_bench import SHORT
 from tests.devices.simulated_job import go_through

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from palpate import DeviceError, ForceWatch, Setpoint, clock
-from palpate.safety import SafetySettings
+from palpate_arms.setpoint_buffer import PERIOD
 from palpate_devices.bota.device import BotaSensor
 from palpate_devices.ur.command_echo import Echo
 from palpate_devices.ur.device import UR
-from palpate_devices.ur.setpoint_buffer import PERIOD
+from palpate_engine.safety import SafetySettings
 from palpate_trajectories.point import Point
 
 from tests.devices.conftest import need_arm

@@ -6,7 +6,8 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from palpate import Batch, Channel, Device, SimulatedClock, Stream, clock
+from palpate import Batch, Channel, Device, Stream, clock
+from palpate_kit.simulated_time.simulated_clock import SimulatedClock
 from palpate_testing import check_device
 from palpate_trajectories.point import Point
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from mcap.writer import Writer
-from palpate.config import Source, build_pipeline
-from palpate.pipeline import run_pipeline
 from palpate_devices.messages import POSE, TWIST, WRENCH
+from palpate_engine.config import Source, build_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 from tests.logs.bags import press, wrench_message
 

@@ -7,8 +7,8 @@ import threading
 
 import numpy as np
 import pytest
+from palpate_arms.setpoint_buffer import PERIOD
 from palpate_devices.ur.command_echo import Echo, ReadBack
-from palpate_devices.ur.setpoint_buffer import PERIOD
 from palpate_simulation.twins.direct_client import SERVO_RANGES
 from palpate_simulation.twins.rtde import ClientSession, packets
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from palpate_arms.fence import ArmState, Fence
+from palpate_arms.servo import Commander, ServoLaw, straight_path
+from palpate_arms.setpoint_buffer import PERIOD, Plan
+from palpate_arms.station_plane import StationPlane, pressed_in_at_the_end
 from palpate_devices.ur.controller_states import complaint, slowdown
-from palpate_devices.ur.fence import ArmState, Fence
-from palpate_devices.ur.servo import Commander, ServoLaw, straight_path
-from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
-from palpate_devices.ur.station_plane import StationPlane, pressed_in_at_the_end
 from palpate_kit.acquisition.device_clock import ClockMap
 from palpate_kit.kinematics.ur_arm import (
     MODELS,

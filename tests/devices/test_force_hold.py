@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import ConfigurationError, DeviceError, ForceLaw, ForceWatch, Repeats
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
-from palpate.safety import SafetySettings
+from palpate_arms.servo import Commander, ServoLaw
+from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_devices.bota.device import BotaSensor
 from palpate_devices.ur.device import UR
-from palpate_devices.ur.servo import Commander, ServoLaw
-from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
+from palpate_engine.safety import SafetySettings
 from palpate_kit.force_control import ForceLead, refusal
 from palpate_trajectories.force_hold import ForceHold
 

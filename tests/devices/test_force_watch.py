@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 from palpate import Repeats
-from palpate_devices.ur.force_watch import ForceEye
+from palpate_arms.force_watch import ForceEye
 from palpate_kit.acquisition.ring import ROWS, Ring, ring_size, shared_memory
 
 RATE, COLUMNS, FIRST = 800.0, 8, 2

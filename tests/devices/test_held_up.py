@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from palpate_devices.ur.fence import ArmState
-from palpate_devices.ur.servo import Commander, ServoLaw
-from palpate_devices.ur.servo_pace import Beat, next_deadline
-from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_arms.fence import ArmState
+from palpate_arms.servo import Commander, ServoLaw
+from palpate_arms.servo_pace import Beat, next_deadline
+from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_devices.ur.worker import _Loop
 from palpate_kit.kinematics.ur_arm import UR3E, joints_at, matrix_of, tip
 from palpate_kit.kinematics.work_frame import WorkFrame

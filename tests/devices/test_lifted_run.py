@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from palpate import ConfigurationError, LogError
-from palpate.host import load_pipeline, run_pipeline
 from palpate_commands.lifted_run import lifted
+from palpate_engine import load_pipeline, run_pipeline
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_trajectories.lifted_motion import LiftedTrajectory
 from palpate_trajectories.point import Point

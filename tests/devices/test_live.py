@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from palpate import clock
 from palpate.errors import DeviceError, OutputError
-from palpate.pipeline import run_pipeline
-from palpate.pipeline.outputs import Outputs
 from palpate_devices.mcap_replay import McapReplay
+from palpate_engine.pipeline import run_pipeline
+from palpate_engine.pipeline.outputs import Outputs
 
 from tests.command import signals_of_a_terminal
 from tests.devices.simulated_bench import SHORT

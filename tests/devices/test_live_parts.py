@@ -6,11 +6,11 @@ import signal
 import numpy as np
 import pytest
 from palpate import clock
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
 from palpate_commands.remaining_motion import remaining_pipeline
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.ur.device import UR
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_kit.acquisition.computer import host
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_studies.repeated_runs import perform

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 import pytest
 from mcap.reader import make_reader
 from palpate import OutputError, clock
-from palpate.pipeline import closing_reserve as module
 from palpate_devices.log_file import LogFile
+from palpate_engine.pipeline import closing_reserve as module
 from palpate_kit.runs.run_folder import RunFolder
 
 from tests.devices.simulated_bench import readings

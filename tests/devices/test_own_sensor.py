@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import Device, DeviceError, ReportsHealth
-from palpate.host import registry
+from palpate_engine import registry
 
 PAGE = Path(__file__).parents[2] / "docs" / "own-sensor.md"
 

@@ -6,7 +6,7 @@ import resource
 
 import numpy as np
 import pytest
-from palpate_devices.ur.setpoint_buffer import PERIOD, Plan, write_setpoints
+from palpate_arms.setpoint_buffer import PERIOD, Plan, write_setpoints
 from palpate_trajectories import Point
 
 LONG = Point(bias=0.004, amplitude=0.001, frequency=2.0, duration=60.0)

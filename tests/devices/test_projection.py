@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate_kit.logs.turning_frames import FrameOrientations, rotate_vectors
 from palpate_logs.rosbag2_replay import Rosbag2Replay
+from palpate_records.messages.turning_frames import FrameOrientations, rotate_vectors
 from palpate_testing import check_device
 
 from tests.logs.bags import wrench_message, write_bag

@@ -5,7 +5,12 @@ import re
 from functools import cache
 
 PAGE = "docs/devices.md"
-CODE = ("core/palpate/*.py", "core/palpate/pipeline", "core/palpate_kit/acquisition", "core/palpate_kit/protocols")
+CODE = (
+    "core/palpate/*.py",
+    "core/palpate_engine/pipeline",
+    "core/palpate_kit/acquisition",
+    "core/palpate_kit/protocols",
+)
 CODE += ("core/palpate_kit/kinematics", "plugins/devices")
 # What other programs say: the client library, the system, a reference to the page.
 OTHERS = ("The following variables was not found", "already in use", "Failed to start control script", "No such file")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from palpate import DeviceError
-from palpate_devices.ur.reach import ArmReach
+from palpate_arms.reach import ArmReach
 from palpate_kit.kinematics.ur_arm import UR3E, joints_at, matrix_of, rotation_matrix
 from palpate_kit.kinematics.work_frame import WorkFrame
 from palpate_surfaces.plane import Plane

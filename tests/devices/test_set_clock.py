@@ -1,8 +1,9 @@
 """A computer whose clock is set during a run: by hand, or by a time server that was out of reach."""
 
 import pytest
-from palpate import SimulatedClock, clock
-from palpate.host import run_pipeline
+from palpate import clock
+from palpate_engine import run_pipeline
+from palpate_kit.simulated_time.simulated_clock import SimulatedClock
 
 from tests.devices.simulated_bench import SHORT
 

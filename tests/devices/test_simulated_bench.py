@@ -4,7 +4,7 @@ import json
 
 import pytest
 from palpate import clock
-from palpate.simulated_turns import HoldUp
+from palpate.twin import HoldUp
 from palpate_devices.bota.device import BotaSensor
 from palpate_devices.ur.device import UR
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from palpate import Batch, Channel, DeviceError, Stream
-from palpate.pipeline.arrivals import declared_batches
+from palpate_engine.pipeline.arrivals import declared_batches
 
 STREAMS = (Stream("wrench", (Channel("z", "N"),), 100.0),)
 

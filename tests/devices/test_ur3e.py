@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ArmLimits, DeviceError
+from palpate_arms.servo import Commander, ServoLaw, straight_path
+from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_devices.ur.client_sockets import drop_unsent, send_at_once
 from palpate_devices.ur.device import UR
-from palpate_devices.ur.servo import Commander, ServoLaw, straight_path
-from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
 from palpate_kit.kinematics.ur_arm import (
     flange,
     joints_at,

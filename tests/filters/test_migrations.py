@@ -1,7 +1,7 @@
 """Pipelines of before read as they did."""
 
 import pytest
-from palpate.config import load_pipeline
+from palpate_engine.config import load_pipeline
 
 OLD = """
 [estimator.fading]

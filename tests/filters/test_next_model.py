@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from palpate import Problem, force_over_time
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_fits import CasadiFit
 from palpate_models import (
     Burgers,

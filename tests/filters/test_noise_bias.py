@@ -5,8 +5,8 @@ from functools import partial
 import numpy as np
 import pytest
 from palpate import Bias, Diagnosed, Problem, Samples, Status, TrackEvidence
-from palpate.result.sample_store import Keeper
-from palpate.result.uncertain_value import UncertainValue
+from palpate.evidence.uncertain_value import UncertainValue
+from palpate_engine.result.sample_keeper import Keeper
 from palpate_filters import AdaptiveFadingUkf, ExtendedKalmanFilter, KinematicFilter, KinematicSmoother
 from palpate_filters.noise_bias import noise_bias
 from palpate_fits import CasadiFit

@@ -1,8 +1,8 @@
 """Offline tracks are judged by the innovations of their forward pass; what was held fixed is not judged at all."""
 
 import pytest
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 from tests.results import all_codes
 

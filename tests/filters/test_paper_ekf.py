@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from palpate import ConfigurationError, Problem, Status
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_filters.ekf import ExtendedKalmanFilter
 from palpate_models import DimensionalityReduction, Flat, Power, Sphere
 from palpate_testing import check_estimator, synthetic_samples

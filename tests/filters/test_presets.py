@@ -3,8 +3,8 @@
 import math
 
 import pytest
-from palpate.config import load_pipeline
 from palpate.offers import import_target
+from palpate_engine.config import load_pipeline
 from palpate_filters import palpate_estimators
 
 ESTIMATORS = {name: import_target(place) for name, place in palpate_estimators().items()}

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import palpate as python
 import pytest
-from palpate.host import Source, build_pipeline, run_pipeline
+from palpate_engine import Source, build_pipeline, run_pipeline
 from palpate_fits.estimator import CasadiFit
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, fit_curves

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 from tests.real_bags import unpack
 from tests.results import all_codes

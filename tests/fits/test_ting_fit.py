@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from palpate import ConfigurationError, Problem
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_fits import TingFit
 from palpate_models import DimensionalityReduction, Poroelastic, PowerLaw, Sphere, StandardLinearSolid
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ConfigurationError, LogError, Problem
-from palpate.cli import call
+from palpate_engine.cli import call
 from palpate_fits import CasadiFit
 from palpate_indentation.approach_fit import fit_curve
 from palpate_indentation.curve_source import whole_record

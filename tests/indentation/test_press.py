@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ConfigurationError, LogError, Samples, contact_force
-from palpate.cli import call
+from palpate_engine.cli import call
 from palpate_indentation.adhesion import tabor
 from palpate_indentation.elastic_law import law_of
 from palpate_indentation.press import press_of

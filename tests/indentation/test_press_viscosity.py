@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 from palpate import ConfigurationError, to_si
-from palpate.alignment import AlignmentSettings
-from palpate.cli import call
+from palpate_engine.alignment import AlignmentSettings
+from palpate_engine.cli import call
 from palpate_indentation.approach_fit import fit_curve
 from palpate_indentation.elastic_law import law_of
 from palpate_indentation.press import press_of

@@ -2,8 +2,8 @@
 
 import pytest
 from palpate import Run
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_live.live_feed import PageFeed
 from palpate_live.server_process import PageServer
 from palpate_live.sink import meanings

@@ -9,7 +9,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from palpate.host import load_pipeline, run_pipeline
+from palpate_engine import load_pipeline, run_pipeline
 from palpate_kit.page.gate import page_files
 from palpate_kit.runs.skin_grid import lump_shapes, read_lumps, skin_of_map, skin_over
 from palpate_kit.runs.surface_map_file import SurfaceMap

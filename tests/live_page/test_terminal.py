@@ -6,8 +6,8 @@ import time
 
 import pytest
 from palpate import Flag, GuardState
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_live import terminal_panel
 from rich.console import Console
 

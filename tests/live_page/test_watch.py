@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from palpate.host import load_pipeline, run_pipeline
+from palpate_engine import load_pipeline, run_pipeline
 from palpate_live import watch_command
 
 from tests.live_page.conftest import meanwhile, opened, read_any

@@ -5,7 +5,7 @@ import struct
 from collections.abc import Iterator
 
 from google.protobuf import descriptor_pb2
-from palpate_kit.logs.topics import Topic
+from palpate_records.messages.topics import Topic
 
 HEAD = b"\0\1\0\0"
 MOST = (1 << 32) - 1

@@ -8,7 +8,7 @@ import pytest
 from mcap.writer import Writer
 from palpate import LogError
 from palpate_devices.mcap_replay import McapReplay
-from palpate_kit.logs.mcap_file import McapFile
+from palpate_records.mcap.mcap_file import McapFile
 
 from tests.logs import damage
 

@@ -5,8 +5,8 @@ import random
 
 import pytest
 from palpate import LogError
-from palpate_kit.logs.decoders import decoder_of
-from palpate_kit.logs.topics import Topic
+from palpate_records.messages.decoders import decoder_of
+from palpate_records.messages.topics import Topic
 
 MSG = (
     'A[] items\nstring<=9 name "x"\nfloat64[3] p\nuint8 K=3\nB b\n'

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate_kit.logs.decoders import decoder_of
-from palpate_kit.logs.readings import FieldReading
-from palpate_kit.logs.topics import Messages
+from palpate_records.messages.decoders import decoder_of
+from palpate_records.messages.readings import FieldReading
+from palpate_records.messages.topics import Messages
 
 from tests.logs.hostile_definitions import MEGABYTE, hostile
 

@@ -14,16 +14,16 @@ import zstandard
 from mcap.writer import CompressionType, Writer
 from palpate import LogError
 from palpate_devices.mcap_replay import McapReplay
-from palpate_kit.logs import mcap_records as records
-from palpate_kit.logs.cdr import MessageLayout, _Walker, walk
-from palpate_kit.logs.cdr_decoder import CdrDecoder
-from palpate_kit.logs.decoders import decoder_of
-from palpate_kit.logs.definitions import parse_definitions
-from palpate_kit.logs.memory_budget import FREE, Budget
-from palpate_kit.logs.protobuf_messages import bounded_parser
-from palpate_kit.logs.readings import FieldReading
-from palpate_kit.logs.topics import Messages, Topic
-from palpate_logs.sqlite_bag import SqliteBag
+from palpate_records.bags.sqlite_bag import SqliteBag
+from palpate_records.mcap import mcap_records as records
+from palpate_records.messages.cdr import MessageLayout, _Walker, walk
+from palpate_records.messages.cdr_decoder import CdrDecoder
+from palpate_records.messages.decoders import decoder_of
+from palpate_records.messages.definitions import parse_definitions
+from palpate_records.messages.memory_budget import FREE, Budget
+from palpate_records.messages.protobuf_messages import bounded_parser
+from palpate_records.messages.readings import FieldReading
+from palpate_records.messages.topics import Messages, Topic
 
 from tests.logs.bags import write_bag
 from tests.processes import run

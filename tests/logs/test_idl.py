@@ -7,7 +7,7 @@ import pytest
 from mcap.writer import Writer
 from palpate.errors import LogError
 from palpate_devices.mcap_replay import McapReplay
-from palpate_kit.logs.definitions import Field, parse_definitions
+from palpate_records.messages.definitions import Field, parse_definitions
 
 # As rosidl writes them: comments, annotations, constants, typedefs of arrays, names of modules.
 LOAD = """

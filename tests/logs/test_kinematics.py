@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from mcap.writer import Writer as McapWriter
 from palpate import Batch, Channel, ConfigurationError, LogError, Run, Stream
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.mcap_sink import McapSink
 from palpate_devices.messages import JOINTS
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_kit.kinematics.ur_arm import (
     JOINTS as NAMES,
     joints_at,

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.messages import WRENCH, message_type, numbers_type, pack
-from palpate_kit.logs.decoders import decoder_of
-from palpate_kit.logs.readings import FieldReading
-from palpate_kit.logs.topics import Messages, Topic
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
+from palpate_records.messages.decoders import decoder_of
+from palpate_records.messages.readings import FieldReading
+from palpate_records.messages.topics import Messages, Topic
 from palpate_testing import check_device
 
 SHORT = ("trajectory.press.duration=1 s", "trajectory.press.speed=20 mm/s")

@@ -3,6 +3,8 @@
 import json
 import re
 import struct
+import subprocess
+import sys
 import zlib
 
 import numpy as np
@@ -12,11 +14,11 @@ from mcap.writer import CompressionType, IndexType, Writer
 from palpate import LogError
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.messages import WRENCH
-from palpate_kit.logs.decoders import decoder_of
-from palpate_kit.logs.definitions import parse_definitions
-from palpate_kit.logs.mcap_file import McapFile
-from palpate_kit.logs.readings import FieldReading
-from palpate_kit.logs.topics import Topic
+from palpate_records.mcap.mcap_file import McapFile
+from palpate_records.messages.decoders import decoder_of
+from palpate_records.messages.definitions import parse_definitions
+from palpate_records.messages.readings import FieldReading
+from palpate_records.messages.topics import Topic
 
 from tests.logs.bags import wrench_message
 
@@ -43,6 +45,16 @@ def write_log(path, count=COUNT, **options):
                 writer.add_message(words, stamp, text.encode(), stamp)
         writer.finish()
     return path
+
+
+def test_the_page_reads_a_log_in_three_lines(root, tmp_path):
+    """The lines stand in docs/read-a-log.md; no pipeline, engine or kit is loaded for them."""
+    write_log(tmp_path / "log.mcap", COUNT)
+    (block,) = re.findall(r"```python\n(.*?)```", (root / "docs" / "read-a-log.md").read_text(), re.DOTALL)
+    block += "import sys\nprint('loaded:', *{name.partition('.')[0] for name in sys.modules if 'palpate' in name})"
+    done = subprocess.run([sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "/ft/wrench ('header.stamp.sec', 'header.stamp.nanosec', 'wrench.force.x'" in done.stdout
+    assert set(done.stdout.rpartition("loaded:")[2].split()) == {"palpate", "palpate_records"}
 
 
 SIGNALS = {
@@ -357,7 +369,7 @@ def test_any_text_is_a_definition_or_refused(text):
 @given(payload=st.binary(max_size=120))
 @pytest.mark.parametrize("kind", ["sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage", WRENCH.name])
 def test_any_bytes_are_a_message_or_refused(kind, payload):
-    from palpate_kit.logs.topics import Messages
+    from palpate_records.messages.topics import Messages
 
     messages = Messages.joined([b"\0\1\0\0" + payload], np.zeros(1, np.int64), np.zeros(1, np.int64))
     try:

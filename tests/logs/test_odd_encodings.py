@@ -9,9 +9,9 @@ from mcap.writer import Writer
 from palpate import LogError
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.messages import WRENCH
-from palpate_kit.logs.decoders import decoder_of
-from palpate_kit.logs.readings import FieldReading
-from palpate_kit.logs.topics import Messages, Topic
+from palpate_records.messages.decoders import decoder_of
+from palpate_records.messages.readings import FieldReading
+from palpate_records.messages.topics import Messages, Topic
 
 from tests.logs.bags import Cdr, wrench_message
 

@@ -14,17 +14,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate_kit.logs import temporary_folders as scratch_folders
 from palpate_kit.logs.draft_pipeline import recording_of
-from palpate_kit.logs.log_files import regular
 from palpate_kit.logs.log_link import file_facts
-from palpate_kit.logs.mcap_file import McapFile
-from palpate_kit.logs.temporary_folders import scratch
-from palpate_logs.bag_folder import Bag, bag_files
 from palpate_logs.csv_replay import CsvReplay
-from palpate_logs.csv_sheet import Sheet
 from palpate_logs.rosbag2_replay import Rosbag2Replay
-from palpate_logs.sqlite_bag import SqliteBag
+from palpate_records import temporary_folders as scratch_folders
+from palpate_records.bags.bag_folder import Bag, bag_files
+from palpate_records.bags.sqlite_bag import SqliteBag
+from palpate_records.log_files import regular
+from palpate_records.mcap.mcap_file import McapFile
+from palpate_records.tables.csv_sheet import Sheet
+from palpate_records.temporary_folders import scratch
 
 from tests.logs.bags import array_message, write_bag
 
@@ -103,7 +103,7 @@ def test_a_bag_that_fits_nowhere_is_not_unpacked(tmp_path, monkeypatch):
 def test_folders_that_a_kill_left_are_removed_by_the_next_and_no_others(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     words = (
-        "import sys, tempfile, time\nfrom palpate_kit.logs.temporary_folders import scratch\n"
+        "import sys, tempfile, time\nfrom palpate_records.temporary_folders import scratch\n"
         f"tempfile.tempdir = {str(tmp_path)!r}\n"
         "with scratch() as folder:\n    (folder / 'bag.db3').write_bytes(b'x')\n    print('there', flush=True)\n"
         "    time.sleep(60)"

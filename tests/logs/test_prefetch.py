@@ -5,7 +5,7 @@ import time
 
 import pytest
 from palpate import LogError
-from palpate_kit.acquisition.prefetch import ahead
+from palpate_records.prefetch import ahead
 
 
 def counted(count, made, raised=None):

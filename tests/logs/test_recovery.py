@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Header, Message, Metadata, Schema
 from palpate import LogError, OutputError
 from palpate_devices.mcap_replay import McapReplay
-from palpate_kit.logs.mcap_file import McapFile
+from palpate_records.mcap.mcap_file import McapFile
 
 from tests.logs import damage
 

@@ -4,11 +4,11 @@ import random
 
 import numpy as np
 import pytest
-from palpate_kit.logs.decoders import decoder_of
-from palpate_kit.logs.definitions import Field, parse_definitions, short_name
-from palpate_kit.logs.readings import FieldReading
-from palpate_kit.logs.standard_types import STANDARD_TYPES
-from palpate_kit.logs.topics import Messages, Topic
+from palpate_records.messages.decoders import decoder_of
+from palpate_records.messages.definitions import Field, parse_definitions, short_name
+from palpate_records.messages.readings import FieldReading
+from palpate_records.messages.standard_types import STANDARD_TYPES
+from palpate_records.messages.topics import Messages, Topic
 from palpate_ros2.type_hash import type_hash
 
 pytest.importorskip("rosbags")

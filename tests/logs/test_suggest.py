@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from palpate import LogError
 from palpate_kit.logs.delay_from_free_air import air_delay
-from palpate_kit.logs.field_statistics import FieldStatistics, sparkline
 from palpate_kit.logs.role_evidence import contact_law, derivative, force_sign, on_grid
-from palpate_kit.logs.survey import _KEPT, SampleOfRow
 from palpate_logs.csv_replay import CsvReplay
-from palpate_logs.csv_sheet import Sheet
 from palpate_logs.rosbag2_replay import Rosbag2Replay
+from palpate_records.field_statistics import FieldStatistics, sparkline
+from palpate_records.survey import _KEPT, SampleOfRow
+from palpate_records.tables.csv_sheet import Sheet
 
 from tests.logs.bags import array_message, press, write_bag
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from mcap_ros2.decoder import DecoderFactory
-from palpate_kit.logs.decoders import decoder_of
-from palpate_kit.logs.definitions import PRIMITIVES, parse_definitions, short_name
-from palpate_kit.logs.mcap_file import McapFile
-from palpate_kit.logs.readings import FieldReading
-from palpate_kit.logs.standard_types import STANDARD_TYPES
+from palpate_records.mcap.mcap_file import McapFile
+from palpate_records.messages.decoders import decoder_of
+from palpate_records.messages.definitions import PRIMITIVES, parse_definitions, short_name
+from palpate_records.messages.readings import FieldReading
+from palpate_records.messages.standard_types import STANDARD_TYPES
 
 TYPES = (
     *("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Wrench", "geometry_msgs/msg/PoseStamped"),

@@ -9,9 +9,9 @@ import time
 
 import numpy as np
 import pytest
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
 from palpate_commands.remaining_motion import remaining_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_maps.map_analysis import find_lumps, make_map, read_path, sites_along
 
 from tests.processes import DEVNULL, PALPATE, PIPE, start

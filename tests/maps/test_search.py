@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from palpate import ConfigurationError
-from palpate.host import load_pipeline
+from palpate_engine import load_pipeline
 from palpate_maps.area_search import AreaSearch, SearchSettings
 from palpate_maps.clearance import Clearance, PatchGrid
 from palpate_maps.field_gain import FieldGain

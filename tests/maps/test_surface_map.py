@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import ConfigurationError, LogError, OutputError
-from palpate.host import load_pipeline, run_pipeline
+from palpate_engine import load_pipeline, run_pipeline
 from palpate_kit.figures import save_figure
 from palpate_kit.runs.skin_places import skin_places, surface_of_run
 from palpate_kit.runs.surface_map_figure import surface_map_figure

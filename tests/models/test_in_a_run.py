@@ -7,8 +7,8 @@ import runpy
 from pathlib import Path
 
 import pytest
-from palpate.config import Source, build_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import Source, build_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 ROOT = Path(__file__).parents[2]
 PIPELINE = """

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from palpate import ConfigurationError, PluginError
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 TIP = '''
 from palpate import Indenter, Length, plugin

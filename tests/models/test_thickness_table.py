@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from palpate import ConfigurationError
-from palpate.cli import call
+from palpate_engine.cli import call
 from palpate_models import DimensionalityReduction, ExactSphere, Flat, Sphere
 from palpate_models.rigid_tip import rounded_flat
 from palpate_models.thickness import Thickness

@@ -4,7 +4,7 @@ import numpy as np
 import palpate
 import pytest
 from palpate import ConfigurationError, LogError, PalpateError
-from palpate.host import run_pipeline
+from palpate_engine import run_pipeline
 from palpate_models import Sphere
 
 TIP = Sphere(radius="5 mm")

@@ -209,8 +209,8 @@ def test_conditions_of_a_pipeline():
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory, root):
     """A run of 112.5 kPa and 362 Pa s, one of a sine of 2 Hz."""
-    from palpate.config import load_pipeline
-    from palpate.pipeline import run_pipeline
+    from palpate_engine.config import load_pipeline
+    from palpate_engine.pipeline import run_pipeline
 
     folder = tmp_path_factory.mktemp("agree")
     file = shutil.copy(root / "pipelines" / "filters.toml", folder / "point.toml")

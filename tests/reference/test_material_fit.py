@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from palpate.host import registry
+from palpate_engine import registry
 from palpate_reference.fit_command import material_fits
 from palpate_reference.law_fit import supported_fits
 from palpate_reference.material_laws import LAWS, inverse_laplace, law_of

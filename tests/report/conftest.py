@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from palpate.host import load_pipeline, run_pipeline
+from palpate_engine import load_pipeline, run_pipeline
 
 ROOT = Path(__file__).parents[2]
 

@@ -266,7 +266,7 @@ def test_a_run_writes_its_report_or_says_how(palpate, point_pipeline, tmp_path):
 @pytest.mark.slow
 def test_a_section_that_fails_says_so(monkeypatch, point):
     from palpate import ReportSection
-    from palpate.host import registry
+    from palpate_engine import registry
     from palpate_report.run_contents import RunContents
     from palpate_report.run_report import page_of
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import ConfigurationError, LogError
-from palpate.host import run_pipeline
+from palpate_engine import run_pipeline
 from palpate_reproduction import item_rows
 from palpate_reproduction.item import (
     HERE,

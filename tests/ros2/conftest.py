@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from palpate_kit.logs.standard_types import STANDARD_TYPES
+from palpate_records.messages.standard_types import STANDARD_TYPES
 
 _numbers = itertools.count()
 

@@ -6,9 +6,9 @@ The run is palpate's own, simulated; what plays it (publisher.cpp) reads plain n
 import struct
 
 import numpy as np
-from palpate.host import load_pipeline, run_pipeline
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.messages import pack
+from palpate_engine import load_pipeline, run_pipeline
 from palpate_kit.kinematics.ur_arm import matrix_of
 from palpate_kit.logs.joint_kinematics import Kinematics, tips
 

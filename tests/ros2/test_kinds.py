@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 from palpate.errors import DeviceError
-from palpate_kit.logs.channel_mapping import MappedSignal
+from palpate_records.messages.channel_mapping import MappedSignal
 from palpate_ros2.device import Ros2Device
 
 PERIOD = 0.002  # [s]

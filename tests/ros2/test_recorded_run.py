@@ -6,8 +6,8 @@ import re
 
 import numpy as np
 import pytest
-from palpate.host import load_pipeline, run_pipeline
 from palpate_devices.mcap_replay import McapReplay
+from palpate_engine import load_pipeline, run_pipeline
 
 from tests.ros2 import playing
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from palpate.errors import DeviceError, PalpateError
 from palpate_devices.messages import pack
-from palpate_kit.logs.channel_mapping import MappedSignal
 from palpate_kit.logs.joint_kinematics import Kinematics
+from palpate_records.messages.channel_mapping import MappedSignal
 from palpate_ros2.device import Ros2Device, WatchedRange
 from palpate_ros2.listener import hear, listener
 from palpate_ros2.network import Network

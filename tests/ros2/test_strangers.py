@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from palpate.host import load_pipeline, run_pipeline
+from palpate_engine import load_pipeline, run_pipeline
 
 pytestmark = [pytest.mark.talks, pytest.mark.slow]
 BASE = "/palpate/dr/kinematic"

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate.errors import ConfigurationError, DeviceError
-from palpate.host import load_pipeline, run_pipeline
-from palpate_kit.logs.channel_mapping import MappedSignal
+from palpate_engine import load_pipeline, run_pipeline
+from palpate_records.messages.channel_mapping import MappedSignal
 from palpate_ros2.device import Ros2Device, WatchedRange
 from palpate_ros2.domain_survey import address_of
 from palpate_ros2.network import Network, Publication

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_trajectories.stay import Stay
 
 from tests.simulation.test_sim import QUIET, readings, rig

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_simulation.series_compliance import motion_behind_spring
 from palpate_simulation.skin_under_tip import SkinUnderTip
 

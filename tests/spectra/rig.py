@@ -69,7 +69,7 @@ def samples_of(model, time, d, force, seed, skin, drift, known):
     """The same from any depth and force over time."""
     from dataclasses import replace
 
-    from palpate.host import UncertainValue
+    from palpate_engine import UncertainValue
     from palpate_spectra.recorded_oscillation import ReplayedSamples
 
     whole = samples(time, d, force + drift * time / time[-1], seed, surface=skin)

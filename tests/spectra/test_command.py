@@ -10,8 +10,8 @@ SHORT = ["trajectory.press.duration=3 s", 'run.tracks=["dr/kinematic"]']
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory, root):
-    from palpate.config import load_pipeline
-    from palpate.pipeline import run_pipeline
+    from palpate_engine.config import load_pipeline
+    from palpate_engine.pipeline import run_pipeline
 
     folder = tmp_path_factory.mktemp("spectrum") / "run"
     run_pipeline(load_pipeline(root / "pipelines" / "filters.toml", SHORT), folder)

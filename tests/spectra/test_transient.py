@@ -195,7 +195,7 @@ def test_a_short_creep_is_one_linear_material(tmp_path, seed):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """The folder of a run."""
-    from palpate.host import load_pipeline, run_pipeline
+    from palpate_engine import load_pipeline, run_pipeline
 
     where = tmp_path_factory.mktemp("relaxation")
     (where / "hold.toml").write_text(PIPELINE)

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 from palpate import ConfigurationError, OutputError
-from palpate.host import load_pipeline, registry, run_pipeline
 from palpate_commands.completion import completion
 from palpate_commands.distribution import KINDS, distribution
 from palpate_commands.init import init
+from palpate_engine import load_pipeline, registry, run_pipeline
 
 ROOT = Path(__file__).parent.parent.parent
 PIPELINES = {

@@ -3,8 +3,8 @@
 import json
 
 import pytest
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_kit.jobs import result_cache as answers
 
 

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from palpate import ConfigurationError, contact_force
-from palpate.config import load_pipeline
 from palpate.contact import force_slopes
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_models import DimensionalityReduction, Flat, Power, Sphere
 from palpate_studies.design.bounds import Nuisances, cramer_rao
 from palpate_studies.design.measurement_noise import MeasurementNoise, QuantityNoise

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ConfigurationError, UserError
-from palpate.host import load_pipeline
+from palpate_engine import load_pipeline
 from palpate_kit.runs.run_folder import RunFolder
 
 distributed = pytest.importorskip("distributed")

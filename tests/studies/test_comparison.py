@@ -69,7 +69,7 @@ def palpate_models():
 
 @pytest.mark.slow
 def test_what_lacks_a_key_or_does_not_start_leaves_the_others(point_pipeline):
-    from palpate.host import Source
+    from palpate_engine import Source
     from palpate_studies.compare_command import _chosen
     from palpate_studies.tracks_that_run import with_what_runs
 

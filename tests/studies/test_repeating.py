@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_studies.force_error import force_error
 from palpate_studies.repeated_runs import palpations
 

@@ -5,8 +5,8 @@ import shutil
 
 import pytest
 from palpate import LogError, OutputError
-from palpate.config import load_pipeline
-from palpate.host import resolved_text, trust_plugin, whole_file
+from palpate_engine import resolved_text, trust_plugin, whole_file
+from palpate_engine.config import load_pipeline
 from palpate_kit.jobs.cores import on_all_cores
 from palpate_kit.jobs.job import Job, PortablePipeline, cached_result
 from palpate_kit.runs.pipeline_diff import differences

@@ -6,8 +6,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from palpate import ConfigurationError, surface_points
-from palpate.host import load_pipeline
-from palpate.pipeline.provenance import run_facts
+from palpate_engine import load_pipeline
+from palpate_engine.pipeline.provenance import run_facts
 from palpate_kit.jobs.staging import input_files
 from palpate_surfaces import Mesh, Plane
 from palpate_testing import check_surface

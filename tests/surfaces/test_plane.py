@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ConfigurationError, Floats, PluginError, Settings, Surface, SurfacePoints, surface_points
-from palpate.config import load_pipeline
-from palpate.config.part_builder import Builder
-from palpate.config.pipeline_source import Source
-from palpate.config.resolved_pipeline import resolved_text
 from palpate.registry import load
+from palpate_engine.config import load_pipeline
+from palpate_engine.config.part_builder import Builder
+from palpate_engine.config.pipeline_source import Source
+from palpate_engine.config.resolved_pipeline import resolved_text
 from palpate_surfaces import Plane
 from palpate_testing import check_surface
 from palpate_trajectories.nominal_height import NominalHeight

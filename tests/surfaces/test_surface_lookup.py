@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from palpate.alignment.surface_lookup import SurfaceLookup
+from palpate_engine.alignment.surface_lookup import SurfaceLookup
 from palpate_surfaces import HalfEllipsoid, Mesh, Plane
 
 from tests.surfaces.bodies import AXES, ellipsoid, half, write_body

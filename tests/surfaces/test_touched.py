@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from palpate import ConfigurationError, LogError, surface_points
-from palpate.host import load_pipeline, run_pipeline
+from palpate_engine import load_pipeline, run_pipeline
 from palpate_surfaces import TouchedSurface
 from palpate_surfaces.touches import read_touches
 from palpate_testing import check_surface

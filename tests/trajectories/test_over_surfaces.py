@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import ConfigurationError, Surface, SurfacePoints, surface_points
-from palpate.safety import SafetySettings, check_motion
+from palpate_engine.safety import SafetySettings, check_motion
 from palpate_kit.kinematics.turns_to_normals import rotation_rate, rotation_to
 from palpate_surfaces.plane import Plane
 from palpate_testing import check_trajectory

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import Problem, Status, TrackEvidence
-from palpate.result.sample_store import Keeper
+from palpate_engine.result.sample_keeper import Keeper
 from palpate_models import DimensionalityReduction
 from palpate_models.indenters import Sphere
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 from palpate import Problem, Samples, TrackEnd, TrackEvidence
-from palpate.alignment import AlignmentReport, AlignmentSettings
-from palpate.alignment.tare import Tare
-from palpate.result.track_record import TrackRecord
+from palpate.alignment_report import Tare
+from palpate_engine.alignment import AlignmentReport, AlignmentSettings
+from palpate_engine.result.track_record import TrackRecord
 from palpate_filters import KinematicFilter
 from palpate_models import DimensionalityReduction, Sphere
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from palpate.alignment import AlignmentSettings
-from palpate.result.track_tail import Tail
+from palpate.evidence.track_tail import Tail
+from palpate_engine.alignment import AlignmentSettings
 from palpate_models import DimensionalityReduction, Flat, KelvinVoigt, Sphere, StandardLinearSolid
 from palpate_uncertainty.assumption_line import assumption_lines
 from palpate_uncertainty.assumptions import assumptions
@@ -120,8 +120,8 @@ def test_an_undeclared_thickness_is_in_the_line_alone_where_it_moves_less_than_t
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory, root):
     """A short run with two tracks."""
-    from palpate.config import load_pipeline
-    from palpate.pipeline import run_pipeline
+    from palpate_engine.config import load_pipeline
+    from palpate_engine.pipeline import run_pipeline
 
     pipeline = load_pipeline(root / "pipelines" / "filters.toml", ["trajectory.press.duration=3 s"])
     return run_pipeline(pipeline, tmp_path_factory.mktemp("ran") / "run")

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from palpate.alignment import AlignmentReport, AlignmentSettings
-from palpate.alignment.tare import Tare
-from palpate.config.declared_uncertainties import unknown_sources
+from palpate.alignment_report import Tare
 from palpate.estimation import Estimates, Samples
 from palpate.registry import load
-from palpate.result import Diagnosable, RunEvidence, TrackRecord, apply_diagnoses, track_result
-from palpate.track_name import TrackName
+from palpate_engine.alignment import AlignmentReport, AlignmentSettings
+from palpate_engine.config.declared_uncertainties import unknown_sources
+from palpate_engine.result import Diagnosable, RunEvidence, TrackRecord, apply_diagnoses, track_result
+from palpate_engine.track_name import TrackName
 from palpate_fits import CasadiFit
 from palpate_kit.runs.uncertainty_sources import sources_of
 from palpate_models import DimensionalityReduction, Flat, KelvinVoigt, Sphere

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_filters import KinematicFilter
 from palpate_fits import CasadiFit
 from palpate_uncertainty.model_choice import correlation_time, model_choice, weigh_models

@@ -1,8 +1,8 @@
 """Point palpations on a busy computer: hesitations of the arm raise no flag, and the values are right."""
 
 import pytest
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 
 from tests.hesitating import hesitate
 

@@ -60,9 +60,9 @@ def test_an_elasticity_of_nothing_soft_is_no_value(elasticity, none):
     """What else the record says is in doubt then."""
     from types import SimpleNamespace
 
+    from palpate.evidence.uncertain_value import UncertainValue
     from palpate.registry import load
-    from palpate.result.materiality import weigh
-    from palpate.result.uncertain_value import UncertainValue
+    from palpate_engine.result.materiality import weigh
     from palpate_models import DimensionalityReduction
     from palpate_uncertainty.plausibility import _bound_flags
 

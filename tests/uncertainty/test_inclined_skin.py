@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from palpate.alignment.lateral_force import SidewaysShare
+from palpate.alignment_report import SidewaysShare
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_uncertainty.assumptions import assumptions
 from palpate_uncertainty.inclined_skin import axial_ratio, inclined_skin, possible_inclinations

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import Estimates, Samples
-from palpate.result.sample_store import Keeper
+from palpate_engine.result.sample_keeper import Keeper
 from palpate_filters import ExtendedKalmanFilter, KinematicFilter, KinematicSmoother
 from palpate_fits import CasadiFit
 from palpate_models import DimensionalityReduction, Sphere

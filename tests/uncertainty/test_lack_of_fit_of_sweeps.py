@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from palpate import Problem, Samples, TrackEvidence
-from palpate.result.track_record import TrackRecord
+from palpate_engine.result.track_record import TrackRecord
 from palpate_filters import AdaptiveFadingUkf, KinematicFilter
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_uncertainty.lack_of_fit import LEVEL, lack_of_fit

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from palpate.result.track_tail import Tail
+from palpate.evidence.track_tail import Tail
 from palpate_uncertainty.delay.passivity import force_lateness
 
 STIFFNESS, MASS = 1500.0, 0.14
@@ -82,12 +82,12 @@ def test_a_run_names_the_timing(run_point, delay):
 
 @pytest.mark.slow
 def test_what_diverges_names_it_too():
-    from palpate.alignment import AlignmentReport, AlignmentSettings
     from palpate.estimation import Estimates, Samples, Status
     from palpate.registry import load
-    from palpate.result import TrackRecord, track_result
-    from palpate.result.diagnoses import Diagnosable, RunEvidence, apply_diagnoses
-    from palpate.track_name import TrackName
+    from palpate_engine.alignment import AlignmentReport, AlignmentSettings
+    from palpate_engine.result import TrackRecord, track_result
+    from palpate_engine.result.diagnoses import Diagnosable, RunEvidence, apply_diagnoses
+    from palpate_engine.track_name import TrackName
     from palpate_filters import KinematicFilter
     from palpate_models import DimensionalityReduction, Sphere
 

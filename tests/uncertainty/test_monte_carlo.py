@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ConfigurationError
-from palpate.host import load_pipeline, run_pipeline
+from palpate_engine import load_pipeline, run_pipeline
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_uncertainty.budget_command import budget
 from palpate_uncertainty.monte_carlo import cases, propagate_draws, with_number

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
+from palpate_engine.config import load_pipeline
+from palpate_engine.pipeline import run_pipeline
 from palpate_uncertainty.budget_command import budget
 
 E, ETA, TAU = 112.5e3, 362.0, 0.0796  # [Pa], [Pa s], 1/w [s] at 2 Hz

@@ -1,12 +1,12 @@
 """What a track says of its way to rest: nothing of a random walk, nothing on a sweep, all of a slow approach."""
 
 import numpy as np
-from palpate.alignment import AlignmentReport, AlignmentSettings
-from palpate.alignment.tare import Tare
+from palpate.alignment_report import Tare
 from palpate.estimation import Estimates, Samples
-from palpate.result import TrackRecord
-from palpate.result.track_evidence import TrackEnd
-from palpate.result.track_tail import Tail
+from palpate.evidence.track_evidence import TrackEnd
+from palpate.evidence.track_tail import Tail
+from palpate_engine.alignment import AlignmentReport, AlignmentSettings
+from palpate_engine.result import TrackRecord
 from palpate_models import KelvinVoigt
 from palpate_uncertainty.plausibility import ending_flags
 from palpate_uncertainty.reading_faults import air_force_flags

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from palpate import Diagnosed, Tail, Term, force_over_time
-from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import force_slopes
-from palpate.host import registry
-from palpate.result import TrackResult
-from palpate.result.diagnoses import with_findings
-from palpate.result.uncertain_value import UncertainValue, derived_values
+from palpate.evidence.uncertain_value import UncertainValue, derived_values
+from palpate_engine import registry
+from palpate_engine.alignment import AlignmentReport, AlignmentSettings
+from palpate_engine.result import TrackResult
+from palpate_engine.result.diagnoses import with_findings
 from palpate_models import (
     DimensionalityReduction,
     Flat,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Batch, Channel, DeviceError, Floats, Layout, Link, SharedReadings, Stream, clock, epoch_offset
-from palpate.host import plugin_file_of
+from palpate_engine import plugin_file_of
 
 from palpate_kit.acquisition.child import Child
 from palpate_kit.acquisition.device_clock import ClockMap

@@ -38,7 +38,7 @@ def _reader_class(place: Mapping[str, Any]) -> Any:
     if place["file"] is None:
         module = importlib.import_module(place["module"])
     else:
-        from palpate.host import approved_files, import_plugin_file, inherited_approval
+        from palpate_engine import approved_files, import_plugin_file, inherited_approval
 
         with inherited_approval([place["sha256"]]):
             (file,) = approved_files([Path(place["file"])], Path(), named=False)

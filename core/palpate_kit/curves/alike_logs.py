@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from palpate import ConfigurationError, UserError
-from palpate.host import Registry
+from palpate_engine import Registry
+from palpate_records.recording import Suggestion
 
 from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.logs.draft_pipeline import readers_of
-from palpate_kit.logs.recording import Suggestion
 
 
 @dataclass

@@ -8,8 +8,8 @@ import shlex
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from palpate import ConfigurationError, to_si
-from palpate.host import SEVERITIES, display_unit, suggest
+from palpate import ConfigurationError, suggest, to_si
+from palpate_engine import SEVERITIES, display_unit
 
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 

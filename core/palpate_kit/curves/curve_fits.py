@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, ContactModel, Device, Flag, Floats, PalpateError
-from palpate.host import (
+from palpate_engine import (
     Pipeline,
     RecordOutcome,
     RecordTracks,

@@ -7,8 +7,8 @@ import io
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from palpate import LogError
-from palpate.host import suggest, write_whole
+from palpate import LogError, suggest
+from palpate_engine import write_whole
 
 from palpate_kit.curves.curve_files import Curve
 

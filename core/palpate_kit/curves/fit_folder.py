@@ -12,14 +12,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from palpate import LogError, PalpateError
-from palpate.host import (
+from palpate import LogError, PalpateError, suggest
+from palpate_engine import (
     Pipeline,
     Source,
     approved_plugins,
     build_pipeline,
     inherited_approval,
-    suggest,
     toml_tables,
     trusted_plugins,
 )

@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import tomli_w
-from palpate import LogError
-from palpate.host import bounded_text, suggest, toml_tables, write_whole
+from palpate import LogError, suggest
+from palpate_engine import bounded_text, toml_tables, write_whole
 
 OWN = "own.toml"
 _KEY = "set"

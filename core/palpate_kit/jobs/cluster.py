@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from palpate import ConfigurationError, UserError
-from palpate.host import write_whole
+from palpate_engine import write_whole
 
 from palpate_kit.jobs.job import Engine, Job, Outcome, Parcel, run_parcel
 from palpate_kit.jobs.workers import GO_ON, Watch, demand_alike, provenance

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, OutputError, PalpateError, UserError
-from palpate.host import (
+from palpate_engine import (
     Pipeline,
     Result,
     Source,

@@ -8,7 +8,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
-from palpate.host import safe_processes
+from palpate_engine import safe_processes
 
 
 class _SafeProcess(SpawnProcess):

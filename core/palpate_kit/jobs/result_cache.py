@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from palpate.host import Result, bounded_text, finite_tree, json_document, write_whole
+from palpate_engine import Result, bounded_text, finite_tree, json_document, write_whole
 from pydantic import TypeAdapter
 
 ANSWER = "answer.json"  # with all that result.json leaves out; it comes last, when the run folder is whole

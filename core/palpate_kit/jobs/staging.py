@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, OutputError, PalpateError
-from palpate.host import RESULT, Pipeline
+from palpate_engine import RESULT, Pipeline
 from pydantic import BaseModel
 
 from palpate_kit.jobs.job import Job, Outcome, Parcel, RunAnswer, cached_result, run_job, unused_folder

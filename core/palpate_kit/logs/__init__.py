@@ -1,1 +1,1 @@
-"""Logs of any format: what a device that reads them answers, and a pipeline that reads one."""
+"""Logs as sources of a pipeline: which of their numbers are force and position, and what reads them."""

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from palpate import LogError, PluginError, printable
-from palpate.host import Registry, registry as registries
-
-from palpate_kit.logs.recording import Recording, Suggestion, SupportsSurvey, SystemSurvey
+from palpate_engine import Registry, registry as registries
+from palpate_records.recording import Recording, Suggestion, SupportsSurvey, SystemSurvey
 
 _ADDRESS = re.compile(r"^[a-z]\w*:/{1,2}")  # a path loses one of two slashes
 

@@ -12,15 +12,15 @@ from typing import Literal, Self
 
 import numpy as np
 from palpate import Angle, Channel, Floats, Length, LogError, Settings, Stream
+from palpate_records.messages.channel_mapping import Clock
+from palpate_records.messages.decoders import decoder_of
+from palpate_records.messages.feeds import TopicFeed, check_fields, name_the_log
+from palpate_records.messages.readings import FieldReading
+from palpate_records.messages.topics import Container
 from pydantic import Field, model_validator
 
 from palpate_kit.kinematics.ur_arm import ALPHA, JOINTS, A, D, matrix_of
 from palpate_kit.kinematics.work_frame import WorkFrame
-from palpate_kit.logs.channel_mapping import Clock
-from palpate_kit.logs.decoders import decoder_of
-from palpate_kit.logs.feeds import TopicFeed, check_fields, name_the_log
-from palpate_kit.logs.readings import FieldReading
-from palpate_kit.logs.topics import Container
 
 _POSE = (*((axis, "m") for axis in "xyz"), *((f"q{axis}", "1") for axis in "xyzw"))
 _TWIST = (*((axis, "m/s") for axis in "xyz"), *((f"w{axis}", "rad/s") for axis in "xyz"))

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Batch, Floats, LogError
+from palpate_records.log_files import readable, regular
+from palpate_records.messages.channel_mapping import Clock, MappedSignal
+from palpate_records.messages.feeds import TopicFeed, mapped_feeds, name_the_log
+from palpate_records.messages.readings import SECOND
+from palpate_records.messages.topics import Container, Messages, Stamps
+from palpate_records.messages.turning_frames import FrameOrientations
+from palpate_records.prefetch import ahead
 
-from palpate_kit.acquisition.prefetch import ahead
-from palpate_kit.logs.channel_mapping import Clock, MappedSignal
-from palpate_kit.logs.feeds import TopicFeed, mapped_feeds, name_the_log
 from palpate_kit.logs.joint_kinematics import Kinematics, joint_feeds
-from palpate_kit.logs.log_files import readable, regular
-from palpate_kit.logs.readings import SECOND
-from palpate_kit.logs.topics import Container, Messages, Stamps
-from palpate_kit.logs.turning_frames import FrameOrientations
 
 HostTime = Callable[[TopicFeed, Stamps, Stamps], Stamps]
 _COLUMNS = 100_000  # of the table of a topic

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from palpate import Floats
-
-from palpate_kit.logs.definitions import short_name
+from palpate_records.messages.definitions import short_name
 
 UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
 _TYPED = {

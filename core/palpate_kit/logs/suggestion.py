@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
+from palpate_records.messages.readings import LARGEST
+from palpate_records.recording import Suggestion
 
 from palpate_kit.logs import role_evidence as evidence
 from palpate_kit.logs.delay_from_free_air import air_delay
-from palpate_kit.logs.readings import LARGEST
-from palpate_kit.logs.recording import Suggestion
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, Pick, RoleGuess, Search
 
 _TARE = 0.9  # [s]

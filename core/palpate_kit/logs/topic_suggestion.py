@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, LogError, printable
+from palpate_records.log_tables import tables_of
+from palpate_records.messages.feeds import stream_names
+from palpate_records.messages.readings import LARGEST, SECOND, FieldReading, si_unit
+from palpate_records.messages.topics import Container
+from palpate_records.recording import Suggestion
 
 from palpate_kit.logs import stated_roles as roles
-from palpate_kit.logs.feeds import stream_names
 from palpate_kit.logs.log_link import join_batches
-from palpate_kit.logs.log_tables import tables_of
-from palpate_kit.logs.readings import LARGEST, SECOND, FieldReading, si_unit
-from palpate_kit.logs.recording import Suggestion
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
 from palpate_kit.logs.suggestion import assemble_suggestion, find_roles, force_unit, length_unit
-from palpate_kit.logs.topics import Container
 
 _TAIL = 0.5  # [s]
 _ROWS = 400_000  # of one topic that are looked into

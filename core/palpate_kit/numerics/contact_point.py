@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from palpate import Floats, Samples, change_point
+from palpate import Floats, Samples
+from palpate_engine import change_point
 
 from palpate_kit.numerics.segments import RecordCourse
 from palpate_kit.numerics.tip_travel import median, third_differences

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, Settings
-from palpate.host import bounded_text, toml_tables
+from palpate_engine import bounded_text, toml_tables
 from pydantic import Field, ValidationError
 
 _FORMAT = 1

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, Trajectory
-from palpate.host import Pipeline, is_live, load_pipeline
+from palpate_engine import Pipeline, is_live, load_pipeline
 
 from palpate_kit.runs.run_folder import RunFolder
 

@@ -12,7 +12,7 @@ from time import monotonic
 from typing import IO
 
 from palpate import Estimates, EstimatesWriter, Floats, OutputError, Parameter, Samples
-from palpate.host import Pipeline, is_live
+from palpate_engine import Pipeline, is_live
 
 from palpate_kit.runs.csv_writer import csv_rows
 from palpate_kit.runs.estimates_columns import DueRows, columns_of, numbers_of

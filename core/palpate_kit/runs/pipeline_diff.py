@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Collection, Iterator
 from typing import Any
 
-from palpate.host import toml_tables
+from palpate_engine import toml_tables
 
 _SHOWN = 5  # differences in a message
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, LogError, Part, printable
-from palpate.host import Enclosure, Source, registry as registries
+from palpate_engine import Enclosure, Source, registry as registries
+from palpate_records.recording import LogAttachments, Recording, Suggestion
 
 from palpate_kit.logs.draft_pipeline import readers_of, recording_of
-from palpate_kit.logs.recording import LogAttachments, Recording, Suggestion
 from palpate_kit.runs.run_folder import RunFolder, pipeline_among
 from palpate_kit.runs.shared_tips import name_tips
 

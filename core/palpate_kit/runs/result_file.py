@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import Flag, LogError
-from palpate.host import SCHEMA, bounded_text, json_document, registry as registries, verdict
+from palpate_engine import SCHEMA, bounded_text, json_document, registry as registries, verdict
 
 from palpate_kit.runs.result_model import FitFileDocument, ResultDocument, problems
 from palpate_kit.runs.run_model import Document

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from palpate import LogError
-from palpate.host import bounded_text, json_document, write_whole
+from palpate_engine import bounded_text, json_document, write_whole
 
 REVIEW = "review.json"
 Mark = Literal["bad", "good", "none"]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, LogError, Status
-from palpate.host import GIVEN, PIPELINE, RESULT, bounded_text, toml_tables
+from palpate_engine import GIVEN, PIPELINE, RESULT, bounded_text, toml_tables
 
 from palpate_kit.runs.estimates_columns import missing_columns
 from palpate_kit.runs.estimates_file import OFFLINE, ONLINE, TEXT

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from palpate.host import Source
+from palpate_engine import Source
 
 
 def name_tips(source: Source) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Extent, Floats, Surface
-from palpate.host import bounded_text, display_unit, json_document
+from palpate_engine import bounded_text, display_unit, json_document
 
 from palpate_kit.runs.surface_map_file import SurfaceMap
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
-from palpate.host import display_unit
+from palpate_engine import display_unit
 
 from palpate_kit.figures import WIDTHS, figure_of, style
 from palpate_kit.runs.surface_map_file import SurfaceMap

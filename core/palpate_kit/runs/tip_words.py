@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from palpate import ConfigurationError, to_si
-from palpate.host import Registry, suggest
+from palpate import ConfigurationError, suggest, to_si
+from palpate_engine import Registry
 
 
 def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from palpate import ContactModel
-from palpate.host import READINGS, declared_std, numbers_of
+from palpate_engine import READINGS, declared_std, numbers_of
 
 _RADII = ("radius", "curvature_radius")
 _RADIUS = 0.005  # of itself

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from palpate import Flag
-from palpate.host import SEVERITIES
+from palpate_engine import SEVERITIES
 
 _SHOWN = 3  # doubts
 _NAMED = 3  # tracks or files with the same doubt

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from palpate.host import finite_tree
+from palpate_engine import finite_tree
 
 from palpate_kit.terminal.layout import layout
 

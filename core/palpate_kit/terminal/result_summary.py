@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from palpate import Flag, ReportSection
-from palpate.host import Result, TrackResult, UncertainValue, display_unit, function_of, verdict_word
+from palpate_engine import Result, TrackResult, UncertainValue, display_unit, function_of, verdict_word
 
 from palpate_kit.terminal.flag_summary import doubt_lines
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty

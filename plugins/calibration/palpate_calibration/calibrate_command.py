@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, OutputError
-from palpate.host import write_whole
+from palpate_engine import write_whole
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty

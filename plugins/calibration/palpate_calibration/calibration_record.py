@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from palpate import Batch, Floats, LogError
-from palpate.host import AlignmentSettings, Health, Hesitations, Intake, Ports, hesitations
+from palpate_engine import AlignmentSettings, Health, Hesitations, Intake, Ports, hesitations
 
 _SECOND = 1_000_000_000  # [ns]
 _ROLES = ("force", "position", "velocity")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import Device, Flag
-from palpate.host import AlignmentSettings, Pipeline, Signal, plain_settings
+from palpate_engine import AlignmentSettings, Pipeline, Signal, plain_settings
 from palpate_kit.runs.calibration_file import CalibratedValue, Calibration, read_calibration
 from palpate_kit.runs.device_identity import is_identity, other_identity
 

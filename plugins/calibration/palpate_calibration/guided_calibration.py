@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, KnowsGravity, LogError
-from palpate.host import Reach, is_live, mounting_of, plain_settings
+from palpate_engine import Reach, is_live, mounting_of, plain_settings
 from palpate_kit.runs.calibration_file import Calibration
 
 from palpate_calibration.calibrated_value import calibrated_value

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
-from palpate.host import Hesitations
+from palpate_engine import Hesitations
 
 from palpate_calibration.calibration_record import CalibrationRecord
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Floats, LogError
-from palpate.host import GRAVITY, Ports
+from palpate_engine import GRAVITY, Ports
 from palpate_kit.kinematics.ur_arm import rotation_matrix
 
 from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue

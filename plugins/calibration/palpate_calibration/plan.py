@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from palpate import ConfigurationError, Device, Indenter, Trajectory
-from palpate.host import (
+from palpate_engine import (
     AlignmentSettings,
     Ports,
     Registry,

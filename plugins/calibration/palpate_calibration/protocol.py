@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from palpate import Floats, LogError
-from palpate.host import GRAVITY
+from palpate_engine import GRAVITY
 
 from palpate_calibration.calibrated_value import MeasuredValue, add_values, scale_value
 from palpate_calibration.calibration_record import CalibrationRecord

@@ -19,7 +19,7 @@ from palpate import (
     duration_of,
     setpoints_at,
 )
-from palpate.host import Flow, Reach, ask_devices, demand_safe, each, interruptible, is_live, single_trajectory
+from palpate_engine import Flow, Reach, ask_devices, demand_safe, each, interruptible, is_live, single_trajectory
 
 from palpate_calibration.calibration_record import CalibrationRecord, CalibrationRecorder
 from palpate_calibration.calibration_use import identity_in

@@ -6,7 +6,7 @@ import math
 from typing import Literal, Self
 
 from palpate import Acceleration, Angle, Device, Force, Frequency, Length, Mass, Settings, Speed, Time, Trajectory
-from palpate.host import MotionLimits
+from palpate_engine import MotionLimits
 from pydantic import Field, model_validator
 
 

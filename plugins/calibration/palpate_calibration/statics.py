@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, LogError
-from palpate.host import GRAVITY
+from palpate_engine import GRAVITY
 
 from palpate_calibration.calibrated_value import RepeatValue
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate.host import load_pipeline, resolved_text, start_tracks
+from palpate_engine import load_pipeline, resolved_text, start_tracks
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 

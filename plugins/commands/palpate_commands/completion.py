@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError
-from palpate.host import function_of, registry, suggest
+from palpate import ConfigurationError, suggest
+from palpate_engine import function_of, registry
 
 _BASH = """# palpate in bash: eval "$(palpate init completion bash)" in ~/.bashrc; zsh: palpate init completion zsh
 _palpate() {{

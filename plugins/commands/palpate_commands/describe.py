@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate import ConfigurationError, Settings
-from palpate.host import (
+from palpate import ConfigurationError, Settings, suggest
+from palpate_engine import (
     SEVERITIES,
     AlignmentSettings,
     FlagEntry,
@@ -23,7 +23,6 @@ from palpate.host import (
     nested_settings,
     part_kind,
     registry as registries,
-    suggest,
 )
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption

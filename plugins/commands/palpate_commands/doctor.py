@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 from palpate import UserError
-from palpate.host import load_pipeline, refuse_rehearsal
+from palpate_engine import load_pipeline, refuse_rehearsal
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError, OutputError, Template
-from palpate.host import registry, suggest, write_new
+from palpate import ConfigurationError, OutputError, Template, suggest
+from palpate_engine import registry, write_new
 
 from palpate_commands.distribution import KINDS, distribution
 

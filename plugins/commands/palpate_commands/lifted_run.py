@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, ForceControlled, Trajectory, duration_of, setpoints_at, to_si
-from palpate.host import Pipeline, check_motion, single_trajectory
+from palpate_engine import Pipeline, check_motion, single_trajectory
 
 _STEP = 2e-3  # [s]
 _CLEAR = 1e-3  # [m] that the tip stays above the skin of the work frame

@@ -6,7 +6,7 @@ import inspect
 
 import typer
 from palpate import Part
-from palpate.host import registry as registries
+from palpate_engine import registry as registries
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Resumable, Trajectory
-from palpate.host import Pipeline, is_live
+from palpate_engine import Pipeline, is_live
 from palpate_kit.runs.continuation import continue_pipeline, recorded_pipeline
 from palpate_kit.runs.run_folder import RunFolder
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import build_pipeline
+from palpate_engine import build_pipeline
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, JsonOption, Overrides
 from palpate_kit.terminal.progress import progress

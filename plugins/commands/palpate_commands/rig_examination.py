@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 from palpate import Batch, Device, DeviceError, Floats, Link, Observable, ReportsHealth, Stream, SupportsLimits, clock
-from palpate.host import (
+from palpate_engine import (
     Guard,
     LiveLinks,
     Pipeline,

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import Pipeline, analysis, function_of, load_pipeline, run_pipeline
+from palpate_engine import Pipeline, analysis, function_of, load_pipeline, run_pipeline
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, Overrides
 from palpate_kit.terminal.progress import progress

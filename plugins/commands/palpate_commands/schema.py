@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 from palpate import OutputError, Settings
-from palpate.host import (
+from palpate_engine import (
     FORMAT,
     KEY,
     KINDS,

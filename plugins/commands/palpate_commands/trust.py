@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 from palpate import printable
-from palpate.host import trust_plugin, trusted_plugins
+from palpate_engine import trust_plugin, trusted_plugins
 
 
 def trust(

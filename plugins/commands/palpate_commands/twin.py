@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import load_pipeline
+from palpate_engine import load_pipeline
 from palpate_kit.terminal.options import Overrides
 
 

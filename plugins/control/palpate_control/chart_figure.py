@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.figures import figure_of, legend_outside, save_figure, style
 from palpate_kit.numerics.normalised_error import COVERAGE
 

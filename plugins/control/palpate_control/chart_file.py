@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, Settings
-from palpate.host import bounded_text, toml_tables, write_whole
+from palpate_engine import bounded_text, toml_tables, write_whole
 from pydantic import Field, ValidationError
 
 from palpate_control.control_limits import CheckState, CheckValue, check_states

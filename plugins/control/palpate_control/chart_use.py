@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, Flag
-from palpate.host import Pipeline, plain_settings
+from palpate_engine import Pipeline, plain_settings
 from palpate_kit.runs.device_identity import other_identity
 
 from palpate_control.chart_file import ControlChart, read_chart

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from palpate.host import Result
+from palpate_engine import Result
 
 _DAY, _HOUR = 86400.0, 3600.0  # [s]
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.runs.device_identity import other_identity
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import FormatOption, JsonOption, TrackOption

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError, to_si
-from palpate.host import Source, bounded_text, build_parts, dimension, plain_settings, registry, suggest, toml_tables
+from palpate import ConfigurationError, suggest, to_si
+from palpate_engine import Source, bounded_text, build_parts, dimension, plain_settings, registry, toml_tables
 
 QUANTITIES = {"Pa": "elasticity", "N/m": "stiffness", "Pa*s": "viscosity", "N*s/m": "damping"}
 _KEYS = ("name", "value", "uncertainty", "tip")

@@ -11,8 +11,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError, LogError
-from palpate.host import RESULT, bounded_text, suggest, toml_tables
+from palpate import ConfigurationError, LogError, suggest
+from palpate_engine import RESULT, bounded_text, toml_tables
 from palpate_kit.runs.device_identity import is_identity
 from palpate_kit.runs.result_file import values_by_name
 from palpate_kit.runs.run_folder import RunFolder

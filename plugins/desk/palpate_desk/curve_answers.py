@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Floats, PalpateError, Samples
-from palpate.host import RecordOutcome, Source, build_pipeline, finite_tree, inherited_approval, resolved_text
+from palpate_engine import RecordOutcome, Source, build_pipeline, finite_tree, inherited_approval, resolved_text
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import (
     CurveReader,

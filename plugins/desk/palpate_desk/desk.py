@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import IO, Any
 
 import typer
-from palpate import ConfigurationError, OutputError, printable
-from palpate.host import analysis, file_in_place, inherited_approval, registry, suggest
+from palpate import ConfigurationError, OutputError, printable, suggest
+from palpate_engine import analysis, file_in_place, inherited_approval, registry
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline

@@ -16,7 +16,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError, OutputError
-from palpate.host import analysis, make_folder
+from palpate_engine import analysis, make_folder
 from palpate_kit.curves.fit_folder import is_fit_folder
 from palpate_kit.page.listening_socket import listening_socket
 from palpate_kit.terminal.json_output import print_aside

@@ -13,7 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from palpate import ConfigurationError, OutputError, UserError
-from palpate.host import error_text
+from palpate_engine import error_text
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.page.datagrams import pack, pack_rows

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError
-from palpate.host import display_unit, registry, write_whole
+from palpate_engine import display_unit, registry, write_whole
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
@@ -21,7 +21,7 @@ from palpate_desk.action import OUT, Action, where_curve
 from palpate_desk.command_gate import demand_allowed
 from palpate_desk.desk import Desk
 
-_COMMAND = "import sys; from palpate.cli import main; main(sys.argv[2:], sys.argv[1].split())"
+_COMMAND = "import sys; from palpate_engine.cli import main; main(sys.argv[2:], sys.argv[1].split())"
 _WORDS = 2  # of the longest answer of a command that is shown
 
 

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from palpate import ConfigurationError, LogError, printable
-from palpate.host import file_in_place
+from palpate_engine import file_in_place
 
 from palpate_desk.action import Action
 from palpate_desk.command_gate import demand_allowed, is_change

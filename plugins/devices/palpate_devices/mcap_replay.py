@@ -12,20 +12,21 @@ from pathlib import Path
 from typing import Any, Self
 
 from palpate import Batch, Channel, File, Link, LogError, Stream, Time
-from palpate_kit.logs.channel_mapping import Clock, MappedSignal
-from palpate_kit.logs.feeds import TopicFeed, raw_feed, untimed_note
 from palpate_kit.logs.joint_kinematics import Kinematics, joint_feeds
 from palpate_kit.logs.log_link import LogLink, described_feeds, distinct, file_facts, window
-from palpate_kit.logs.log_tables import tables_of, texts_of
-from palpate_kit.logs.mcap_file import McapFile
-from palpate_kit.logs.mcap_recovery import count_messages, recover_mcap
-from palpate_kit.logs.recording import LogAttachments, Recording, Suggestion, Survey
-from palpate_kit.logs.survey import survey_of
 from palpate_kit.logs.topic_suggestion import suggestion_for
-from palpate_kit.logs.topics import Stamps, Topic
+from palpate_kit.terminal.progress import report_progress
+from palpate_records.log_tables import tables_of, texts_of
+from palpate_records.mcap.mcap_attachments import attached_to
+from palpate_records.mcap.mcap_file import McapFile
+from palpate_records.mcap.mcap_recovery import count_messages, recover_mcap
+from palpate_records.messages.channel_mapping import Clock, MappedSignal
+from palpate_records.messages.feeds import TopicFeed, raw_feed, untimed_note
+from palpate_records.messages.topics import Stamps, Topic
+from palpate_records.recording import LogAttachments, Recording, Suggestion, Survey
+from palpate_records.survey import survey_of
 from pydantic import Field, model_validator
 
-from palpate_devices.mcap_attachments import attached_to
 from palpate_devices.messages import JOINTS, LOG_SCHEMA, UNITS, MessageType, joint_type, message_type
 
 
@@ -176,7 +177,7 @@ class McapReplay(Recording):
     @classmethod
     def survey(cls, path: Path) -> Survey:
         """See `Recording`."""
-        return survey_of(McapFile(path, accept_cut=True), path, "MCAP")
+        return survey_of(McapFile(path, accept_cut=True), path, "MCAP", report_progress)
 
     @classmethod
     def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
@@ -196,7 +197,7 @@ class McapReplay(Recording):
     @classmethod
     def recover(cls, path: Path, out: Path, beside: Mapping[str, str] = {}) -> str:
         """See `Recording`."""
-        return recover_mcap(path, out, beside)
+        return recover_mcap(path, out, beside, report_progress)
 
 
 def _usable(topic: Topic) -> _Usable | None:

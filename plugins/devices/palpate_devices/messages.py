@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
-from palpate_kit.logs.topics import column
+from palpate_records.messages.topics import column
 
 _SECOND = 1_000_000_000  # [ns]
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"

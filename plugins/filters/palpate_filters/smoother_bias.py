@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from palpate import ContactModel, Floats
-from palpate.host import force_slopes
+from palpate_engine import force_slopes
 
 from palpate_filters.kinematic_bias import pull_on_estimates
 

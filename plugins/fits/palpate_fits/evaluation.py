@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from palpate import ConfigurationError, Problem
-from palpate.host import TrackResult
+from palpate_engine import TrackResult
 
 from palpate_fits.fit_jobs import LogFit
 

@@ -10,16 +10,16 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, printable
-from palpate.host import Registry, approved_plugins, make_folder, registry
+from palpate_engine import Registry, approved_plugins, make_folder, registry
 from palpate_kit.curves.alike_logs import logs_among
 from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
-from palpate_kit.curves.folder_fits import FEW, fit_each
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
 
 from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups
 from palpate_fits.file_tables import count_line, is_usable, show_rows
+from palpate_fits.folder_fits import FEW, fit_each
 
 _GUESSES = 6  # that are printed
 

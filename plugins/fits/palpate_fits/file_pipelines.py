@@ -10,12 +10,12 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, to_si
-from palpate.host import Pipeline, Registry, Source, build_pipeline, registry
+from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry
 from palpate_kit.curves.alike_logs import alike_logs
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
-from palpate_kit.logs.recording import Suggestion
 from palpate_kit.runs.tip_words import tip_table
+from palpate_records.recording import Suggestion
 
 DEVICE = "log"
 _READER = f"device.{DEVICE}."

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import typer
-from palpate.host import Pipeline, Registry, display_unit, verdict_word
+from palpate_engine import Pipeline, Registry, display_unit, verdict_word
 from palpate_kit.curves.curve_fits import Row, value_units
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console

@@ -11,11 +11,10 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import approved_plugins, load_pipeline, make_folder
+from palpate_engine import approved_plugins, load_pipeline, make_folder
 from palpate_kit.curves.curve_files import curve_files, curves_by
 from palpate_kit.curves.curve_fits import CurveReader, offline
 from palpate_kit.curves.fit_folder import is_fit_folder
-from palpate_kit.curves.folder_fits import fit_each
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_no_jobs, demand_scheduler
 from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, WhereOption
 from palpate_kit.terminal.progress import progress
@@ -23,6 +22,7 @@ from palpate_kit.terminal.table import console
 
 from palpate_fits.fit_sources import log_device
 from palpate_fits.fit_tables import each_table
+from palpate_fits.folder_fits import fit_each
 from palpate_fits.whole_logs import (
     JsonOption,
     OutOption,

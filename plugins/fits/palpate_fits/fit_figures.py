@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Estimates, FitReport, Floats, Samples
-from palpate.host import acceleration
+from palpate_engine import acceleration
 from palpate_kit.figures import figure_of, legend_outside, quartiles, save_figure, style
 
 _MOST = 20_000  # points in a curve

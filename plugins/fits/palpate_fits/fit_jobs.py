@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from palpate import LogError, PalpateError, Samples, UserError
-from palpate.host import Pipeline, Result, TrackResult, run_pipeline
+from palpate_engine import Pipeline, Result, TrackResult, run_pipeline
 from palpate_kit.jobs.cluster import on_cluster
 from palpate_kit.jobs.job import Job, Outcome, RunAnswer, cached_result, unused_folder
 from palpate_kit.jobs.result_cache import write_cache

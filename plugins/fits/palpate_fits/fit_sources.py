@@ -8,7 +8,7 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, PalpateError, UserError
-from palpate.host import ConsentError, Pipeline, Source, build_pipeline, load_pipeline
+from palpate_engine import ConsentError, Pipeline, Source, build_pipeline, load_pipeline
 from palpate_kit.curves.curve_fits import offline
 from palpate_kit.runs.replay_source import RunLog, read_run_log, replay_source
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from palpate import BudgetRow, Effect, FitReport, Flag
-from palpate.host import Pipeline, Result, TrackResult, UncertainValue, display_unit
+from palpate_engine import Pipeline, Result, TrackResult, UncertainValue, display_unit
 from palpate_kit.curves.curve_fits import value_units
 from palpate_kit.terminal.flag_summary import doubt_lines
 from palpate_kit.terminal.quantities import value_with_uncertainty

@@ -8,13 +8,12 @@ from typing import Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import Pipeline, Source, build_pipeline, registry, resolved_text, start_tracks, write_whole
+from palpate_engine import Pipeline, Source, build_pipeline, registry, resolved_text, start_tracks, write_whole
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import offline
 from palpate_kit.curves.curve_list import FILE, LIST, add_groups
 from palpate_kit.curves.curve_table import TABLE, FitTable, columns_of_fits, replace_columns
 from palpate_kit.curves.fit_folder import FitFolder
-from palpate_kit.curves.folder_fits import FEW, refit
 from palpate_kit.curves.own_settings import change_assignments, write_own
 from palpate_kit.runs.replay_source import added_table
 from palpate_kit.runs.tip_words import tip_table
@@ -24,6 +23,7 @@ from palpate_kit.terminal.table import console
 
 from palpate_fits.file_tables import show_rows
 from palpate_fits.fit_tables import each_table
+from palpate_fits.folder_fits import FEW, refit
 
 
 @dataclass(frozen=True)

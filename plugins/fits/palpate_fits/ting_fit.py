@@ -23,9 +23,9 @@ from palpate import (
     Tracker,
     Unknown,
     loading_cycle_force,
+    suggest,
     to_si,
 )
-from palpate.host import suggest
 from pydantic import Field
 
 from palpate_fits.arm_order import places_in_order

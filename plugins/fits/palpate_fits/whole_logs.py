@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate import OutputError, PalpateError
-from palpate.host import (
+from palpate_engine import (
     bounded_text,
     finite_tree,
     json_document,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats
-from palpate.host import registry as registries
+from palpate_engine import registry as registries
 
 from palpate_indentation.approach_fit import CurveFit, correlation_time
 from palpate_indentation.press import Branch

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from palpate import Floats, change_point
+from palpate import Floats
+from palpate_engine import change_point
 from palpate_kit.numerics.contact_point import CONTACT_METHODS, Approach, ContactPoint, contact_point
 
 from palpate_indentation.approach_fit import CurveFit

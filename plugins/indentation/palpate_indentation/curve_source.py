@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import typer
-from palpate import ConfigurationError, ContactModel, Floats, LogError, Samples
-from palpate.host import (
+from palpate import ConfigurationError, ContactModel, Floats, LogError, Samples, suggest
+from palpate_engine import (
     AlignmentSettings,
     Pipeline,
     Source,
@@ -19,7 +19,6 @@ from palpate.host import (
     build_pipeline,
     is_live,
     run_pipeline,
-    suggest,
     withdraw_folder,
 )
 from palpate_kit.runs.replay_source import read_run_log, replay_source

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, ContactModel, Floats, to_si
-from palpate.host import suggest
+from palpate import ConfigurationError, ContactModel, Floats, suggest, to_si
 
 _TEST = (0.1, 0.2)  # of the reach: depths at which it is looked whether a force is proportional to its modulus
 _REACH = 1e-2  # [m] of a robot's press, where no record says it

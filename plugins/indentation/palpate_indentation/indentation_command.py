@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, to_si
-from palpate.host import display_unit, make_folder, withdraw_folder, write_new
+from palpate_engine import display_unit, make_folder, withdraw_folder, write_new
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, JsonOption, Overrides
 from palpate_kit.terminal.quantities import value_with_uncertainty

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Floats, LogError, Samples, change_point
+from palpate import Floats, LogError, Samples
+from palpate_engine import change_point
 from palpate_kit.numerics.tip_travel import zero_phase_motion
 
 _TURN = 0.05  # of the way down; less of a way back is noise

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats
-from palpate.host import AlignmentSettings
+from palpate_engine import AlignmentSettings
 from palpate_kit.runs.uncertainty_sources import UncertaintySource, sources_of
 
 from palpate_indentation.approach_fit import CurveFit

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.figures import common_limits, figure_of, legend_outside, save_figure, style
 
 from palpate_indentation.press_analysis import Indentation

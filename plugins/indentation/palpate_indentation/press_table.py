@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from palpate import Floats
-from palpate.host import finite_tree, registry as registries
+from palpate_engine import finite_tree, registry as registries
 
 from palpate_indentation.adhesion import Theory, tabor
 from palpate_indentation.modulus_over_depth import ModulusProfile

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import ConfigurationError, ContactModel
-from palpate.host import registry as registries
+from palpate_engine import registry as registries
 
 from palpate_indentation.approach_fit import CurveFit, fit_curve
 from palpate_indentation.elastic_law import ElasticLaw

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 from palpate import Floats
-from palpate.host import PIPELINE
+from palpate_engine import PIPELINE
 from palpate_kit.runs.result_file import usable_value
 from palpate_kit.runs.run_folder import RunFolder
 

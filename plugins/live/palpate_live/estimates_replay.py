@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Estimates, LogError, Parameter, Run, Samples, Status
-from palpate.host import RESULT
+from palpate_engine import RESULT
 from palpate_kit.runs.run_folder import EstimatesTable, RunFolder, TrackTable
 
 from palpate_live.live_feed import PageFeed

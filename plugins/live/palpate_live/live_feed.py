@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Estimates, Flag, FlagMeaning, Floats, GuardState, Run, Samples
-from palpate.host import display_unit, finite_tree
+from palpate_engine import display_unit, finite_tree
 from palpate_kit.page.datagrams import pack, pack_rows, pieces
 
 from palpate_live.row_columns import RowColumns, Table, beyond, describe_run, rows_of

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Estimates, Floats, Parameter, Run, Samples, Status
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.runs.skin_grid import lump_shapes, read_lumps, skin_over
 

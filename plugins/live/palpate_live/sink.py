@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 
 from palpate import FlagMeaning, Run, Sink, Writer
-from palpate.host import registry
+from palpate_engine import registry
 from pydantic import Field
 
 from palpate_live.live_feed import PageFeed

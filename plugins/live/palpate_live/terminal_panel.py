@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from palpate import Batch, Estimates, Flag, GuardState, Parameter, Samples
-from palpate.host import Pipeline, display_unit
+from palpate_engine import Pipeline, display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_live.row_columns import UNUSABLE, beyond

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import ConfigurationError, LogError, Run
-from palpate.host import build_pipeline, run_pipeline
+from palpate_engine import build_pipeline, run_pipeline
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.options import Overrides
@@ -21,7 +21,7 @@ from palpate_live.server_process import PageServer
 from palpate_live.sink import meanings, say
 
 if TYPE_CHECKING:
-    from palpate.host import Pipeline
+    from palpate_engine import Pipeline
 
 
 def watch(

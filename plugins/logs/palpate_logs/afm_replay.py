@@ -23,9 +23,9 @@ from palpate import (
     Stiffness,
     Stream,
 )
-from palpate_kit.logs.log_files import regular
 from palpate_kit.logs.log_link import file_facts
-from palpate_kit.logs.recording import Recording, Suggestion, Survey, TopicSurvey
+from palpate_records.log_files import regular
+from palpate_records.recording import Recording, Suggestion, Survey, TopicSurvey
 from pydantic import Field
 
 SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-force-qi", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".tab", ".h5")

@@ -10,17 +10,17 @@ from itertools import chain, islice
 
 import numpy as np
 from palpate import Batch, Floats, LogError, to_si
-from palpate_kit.logs.readings import LATEST, nanoseconds, sensible, si_unit
-from palpate_kit.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number
-from palpate_kit.tables.clock_times import CLOCK, Days, seconds_of_day
-from palpate_kit.tables.dialect import MARKS
-from palpate_kit.tables.table_text import bounded_lines, open_text
+from palpate_records.messages.readings import LATEST, nanoseconds, sensible, si_unit
+from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number
+from palpate_records.tables.clock_times import CLOCK, Days, seconds_of_day
+from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_of
+from palpate_records.tables.csv_names import weight_of
+from palpate_records.tables.csv_truncation import cut_number
+from palpate_records.tables.dialect import MARKS
+from palpate_records.tables.table_text import bounded_lines, open_text
 from pydantic_core import from_json
 
-from palpate_logs.csv_layout import TableLayout, first_lines, layout_of
-from palpate_logs.csv_names import weight_of
 from palpate_logs.csv_settings import CsvSettings
-from palpate_logs.csv_truncation import cut_number
 
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 4096  # rows in one batch

@@ -7,13 +7,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from palpate import Batch, Link, LogError
-from palpate_kit.logs.recording import Suggestion, Survey
-from palpate_kit.tables.table_text import OTHER_SUFFIXES, SUFFIXES
+from palpate_records.recording import Suggestion, Survey
+from palpate_records.tables.csv_sheet import Sheet
+from palpate_records.tables.table_text import OTHER_SUFFIXES, SUFFIXES
 
 from palpate_logs.csv_link import CsvLink
 from palpate_logs.csv_roles import suggest_csv
 from palpate_logs.csv_settings import CsvSettings
-from palpate_logs.csv_sheet import Sheet
 from palpate_logs.csv_survey import survey_csv, tables_csv
 
 

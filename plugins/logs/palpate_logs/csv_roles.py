@@ -9,17 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Floats, LogError
-from palpate.host import suggest
-from palpate_kit.logs.readings import si_unit
-from palpate_kit.logs.recording import Suggestion
+from palpate import Floats, LogError, suggest
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
 from palpate_kit.logs.suggestion import assemble_suggestion, find_roles
+from palpate_records.messages.readings import si_unit
+from palpate_records.recording import Suggestion
+from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of
+from palpate_records.tables.csv_layout import facts_worth_stating
+from palpate_records.tables.csv_names import exact_role, is_depth, is_of_retraction, role_by_words
+from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
 
-from palpate_logs.csv_clock import RATES, TimeColumn, clock_of
-from palpate_logs.csv_layout import facts_worth_stating
-from palpate_logs.csv_names import exact_role, is_depth, is_of_retraction, role_by_words
-from palpate_logs.csv_sheet import KEYS, Sheet, column_text, together
 from palpate_logs.csv_units import DIMENSIONS, units_of
 
 _ROWS = 400_000  # that are looked into
@@ -77,7 +76,8 @@ def look(path: Path, choices: Mapping[str, str]) -> SheetRoles:
     """A file with its numbers and its time; raises LogError."""
     sheet = Sheet.of(path, {key: choices[key] for key in KEYS if key in choices})
     values = together(sheet.blocks(), _ROWS)
-    clock = clock_of(sheet, values, choices)
+    taken = [sheet.index_of(role, choices[role].removeprefix(":")) for role in ROLES if role in choices]
+    clock = clock_of(sheet, values, choices, taken)
     if clock is not None and not (timed := np.isfinite(clock.seconds)).all():
         return SheetRoles(sheet, values[timed], replace(clock, seconds=clock.seconds[timed]))
     return SheetRoles(sheet, values, clock)

@@ -9,14 +9,13 @@ from encodings.aliases import aliases
 from functools import cached_property
 from typing import Annotated, Literal, Self
 
-from palpate import Channel, File, Frequency, Settings, Stream, to_si
-from palpate.host import suggest
-from palpate_kit.logs.log_files import regular
+from palpate import Channel, File, Frequency, Settings, Stream, suggest, to_si
 from palpate_kit.logs.log_link import file_facts
-from palpate_kit.logs.readings import si_unit
-from palpate_kit.logs.recording import Recording
-from palpate_kit.tables.clock_times import CLOCK
-from palpate_kit.tables.dialect import Dialect
+from palpate_records.log_files import regular
+from palpate_records.messages.readings import si_unit
+from palpate_records.recording import Recording
+from palpate_records.tables.clock_times import CLOCK
+from palpate_records.tables.dialect import Dialect
 from pydantic import Field, model_validator
 
 

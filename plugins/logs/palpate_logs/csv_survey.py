@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Batch, LogError
-from palpate_kit.logs.field_statistics import FieldStatistics
-from palpate_kit.logs.readings import LATEST, SECOND, nanoseconds, si_unit
-from palpate_kit.logs.recording import Survey, TopicSurvey
 from palpate_kit.logs.suggestion import find_roles
-from palpate_kit.tables.clock_times import CLOCK
+from palpate_records.field_statistics import FieldStatistics
+from palpate_records.messages.readings import LATEST, SECOND, nanoseconds, si_unit
+from palpate_records.recording import Survey, TopicSurvey
+from palpate_records.tables.clock_times import CLOCK
+from palpate_records.tables.csv_layout import facts_worth_stating
+from palpate_records.tables.csv_truncation import cut_number
 
-from palpate_logs.csv_layout import facts_worth_stating
 from palpate_logs.csv_roles import look
-from palpate_logs.csv_truncation import cut_number
 
 _PAUSE = 10.0  # usual intervals that make a gap
 

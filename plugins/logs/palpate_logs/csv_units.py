@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from palpate_kit.logs.readings import si_unit
 from palpate_kit.logs.role_guess import RoleGuess
 from palpate_kit.logs.suggestion import force_unit, length_unit
-
-from palpate_logs.csv_names import weight_of
-from palpate_logs.csv_sheet import Sheet
+from palpate_records.messages.readings import si_unit
+from palpate_records.tables.csv_names import weight_of
+from palpate_records.tables.csv_sheet import Sheet
 
 DIMENSIONS = {"N": "force", "m": "position", "m/s": "velocity"}  # roles, by the SI unit of a column
 _SCALED = {"force": "N", "position": "mm", "velocity": "mm/s"}  # what volts and counts are scaled to

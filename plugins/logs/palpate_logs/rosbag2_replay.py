@@ -9,19 +9,19 @@ from pathlib import Path
 from typing import Self
 
 from palpate import Batch, File, Link, LogError, Stream, Time
-from palpate_kit.logs.channel_mapping import Clock, MappedSignal
-from palpate_kit.logs.feeds import TopicFeed, untimed_note
 from palpate_kit.logs.joint_kinematics import Kinematics
 from palpate_kit.logs.log_link import LogLink, described_feeds, file_facts, window
-from palpate_kit.logs.log_tables import tables_of, texts_of
-from palpate_kit.logs.recording import Recording, Suggestion, Survey
-from palpate_kit.logs.survey import survey_of
 from palpate_kit.logs.topic_suggestion import suggestion_for
-from palpate_kit.logs.topics import Container, Stamps
+from palpate_kit.terminal.progress import report_progress
+from palpate_records.bags.bag_folder import SUFFIXES, Bag
+from palpate_records.bags.sqlite_recovery import recover_bag
+from palpate_records.log_tables import tables_of, texts_of
+from palpate_records.messages.channel_mapping import Clock, MappedSignal
+from palpate_records.messages.feeds import TopicFeed, untimed_note
+from palpate_records.messages.topics import Container, Stamps
+from palpate_records.recording import Recording, Suggestion, Survey
+from palpate_records.survey import survey_of
 from pydantic import Field, model_validator
-
-from palpate_logs.bag_folder import SUFFIXES, Bag
-from palpate_logs.sqlite_recovery import recover_bag
 
 
 class Rosbag2Replay(Recording):
@@ -106,7 +106,7 @@ class Rosbag2Replay(Recording):
     @classmethod
     def survey(cls, path: Path) -> Survey:
         """See `Recording`."""
-        return survey_of(cls._opened(path), path, "rosbag2")
+        return survey_of(cls._opened(path), path, "rosbag2", report_progress)
 
     @classmethod
     def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
@@ -127,7 +127,7 @@ class Rosbag2Replay(Recording):
     def recover(cls, path: Path, out: Path, beside: Mapping[str, str] = {}) -> str:
         """See `Recording`."""
         if path.name.endswith(".db3") and path.is_file():
-            return recover_bag(path, out)
+            return recover_bag(path, out, report_progress)
         if path.is_dir():
             raise LogError(f"{path}: recover the files of a bag one by one, and put them into a folder of their own")
         raise LogError(f"{path}: is compressed as a whole: unpack it first, as far as that goes")

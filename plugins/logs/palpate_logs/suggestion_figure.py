@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate_kit.figures import figure_of, save_figure, style
-from palpate_kit.logs.recording import Suggestion
+from palpate_records.recording import Suggestion
 
 _POINTS = 20_000  # of each curve
 

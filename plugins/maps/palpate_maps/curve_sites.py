@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import typer
-from palpate import LogError
-from palpate.host import suggest
+from palpate import LogError, suggest
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder, stale_words
 

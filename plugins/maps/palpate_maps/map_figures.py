@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 
 from palpate_maps.hidden_patches import Hiding

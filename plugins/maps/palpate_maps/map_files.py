@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Floats, OutputError
-from palpate.host import bounded_text, write_whole
+from palpate_engine import bounded_text, write_whole
 
 from palpate_maps.hidden_patches import Hiding
 from palpate_maps.lump_criteria import Findings

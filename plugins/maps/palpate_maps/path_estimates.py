@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate import BudgetRow, ContactModel, Estimates, Floats, Samples, Status, finite_rows
-from palpate.host import DerivedValue, TrackResult, UncertainValue
+from palpate_engine import DerivedValue, TrackResult, UncertainValue
 
 _PLACE = 1e-3  # [m]
 _WARM = 1.0  # [s] that a filter is given to find its feet
@@ -57,7 +57,7 @@ class Places:
         self._way = PathEstimates()
 
     def add(self, samples: Samples, estimates: Estimates) -> None:
-        """See `palpate.TrackSummary`."""
+        """See `palpate_engine.TrackSummary`."""
         if not finite_rows(samples.lateral).any():
             return  # the tip's place is not known
         known = ((estimates.status & Status.IDLE) == 0) & finite_rows(estimates.values)
@@ -65,7 +65,7 @@ class Places:
         self._way.add(samples.time[known], samples.lateral[known], np.column_stack(columns)[known])
 
     def of(self, result: TrackResult, model: ContactModel, is_sweep: bool) -> TrackResult:
-        """See `palpate.TrackSummary`."""
+        """See `palpate_engine.TrackSummary`."""
         return place_means(result, model, self._way) if is_sweep and result.report is None else result
 
 

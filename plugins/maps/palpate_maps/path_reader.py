@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Floats, LogError
-from palpate.host import RESULT
+from palpate_engine import RESULT
 from palpate_kit.runs.pipeline_diff import differences
 from palpate_kit.runs.result_file import open_table
 from palpate_kit.runs.run_folder import RunFolder, TrackTable

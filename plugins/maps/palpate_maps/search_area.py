@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, KnowsTruth, Setpoint, surface_of, surface_points
-from palpate.host import Pipeline, ask_devices
+from palpate_engine import Pipeline, ask_devices
 
 from palpate_maps.search_skin import SearchSkin, skin_share, tips_on
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Surface, Trajectory, duration_of, surface_of
-from palpate.host import Pipeline
+from palpate_engine import Pipeline
 
 from palpate_maps.next_places import Proposal
 

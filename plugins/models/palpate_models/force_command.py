@@ -18,10 +18,11 @@ from palpate import (
     OutputError,
     force_over_time,
     is_number,
+    suggest,
     tip_profile,
     to_si,
 )
-from palpate.host import Source, build_parts, registry as registries, suggest
+from palpate_engine import Source, build_parts, registry as registries
 from palpate_kit.figures import figure_of, save_figure, style
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption

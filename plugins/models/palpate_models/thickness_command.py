@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, Floats, Indenter, tip_profile, to_si
-from palpate.host import Source, build_parts, write_new
+from palpate_engine import Source, build_parts, write_new
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, Indenter
-from palpate.host import bounded_text, json_document
+from palpate_engine import bounded_text, json_document
 
 _HEAD = ["depth [m]", "factor"]
 _DEGREE = 4  # of the polynomial in the square root of the depth

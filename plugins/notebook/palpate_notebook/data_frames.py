@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from palpate import Floats, Samples
-from palpate.host import display_unit
+from palpate_engine import display_unit
 
 from palpate_notebook.optional_imports import library
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from palpate import ContactModel, Estimator, Indenter, Part
-from palpate.host import input_files
+from palpate_engine import input_files
 
 from palpate_notebook.fit_object import Fit
 from palpate_notebook.fitter_object import Fitter, RecordEstimator

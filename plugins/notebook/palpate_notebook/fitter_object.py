@@ -11,7 +11,7 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, ContactModel, Device, Estimator, Indenter, PalpateError, Stream
-from palpate.host import Pipeline, RecordTracks, build_pipeline, registry
+from palpate_engine import Pipeline, RecordTracks, build_pipeline, registry
 from palpate_kit.runs.tip_words import tip_table
 
 from palpate_notebook.fit_object import Fit

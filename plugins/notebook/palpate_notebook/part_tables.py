@@ -8,7 +8,7 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, Part
-from palpate.host import Registry, Source, plain_settings
+from palpate_engine import Registry, Source, plain_settings
 
 _UNCHECKED = "unchecked"
 

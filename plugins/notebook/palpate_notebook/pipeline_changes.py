@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import tomli_w
 from palpate import ConfigurationError
-from palpate.host import Pipeline, Source, build_pipeline
+from palpate_engine import Pipeline, Source, build_pipeline
 
 from palpate_notebook.suggestions import with_suggestions
 

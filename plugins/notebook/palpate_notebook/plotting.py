@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, Floats, Samples
-from palpate.host import display_unit, suggest
+from palpate import ConfigurationError, Floats, Samples, suggest
+from palpate_engine import display_unit
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 
 from palpate_notebook.figure_object import Picture

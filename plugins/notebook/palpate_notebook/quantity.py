@@ -10,7 +10,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from palpate import ConfigurationError, to_si
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_notebook.html_table import html_table

@@ -9,8 +9,8 @@ from typing import Any
 
 from palpate import ConfigurationError
 from palpate_kit.logs.draft_pipeline import suggestion_of
-from palpate_kit.logs.recording import Suggestion
 from palpate_kit.runs.replay_source import read_run_log, replay_source, with_other_channels
+from palpate_records.recording import Suggestion
 
 from palpate_notebook.record_object import Record, alignment_table
 

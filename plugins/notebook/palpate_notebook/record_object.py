@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from palpate import Batch, ConfigurationError, Floats, Samples, is_number, printable, to_si
-from palpate.host import suggest
+from palpate import Batch, ConfigurationError, Floats, Samples, is_number, printable, suggest, to_si
 
 from palpate_notebook.array_input import numbers, stamps
 from palpate_notebook.html_table import html_table

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from palpate import Batch, Samples
-from palpate.host import RecordTracks, Source, build_parts, build_pipeline
+from palpate_engine import RecordTracks, Source, build_parts, build_pipeline
 
 from palpate_notebook.run_functions import quietly
 

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
-from palpate import ConfigurationError, Floats, LogError, Samples
-from palpate.host import (
+from palpate import ConfigurationError, Floats, LogError, Samples, suggest
+from palpate_engine import (
     Pipeline,
     RecordOutcome,
     Result,
@@ -23,7 +23,6 @@ from palpate.host import (
     is_live,
     resolved_text,
     run_pipeline,
-    suggest,
 )
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.run_folder import RunFolder, TrackTable

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Batch, Estimates, Parameter, Samples
-from palpate.host import Pipeline, RecordOutcome, run_pipeline
+from palpate_engine import Pipeline, RecordOutcome, run_pipeline
 from palpate_kit.runs.run_folder import TrackTable
 
 
@@ -97,7 +97,7 @@ def run_place(folder: Path | None, temporary: bool) -> Iterator[Path | None]:
     try:
         yield made
     except BaseException:
-        from palpate.host import withdraw_folder
+        from palpate_engine import withdraw_folder
 
         withdraw_folder(made)
         raise

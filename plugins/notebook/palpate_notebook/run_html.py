@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from palpate import printable
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.terminal.quantities import round_number
 
 from palpate_notebook.html_table import html_table

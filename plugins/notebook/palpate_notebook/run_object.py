@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from palpate import Flag, OutputError
-from palpate.host import analysis
+from palpate_engine import analysis
 from palpate_kit.runs.result_file import read_flags
 from palpate_kit.runs.run_folder import RunFolder
 

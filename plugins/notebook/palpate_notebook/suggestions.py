@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, TypeVar
 
-from palpate.host import suggest
+from palpate import suggest
 
 T = TypeVar("T")
 _MEANT = {  # by names of other programs

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from palpate import ConfigurationError, OutputError, PalpateError
-from palpate.host import StoppedError
+from palpate_engine import StoppedError
 from palpate_kit.jobs.cores import on_all_cores
 from palpate_kit.jobs.job import Outcome, PortablePipeline
 from palpate_studies.sweep.combinations import Combination, refuse_hopeless

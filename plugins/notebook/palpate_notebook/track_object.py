@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from palpate import ConfigurationError, Flag
-from palpate.host import suggest
+from palpate import ConfigurationError, Flag, suggest
 from palpate_kit.runs.result_file import read_flags
 
 from palpate_notebook.quantity import UncertainQuantity

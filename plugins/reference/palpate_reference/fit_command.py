@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
-from palpate import ConfigurationError, Floats, printable, to_si
-from palpate.host import make_folder, suggest, write_new
+from palpate import ConfigurationError, Floats, printable, suggest, to_si
+from palpate_engine import make_folder, write_new
 from palpate_kit.terminal.json_output import json_text, print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, FormatOption, JsonOption
 from palpate_kit.terminal.table import console

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from palpate import LogError
-from palpate_kit.tables.cells import number
-from palpate_kit.tables.dialect import Dialect, dialect_of
-from palpate_kit.tables.table_text import bounded_lines, open_text
-from palpate_kit.tables.workbook import WORKBOOKS
+from palpate_records.tables.cells import number
+from palpate_records.tables.dialect import Dialect, dialect_of
+from palpate_records.tables.table_text import bounded_lines, open_text
+from palpate_records.tables.workbook import WORKBOOKS
 
 _LARGEST = 50_000_000  # characters
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 from palpate import Floats
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table
 

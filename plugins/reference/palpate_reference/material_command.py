@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from palpate import Floats, printable
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import FormatOption, JsonOption
 from palpate_kit.terminal.table import Table, console

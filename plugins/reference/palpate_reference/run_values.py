@@ -9,8 +9,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError, LogError
-from palpate.host import RESULT, suggest
+from palpate import ConfigurationError, LogError, suggest
+from palpate_engine import RESULT
 from palpate_kit.runs.result_file import values_by_name
 from palpate_kit.runs.run_folder import RunFolder
 

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from palpate import Floats, LogError, is_unit, to_si
-from palpate.host import suggest
+from palpate import Floats, LogError, is_unit, suggest, to_si
 
 from palpate_reference.instrument_text import InstrumentText
 from palpate_reference.table_blocks import TableBlock

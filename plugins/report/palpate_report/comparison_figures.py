@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.figures import WIDTHS, figure_of, legend_outside, style
 
 from palpate_report.group_numbers import APART, GroupRun, number_of, numbers_of

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, LogError
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.runs.pipeline_diff import differences
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from palpate import ADVICE, ConfigurationError
-from palpate.host import registry, suggest
+from palpate import ADVICE, ConfigurationError, suggest
+from palpate_engine import registry
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 

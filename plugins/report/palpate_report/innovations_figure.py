@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from palpate import Floats
-from palpate.host import RESULT
+from palpate_engine import RESULT
 from palpate_kit.figures import legend_outside, quartiles
 from palpate_kit.runs.result_file import open_table
 

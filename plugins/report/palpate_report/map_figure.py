@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from palpate import Floats
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.figures import WIDTHS, common_limits, figure_of, legend_outside
 from palpate_kit.runs.skin_grid import read_lumps
 from palpate_kit.runs.surface_map_figure import surface_map_figure

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError
-from palpate.host import suggest, write_whole
+from palpate import ConfigurationError, suggest
+from palpate_engine import write_whole
 from palpate_kit.curves.fit_folder import is_fit_folder
 from palpate_kit.terminal.options import WhereOption
 from palpate_kit.terminal.progress import progress

@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from palpate import BudgetRow, Effect, FitReport, LogError, TrackName, Unknown
-from palpate.host import DerivedValue, Result, TrackResult, UncertainValue, registry, toml_tables
+from palpate import BudgetRow, Effect, FitReport, LogError, Unknown
+from palpate_engine import DerivedValue, Result, TrackName, TrackResult, UncertainValue, registry, toml_tables
 from palpate_kit.runs.result_file import read_flags
 from palpate_kit.runs.run_folder import EstimatesTable, RunFolder, TrackTable
 

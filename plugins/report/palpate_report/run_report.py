@@ -7,7 +7,7 @@ from importlib.metadata import version
 from typing import Any
 
 from palpate import ADVICE, FlagMeaning, ReportSection
-from palpate.host import SEVERITIES, display_unit, function_of, registry
+from palpate_engine import SEVERITIES, display_unit, function_of, registry
 from palpate_kit.figures import WIDTHS
 from palpate_kit.runs.skin_grid import read_lumps
 from palpate_kit.terminal.table import Table

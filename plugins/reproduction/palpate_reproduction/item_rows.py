@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import PalpateError, UserError, to_si
-from palpate.host import (
+from palpate_engine import (
     ConsentError,
     Pipeline,
     Result,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate.host import make_folder, write_new
+from palpate_engine import make_folder, write_new
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_scheduler
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, JsonOption

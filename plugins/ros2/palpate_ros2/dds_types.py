@@ -6,7 +6,7 @@ from dataclasses import make_dataclass
 from functools import cache
 from typing import Any
 
-from palpate_kit.logs.definitions import PRIMITIVES, Definitions, Field, parse_definitions, short_name
+from palpate_records.messages.definitions import PRIMITIVES, Definitions, Field, parse_definitions, short_name
 
 from palpate_ros2.names import dds_type
 

@@ -10,12 +10,12 @@ from math import inf
 from typing import Literal, Self
 
 from palpate import Device, Link, LogError, Settings, Stream, Time, to_si
-from palpate_kit.logs.channel_mapping import Clock, MappedSignal, Orientation
-from palpate_kit.logs.definitions import parse_definitions
-from palpate_kit.logs.feeds import TopicFeed, mapped_streams
 from palpate_kit.logs.joint_kinematics import Kinematics
 from palpate_kit.logs.log_link import described_feeds
-from palpate_kit.logs.recording import SystemSurvey
+from palpate_records.messages.channel_mapping import Clock, MappedSignal, Orientation
+from palpate_records.messages.definitions import parse_definitions
+from palpate_records.messages.feeds import TopicFeed, mapped_streams
+from palpate_records.recording import SystemSurvey
 from pydantic import Field, field_validator, model_validator
 
 from palpate_ros2.limits import Limit, LimitBounds

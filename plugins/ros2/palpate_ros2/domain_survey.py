@@ -9,9 +9,10 @@ from pathlib import Path
 from urllib.parse import parse_qs
 
 from palpate import ConfigurationError, to_si
-from palpate_kit.logs.recording import Suggestion, Survey
-from palpate_kit.logs.survey import survey_of
 from palpate_kit.logs.topic_suggestion import suggestion_for
+from palpate_kit.terminal.progress import report_progress
+from palpate_records.recording import Suggestion, Survey
+from palpate_records.survey import survey_of
 
 from palpate_ros2.listener import hear, listener
 from palpate_ros2.network import Network, demand_reachable
@@ -38,7 +39,7 @@ class Address:
 
     def survey(self) -> Survey:
         """What is published there."""
-        found = survey_of(snapshot_at(self), Path(self.name), f"for {self.seconds:g} s")
+        found = survey_of(snapshot_at(self), Path(self.name), f"for {self.seconds:g} s", report_progress)
         note = f"nothing is published: {self.network.nobody}"
         return found if found.topics else replace(found, notes=(*found.notes, note))
 

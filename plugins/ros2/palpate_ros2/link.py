@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 from palpate import Batch, DeviceError, Flag, LogError, epoch_offset
-from palpate_kit.logs.feeds import TopicFeed
 from palpate_kit.logs.log_link import MessageReader
-from palpate_kit.logs.topics import Messages, Stamps
+from palpate_records.messages.feeds import TopicFeed
+from palpate_records.messages.topics import Messages, Stamps
 
 from palpate_ros2.limits import Limit
 from palpate_ros2.listener import Listener

@@ -11,8 +11,8 @@ from typing import Any
 
 from palpate import DeviceError
 from palpate_kit.acquisition.child import Child
-from palpate_kit.logs.definitions import short_name
-from palpate_kit.logs.standard_types import STANDARD_TYPES
+from palpate_records.messages.definitions import short_name
+from palpate_records.messages.standard_types import STANDARD_TYPES
 
 from palpate_ros2.message_pipe import Inlet, ReceivedMessage, message_pipe
 from palpate_ros2.network import Network

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from palpate_kit.acquisition.device_clock import LEAK, ClockMap
-from palpate_kit.logs.topics import Stamps
+from palpate_records.messages.topics import Stamps
 
 _SILENT = 500_000_000  # [ns] after which another publisher may take over
 _SLOW = 5  # usual intervals

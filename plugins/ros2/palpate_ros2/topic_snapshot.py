@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Set
 
 import numpy as np
 from palpate import epoch_offset
-from palpate_kit.logs.topics import Messages, Topic
+from palpate_records.messages.topics import Messages, Topic
 
 from palpate_ros2.message_pipe import ReceivedMessage
 

@@ -7,7 +7,7 @@ from functools import cache
 from hashlib import sha256
 from typing import Any
 
-from palpate_kit.logs.definitions import PRIMITIVES, Definitions, Field, parse_definitions, short_name
+from palpate_records.messages.definitions import PRIMITIVES, Definitions, Field, parse_definitions, short_name
 
 _NESTED, _SEQUENCE, _ARRAY = 1, 144, 48  # of type_description_interfaces/FieldType; the latter two are added
 _KINDS = {

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ArmTruth, ConfigurationError, DeviceError, HoldUp, SimulatedTwin, Time, Twin
-from palpate.host import Pipeline, Result, SafetySettings, load_pipeline, run_pipeline, suggest
+from palpate import ArmTruth, ConfigurationError, DeviceError, HoldUp, SimulatedTwin, Time, Twin, suggest
+from palpate_engine import Pipeline, Result, SafetySettings, load_pipeline, run_pipeline
 from palpate_kit.terminal.options import DetailsOption, FolderOption, Overrides
 from palpate_kit.terminal.result_summary import result_view
 from palpate_kit.terminal.table import Table, console

@@ -35,9 +35,9 @@ from palpate import (
     host_time_ns,
     setpoints_at,
 )
-from palpate_kit.acquisition.prefetch import ahead
 from palpate_kit.force_control import refusal
 from palpate_kit.kinematics.ur_arm import rotation_vector
+from palpate_records.prefetch import ahead
 from pydantic import Field
 
 from palpate_simulation.sensor_wrench import sensed_wrench

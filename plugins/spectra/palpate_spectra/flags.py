@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from palpate import Flag
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_spectra.complex_moduli import ModulusLine, RecordingModuli

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, ContactModel, Flag, Floats, LogError, Samples
-from palpate.host import Pipeline, UncertainValue, build_pipeline, load_pipeline, suggest
+from palpate import ConfigurationError, ContactModel, Flag, Floats, LogError, Samples, suggest
+from palpate_engine import Pipeline, UncertainValue, build_pipeline, load_pipeline
 from palpate_kit.runs.continuation import recorded_pipeline
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.run_folder import RunFolder
@@ -93,7 +93,7 @@ def replay(path: Path, track: str | None) -> ReplayedSamples:
     pipeline = _pipeline(path, track)
     if live := [name for name, device in pipeline.devices.items() if device.live]:
         raise ConfigurationError(f"{path}: device {', '.join(live)} is live; record first: palpate run {path}")
-    from palpate.host import run_pipeline
+    from palpate_engine import run_pipeline
 
     kept = SampleObserver()
     with tempfile.TemporaryDirectory() as folder, progress(str(path), "s"):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, PalpateError, UserError, printable
-from palpate.host import Pipeline, Source, analysis, make_folder, values_on_trust, write_new
+from palpate_engine import Pipeline, Source, analysis, make_folder, values_on_trust, write_new
 from palpate_kit.figures import save_figure
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_scheduler
 from palpate_kit.jobs.job import Job
@@ -29,7 +29,7 @@ from palpate_studies import comparison_table
 from palpate_studies.tracks_that_run import with_what_runs
 
 if TYPE_CHECKING:
-    from palpate.host import Result
+    from palpate_engine import Result
     from rich.console import RenderableType
 
 
@@ -58,7 +58,7 @@ def compare(
 
     Of a sweep along a line, the curves are drawn, too, with the lumps in each.
     """
-    from palpate.host import run_pipeline
+    from palpate_engine import run_pipeline
 
     demand_scheduler(scheduler, stage)
     log = log if scheduler is None else log.resolve()

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from itertools import groupby
 from typing import Any
 
-from palpate.host import Result, TrackResult, UncertainValue, display_unit, verdict_word
+from palpate_engine import Result, TrackResult, UncertainValue, display_unit, verdict_word
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 from palpate_kit.runs.run_folder import TrackTable
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, LogError
-from palpate.host import build_pipeline, make_folder, run_pipeline, values_on_trust
+from palpate_engine import build_pipeline, make_folder, run_pipeline, values_on_trust
 from palpate_kit.logs.draft_pipeline import recording_of
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.terminal.progress import progress, report_progress

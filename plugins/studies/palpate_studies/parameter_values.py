@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from palpate import ConfigurationError, Flag, LogError, UserError
-from palpate.host import registry, suggest, verdict
+from palpate import ConfigurationError, Flag, LogError, UserError, suggest
+from palpate_engine import registry, verdict
 from palpate_kit.curves.curve_filter import CurveFilter, curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder, stale_words
 from palpate_kit.runs.result_file import read_flags, read_results, value_verdict

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from palpate import ConfigurationError, LogError, UserError, to_si
-from palpate.host import ConsentError, finite_tree, suggest
+from palpate import ConfigurationError, LogError, UserError, suggest, to_si
+from palpate_engine import ConsentError, finite_tree
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.jobs.engines import SchedulerOption, StageOption
 from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, WhereOption

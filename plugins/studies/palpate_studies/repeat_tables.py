@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import typer
 from palpate import ConfigurationError, Device, Length, PalpateError, Settings, Time, UserError, clock
-from palpate.host import Pipeline, check_motion, load_pipeline, make_folder, run_pipeline
+from palpate_engine import Pipeline, check_motion, load_pipeline, make_folder, run_pipeline
 from palpate_kit.jobs.engines import demand_scheduler
 from palpate_kit.jobs.job import Job
 from palpate_kit.terminal.progress import progress, report_progress

@@ -11,8 +11,8 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from palpate import ConfigurationError, UserError
-from palpate.host import display_unit, finite_tree, suggest, verdict_word
+from palpate import ConfigurationError, UserError, suggest
+from palpate_engine import display_unit, finite_tree, verdict_word
 from palpate_kit.runs.review_file import Mark, write_mark
 from palpate_kit.terminal.options import FormatOption, TrackOption, WhereOption
 from palpate_kit.terminal.quantities import value_with_uncertainty

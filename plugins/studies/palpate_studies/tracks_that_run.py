@@ -7,7 +7,7 @@ from copy import copy, deepcopy
 from dataclasses import replace
 
 from palpate import ConfigurationError, PluginError
-from palpate.host import ConsentError, Pipeline, Source, build_pipeline, start_tracks
+from palpate_engine import ConsentError, Pipeline, Source, build_pipeline, start_tracks
 
 _KINDS = ("model", "estimator")
 

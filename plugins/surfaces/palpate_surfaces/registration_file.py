@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, Settings
-from palpate.host import bounded_text, toml_tables
+from palpate_engine import bounded_text, toml_tables
 from pydantic import Field, ValidationError
 
 from palpate_surfaces.pose import UncertainPose

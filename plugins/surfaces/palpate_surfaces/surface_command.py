@@ -10,7 +10,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, OutputError, to_si
-from palpate.host import Source, build_parts
+from palpate_engine import Source, build_parts
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from palpate import ConfigurationError, Floats, to_si
-from palpate.host import RESULT, bounded_text, suggest
+from palpate import ConfigurationError, Floats, suggest, to_si
+from palpate_engine import RESULT, bounded_text
 
 from palpate_surfaces.registration_file import file_digest
 from palpate_surfaces.run_touches import SkinTouch, touches_of_run

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats, Indenter, contact_force, force_over_time
-from palpate.host import Quantity
+from palpate_engine import Quantity
 
 from palpate_testing.failure_messages import demand, demand_close
 

@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from palpate import Device, SimulatedClock, Trajectory
+from palpate import Device, Trajectory
+from palpate_kit.simulated_time.simulated_clock import SimulatedClock
 
 from palpate_testing.device_checks import batches_of
 from palpate_testing.failure_messages import demand
@@ -84,5 +85,6 @@ def _watched(complaints: list[str]) -> Iterator[None]:
 
 def _is_exempt(caller: FrameType) -> bool:
     """Whether code is the clock's own, or of the standard library, which may date what it logs."""
-    root = str(caller.f_globals.get("__name__")).partition(".")[0]
-    return root == "palpate" or root in sys.stdlib_module_names
+    name = str(caller.f_globals.get("__name__"))
+    own = ("palpate.", "palpate_engine.", "palpate_kit.simulated_time.")
+    return name.startswith(own) or name.partition(".")[0] in sys.stdlib_module_names

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from palpate import ContactModel, Indenter, Part, PluginError, Settings
-from palpate.host import Registry
+from palpate_engine import Registry
 
 from palpate_testing.contact_checks import check_force, check_indenter, usual_values
 

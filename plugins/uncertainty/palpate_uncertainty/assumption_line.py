@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from palpate.host import Result, TrackResult
+from palpate_engine import Result, TrackResult
 
 _WORDS = {
     "force_scale": "force",

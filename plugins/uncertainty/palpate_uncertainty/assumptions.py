@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Diagnosed, Floats, Indenter, TrackEnd, TrackEvidence
-from palpate.host import numbers_of
+from palpate_engine import numbers_of
 
 from palpate_uncertainty.delay.timing_shift import is_viscous
 from palpate_uncertainty.force_sensitivity import Along, along, with_change

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from palpate import ConfigurationError
-from palpate.host import RESULT, display_unit, suggest
+from palpate import ConfigurationError, suggest
+from palpate_engine import RESULT, display_unit
 from palpate_kit.runs.result_file import open_table
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.options import DetailsOption, FormatOption, JsonOption

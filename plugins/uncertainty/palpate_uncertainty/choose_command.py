@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from palpate import ConfigurationError, Floats, LogError, Problem, Samples
-from palpate.host import Pipeline, Source, TrackResult, build_pipeline, display_unit, is_live, registry, suggest
+from palpate import ConfigurationError, Floats, LogError, Problem, Samples, suggest
+from palpate_engine import Pipeline, Source, TrackResult, build_pipeline, display_unit, is_live, registry
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.runs.replay_source import added_table, read_run_log, replay_source
@@ -86,7 +86,7 @@ def _of_source(path: Path, wanted: Sequence[str], where: str | None) -> Iterator
 
 def candidates(path: Path, source: Source) -> list[Candidate]:
     """Every model of a pipeline on one record; raises UserError."""
-    from palpate.host import run_pipeline
+    from palpate_engine import run_pipeline
 
     pipeline = build_pipeline(source)
     if is_live(pipeline.devices):

@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, Tail, contact_force, force_over_time
-from palpate.host import acceleration, force_slopes
+from palpate_engine import acceleration, force_slopes
 
 from palpate_uncertainty.influence import influence
 

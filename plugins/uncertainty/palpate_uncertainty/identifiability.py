@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
-from palpate.host import display_unit
+from palpate_engine import display_unit
 
 from palpate_uncertainty.model_alternatives import Refit, refit
 from palpate_uncertainty.plausibility import determines_all, weak_force, weak_force_flag

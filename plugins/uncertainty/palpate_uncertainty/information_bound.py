@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, Tail
-from palpate.host import force_slopes, hesitations
+from palpate_engine import force_slopes, hesitations
 
 _ENOUGH = 100  # innovations to estimate their autocorrelation
 _FORGETS = 0.96  # of the variance that an estimator stated half a tail ago

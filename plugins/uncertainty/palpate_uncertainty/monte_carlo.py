@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, ContactModel, Estimator, Floats, Problem, Samples, Settings
-from palpate.host import RESULT, Pipeline, build_pipeline, run_pipeline
+from palpate_engine import RESULT, Pipeline, build_pipeline, run_pipeline
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.result_file import open_table
 from palpate_kit.runs.run_folder import RunFolder

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from palpate import ContactModel
-from palpate.host import display_unit
+from palpate_engine import display_unit
 
 from palpate_uncertainty.model_alternatives import Refit, refit
 from palpate_uncertainty.refit import Course

@@ -7,7 +7,7 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 
 import numpy as np
 from palpate import ContactModel, Diagnosed, Floats, Term, TrackEnd, TrackEvidence
-from palpate.host import GRAVITY, AlignmentReport, AlignmentSettings
+from palpate_engine import GRAVITY, AlignmentReport, AlignmentSettings
 from palpate_kit.runs.uncertainty_sources import UncertaintySource, sources_of
 
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError, DeviceError, Force, clock
-from palpate.host import Pipeline, load_pipeline, make_folder, refuse_rehearsal, suggest, withdraw_folder, write_new
+from palpate import ConfigurationError, DeviceError, Force, clock, suggest
+from palpate_engine import Pipeline, load_pipeline, make_folder, refuse_rehearsal, withdraw_folder, write_new
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import FolderOption, JsonOption, Overrides
 from palpate_kit.terminal.table import Table, console

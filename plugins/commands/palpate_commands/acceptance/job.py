@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from palpate.host import approved_plugins
+from palpate_engine import approved_plugins
 
 from palpate_commands.acceptance.strokes_run import MESSAGES, StrokesRun
 

@@ -13,7 +13,7 @@ from typing import BinaryIO
 
 import numpy as np
 from palpate import Batch, Estimates, PalpateError, Samples
-from palpate.host import Pipeline, Ports, inherited_approval, load_pipeline, run_pipeline
+from palpate_engine import Pipeline, Ports, inherited_approval, load_pipeline, run_pipeline
 
 from palpate_commands.acceptance.strokes import Strokes, strokes_pipeline
 from palpate_commands.acceptance.strokes_run import READING, READINGS, RUN, StrokesRun

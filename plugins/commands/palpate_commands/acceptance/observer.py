@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Batch, ConfigurationError, Device, DeviceError, Link, Observable, ReportsHealth, clock, host_time_ns
-from palpate.host import Pipeline, own_motions
+from palpate_engine import Pipeline, own_motions
 
 from palpate_commands.acceptance.measurement import BrakingTrace, MissedError
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from datetime import datetime
 from typing import Any
 
-from palpate.host import SafetySettings
+from palpate_engine import SafetySettings
 
 from palpate_commands.acceptance.protocol import Outcome
 from palpate_commands.acceptance.steps import all_visits

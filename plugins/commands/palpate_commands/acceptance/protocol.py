@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, DeviceError, Floats, clock, host_time_ns
-from palpate.host import Pipeline, SafetySettings, check_own_motion, own_motions
+from palpate_engine import Pipeline, SafetySettings, check_own_motion, own_motions
 
 from palpate_commands.acceptance.job import StrokesJob
 from palpate_commands.acceptance.measurement import (

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from palpate import ConfigurationError, Trajectory
-from palpate.host import Pipeline, SafetySettings, check_motion, own_motions
+from palpate_engine import Pipeline, SafetySettings, check_motion, own_motions
 
 from palpate_commands.acceptance.steps import Visit
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
-from palpate.host import RESULT
+from palpate_engine import RESULT
 
 from palpate_commands.acceptance.strokes import Strokes
 

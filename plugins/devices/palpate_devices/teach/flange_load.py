@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import ConfigurationError, Floats
-from palpate.host import GRAVITY
+from palpate_engine import GRAVITY
 
 from palpate_devices.teach.arm_by_hand import Posture
 

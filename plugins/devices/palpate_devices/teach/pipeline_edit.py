@@ -8,7 +8,7 @@ from typing import Any
 
 import tomlkit
 from palpate import ConfigurationError, OutputError
-from palpate.host import write_new, write_whole
+from palpate_engine import write_new, write_whole
 from tomlkit.exceptions import TOMLKitError
 
 Edit = Mapping[str, Any]  # keys of a device's table, tables among them

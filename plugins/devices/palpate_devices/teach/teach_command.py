@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate import ConfigurationError, Length
-from palpate.host import Pipeline, load_pipeline, refuse_rehearsal, suggest
+from palpate import ConfigurationError, Length, suggest
+from palpate_engine import Pipeline, load_pipeline, refuse_rehearsal
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 from pydantic import TypeAdapter, ValidationError

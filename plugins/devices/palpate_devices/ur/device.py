@@ -13,7 +13,6 @@ from palpate_kit.acquisition.computer import host
 from palpate_kit.protocols.ur_dashboard import probe, refuse_unready, reported_model, reports_payload
 
 from palpate_devices.ur import layout
-from palpate_devices.ur.layout import ROW
 from palpate_devices.ur.link import URLink
 from palpate_devices.ur.settings import URSettings
 
@@ -42,6 +41,7 @@ class UR(URSettings):
 
     @contextmanager
     def _connected(self, observe: bool) -> Iterator[Link]:
+
         name = f"ur at {self.host}"
         try:
             identity = host().controller_facts(self.host, probe)
@@ -50,7 +50,7 @@ class UR(URSettings):
             raise DeviceError(f"ur at {error}") from error
         if self.safety_checksum is not None:
             identity = {**identity, "safety_checksum": self.safety_checksum}
-        child = Child(name, "robot", layout.MODULE, self._worker_settings(identity, observe), ROW.size, _HINT)
+        child = Child(name, "robot", layout.MODULE, self._worker_settings(identity, observe), layout.ROW.size, _HINT)
         try:
             link = URLink(self, child, {**identity, **child.wait_for("ready", self.start)})
             yield link

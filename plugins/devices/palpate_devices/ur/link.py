@@ -25,6 +25,12 @@ from palpate import (
     epoch_offset,
     surface_of,
 )
+from palpate_arms.fence import SINGULAR, is_singular
+from palpate_arms.reach import ArmReach
+from palpate_arms.servo import ServoLaw, straight_path
+from palpate_arms.setpoint_buffer import PERIOD, write_setpoints
+from palpate_arms.start_path import FirstStation, start_path
+from palpate_arms.station_plane import LEVEL
 from palpate_kit.acquisition.child import Child
 from palpate_kit.acquisition.device_clock import ClockMap
 from palpate_kit.acquisition.lateness import lateness_table
@@ -34,14 +40,8 @@ from palpate_kit.kinematics.ur_arm import MODELS, UR3E, matrix_of, quaternion, t
 from palpate_kit.kinematics.work_frame import agreement
 
 from palpate_devices.ur import layout
-from palpate_devices.ur.fence import SINGULAR, is_singular
 from palpate_devices.ur.layout import ROW
-from palpate_devices.ur.reach import ArmReach
-from palpate_devices.ur.servo import ServoLaw, straight_path
-from palpate_devices.ur.setpoint_buffer import PERIOD, write_setpoints
 from palpate_devices.ur.settings import URSettings
-from palpate_devices.ur.start_path import FirstStation, start_path
-from palpate_devices.ur.station_plane import LEVEL
 
 _POSE, _TWIST = ROW.span("position", "rotation"), ROW.span("velocity", "turning")
 

@@ -8,6 +8,9 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, clock
+from palpate_arms.fence import ArmState
+from palpate_arms.setpoint_buffer import PERIOD
+from palpate_arms.tool_turns import tool_turn
 from palpate_kit.acquisition.computer import host
 from palpate_kit.kinematics.ur_arm import (
     MODELS,
@@ -25,10 +28,7 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 from palpate_devices.ur.client_sockets import drop_unsent, send_at_once
 from palpate_devices.ur.command_echo import RTDE_PORT, Echo, ReadBack
 from palpate_devices.ur.controller_states import PLAYING
-from palpate_devices.ur.fence import ArmState
 from palpate_devices.ur.layout import MOTION, POSE, STATE, TWIST
-from palpate_devices.ur.setpoint_buffer import PERIOD
-from palpate_devices.ur.tool_turns import tool_turn
 
 _VARIABLES = [
     *("timestamp", "actual_q", "actual_qd", "actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force"),

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from palpate import ReadingAge, clock
+from palpate import clock
+from palpate_arms.setpoint_buffer import PERIOD
+from palpate_engine import ReadingAge
 
 from palpate_devices.ur.controller_states import NORMAL, RUNNING, STOPPED, complaint, slowdown
 from palpate_devices.ur.robot import Robot
-from palpate_devices.ur.setpoint_buffer import PERIOD
 
 _LOST = 0.1  # [s] without a command taken: the link is lost
 _MUTE = 25  # periods in which a stop has to reach the other connection, too

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from palpate import (
     Acceleration,
@@ -24,8 +24,8 @@ from palpate_kit.kinematics.ur_arm import JOINTS
 from palpate_kit.kinematics.work_frame import WorkFrame
 from pydantic import Field
 
-from palpate_devices.ur.servo import ServoLaw
-from palpate_devices.ur.setpoint_buffer import PERIOD
+if TYPE_CHECKING:
+    from palpate_arms.servo import ServoLaw
 
 
 class URSettings(Device):
@@ -96,6 +96,8 @@ class URSettings(Device):
     @property
     def streams(self) -> tuple[Stream, ...]:
         """Tip, twist, joints, setpoint, the robot's own wrench, status."""
+        from palpate_arms.setpoint_buffer import PERIOD
+
         rate = 1.0 / PERIOD
         pose = [Channel(axis, "m") for axis in "xyz"] + [Channel(f"q{axis}", "1") for axis in "xyzw"]
         twist = [Channel(axis, "m/s") for axis in "xyz"] + [Channel(f"w{axis}", "rad/s") for axis in "xyz"]
@@ -137,5 +139,7 @@ class URSettings(Device):
     @property
     def law(self) -> ServoLaw:
         """How setpoints become commands."""
+        from palpate_arms.servo import ServoLaw
+
         keys = ("control", "gain", "damping", "approach_speed", "retract_speed", "acceleration")
         return ServoLaw(**{key: getattr(self, key) for key in keys}, lever=math.dist(self.tcp, (0.0, 0.0, 0.0)))

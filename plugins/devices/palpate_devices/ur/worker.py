@@ -11,6 +11,13 @@ from typing import Any, NoReturn
 
 import numpy as np
 from palpate import DeviceError, Floats, ForceLaw, clock
+from palpate_arms.fence import ArmState, Fence, Verdict
+from palpate_arms.force_watch import ForceEye
+from palpate_arms.servo import Commander, ServoLaw
+from palpate_arms.servo_pace import Beat, Pace
+from palpate_arms.setpoint_buffer import PERIOD, Plan
+from palpate_arms.setpoint_rows import SETPOINT
+from palpate_arms.station_plane import StationPlane, pressed_in_at_the_end
 from palpate_kit.acquisition.child import Parent
 from palpate_kit.acquisition.computer import host
 from palpate_kit.acquisition.device_lock import network_device
@@ -20,15 +27,9 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_devices.ur.client_library import missing_library
 from palpate_devices.ur.command_echo import RTDE_PORT
-from palpate_devices.ur.fence import ArmState, Fence, Verdict
-from palpate_devices.ur.force_watch import ForceEye
-from palpate_devices.ur.layout import RETRACT, ROW, SETPOINT, STOP
+from palpate_devices.ur.layout import RETRACT, ROW, STOP
 from palpate_devices.ur.robot import Robot, by_joints
 from palpate_devices.ur.robot_watch import RobotFaultError, RobotWatch
-from palpate_devices.ur.servo import Commander, ServoLaw
-from palpate_devices.ur.servo_pace import Beat, Pace
-from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
-from palpate_devices.ur.station_plane import StationPlane, pressed_in_at_the_end
 
 _BLIND = 1.15e9  # [ns] without a new state, of a second between two: of more commands only the last would count
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once

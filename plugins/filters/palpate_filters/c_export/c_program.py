@@ -10,8 +10,8 @@ from importlib.resources import files
 
 from palpate import Layout
 from palpate_kit.kernel import step_function
-from palpate_kit.kernel.c_source import c_function, c_number
 
+from palpate_filters.c_export.c_source import c_function, c_number
 from palpate_filters.c_export.exported_track import ExportedTrack, SettingGroup
 from palpate_filters.starting_fit import PAUSE
 

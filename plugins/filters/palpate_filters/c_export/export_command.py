@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError, Problem
-from palpate.host import Pipeline, Track, build_pipeline, load_pipeline, make_folder, suggest, write_new
-from palpate_kit.kernel.c_source import c_number
+from palpate import ConfigurationError, Problem, suggest
+from palpate_engine import Pipeline, Track, build_pipeline, load_pipeline, make_folder, write_new
 from palpate_kit.kernel.translation import Untranslatable
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.terminal.options import Overrides
 
 from palpate_filters.c_export.c_program import header, part, share, source
+from palpate_filters.c_export.c_source import c_number
 from palpate_filters.c_export.exported_track import ExportedTrack, export_track
 from palpate_filters.c_export.readme import readme
 from palpate_filters.c_export.test_vectors import Vectors, added_weight, make_vectors

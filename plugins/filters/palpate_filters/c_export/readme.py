@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 
 from palpate_kit.kernel import step_function
-from palpate_kit.kernel.c_source import CHEAP
 from palpate_kit.kernel.translation import operations
 
 from palpate_filters.c_export.c_program import part
+from palpate_filters.c_export.c_source import CHEAP
 from palpate_filters.c_export.exported_track import ExportedTrack
 
 

@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from palpate import Batch, ConfigurationError, Estimates, Floats, Samples
-from palpate.host import GRAVITY, Pipeline, Result, Track, run_pipeline
+from palpate_engine import GRAVITY, Pipeline, Result, Track, run_pipeline
 
 
 @dataclass

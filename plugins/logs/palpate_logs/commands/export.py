@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError, OutputError, printable
-from palpate_kit.logs.temporary_folders import scratch
 from palpate_kit.terminal.progress import progress
+from palpate_records.temporary_folders import scratch
 
 from palpate_logs.table_files import WRITERS
 from palpate_logs.topic_arrays import topics_of

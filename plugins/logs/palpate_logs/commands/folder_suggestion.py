@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 from palpate import LogError, OutputError, printable
-from palpate.host import registry
+from palpate_engine import registry
 from palpate_kit.curves.alike_logs import AlikeLogs, alike_logs, differences, logs_among
 from palpate_kit.logs.draft_pipeline import pipeline_of, rate_note, readers_of, suggestion_of
 from palpate_kit.terminal.json_output import print_json

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import ConfigurationError, LogError, OutputError, printable
-from palpate.host import Source, function_of, plugin_files, registry as registries
+from palpate_engine import Source, function_of, plugin_files, registry as registries
 from palpate_kit.logs.draft_pipeline import pipeline_of, rate_note, recording_of, suggestion_of, system_at
-from palpate_kit.logs.recording import Suggestion, Survey, TopicSurvey
 from palpate_kit.runs.replay_source import read_run_log, replay_source, run_log_text, with_other_channels
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
+from palpate_records.recording import Suggestion, Survey, TopicSurvey
 
 from palpate_logs.commands.folder_suggestion import is_folder_of_logs, suggest_folder
 from palpate_logs.commands.installation import show_installation

@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 from palpate import ConfigurationError, Fact
-from palpate.host import function_of, registry as registries
+from palpate_engine import function_of, registry as registries
 from palpate_kit.terminal.json_output import print_json
 
 _LIBRARIES = ("casadi", "numpy", "scipy", "llvmlite", "filterpy")

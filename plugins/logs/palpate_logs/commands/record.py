@@ -8,7 +8,7 @@ from typing import Annotated, Any, cast
 
 import typer
 from palpate import ConfigurationError, Sink
-from palpate.host import Result, load_pipeline, registry, run_pipeline
+from palpate_engine import Result, load_pipeline, registry, run_pipeline
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import FolderOption, JsonOption, Overrides
 from palpate_kit.terminal.progress import progress, report_progress

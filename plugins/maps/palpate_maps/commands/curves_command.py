@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from palpate import ConfigurationError, Floats, LogError, PalpateError, TrackName
+from palpate import ConfigurationError, Floats, LogError, PalpateError
+from palpate_engine import TrackName
 from palpate_kit.figures import save_figure
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption, Points
@@ -62,7 +63,7 @@ def points_of(points: Path, folder: Path, parameter: str | None = None) -> tuple
 
     run = points
     if points.suffix == ".toml":
-        from palpate.host import load_pipeline, run_pipeline
+        from palpate_engine import load_pipeline, run_pipeline
         from palpate_kit.runs.run_folder import RunFolder
 
         run = folder / "points"
@@ -129,7 +130,7 @@ def tell_curves(
 
 
 def _table(curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, unit: str) -> Any:
-    from palpate.host import display_unit
+    from palpate_engine import display_unit
     from rich.table import Table
 
     word, factor = display_unit(unit)

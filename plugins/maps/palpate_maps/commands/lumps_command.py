@@ -59,7 +59,7 @@ def lumps(
 
 
 def _view(findings: Findings, source: str, unit: str) -> str:
-    from palpate.host import display_unit
+    from palpate_engine import display_unit
 
     name, factor = display_unit(unit)
     head = f"{source}: background {findings.background * factor:.4g} {name}, by {findings.method}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, KnowsTruth, LogError, PalpateError, Surface, to_si
-from palpate.host import load_pipeline
+from palpate_engine import load_pipeline
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.figures import save_figure
 from palpate_kit.runs.run_folder import RunFolder
@@ -111,7 +111,7 @@ def map_run(
 
 def _run_first(run: Path) -> Path:
     """The run folder; of a pipeline file, that of a run that is made now."""
-    from palpate.host import run_pipeline
+    from palpate_engine import run_pipeline
 
     if run.suffix != ".toml":
         return run

@@ -230,7 +230,7 @@ def _where(item: LumpProgress) -> str:
 
 def visit(run: Path, motion: SearchMotion, places: list[Proposal]) -> float:
     """Palpate places, or a line, as a part of a run; how long the motion takes [s]."""
-    from palpate.host import run_pipeline
+    from palpate_engine import run_pipeline
     from palpate_kit.runs.continuation import continue_pipeline
 
     folder = RunFolder(run)

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import typer
 from palpate import ConfigurationError, to_si
-from palpate.host import make_folder, write_new, write_whole
+from palpate_engine import make_folder, write_new, write_whole
 from palpate_kit.terminal.json_output import json_text, print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, FormatOption, JsonOption, TrackOption
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.figures import figure_of, legend_outside, save_figure, style
 
 from palpate_reference.agreement.bland_altman import DemingLine, LimitsOfAgreement

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from palpate.host import Result, bounded_text, display_unit, json_document
+from palpate_engine import Result, bounded_text, display_unit, json_document
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_reference.agreement.agree_command import AGREEMENT

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import printable
-from palpate.host import display_unit
+from palpate_engine import display_unit
 from palpate_kit.numerics.normalised_error import normalised_error
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console

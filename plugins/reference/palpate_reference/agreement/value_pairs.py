@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from palpate import LogError, to_si
-from palpate.host import suggest
+from palpate import LogError, suggest, to_si
 
 from palpate_reference.instrument_text import InstrumentText, TextLine, read_text
 from palpate_reference.run_values import Conditions, run_values

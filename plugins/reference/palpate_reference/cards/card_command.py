@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate import ConfigurationError, LogError
-from palpate.host import bounded_text, json_document, suggest, write_new
+from palpate import ConfigurationError, LogError, suggest
+from palpate_engine import bounded_text, json_document, write_new
 
 from palpate_reference.cards.card_formats import FORMATS
 from palpate_reference.cards.card_text import Program

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import typer
 from palpate import ConfigurationError, printable
-from palpate.host import make_folder, write_new
+from palpate_engine import make_folder, write_new
 from palpate_kit.terminal.json_output import json_text, print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, FormatOption, JsonOption
 from palpate_kit.terminal.quantities import unsigned, value_with_uncertainty

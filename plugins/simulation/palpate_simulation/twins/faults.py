@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from palpate import ConfigurationError, clock
-from palpate.host import suggest
+from palpate import ConfigurationError, clock, suggest
 
 from palpate_simulation.twins.specimen_change import restart_at, soften_specimen
 

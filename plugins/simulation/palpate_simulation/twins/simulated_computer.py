@@ -14,9 +14,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
-from palpate import DeviceError, EndOfThread, HoldUp, SimulatedClock
+from palpate import DeviceError, HoldUp
 from palpate_kit.acquisition.computer import Process, use_host
 from palpate_kit.protocols.ur_dashboard import DASHBOARD, RTDE, SCRIPT, dashboard_facts
+from palpate_kit.simulated_time.simulated_clock import SimulatedClock
+from palpate_kit.simulated_time.simulated_turns import EndOfThread
 
 from palpate_simulation.twins.controller import Controller
 from palpate_simulation.twins.direct_client import DirectCommands, DirectPorts, DirectReadBack, DirectStates

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate import Flag, Floats
-from palpate.host import make_folder, write_new
+from palpate_engine import make_folder, write_new
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, FormatOption, JsonOption, TrackOption
 from palpate_kit.terminal.quantities import value_with_uncertainty

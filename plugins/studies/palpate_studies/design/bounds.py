@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import ContactModel, Floats
-from palpate.host import force_slopes
+from palpate_engine import force_slopes
 
 from palpate_studies.design.tip_path import DepthPath
 

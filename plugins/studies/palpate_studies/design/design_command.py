@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import finite_tree, load_pipeline
+from palpate_engine import finite_tree, load_pipeline
 from palpate_kit.terminal.options import Overrides
 from palpate_kit.terminal.table import console
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 from palpate import ContactModel
-from palpate.host import Reach, force_slopes
+from palpate_engine import Reach, force_slopes
 
 from palpate_studies.design.bounds import CramerRaoBound, Nuisances, cramer_rao
 from palpate_studies.design.measurement_noise import MeasurementNoise

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import ConfigurationError, ContactModel, duration_of, setpoints_at, to_si
-from palpate.host import Pipeline, is_live, truth_of
+from palpate_engine import Pipeline, is_live, truth_of
 
 from palpate_studies.design.measurement_noise import MeasurementNoise, QuantityNoise
 from palpate_studies.design.palpation import Palpation, best, palpations

@@ -6,7 +6,7 @@ import math
 from typing import Self
 
 from palpate import Acceleration, Force, Frequency, Length, Settings, Speed, Time
-from palpate.host import MotionLimits
+from palpate_engine import MotionLimits
 from pydantic import Field, model_validator
 
 

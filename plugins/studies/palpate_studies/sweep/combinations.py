@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, UserError
-from palpate.host import Source
+from palpate_engine import Source
 from palpate_kit.jobs.job import Job, PortablePipeline
 
 

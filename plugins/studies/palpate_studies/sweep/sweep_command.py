@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import tomli_w
 import typer
 from palpate import OutputError, UserError
-from palpate.host import Source, StoppedError, analysis, bounded_text, make_folder, write_new
+from palpate_engine import Source, StoppedError, analysis, bounded_text, make_folder, write_new
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, engine_of
 from palpate_kit.jobs.job import Engine, OtherSettingsError, PortablePipeline, RunAnswer, cached_result
 from palpate_kit.terminal.json_output import print_aside, print_json

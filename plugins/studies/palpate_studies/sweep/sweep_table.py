@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import Flag, PalpateError
-from palpate.host import display_unit, verdict_word, whole_file, write_whole
+from palpate_engine import display_unit, verdict_word, whole_file, write_whole
 from palpate_kit.jobs.job import Outcome
 from palpate_kit.terminal.flag_summary import doubt_lines
 from palpate_kit.terminal.quantities import value_with_uncertainty

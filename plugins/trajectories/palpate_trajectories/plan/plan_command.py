@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, Floats, Setpoint, Trajectory, contact_force, duration_of, setpoints_at, to_si
-from palpate.host import Pipeline, ask_devices, check_motion, load_pipeline, truth_of
+from palpate_engine import Pipeline, ask_devices, check_motion, load_pipeline, truth_of
 from palpate_kit.figures import save_figure
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, Overrides

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Trajectory, setpoints_at
-from palpate.host import MotionReport, Pipeline, SafetySettings, check_own_motion, own_motions
+from palpate_engine import MotionReport, Pipeline, SafetySettings, check_own_motion, own_motions
 
 _WIDTH, _HEIGHT = 72, 14  # characters of the drawing
 

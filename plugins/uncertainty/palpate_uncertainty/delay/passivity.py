@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from palpate import Tail
-from palpate.host import acceleration
+from palpate_engine import acceleration
 
 _DEGREE = 5  # of the elastic force over the depth
 _PIECES = 12  # of the record, between which chance is independent

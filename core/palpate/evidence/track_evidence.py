@@ -1,0 +1,96 @@
+"""What diagnoses are given of every track when a run has ended, and what they say of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from palpate.alignment_report import AlignmentReport
+from palpate.alignment_settings import AlignmentSettings
+from palpate.contact import ContactModel
+from palpate.estimation import Estimator
+from palpate.evidence.sample_store import SampleStore
+from palpate.evidence.track_tail import Tail
+from palpate.evidence.uncertain_value import Bias, UncertainValue
+from palpate.fit_report import FitReport
+from palpate.flags import Flag
+from palpate.parts import Settings
+from palpate.vectors import Floats
+
+
+@dataclass(frozen=True)
+class TrackEnd:
+    """The end of a track, of which its result is a mean, and what was declared and found of the record."""
+
+    tail: Tail
+    last: Tail  # of the tail, what the result is a mean of
+    settings: AlignmentSettings
+    report: AlignmentReport
+    uncertainties: Mapping[str, Any]  # standard uncertainties that the pipeline declares, by key of the model
+    held: frozenset[str]  # parameters that were held fixed
+    included: frozenset[str]  # causes of uncertainty that the estimator's own standard deviation holds already
+    average: float  # [s] that a result is a mean over, where it is one of the end
+    tracked: float  # [s] in all
+    samples: int  # tracked in all
+    is_sweep: bool  # the tip went along the surface
+
+
+@dataclass(frozen=True)
+class TrackEvidence:
+    """What a diagnosis may look at: the record of a track, and what the track made of it."""
+
+    name: str  # "model/estimator"
+    model: ContactModel
+    estimator: Estimator
+    tip_mass: float | None  # [kg]
+    kept: SampleStore
+    air_time: Floats  # (a,) [s] of samples before the first contact, at most 4096
+    air_force: Floats  # (a,) [N]
+    air_position: Floats  # (a,) [m]
+    values: Floats  # (k,) the result's parameters [SI]
+    std: Floats  # (k,) standard deviation of each, by the estimator
+    combined: Floats  # (k,) combined standard uncertainty of each, with what diagnoses of a lower order say
+    surface: float  # [m]
+    report: FitReport | None  # of an offline fit
+    tables: Mapping[str, Settings] = field(default_factory=dict)  # of analyses, as the pipeline has them, by name
+    ending: TrackEnd | None = None  # None where a track is judged without a run
+    found: Mapping[str, UncertainValue] = field(
+        default_factory=dict
+    )  # by parameter, what diagnoses of a lower order left
+    air_after: Floats = field(
+        default_factory=lambda: np.zeros((3, 0))
+    )  # (3, a) time [s], force [N], position [m] after the last contact, at most 4096 samples
+
+
+@dataclass(frozen=True)
+class Term:
+    """One source of uncertainty, with what one standard uncertainty of it does; all its effects have one cause."""
+
+    cause: str
+    std: float
+    unit: str
+    shifts: Floats  # (k,) [SI] of each parameter, with signs
+    declared: bool = True  # else a default
+
+
+@dataclass(frozen=True)
+class Diagnosed:
+    """What a diagnosis says of one track."""
+
+    flags: tuple[Flag, ...] = ()
+    terms: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty [SI] that it adds, by parameter
+    unknown: frozenset[str] = frozenset()  # parameters whose uncertainty cannot be determined
+    table: Mapping[str, Any] = field(default_factory=dict)  # plain data for result.json
+    # Known, by parameter: the value stays, its uncertainty holds all of the shift, a corrected value stands beside it.
+    biases: Mapping[str, Bias] = field(default_factory=dict)
+    sources: tuple[Term, ...] = ()  # rows of the budget, each a cause of its own for all values
+    delays: Mapping[str, float] = field(default_factory=dict)  # [s] that would explain a parameter or derived value
+    settles: frozenset[str] = frozenset()  # codes of flags by lower orders whose effect this diagnosis accounts for
+    left: Mapping[str, float] = field(default_factory=dict)  # in place of `terms` for a corrected value
+
+
+# Tracks of one run -> findings by the name of the track; tracks that it has nothing to say of may be left out.
+Judge = Callable[[Sequence[TrackEvidence]], Mapping[str, Diagnosed]]

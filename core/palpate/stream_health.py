@@ -1,0 +1,96 @@
+"""The faults in the readings of one stream."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.device import Stream
+
+_SECOND = 1_000_000_000  # [ns]
+_SECONDS = 1000  # in one batch; more are no clock
+_LEAST_SECONDS = 4
+
+
+@dataclass
+class Health:
+    """The faults in one stream's readings."""
+
+    stream: Stream
+    samples: int = 0
+    invalid: int = 0  # not finite
+    duplicates: int = 0  # time-stamp equal to the one before
+    backwards: int = 0  # time-stamp before an earlier one
+    gaps: int = 0
+    saturated: int = 0
+    longest_repeat: int = 0  # the longest run of exactly equal readings
+    first: int | None = None  # [ns]
+    last: int | None = None  # [ns]
+    _earliest: dict[int, int] = field(default_factory=dict)  # by second: the least time [ns] from stamp to arrival
+
+    def arrived(self, stamps: NDArray[np.int64], received: NDArray[np.int64]) -> None:
+        """Take note of how late readings arrived, against a clock that other streams share."""
+        if self.stream.clock != "log" or not len(stamps):
+            return
+        origin = int(stamps[0]) if self.first is None else self.first
+        late = received - stamps
+        if (stamps[1:] < stamps[:-1]).any():
+            order = np.argsort((stamps - origin) // _SECOND, kind="stable")
+            late, stamps = late[order], stamps[order]
+        begins = _seconds(stamps - origin)
+        leasts = np.minimum.reduceat(late, begins)
+        seconds = (stamps[begins] - origin) // _SECOND
+        for second, least in zip(seconds.tolist()[:_SECONDS], leasts.tolist(), strict=False):
+            self._earliest[second] = min(self._earliest.get(second, least), least)
+
+    @property
+    def gained(self) -> float | None:
+        """How much the time-stamps gained on the clock of the log over the record [s]; None where it is too short.
+
+        The least lateness of a second is that of a message that nothing held up.
+        """
+        if len(self._earliest) < _LEAST_SECONDS:
+            return None
+        least = [late for _, late in sorted(self._earliest.items())]
+        few = len(least) // 5 + 1
+        return float(np.mean(least[:few]) - np.mean(least[-few:])) / _SECOND
+
+    def in_order(self, stamps: NDArray[np.int64], gap: int) -> NDArray[np.bool_]:
+        """(n,) True for readings whose time-stamp is after all those before it; counts the others, and gaps [ns]."""
+        if not len(stamps):
+            return np.zeros(0, bool)
+        before = np.concatenate([[stamps[0] - 1 if self.last is None else self.last], stamps])
+        step = np.diff(before)
+        good: NDArray[np.bool_] = step > 0
+        if not good.all():
+            before = np.maximum.accumulate(before)
+            step = stamps - before[:-1]
+            good = step > 0
+            self.duplicates += int(np.count_nonzero(step == 0))
+            self.backwards += int(np.count_nonzero(step < 0))
+        self.samples += len(stamps)
+        fresh = self.first is None
+        self.gaps += int(np.count_nonzero(step[1:] > gap if fresh else step > gap))
+        self.first = int(stamps[0]) if self.first is None else self.first
+        self.last = int(before[-1])
+        return good
+
+    @property
+    def rate(self) -> float | None:
+        """Mean rate [Hz] of the readings in order, from their time-stamps."""
+        count = self.samples - self.duplicates - self.backwards
+        if self.first is None or self.last is None or self.last == self.first:
+            return None
+        return (count - 1) * _SECOND / (self.last - self.first)
+
+
+def _seconds(since: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where times (n,) [ns], sorted by their seconds, begin another second."""
+    first, last = int(since[0]) // _SECOND, int(since[-1]) // _SECOND
+    if last - first > _SECONDS:
+        return np.flatnonzero(np.diff(since // _SECOND, prepend=first - 1))
+    begins = np.searchsorted(since, np.arange(first, last + 1) * _SECOND)
+    begins[0] = 0
+    return begins[np.diff(begins, append=len(since)) > 0]

@@ -1,0 +1,274 @@
+"""The fence: every command is checked before it is sent, and the robot's state while it moves."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+from palpate_kit.kinematics.ur_arm import JOINTS, Model, rotation_matrix, rotation_vector, tip_and_links
+from palpate_kit.kinematics.work_frame import WorkFrame
+
+from palpate_arms.setpoint_buffer import PERIOD
+from palpate_arms.setpoint_rows import PLAN, SETPOINT
+from palpate_arms.station_plane import LEVEL, StationExtremes
+from palpate_arms.tool_turns import fastest_turn, turning
+from palpate_arms.tracking_error import TrackingError, length, mm
+
+_WINDOW = 10  # periods over which speeds are averaged: the command of a PD law carries the noise of what it measures
+_MORE = 1.2  # what a command may do for a moment, in limits
+_SLACK = 4e-3  # [m/s] of noise in one command
+_EXCESS = 2e-3  # [m/s] of noise in a measured speed
+_MARGIN = 1e-3  # [m] that a command may lead, or a measured tip may swing, over the box of the setpoints
+_DELAY = 0.045  # [s] of an arm beyond the lag of its servo: states, commands, and what its servo does not tell
+_STATIC = 0.2e-3  # [m] that an arm at rest may be off its command
+_SUDDEN = 1.5
+_FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where the command is
+_ASKEW = 1.5  # limits between a measured tool and the normal; a command has one, and the arm follows it within one
+_CANCELLED = 12.0  # times the tip's speed
+SINGULAR = "the arm is near a singular posture: move the specimen to another place in its reach"
+LINKS = ("elbow", "wrist 1", "wrist 2", "wrist 3", "flange")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is wrong, and whether the arm can be trusted to leave the material on its own."""
+
+    text: str
+    trusted: bool = True
+
+
+@dataclass(frozen=True)
+class ArmState:
+    """The robot's last state, in the work frame; its joints in their own."""
+
+    position: Floats  # (3,)
+    velocity: Floats  # (3,)
+    rotation: Floats  # (3, 3) in the base
+    q: list[float]
+    fresh: bool  # said since the last period
+
+
+class Fence:
+    """Limits of `[safety]`, once they are set, and those of the arm itself."""
+
+    def __init__(self, own: dict[str, Any], work: WorkFrame, tool: Floats, model: Model, acceleration: float) -> None:
+        self._work, self._tool, self._model = work, tool, model
+        self._joint_speed, self._tracking = own["joint_speed"], own["tracking"]
+        self._links = own["links_low"], own["links_high"]
+        self._acceleration = acceleration  # [m/s^2] of what the arm does by itself
+        self.limits: dict[str, Any] | None = None
+        self.plane = LEVEL  # of the station, as commanded
+        self._commands: deque[Floats] = deque(maxlen=2 * _WINDOW + 1)
+        self._speeds: deque[Floats] = deque(maxlen=_WINDOW)
+        self._lag = own.get("lag", 0.0)
+        self._following = TrackingError(self._lag)
+        self.begin(np.zeros(3))
+
+    def begin(self, command: Floats) -> None:
+        """A motion begins, from rest."""
+        self._commands.extend([command.copy()] * (2 * _WINDOW + 1))
+        self._speeds.clear()
+        self._following.begin(command)
+
+    @property
+    def lead(self) -> float:
+        """How far [m] a command may be ahead of the tip: by what the allowed speed makes of the servo's lag.
+
+        So much at most the arm leaps where it has been held and comes free, and a law that integrates cannot wind up
+        further.
+        """
+        if self.limits is None:
+            return float(self._tracking)
+        way = self.limits["speed"] * (self._lag + _DELAY)
+        return float(min(self._tracking, max(way, _STATIC)))
+
+    def table(self, rows: Floats) -> Verdict | None:
+        """Rows (n, 16) of a plan, before anything moves."""
+        if not np.isfinite(rows).all():
+            return Verdict("a setpoint is not a finite number")
+        if self.limits is None:
+            return None
+        low, high = np.array(self.limits["low"]), np.array(self.limits["high"])
+        position, stated = rows[:, SETPOINT["position"]], rows[:, SETPOINT["velocity"]]
+        if (verdict := self._outside(position, low - 1e-6, high + 1e-6, "a setpoint")) is not None:
+            return verdict
+        moved = np.diff(position, axis=0) / PERIOD
+        for what, velocity in (("the setpoints move", moved), ("the setpoints state that they move", stated)):
+            fastest = float(np.linalg.norm(velocity, axis=1).max(initial=0.0))
+            if fastest > self.limits["speed"] * 1.001 + 1e-6:
+                return Verdict(f"{what} at {1e3 * fastest:.1f} mm/s, over the limit of {mm(self.limits['speed'])}/s")
+            sudden = np.linalg.norm(np.diff(velocity, axis=0), axis=1).max(initial=0.0) / PERIOD
+            if sudden > self.limits["acceleration"] * 1.01 + 1e-3:
+                limit = self.limits["acceleration"]
+                return Verdict(f"the setpoints accelerate at {sudden:.2f} m/s^2, over the limit of {limit:g} m/s^2")
+        return self._turns(rows)
+
+    def _turns(self, rows: Floats) -> Verdict | None:
+        """How the tool of rows (n, 16) turns, and how it stands to the planes of their stations; their depths."""
+        assert self.limits is not None
+        fastest, most = fastest_turn(rows[:, PLAN["turn"]]), self.limits["angular_speed"]
+        if fastest > most * 1.001 + 1e-6:
+            text = f"{math.degrees(fastest):.1f} deg/s, over the limit of {math.degrees(most):g} deg/s"
+            return Verdict(f"the setpoints turn the tool at {text}")
+        extremes, most = StationExtremes.of(rows, self._work), self.limits["orientation"]
+        if not extremes.are_planes:
+            return Verdict("the normal of a station is not of length 1")
+        if extremes.angle > most * 1.001 + 1e-5:
+            text = f"{math.degrees(extremes.angle):.1f} deg off its normal, over {math.degrees(most):g} deg"
+            return Verdict(f"a setpoint has the tool {text}")
+        return self._too_deep(extremes.depth, 1e-6, "a setpoint")
+
+    def _too_deep(self, depth: float, slack: float, what: str) -> Verdict | None:
+        most = math.inf if self.limits is None else self.limits.get("depth", math.inf)
+        if depth <= most + slack:
+            return None
+        return Verdict(f"{what} is {mm(depth)} below the surface, over the limit of {mm(most)}")
+
+    def command(
+        self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool = False
+    ) -> Verdict | None:
+        """A command before it is sent, after the one `before` (position and turn).
+
+        An arm that is `leaving` the material brakes first: that may carry it over the box.
+        """
+        if not all(map(math.isfinite, (*command.tolist(), *turn.tolist()))):
+            return Verdict("a command is not a finite number")
+        self._commands.append(command.copy())
+        verdict = None if leaving else self._out_of_box(command.tolist(), "a command")
+        return (
+            verdict
+            or (None if leaving else self._too_deep(-self.plane.height(command), _MARGIN, "a command"))
+            or self._speeds_of(command, turn, before, leaving)
+            or self._posture(command, turn, before, seen, leaving)
+        )
+
+    def taken_back(self) -> None:
+        """The latest command was not sent."""
+        self._commands.pop()
+
+    def in_motion(self, command: Floats, seen: ArmState) -> Verdict | None:
+        """The robot's own state, on the approach or in the motion."""
+        if (text := self._following.complaint(command, seen.position, seen.fresh)) is not None:
+            return Verdict(text, False)
+        if self.limits is None:
+            return None
+        verdict = self._out_of_box(seen.position.tolist(), "the tip")
+        verdict = verdict or self._too_deep(-self.plane.height(seen.position), _MARGIN, "the tip")
+        if (angle := self.plane.off_tool(seen.rotation, self._work)) > _ASKEW * self.limits["orientation"]:
+            most = math.degrees(self.limits["orientation"])
+            return Verdict(f"the tool is {math.degrees(angle):.1f} deg off the normal, over {most:g} deg", False)
+        self._speeds.append(seen.velocity)
+        speed = length(sum(self._speeds, np.zeros(3))) / len(self._speeds)
+        if len(self._speeds) == _WINDOW and speed > _MORE * self.limits["speed"] + _EXCESS:
+            return Verdict(f"the tip moves at {1e3 * speed:.1f} mm/s: the limit is {mm(self.limits['speed'])}/s", False)
+        return verdict
+
+    def _outside(self, position: Floats, low: Floats, high: Floats, what: str) -> Verdict | None:
+        assert self.limits is not None
+        for axis, name in enumerate("xyz"):
+            least, most = float(position[:, axis].min()), float(position[:, axis].max())
+            for value, wrong, key in ((least, least < low[axis], "low"), (most, most > high[axis], "high")):
+                if wrong:
+                    way, limit = "below" if key == "low" else "above", self.limits[key][axis]
+                    return Verdict(f"{what} is at {name} = {1e3 * value:.2f} mm, {way} the limit of {mm(limit)}")
+        return None
+
+    def _out_of_box(self, place: list[float], what: str) -> Verdict | None:
+        """One place, which may lead or swing a little; plain floats, for numpy takes ten times as long."""
+        if self.limits is None:
+            return None
+        for x, low, high, name in zip(place, self.limits["low"], self.limits["high"], "xyz", strict=True):
+            if not low - _MARGIN <= x <= high + _MARGIN:
+                way, limit = ("below", low) if x < low else ("above", high)
+                return Verdict(f"{what} is at {name} = {1e3 * x:.2f} mm, {way} the limit of {mm(limit)}")
+        return None
+
+    def _speeds_of(self, command: Floats, turn: Floats, before: tuple[Floats, Floats], leaving: bool) -> Verdict | None:
+        if self.limits is None:
+            return None
+        verdict = None
+        limit, past = self.limits["speed"], self._commands
+        speed = length(command - before[0]) / PERIOD
+        mean = (past[-1] - past[-1 - _WINDOW]) / (_WINDOW * PERIOD)
+        if speed > _MORE * limit + _SLACK or (length(mean) > 1.1 * limit + 1e-3 and not leaving):
+            verdict = Verdict(f"a command would move the tip at {1e3 * speed:.1f} mm/s: the limit is {mm(limit)}/s")
+        earlier = (past[-1 - _WINDOW] - past[0]) / (_WINDOW * PERIOD)
+        sudden = length(mean - earlier) / (_WINDOW * PERIOD)
+        most = max(self.limits["acceleration"], self._acceleration)
+        if sudden > _SUDDEN * most and not leaving:
+            verdict = Verdict(f"commands accelerate the tip at {sudden:.2f} m/s^2: the limit is {most:g} m/s^2")
+        pace = length(turning(turn, before[1]))
+        if pace > 1.05 * self.limits["angular_speed"] + 1e-3:
+            most = math.degrees(self.limits["angular_speed"])
+            verdict = Verdict(f"a command would turn the tool at {math.degrees(pace):.1f} deg/s: {most:g} is the limit")
+        return verdict
+
+    def _posture(
+        self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool
+    ) -> Verdict | None:
+        """Joint speeds of the command, its distance from the arm, and where elbow and wrist are."""
+        away, lead = length(command - seen.position), self.lead
+        if away > lead:
+            return Verdict(f"the arm does not follow: it is {mm(away)} from its command, over {mm(lead)}", False)
+        work = self._work.matrix[:3, :3]
+        tool = self._work.tool
+        askew = rotation_vector((tool @ rotation_matrix(turn.tolist()) if turn.any() else tool) @ seen.rotation.T)
+        limit = self.limits["orientation"] if self.limits is not None else math.inf
+        most = math.degrees(limit)
+        if (angle := self.plane.off_turn(turn, self._work)) > 1.01 * limit and not leaving:
+            what = "the work frame" if self.plane.is_level else "its station"
+            return Verdict(f"the tool is {math.degrees(angle):.1f} deg off {what}, over {most:g} deg")
+        if (angle := length(askew)) > limit:
+            return Verdict(f"the tool is {math.degrees(angle):.1f} deg from its command, over {most:g} deg", False)
+        _, jacobian, places = tip_and_links(seen.q, self._tool, self._model)
+        twist = np.concatenate([work @ (command - before[0]) / PERIOD, tool @ turning(turn, before[1])])
+        error = np.concatenate([work @ (command - seen.position), askew])
+        try:
+            inverse = np.linalg.inv(jacobian)
+        except np.linalg.LinAlgError:
+            return Verdict(SINGULAR, not leaving)
+        if not leaving and _against_one_another(jacobian, inverse[:, :3]) > _CANCELLED:
+            return Verdict(SINGULAR)
+        speeds, ways = (inverse @ twist).tolist(), (inverse @ error).tolist()
+        joint = max(range(6), key=lambda i: abs(speeds[i]))
+        if abs(speeds[joint]) > self._joint_speed:
+            most = math.degrees(self._joint_speed)
+            return Verdict(
+                f"a command would turn {JOINTS[joint]} at {math.degrees(abs(speeds[joint])):.0f} deg/s, over "
+                f"{most:g} deg/s ([device.*] joint_speed): the arm is near a singular posture, or too slow"
+            )
+        joint = max(range(6), key=lambda i: abs(ways[i]))
+        if abs(ways[joint]) > _FARTHEST:
+            return Verdict(f"{JOINTS[joint]} is {math.degrees(abs(ways[joint])):.0f} deg from its command")
+        return None if leaving else self._link_outside(places.tolist())
+
+    def _link_outside(self, places: list[list[float]]) -> Verdict | None:
+        low, high = self._links
+        for name, place in zip(LINKS, places, strict=True):
+            if not all(least <= x <= most for x, least, most in zip(place, low, high, strict=True)):
+                where = ", ".join(f"{1e3 * x:.0f}" for x in place)
+                return Verdict(
+                    f"the {name} is at ({where}) mm in the base, out of the box of [device.*] links_low and links_high"
+                )
+        return None
+
+
+def is_singular(jacobian: Floats) -> bool:
+    """Whether joints near this Jacobian (6, 6) of the tip have to move by much to move it a little."""
+    try:
+        return _against_one_another(jacobian, np.linalg.inv(jacobian)[:, :3]) > _CANCELLED
+    except np.linalg.LinAlgError:
+        return True
+
+
+def _against_one_another(jacobian: Floats, inverse: Any) -> float:
+    """How much faster than the tip its joints would move it, each on its own: 2 to 5 in an ordinary posture.
+
+    The root of the sum of squares over the joints and the three directions of the tip. Near a singular posture they
+    cancel out, and where one of them lags, brakes or is at its limit, the tip leaves its path.
+    """
+    return float(np.linalg.norm(np.linalg.norm(jacobian[:3], axis=0)[:, None] * inverse))

@@ -1,0 +1,84 @@
+"""The force, read where the sensor's process puts it: no other process has to be awake."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from palpate import Floats, RepeatCount, Repeats, torque_fault
+from palpate_engine import ReadingAge, RiseWatch, SoundForce
+from palpate_kit.acquisition.ring import Ring, integers
+
+_DEAF = 30_000_000  # [ns] without a reading; a serial line's latency timer of 16 ms is none
+_MISSED = 4  # readings, where they come more slowly than that
+
+
+class ForceEye:
+    """Looks at the readings that have come since the last look, and knows for how long there was none."""
+
+    def __init__(self, descriptor: int, facts: dict[str, Any]) -> None:
+        self._ring = Ring(descriptor, facts["columns"], facts["rows"])
+        self._columns = [facts["first"] + channel for channel in facts["channels"]]
+        self._tare, self.stop, self._name = np.array(facts["tare"]), facts["stop"], facts["name"]
+        self._normal, self._sign = facts.get("normal", 0), facts.get("sign", 1.0)
+        self._low, self._high = np.array(facts.get("ranges") or [(-np.inf, np.inf)]).T
+        self._torques = [facts["first"] + channel for channel in facts.get("torques", ())]
+        self._torque = np.array(facts.get("torque_tare", ())), facts.get("torque", np.inf)
+        usual = facts.get("repeats")
+        self._repeats = None if usual is None else RepeatCount(Repeats(**usual), facts["first"])
+        self.felt: float | None = None  # [N] along the normal, mean of the latest look; None where nothing had come
+        sound = facts.get("sound")
+        self._rise = None if sound is None else RiseWatch(SoundForce(**sound))
+        self._tick = facts.get("tick", 0)  # [ns]
+        self._clock = facts.get("arrival", 0), facts.get("stamp", 1)  # columns
+        self._age, self._oldest = ReadingAge(), facts.get("age", np.inf)
+        self._note_age(self._ring.read())  # the standstill shows how late a reading is as a rule
+        self._began = self._heard = self._count = 0
+
+    def deaf(self, now: int) -> bool:
+        """Whether readings stay away or repeat themselves, as of the latest look at a time [ns]."""
+        if self._repeats is not None and self._repeats.suspect:
+            return True
+        usual = (self._heard - self._began) / max(self._count, 1)
+        return now - self._heard > max(_DEAF, _MISSED * usual)
+
+    def look(self, now: int, depth: float = 0.0, place: Floats | None = None) -> str | None:
+        """Why the arm has to stop at a time [ns]; None where it need not.
+
+        `depth` [m] of the tip below the plane of its station, and its place (3,) [m].
+        """
+        self._began = self._began or now
+        self._heard = self._heard or now
+        rows = self._ring.read()
+        self.felt = None
+        if not len(rows):
+            return None
+        self._heard, self._count = now, self._count + len(rows)
+        forces = rows[:, self._columns]
+        tared = forces - self._tare
+        largest = float(np.abs(tared).max())
+        self.felt = self._sign * float(tared[:, self._normal].mean())
+        if largest != largest:
+            return f"a reading of {self._name} is over range or invalid"
+        ends = ((forces <= self._low) | (forces >= self._high)).any(axis=0)
+        if ends.any():
+            return f"{self._name if ends[self._normal] else f'a force beside {self._name}'} is at the end of its range"
+        if largest > self.stop:
+            return f"the force is {largest:.1f} N, over the limit of {self.stop:g} N that stops the motion"
+        if (text := torque_fault(rows[:, self._torques], *self._torque)) is not None:
+            return text
+        self._note_age(rows)
+        if (late := self._age.complaint(f"readings of {self._name}", self._oldest)) is not None:
+            return late
+        if self._repeats is not None:
+            self._repeats.add(rows)
+            if self._repeats.fault is not None:
+                return self._repeats.fault
+        if self._rise is None or place is None:
+            return None
+        return self._rise.add(now / 1e9, self._sign * tared[:, self._normal], depth, place.tolist())
+
+    def _note_age(self, rows: Any) -> None:
+        if self._tick:
+            arrivals, stamps = (integers(rows, column) for column in self._clock)
+            self._age.add((stamps * self._tick).tolist(), arrivals.tolist())

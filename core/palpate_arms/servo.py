@@ -1,0 +1,253 @@
+"""What the servo loop commands: positions in the work frame and turns of the tool, one in each period."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from palpate import Floats, ForceLaw
+from palpate_kit.force_control import ForceLead
+
+from palpate_arms.setpoint_buffer import PERIOD, Plan
+from palpate_arms.setpoint_rows import PLAN, SETPOINT
+from palpate_arms.station_plane import LEVEL, StationPlane
+from palpate_arms.tool_turns import turn_after, turn_from_to
+
+_Z, _VZ = SETPOINT["position"].start + 2, SETPOINT["velocity"].start + 2
+_SHORTEST = 0.15  # [s] of a way, however short
+_MOST_BEHIND = 25.0  # periods; what is later is not made up for
+_HASTE = 0.1  # by so large a part a motion may be faster than planned, to make up for what the host held up
+
+
+@dataclass(frozen=True)
+class ServoLaw:
+    """How setpoints become commands.
+
+    "pd": the paper's Cartesian law, speed = gain (z_d - z) + damping (z_d' - z'), integrated to positions for `servoL`,
+    and never over `most`: an arm that does not follow is not called faster and faster; "servo": the setpoints
+    themselves.
+    """
+
+    control: str
+    gain: float  # [1/s]
+    damping: float
+    approach_speed: float  # [m/s] at most, on the way to the start
+    retract_speed: float  # [m/s]
+    acceleration: float  # [m/s^2] of what is not a trajectory
+    angular_speed: float = math.radians(10.0)  # [rad/s] at most, on the way to the start
+    lever: float = 0.0  # [m] from the tip to the flange, which swings when the tool turns about the tip
+    most: float = math.inf  # [m/s] that the law may ask for
+
+
+@dataclass(frozen=True)
+class StraightPath:
+    """A straight way from rest to rest, one row for each period."""
+
+    times: Floats  # (n,) [s]
+    position: Floats  # (n, 3) [m]
+    velocity: Floats  # (n, 3) [m/s]
+    left: Floats  # (n,) part of the turn that is still to be made
+    turning: Floats  # (n,) [rad/s]
+
+
+def straight_path(begin: Floats, end: Floats, law: ServoLaw, turn: float = 0.0) -> StraightPath:
+    """A straight way that turns the tool by an angle [rad] as well.
+
+    Of fifth order in time, s = 10 t^3 - 15 t^4 + 6 t^5: its largest speed is 15/8 of the mean one, its largest
+    acceleration 10/sqrt(3) way/duration^2. What the turn moves at its lever counts as way.
+    """
+    length = float(np.linalg.norm(end - begin)) + turn * law.lever
+    duration = max(15 / 8 * length / law.approach_speed, math.sqrt(10 / math.sqrt(3) * length / law.acceleration))
+    duration = max(duration, 15 / 8 * turn / law.angular_speed, _SHORTEST)
+    times = np.asarray(np.arange(math.ceil(duration / PERIOD) + 1) * PERIOD, np.float64)
+    t = np.minimum(times / duration, 1.0)
+    done = 10 * t**3 - 15 * t**4 + 6 * t**5
+    rate = (30 * t**2 - 60 * t**3 + 30 * t**4) / duration
+    position = begin + (end - begin) * done[:, None]
+    return StraightPath(times, position, (end - begin) * rate[:, None], 1.0 - done, turn * rate)
+
+
+class Commander:
+    """Holds, retreats, goes to the start, follows a plan of setpoints, or retracts; gives the tip's next place.
+
+    The orientation is a rotation vector of the tool from the work frame's orientation, in the tool's frame; it becomes
+    that of the first setpoint on the way to the start, and then follows the plan. The plane is that of the station.
+    """
+
+    def __init__(self, law: ServoLaw, position: Floats, turn: Floats | None = None) -> None:
+        self.law = law
+        self.command = position.copy()  # (3,) the latest
+        self.turn = np.zeros(3) if turn is None else turn.copy()  # (3,) the latest
+        self._speed = np.zeros(3)
+        self._before = self.command, self._speed, self.turn
+        self.plane = LEVEL  # of the station
+        self._plan = Plan.of(np.zeros((0, SETPOINT.size)))
+        self._row, self._haste, self._behind = 0.0, 0.0, 0.0  # periods
+        self._way: list[tuple[Floats, float]] = []  # place, and the part of the turn that is left
+        self._turn_from, self._turn_by = self.turn, np.zeros(3)
+        self.lead: ForceLead | None = None  # what the force makes of the plan, which then is an envelope
+        self.home: Floats | None = None  # where the motion began
+        self._clearance: float | None = None  # [m] of that over the plane of the first station
+        self.mode = "hold"  # "hold", "retreat", "stay", "approach", "follow", "retract", "done"
+
+    @property
+    def setpoint(self) -> Floats:
+        """Position, velocity (3 + 3) and whether it is meant for estimation, as of now."""
+        if self.mode == "follow" and len(self._plan):
+            row = self._in_plan()
+            if self.lead is not None:
+                row[_Z], row[_VZ] = self.lead.height, self.lead.speed
+            return row[: SETPOINT.size]
+        return np.array([*self.command, *self._speed, 0.0])
+
+    def held_up(self, periods: int) -> None:
+        """So many periods had no command: a plan is followed a little faster until that is made up for."""
+        if self.mode == "follow":
+            self._behind = min(self._behind + periods, _MOST_BEHIND)
+
+    def _in_plan(self) -> Floats:
+        """The row (16,) that is due, between two rows of the plan while it makes up for something."""
+        last = len(self._plan) - 1
+        low = min(int(self._row), last)
+        part, before = self._row - low, self._plan[low]
+        if part <= 0.0 or low == last:
+            return before
+        row = before + part * (self._plan[low + 1] - before)
+        row[SETPOINT["measuring"]] = before[SETPOINT["measuring"]]
+        return np.asarray(row)
+
+    def settle(self, position: Floats, turn: Floats) -> None:
+        """Begin where the arm is, as long as it has not been moved."""
+        if self.mode == "hold":
+            self.command, self.turn = position.copy(), turn.copy()
+
+    def retreat(self, length: float, speed: float) -> None:
+        """Go outwards along the normal of the station by a length [m] at a speed [m/s], and stay."""
+        if self.mode not in ("hold", "stay"):
+            return
+        law = ServoLaw("servo", 0.0, 0.0, speed, speed, self.law.acceleration)
+        self.home = self.command.copy()
+        self._set_out(self.command + length * self.plane.normal, law, self.turn)
+        self.mode = "retreat"
+
+    def follow(self, plan: Plan, law: ForceLaw | None = None) -> None:
+        """Go to the first setpoint of a plan that was looked over, then through it.
+
+        With a law the force leads, and the plan is the envelope.
+        """
+        start = plan[0]
+        self.lead = None if law is None else ForceLead(law, float(start[_Z]), plan.lowest, PERIOD)
+        self._plan, self._row, self._behind, self.mode = plan, 0.0, 0.0, "approach"
+        paces = self.law.most / max(plan.fastest, 1e-9), self.law.angular_speed / max(plan.fastest_turn, 1e-9)
+        self._haste = min(max(min(paces) - 1.0, 0.0), _HASTE)
+        self.home, self.plane = self.command.copy(), StationPlane.of_row(start)
+        self._set_out(start[SETPOINT["position"]], self.law, start[PLAN["turn"]])
+
+    def _set_out(self, end: Floats, law: ServoLaw, turn: Floats) -> None:
+        """A straight way, on which the tool comes to a turn as well."""
+        self._turn_from, self._turn_by = self.turn, turn_from_to(self.turn, turn)
+        found = straight_path(self.command, end, law, float(np.linalg.norm(self._turn_by)))
+        self._way = list(zip(found.position[1:], found.left[1:].tolist(), strict=True))
+
+    def _turned(self, left: float) -> Floats:
+        """The turn of the tool where a part of it is left."""
+        if not self._turn_by.any():
+            return self._turn_from
+        if np.array_equal(self._turn_by, -self._turn_from):  # to where the work frame wants it
+            return self._turn_from * left
+        return turn_after(self._turn_from, self._turn_by * (1.0 - left))
+
+    def retract(self) -> None:
+        """Brake, and go back along the normal to the height over the station's plane at which the motion began."""
+        if self.mode in ("retreat", "stay", "approach", "follow"):
+            self.mode = "retract"
+        elif self.mode == "hold":
+            self.mode = "done"
+
+    def led_astray(self, height: float) -> str | None:
+        """Why the force must not lead on, with the tip at a height [m]; None where it may, or does not lead."""
+        if self.lead is None or self.mode != "follow":
+            return None
+        return self.lead.fault(self._row * PERIOD, height)
+
+    def take_back(self) -> None:
+        """The latest command was not sent."""
+        self.command, self._speed, self.turn = self._before
+
+    def next(self, position: Floats, velocity: Floats, room: float = math.inf) -> Floats:
+        """The command (3,) for this period, from the measured position and velocity (3,) in the work frame.
+
+        A plan goes on by `room` [m] at most, and is made up for later.
+        """
+        self._before = self.command, self._speed, self.turn
+        if self.mode in ("approach", "retreat"):
+            if self._way:
+                before = self.command
+                self.command, left = self._way.pop(0)
+                self.turn = self._turned(left)
+                self._speed = (self.command - before) / PERIOD
+            elif self.mode == "retreat":
+                self.mode, self._speed = "stay", np.zeros(3)
+            else:
+                self.mode, self.home = "follow", self._plan[0][SETPOINT["position"]]
+                self._clearance = self.plane.height(self.home)
+        if self.mode == "follow":
+            self._follow(position, velocity, room)
+        elif self.mode == "retract":
+            self._retract()
+        return self.command
+
+    def _follow(self, position: Floats, velocity: Floats, room: float) -> None:
+        law = self.law
+        row, before = self._in_plan(), self.command
+        self._take_orientation(row)
+        if self.lead is not None:
+            row[_Z], row[_VZ] = self.lead.next(self._row * PERIOD, float(row[_Z]))
+        faster = min(self._haste, self._behind)
+        if law.control == "pd":
+            wanted, rate = row[SETPOINT["position"]], row[SETPOINT["velocity"]] * (1.0 + faster)
+            speed = law.gain * (wanted - position) + law.damping * (rate - velocity)
+            self.command = before + _no_longer(speed * PERIOD, min(law.most * PERIOD, room))
+        elif self.lead is not None:
+            self.command = before + _no_longer(row[SETPOINT["position"]] - before, min(law.most * PERIOD, room))
+        else:
+            self._wait_for_room(float(np.linalg.norm(row[SETPOINT["position"]] - before)), room)
+            row = self._in_plan()
+            self._take_orientation(row)
+            self.command = row[SETPOINT["position"]].copy()
+        self._speed = (self.command - before) / PERIOD
+        self._row += 1.0 + faster
+        self._behind -= faster
+        if self._row >= len(self._plan):
+            self.mode = "done"
+
+    def _take_orientation(self, row: Floats) -> None:
+        self.turn, self.plane = row[PLAN["turn"]].copy(), StationPlane.of_row(row)
+
+    def _wait_for_room(self, step: float, room: float) -> None:
+        """Go back in the plan by what a step [m] is too long."""
+        if step > room:
+            back = min(1.0 - room / step, self._row)
+            self._row -= back
+            self._behind = min(self._behind + back, _MOST_BEHIND)
+
+    def _retract(self) -> None:
+        assert self.home is not None
+        goes = self._clearance if self._clearance is not None else self.plane.height(self.home)
+        step, rest = self.law.acceleration * PERIOD, goes - self.plane.height(self.command)
+        # The speed from which it still can brake in what is left of the way.
+        wanted = min(self.law.retract_speed, math.sqrt(2.0 * self.law.acceleration * max(rest, 0.0)))
+        goal = wanted * self.plane.normal
+        change = goal - self._speed
+        length = float(np.linalg.norm(change))
+        self._speed = goal if length <= step else self._speed + change * (step / length)
+        self.command = self.command + self._speed * PERIOD
+        if rest < 1e-5 and float(np.abs(self._speed).max()) < 2 * step:
+            self.mode = "done"
+
+
+def _no_longer(way: Floats, most: float) -> Floats:
+    """A way (3,) [m], cut to a length."""
+    length = float(np.linalg.norm(way))
+    return way if length <= most else way * (most / length)

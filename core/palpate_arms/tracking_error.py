@@ -1,0 +1,74 @@
+"""Whether an arm follows its commands, by the poses that it reports."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+from palpate import Floats
+
+from palpate_arms.setpoint_buffer import PERIOD
+
+_STILL = 10  # states that are the same to the last bit
+_STILL_WAY = 0.1e-3  # [m] that commands go on meanwhile
+_STUCK, _STUCK_WAY, _STUCK_PART = 40, 0.8e-3, 0.1  # periods, [m], part of the commanded way
+
+
+class TrackingError:
+    """Commands and measured places of a motion, side by side; a soft servo is allowed twice its own lag [s]."""
+
+    def __init__(self, lag: float) -> None:
+        self._window = _STUCK + round(2.0 * lag / PERIOD)
+        self._past: deque[tuple[int, Floats, Floats]] = deque()
+        self._cycles = 0  # of the motion
+        self._same, self._anchor, self._last = 0, np.zeros(3), [0.0, 0.0, 0.0]
+
+    def begin(self, command: Floats) -> None:
+        """A motion begins, from rest."""
+        self._past.clear()
+        self._cycles = 0
+        self._same, self._anchor = 0, command.copy()
+
+    def complaint(self, command: Floats, position: Floats, fresh: bool) -> str | None:
+        """A pose that stands still while commands continue: to the last bit, or nearly; `fresh`: it is a new one."""
+        self._cycles += 1
+        if not fresh:
+            return None
+        if position.tolist() == self._last:
+            self._same += 1
+        else:
+            self._same, self._anchor = 0, command.copy()
+        self._last = position.tolist()
+        gone = length(command - self._anchor)
+        if self._same >= _STILL and gone > _STILL_WAY:
+            return f"the measured pose does not change in any digit while the arm was commanded to move by {mm(gone)}"
+        return self._lags(command, position)
+
+    def _lags(self, command: Floats, position: Floats) -> str | None:
+        """An arm that has gone hardly any of its way within a time of commands, however many states came meanwhile."""
+        past = self._past
+        past.append((self._cycles, command.copy(), position))
+        while len(past) > 1 and self._cycles - past[1][0] >= self._window:
+            past.popleft()
+        began, first_command, first_place = past[0]
+        commanded = length(command - first_command)
+        if self._cycles - began < self._window or commanded <= _STUCK_WAY:
+            return None
+        done = length(position - first_place)
+        if done < _STUCK_PART * commanded:
+            # A swing that has turned round meanwhile is back where it was, and has moved all the same.
+            done = max(length(place - first_place) for _, _, place in past)
+        if done < _STUCK_PART * commanded:
+            return f"the arm was commanded to move by {mm(commanded)} and has moved by {mm(done)}"
+        return None
+
+
+def length(vector: Floats) -> float:
+    """Of a vector (3,), by plain floats: numpy takes longer."""
+    return math.hypot(*vector.tolist())
+
+
+def mm(way: float) -> str:
+    """A way [m] as people read it."""
+    return f"{1e3 * way:.4g} mm"

@@ -1,0 +1,125 @@
+"""The engine of one run: load a pipeline, run it, read its result, call an analysis by name."""
+
+from .alignment import (
+    GRAVITY as GRAVITY,
+    Aligner as Aligner,
+    AlignmentReport as AlignmentReport,
+    AlignmentSettings as AlignmentSettings,
+    Health as Health,
+    Hesitations as Hesitations,
+    Intake as Intake,
+    Ports as Ports,
+    SidewaysShare as SidewaysShare,
+    Signal as Signal,
+    hesitations as hesitations,
+    mounting_of as mounting_of,
+)
+from .alignment.change_point import change_point as change_point
+from .atomic_files import (
+    file_in_place as file_in_place,
+    whole_file as whole_file,
+    write_new as write_new,
+    write_whole as write_whole,
+)
+from .config import (
+    Pipeline as Pipeline,
+    RunSettings as RunSettings,
+    Source as Source,
+    Track as Track,
+    build_parts as build_parts,
+    build_pipeline as build_pipeline,
+    load_pipeline as load_pipeline,
+    parsed_assignment as parsed_assignment,
+    plain_settings as plain_settings,
+    plugin_files as plugin_files,
+    ports_of as ports_of,
+    resolved_text as resolved_text,
+    values_on_trust as values_on_trust,
+    wrong_channels as wrong_channels,
+)
+from .config.declared_uncertainties import READINGS as READINGS, declared_std as declared_std
+from .config.migrations import FORMAT as FORMAT, KEY as KEY
+from .config.unit_plausibility import UNCHECKED as UNCHECKED
+from .core_names import (
+    KINDS as KINDS,
+    SEVERITIES as SEVERITIES,
+    ConsentError as ConsentError,
+    Enclosure as Enclosure,
+    FlagEntry as FlagEntry,
+    Quantity as Quantity,
+    ReadingAge as ReadingAge,
+    Registry as Registry,
+    RiseWatch as RiseWatch,
+    SoundForce as SoundForce,
+    StoppedError as StoppedError,
+    analysis as analysis,
+    announce as announce,
+    approved_files as approved_files,
+    approved_plugins as approved_plugins,
+    ask_devices as ask_devices,
+    bounded_text as bounded_text,
+    dimension as dimension,
+    display_unit as display_unit,
+    error_text as error_text,
+    force_slopes as force_slopes,
+    function_of as function_of,
+    import_plugin_file as import_plugin_file,
+    inherited_approval as inherited_approval,
+    input_files as input_files,
+    is_live as is_live,
+    json_document as json_document,
+    nested_settings as nested_settings,
+    numbers_of as numbers_of,
+    own_motions as own_motions,
+    part_kind as part_kind,
+    plugin_file_of as plugin_file_of,
+    registry as registry,
+    safe_processes as safe_processes,
+    toml_tables as toml_tables,
+    trust_plugin as trust_plugin,
+    trusted_plugins as trusted_plugins,
+    truth_of as truth_of,
+    verdict as verdict,
+    verdict_word as verdict_word,
+)
+from .pipeline import (
+    Flow as Flow,
+    RecordOutcome as RecordOutcome,
+    RecordTracks as RecordTracks,
+    Result as Result,
+    check_approach as check_approach,
+    declared_noise as declared_noise,
+    each as each,
+    interruptible as interruptible,
+    payloads as payloads,
+    refuse_rehearsal as refuse_rehearsal,
+    run_pipeline as run_pipeline,
+    single_trajectory as single_trajectory,
+    start_tracks as start_tracks,
+)
+from .pipeline.live.guard import Guard as Guard
+from .pipeline.live.links import LiveLinks as LiveLinks
+from .result import (
+    GIVEN as GIVEN,
+    PIPELINE as PIPELINE,
+    RESULT as RESULT,
+    SCHEMA as SCHEMA,
+    DerivedValue as DerivedValue,
+    TrackResult as TrackResult,
+    UncertainValue as UncertainValue,
+    acceleration as acceleration,
+    finite_tree as finite_tree,
+    make_folder as make_folder,
+    withdraw_folder as withdraw_folder,
+)
+from .result.track_result import TrackSummary as TrackSummary
+from .safety import (
+    MotionLimits as MotionLimits,
+    MotionReport as MotionReport,
+    Reach as Reach,
+    SafetySettings as SafetySettings,
+    check_motion as check_motion,
+    check_own_motion as check_own_motion,
+    demand_safe as demand_safe,
+)
+from .track_name import TrackName as TrackName

@@ -1,0 +1,156 @@
+"""The aligner: feeds on batches, gives samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate.alignment_report import AlignmentReport
+from palpate.alignment_settings import AlignmentSettings
+from palpate.device import Batch
+from palpate.estimation import Samples
+from palpate.vectors import Floats
+
+from palpate_engine.alignment.contact_detector import ContactDetector
+from palpate_engine.alignment.intake import Intake
+from palpate_engine.alignment.oriented_signals import TurningToolReader
+from palpate_engine.alignment.ports import Ports
+from palpate_engine.alignment.signal_reader import FixedToolReader, SignalReader, ToolSignals
+from palpate_engine.alignment.velocity_lag import VelocityCheck
+
+_SECOND = 1_000_000_000  # [ns]
+_LATERAL = ("lateral_x", "lateral_y")
+
+
+class Aligner:
+    """Joins the streams of the devices; one for each run."""
+
+    def __init__(self, settings: AlignmentSettings, ports: Ports) -> None:
+        self._settings = settings
+        self._intake = Intake(ports, settings.gap)
+        self._roles = self._intake.series
+        self._contact = ContactDetector(settings)
+        self._check = VelocityCheck()
+        self._origin: int | None = None
+        self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served
+        self._nothing: Samples | None = None  # a block without samples
+        self._counts = {"samples": 0, "force": 0, "velocity": 0}
+        self._reader: SignalReader = (
+            TurningToolReader(settings, ports["force"], self._roles)
+            if settings.is_oriented
+            else FixedToolReader(ports, self._roles)
+        )
+
+    def feed(self, device: str, batch: Batch) -> None:
+        """Take in the readings of one of a device's streams."""
+        self._intake.feed(device, batch)
+        self._reader.feed(device, batch)
+
+    def aligned(self, arrivals: Iterable[tuple[str, Batch]], final: bool = False) -> Samples:
+        """The samples that some batches, each with its device, have made ready."""
+        for device, batch in arrivals:
+            self.feed(device, batch)
+        return self.samples(final)
+
+    def samples(self, final: bool = False) -> Samples:
+        """The samples that have become ready; with `final`, all that the record still holds."""
+        block = self._paired(final)
+        if not len(block) and not final:
+            return block
+        if "velocity" in self._roles and len(block):
+            self._check.feed(block)
+        samples = self._contact.feed(block, final)
+        self._reader.release(samples.contact)
+        return samples
+
+    def _paired(self, final: bool) -> Samples:
+        base = self._roles["position"]
+        others = [series for role, series in self._roles.items() if role != "position"]
+        horizon = min((-1 if series.last is None else series.last for series in (base, *others)), default=-1)
+        count = int(np.searchsorted(base.stamps, horizon, side="right"))
+        if "velocity" not in self._roles and not final:
+            count = min(count, len(base.stamps) - 1)  # a central difference wants the next position, too
+        count = max(count, 0)
+        if self._origin is None and count:
+            # There is no sample before the first reading of every signal.
+            early = int(np.searchsorted(base.stamps[:count], max(int(series.stamps[0]) for series in others)))
+            base.drop(early)
+            count -= early
+        if not count and self._nothing is not None:  # as after most batches, where each stream has its own
+            return self._nothing
+        stamps = base.stamps[: count + 1]
+        signals = self._reader.read(stamps, count)
+        block = self._block(stamps, count, signals)
+        if not count:
+            self._nothing = block
+        else:
+            self._previous = int(block.stamp[-1]), float(block.position[-1])
+            base.drop(count)
+            for series in others:
+                series.forget_before(self._previous[0])
+        return block
+
+    def _block(self, next_stamps: NDArray[np.int64], count: int, signals: ToolSignals) -> Samples:
+        stamps, force, velocity = next_stamps[:count], signals.force, signals.velocity
+        if self._origin is None and count:
+            self._origin = int(stamps[0])
+        if velocity is None:
+            velocity = self._central_difference(next_stamps, signals.height)[:count]
+        measuring = np.ones(len(stamps), bool)
+        if "measuring" in self._roles:
+            measuring = self._roles["measuring"].at(stamps) > 0.5
+        before = stamps[:1] if self._previous is None else np.array([self._previous[0]])
+        interval = np.diff(np.concatenate([before, stamps])) / _SECOND if len(stamps) else np.zeros(0)
+        self._counts["samples"] += len(stamps)
+        self._counts["force"] += int(np.count_nonzero(np.isnan(force)))
+        self._counts["velocity"] += int(np.count_nonzero(np.isnan(velocity)))
+        time = (stamps - (self._origin or 0)) / _SECOND
+        contact = np.zeros(len(stamps), bool)
+        unknown = np.full(len(stamps), np.nan)
+        lateral = [self._roles[role].at(stamps) if role in self._roles else unknown for role in _LATERAL]
+        motion = force, signals.height[:count], velocity, contact, measuring
+        return Samples(stamps, time, interval, *motion, np.column_stack(lateral), signals.curvature)
+
+    def _central_difference(self, stamps: NDArray[np.int64], position: Floats) -> Floats:
+        """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and beside a gap."""
+        if self._previous is not None:
+            stamps = np.concatenate([[self._previous[0]], stamps])
+            position = np.concatenate([[self._previous[1]], position])
+        velocity = np.full(len(stamps), np.nan)
+        if len(stamps) > 2:
+            step = np.diff(stamps) / _SECOND
+            slope = np.diff(position) / step
+            slope[step > self._settings.gap] = np.nan
+            velocity[1:-1] = (slope[1:] * step[:-1] + slope[:-1] * step[1:]) / (step[1:] + step[:-1])
+        return velocity[1:] if self._previous is not None else velocity
+
+    @property
+    def reached(self) -> float:
+        """Time [s] that the record has been joined up to; samples may still be held back."""
+        if self._previous is None or self._origin is None:
+            return 0.0
+        return (self._previous[0] - self._origin) / _SECOND
+
+    @property
+    def report(self) -> AlignmentReport:
+        """What has been found out so far."""
+        contact, counts = self._contact, self._counts
+        streams = {".".join(part for part in key if part): health for key, health in self._intake.health.items()}
+        return AlignmentReport(
+            streams,
+            contact.tare,
+            contact.threshold.force,
+            contact.first_touch,
+            contact.touches,
+            contact.air_force,
+            counts["samples"],
+            counts["force"],
+            counts["velocity"],
+            self.reached,
+            self._check.delay,
+            contact.by_change_point,
+            contact.pull,
+            *self._reader.report,
+            self._check.share,
+        )

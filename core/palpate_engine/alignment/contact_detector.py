@@ -1,0 +1,175 @@
+"""Contact detection: when the tip is in contact, and when it began to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from palpate.alignment_report import Tare
+from palpate.alignment_settings import AlignmentSettings
+from palpate.estimation import Samples
+from palpate.vectors import Floats
+
+from palpate_engine.alignment.air_line import FIRST_READINGS, decides, may_decide
+from palpate_engine.alignment.contact_hysteresis import ContactHysteresis
+from palpate_engine.alignment.contact_onset import ContactOnset
+from palpate_engine.alignment.contact_threshold import ContactThreshold
+from palpate_engine.alignment.held_samples import FIRST_SAMPLES, Lookback
+from palpate_engine.alignment.load_compensation import LoadCompensation
+from palpate_engine.alignment.tare import measured_tare, stated_tare, where
+
+_AIR_SAMPLES = 50  # before the first touch, to decide whether the force is zero there
+
+
+class AirForce:
+    """Mean force before the first touch, where it should be none."""
+
+    def __init__(self) -> None:
+        self._sum, self._count = 0.0, 0
+
+    def add(self, force: Floats) -> None:
+        """Take in forces (n,) [N] in air."""
+        known = force[np.isfinite(force)]
+        # One by one, however the record is cut.
+        self._sum = float(np.cumsum(np.concatenate([[self._sum], known]))[-1])
+        self._count += len(known)
+
+    @property
+    def mean(self) -> float | None:
+        """Mean [N]; None where there is too little air."""
+        return self._sum / self._count if self._count >= _AIR_SAMPLES else None
+
+
+class ContactDetector:
+    """Takes raw force to the force of the contact, and marks the samples in contact.
+
+    Samples wait for the tare; then they are held back until the first touch, `touch_lag` at most, so that the begin of
+    contact is located before they are marked. After the first touch nothing is held back.
+    """
+
+    def __init__(self, settings: AlignmentSettings) -> None:
+        self._settings = settings
+        self._waiting: list[Samples] = []  # before the tare
+        self._load: LoadCompensation | None = None  # since the tare
+        self._onset: ContactOnset | None = None  # from the tare to the first touch
+        self._hysteresis: ContactHysteresis | None = None  # since the first touch
+        self._air = AirForce()
+        self.first_touch: tuple[float, float] | None = None  # time [s], position [m]
+        self.by_change_point = False  # else the first touch is where the threshold was passed
+
+    @property
+    def tare(self) -> Tare | None:
+        """What is subtracted; None where it is not settled yet."""
+        return self._load.tare if self._load is not None else None
+
+    @property
+    def threshold(self) -> ContactThreshold:
+        """Force that counts as touch."""
+        return ContactThreshold.of(self._settings, self.tare)
+
+    @property
+    def touches(self) -> int:
+        """How often contact began."""
+        return self._hysteresis.touches if self._hysteresis is not None else 0
+
+    @property
+    def air_force(self) -> float | None:
+        """Mean force [N] before the first touch; None where there is too little of that."""
+        return self._air.mean
+
+    @property
+    def pull(self) -> float:
+        """How far [N] below none the force stays for some samples in a row."""
+        return self._load.pull if self._load is not None else 0.0
+
+    def feed(self, samples: Samples, final: bool = False) -> Samples:
+        """The samples known to be in contact or not; all remaining ones where `final`."""
+        if self._load is None:
+            return self._before_tare(samples, final)
+        samples = self._load.compensated(samples)
+        self._load.watch_pull(samples)
+        if self._onset is None:
+            return self._since_touch(samples)
+        self._onset.feed(samples)
+        return self._before_touch(self._onset, final)
+
+    def _before_tare(self, samples: Samples, final: bool) -> Samples:
+        """Let samples wait until the tare can be settled, and with it the search for contact begins."""
+        self._waiting.append(samples)
+        samples = Samples.joined(self._waiting)
+        if not final and not self._can_settle(samples):
+            self._waiting = [samples]
+            return samples[:0]
+        self._waiting = []
+        self._load, onset, searched = _settled(self._settings, samples)
+        samples = self._load.compensated(samples)
+        self._load.watch_pull(samples)
+        onset.feed(samples[searched:])
+        self._onset = onset
+        return self._before_touch(onset, final)
+
+    def _can_settle(self, samples: Samples) -> bool:
+        """Whether the tare can be settled: contact that is found within the lag still shortens it."""
+        stated = self._settings.tare != "free-air"
+        if len(samples) < (FIRST_READINGS if stated and may_decide(self._settings) else FIRST_SAMPLES):
+            return False
+        if stated and not decides(self._settings, samples):
+            return True
+        return bool(samples.time[-1] > self._settings.tare_duration + self._settings.touch_lag)
+
+    def _before_touch(self, onset: ContactOnset, final: bool) -> Samples:
+        """Samples in air that need not be held back; from the first touch on, all, marked from where it began."""
+        while onset.shown is not None:
+            if not onset.is_whole(final):
+                return onset.held.samples[:0]
+            if not onset.is_lost():
+                return self._touched(onset, onset.shown)
+        given = onset.held.release(final)
+        none = np.zeros(len(given), bool)
+        self._air.add(given.force)
+        return replace(given, contact=none, active=none)
+
+    def _touched(self, onset: ContactOnset, shown: int) -> Samples:
+        """What was held back, marked from where contact began to the sample at which it showed, and after that."""
+        held, (begin, change) = onset.held.samples, onset.located()
+        surface = float(held.position[begin]) if change is None else change.surface
+        self.first_touch, self.by_change_point = (float(held.time[begin]), surface), change is not None
+        self._hysteresis = ContactHysteresis(self.threshold, onset.above, surface if onset.by_rise else None)
+        self._onset = None
+        self._air.add(held.force[:begin])
+        contact = np.arange(len(held)) >= begin
+        if len(held) > shown + 1:
+            contact[shown + 1 :] = self._hysteresis.contact(held[shown + 1 :])
+        return replace(held, contact=contact, active=contact & held.active)
+
+    def _since_touch(self, samples: Samples) -> Samples:
+        assert self._hysteresis is not None
+        if not len(samples):
+            return samples
+        contact = self._hysteresis.contact(samples)
+        return replace(samples, contact=contact, active=contact & samples.active)
+
+
+def _settled(settings: AlignmentSettings, samples: Samples) -> tuple[LoadCompensation, ContactOnset, int]:
+    """Tare and search for contact by the beginning of a record, and how many of the samples are searched already.
+
+    A tare in free air is measured twice where contact begins within its window: it ends there.
+    """
+    lookback = Lookback.of(settings, samples)
+    if (tare := stated_tare(settings, samples)) is not None:
+        return *_begun(settings, tare, lookback), 0
+    head = where(samples, samples.time <= settings.tare_duration + settings.touch_lag)
+    load, onset = _begun(settings, measured_tare(settings, head), lookback)
+    if not lookback.back:
+        return load, onset, 0
+    onset.feed(load.compensated(head))
+    if onset.shown is not None:
+        begin, change = onset.located()
+        touched = float(onset.held.samples.time[begin])
+        if change is not None and touched < settings.tare_duration:
+            return *_begun(settings, measured_tare(settings, head, touched), lookback), 0
+    return load, onset, len(head)
+
+
+def _begun(settings: AlignmentSettings, tare: Tare, lookback: Lookback) -> tuple[LoadCompensation, ContactOnset]:
+    return LoadCompensation(settings, tare), ContactOnset(settings, ContactThreshold.of(settings, tare), lookback)

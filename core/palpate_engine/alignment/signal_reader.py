@@ -1,0 +1,90 @@
+"""Readers of signals: force, height and velocity of a tool at the instants of the samples."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate.alignment_report import SidewaysShare, TurnedTool
+from palpate.device import Batch
+from palpate.vectors import Floats
+
+from palpate_engine.alignment.lateral_force import LateralForce
+from palpate_engine.alignment.ports import Ports
+from palpate_engine.alignment.signal_series import Series
+from palpate_engine.alignment.tilt_range import TiltRange
+
+
+@dataclass(frozen=True)
+class ToolSignals:
+    """Signals of a tool at the instants of samples (n,); the height also at the instant after them, where it is."""
+
+    height: Floats  # (n,) or (n + 1,) [m]
+    force: Floats  # (n,) [N]; NaN where a reading is missing
+    velocity: Floats | None  # (n,) [m/s]; None without such a signal
+    curvature: Floats  # (n, 2) [1/m], principal curvatures of the skin; (0, 2) where none is asked for
+
+
+class ToolReport(NamedTuple):
+    """What a record says of its tool."""
+
+    sideways: SidewaysShare | None = None  # of the force; None where its stream has one axis
+    turned: TurnedTool | None = None  # of a tool whose orientation is read
+    tilt: float = 0.0  # range of the cosine between tool and z of its poses, where the weight counts as constant
+
+
+class SignalReader(Protocol):
+    """Reads the series of a record, block by block in their order."""
+
+    @abstractmethod
+    def feed(self, device: str, batch: Batch) -> None:
+        """Take note of the readings of one of a device's streams."""
+
+    @abstractmethod
+    def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
+        """The signals at the first `count` instants [ns], which become samples; the next is for differences."""
+
+    @abstractmethod
+    def release(self, contact: NDArray[np.bool_]) -> None:
+        """Take note of which of the samples that were read, in their order, are in contact."""
+
+    @property
+    @abstractmethod
+    def report(self) -> ToolReport:
+        """What has been found out so far."""
+
+
+class FixedToolReader(SignalReader):
+    """Reads one column for each signal: the tool does not turn, or its weight counts as constant."""
+
+    def __init__(self, ports: Ports, series: Mapping[str, Series]) -> None:
+        self._series = series
+        self._force, self._position = ports["force"], ports["position"].key
+        across = [column for column in self._force.components if column != self._force.column]
+        self._lateral = LateralForce((self._force.column, across[0], across[1])) if len(across) == 2 else None
+        self._tilt = TiltRange(ports["position"])
+
+    def feed(self, device: str, batch: Batch) -> None:
+        """Regress the force across the tool, and watch its poses."""
+        if self._lateral is not None and (device, batch.stream) == self._force.key:
+            self._lateral.feed(batch)
+        if (device, batch.stream) == self._position:
+            self._tilt.feed(batch)
+
+    def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
+        """The columns as they are."""
+        height = self._series["position"].values[: len(stamps)]
+        velocity = self._series["velocity"].at(stamps[:count]) if "velocity" in self._series else None
+        return ToolSignals(height, self._series["force"].at(stamps[:count]), velocity, np.zeros((0, 2)))
+
+    def release(self, contact: NDArray[np.bool_]) -> None:
+        """Its account is the same in air and in contact."""
+
+    @property
+    def report(self) -> ToolReport:
+        """Share of the force that is across the tool, and its tilt."""
+        return ToolReport(None if self._lateral is None else self._lateral.share, tilt=self._tilt.width)

@@ -1,0 +1,98 @@
+"""One signal on its way to the samples: readings wait here until their instant can be served."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate.alignment_settings import Signal
+from palpate.device import Batch
+from palpate.stream_health import Health
+from palpate.vectors import Floats
+
+_SECOND = 1_000_000_000  # [ns]
+
+
+class Series:
+    """The readings of one signal in the order of true time: late ones moved back by the declared delay."""
+
+    def __init__(
+        self, signal: Signal, column: int, gap: float, limits: tuple[float, float] | None, watched: bool
+    ) -> None:
+        self.signal = signal
+        self._watched = watched  # for a sensor that is stuck
+        self._column = column
+        self._delay = round(signal.delay * _SECOND)
+        self._gap = round(gap * _SECOND)
+        self._limits = limits
+        self.stamps: NDArray[np.int64] = np.zeros(0, np.int64)
+        self.values: Floats = np.zeros(0)
+        self._saturated: NDArray[np.bool_] = np.zeros(0, bool)
+        self._repeated = 0
+        self._previous = np.nan
+
+    def feed(self, stamps: NDArray[np.int64], batch: Batch, rows: NDArray[np.bool_], health: Health) -> None:
+        """Take over the rows of a batch that are in order and finite."""
+        values, usable = batch.values[:, self._column], rows & np.isfinite(batch.values[:, self._column])
+        if not usable.all():
+            values, stamps = values[usable], stamps[usable]
+        saturated = self._beyond_limits(values)
+        health.saturated += int(np.count_nonzero(saturated))
+        if self._watched:
+            health.longest_repeat = max(health.longest_repeat, self._longest_repeat(values))
+        stamps, values = stamps - self._delay, values * self.signal.sign
+        if len(self.stamps):
+            stamps, values = np.concatenate([self.stamps, stamps]), np.concatenate([self.values, values])
+            saturated = np.concatenate([self._saturated, saturated])
+        self.stamps, self.values, self._saturated = stamps, values, saturated
+
+    def _beyond_limits(self, values: Floats) -> NDArray[np.bool_]:
+        if self._limits is None:
+            return np.zeros(len(values), bool)
+        low, high = self._limits
+        return (values <= low) | (values >= high)
+
+    def _longest_repeat(self, values: Floats) -> int:
+        joined = np.concatenate([[self._previous], values])
+        changes = np.flatnonzero(joined[1:] != joined[:-1])
+        edges = np.concatenate([changes, [len(values)]])
+        if len(changes):
+            longest = max(int(np.diff(edges).max()), self._repeated + int(changes[0]))
+            self._repeated = int(len(values) - changes[-1])
+        else:
+            self._repeated += len(values)
+            longest = self._repeated
+        self._previous = values[-1] if len(values) else self._previous
+        return longest
+
+    @property
+    def last(self) -> int | None:
+        """True time [ns] of the latest reading."""
+        return int(self.stamps[-1]) if len(self.stamps) else None
+
+    def at(self, instants: NDArray[np.int64]) -> Floats:
+        """Values (n,) by linear interpolation; NaN outside the readings, across a gap, or beside a saturated one."""
+        count = len(instants)
+        if np.array_equal(self.stamps[:count], instants) and (instants[1:] > instants[:-1]).all():  # of one stream
+            return np.where(self._saturated[:count], np.nan, self.values[:count]) + 0.0
+        values = np.full(count, np.nan)
+        if not len(self.stamps):
+            return values
+        left = np.searchsorted(self.stamps, instants, side="right") - 1
+        inside = (left >= 0) & (instants <= self.stamps[-1])
+        left = left[inside]
+        exact = self.stamps[left] == instants[inside]
+        right = np.where(exact, left, left + 1)
+        width = self.stamps[right] - self.stamps[left]
+        weight = (instants[inside] - self.stamps[left]) / np.maximum(width, 1)
+        found = self.values[left] + weight * (self.values[right] - self.values[left])
+        lost = (width > self._gap) | self._saturated[left] | self._saturated[right]
+        values[inside] = np.where(lost, np.nan, found)
+        return values
+
+    def forget_before(self, instant: int) -> None:
+        """Drop the readings that no instant from this one [ns] on can need."""
+        self.drop(max(int(np.searchsorted(self.stamps, instant, side="right")) - 1, 0))
+
+    def drop(self, count: int) -> None:
+        """Drop the first readings."""
+        self.stamps, self.values, self._saturated = self.stamps[count:], self.values[count:], self._saturated[count:]

@@ -1,0 +1,180 @@
+"""The tool's frame: which way gravity and the skin's normal point in the axes of a sensor that turns with the tool."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from palpate.alignment_settings import AlignmentSettings
+from palpate.rotation_vectors import rotation_rows
+from palpate.vectors import Floats, dot_columns
+
+from palpate_engine.alignment.ports import Port, Ports
+
+GRAVITY = 9.80665  # [m/s^2], standard
+_OUT = (0.0, 0.0, -1.0)  # of the skin, in the frame of a tool that looks at it
+_UP = (0.0, 0.0, 1.0)
+_ALONG = 0.5  # cosine; a force that is read farther off the tool's axis than 60 degrees is not the one along it
+_HALF_TURN = (math.pi, 0.0, 0.0)
+
+Vector = tuple[Floats, Floats, Floats]  # of columns (n,)
+
+
+def mounting_of(settings: AlignmentSettings, axis: int) -> tuple[float, ...] | None:
+    """Rotation vector of the sensor on the tool: as stated, or by the sign of a force that is its z; else None."""
+    if settings.mounting is not None:
+        return settings.mounting
+    if axis != 2:
+        return None
+    return _HALF_TURN if settings.force.sign == 1 else (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Load:
+    """Forces (n,) on the tip without weight and bias, and where the weight points in the sensor's axes."""
+
+    along: Floats  # [N] along the skin's normal, or along the axis that is read
+    across: tuple[Floats, Floats]  # [N]
+    reading: Vector  # [N] on the tip, in the sensor's axes, weight and bias included
+    weight: Vector  # [N] in the sensor's axes
+    weight_along: Floats  # [N] of it, in the direction of `along`
+
+
+class ToolFrame:
+    """Turns readings of a sensor at a tool's orientation into the force along the normal; without a state.
+
+    A force F on the tip is read as p F in the sensor's axes, p = 1 or -1 by the sensor's convention, which sign and
+    mounting say together: a force that pushes the tip out counts as positive. With R the tool's orientation in the
+    frame of the poses and M the mounting of the sensor on the tool, a direction d of that frame is M^T R^T d in the
+    sensor's axes: the force along n is (M^T R^T n) (p f - p b - m g M^T R^T e), e the direction of gravity, b the bias.
+    """
+
+    def __init__(self, settings: AlignmentSettings, force: Port) -> None:
+        axes = force.components
+        self._axis = axes.index(force.column)
+        mounting = mounting_of(settings, self._axis)
+        assert mounting is not None  # the wiring was checked
+        self._columns = tuple(zip(*rotation_rows(mounting), strict=True))  # of M: its axes in the tool's frame
+        self._polarity = settings.force.sign * (1 if self.axial(mounting, self._axis) > 0 else -1)
+        self._out = settings.force.sign * self._polarity  # of the axis that is read
+        self._weight = (settings.tip_mass or 0.0) * GRAVITY if settings.weight == "turning" else 0.0  # [N]
+        self._down = unit_vector(settings.gravity or (0.0, 0.0, -1.0))
+        self._normal = None if settings.normal is None else unit_vector(settings.normal)
+        self._bias = settings.bias or (0.0, 0.0, 0.0)
+
+    @staticmethod
+    def axial(mounting: tuple[float, ...], axis: int) -> float:
+        """Cosine between one of the sensor's axes and the direction out of the skin, seen from the tool."""
+        return sum(out * row[axis] for out, row in zip(_OUT, rotation_rows(mounting), strict=True))
+
+    @staticmethod
+    def is_axial(mounting: tuple[float, ...], axis: int) -> bool:
+        """Whether one of the sensor's axes is along the tool."""
+        return abs(ToolFrame.axial(mounting, axis)) >= _ALONG
+
+    def load(
+        self, readings: Vector, orientation: tuple[Floats, Floats, Floats, Floats], normal: Vector | None = None
+    ) -> Load:
+        """The force on the tip from readings (n,) [N] of the three axes and quaternions x, y, z, w (n,) of the tool.
+
+        Along the `normal` at each place, where that is given.
+        """
+        rows = _rotations(orientation)
+        down = self._in_sensor(rows, self._down)
+        weight = _scaled(down, self._weight)
+        reading = tuple(self._polarity * (f - b) for f, b in zip(readings, self._bias, strict=True))
+        x, y, z = (f - w for f, w in zip(reading, weight, strict=True))
+        along = normal or self._normal
+        if along is None:
+            own = (x, y, z)
+            others = [own[i] for i in range(3) if i != self._axis]
+            axes = np.full(len(x), float(self._out))
+            return Load(
+                self._out * own[self._axis], (others[0], others[1]), _three(reading), weight, axes * weight[self._axis]
+            )
+        out = self._in_sensor(rows, along)
+        first, second = (self._in_sensor(rows, side) for side in _sides(along))
+        force = (x, y, z)
+        return Load(
+            dot_columns(out, force),
+            (dot_columns(first, force), dot_columns(second, force)),
+            _three(reading),
+            weight,
+            dot_columns(out, weight),
+        )
+
+    def along(self, place: Vector, normal: Vector | None = None) -> Floats:
+        """Component (n,) of vectors (n,) of the frame of the poses along the normal, that which is given or stated."""
+        x, y, z = normal or self._normal or _UP
+        return place[0] * x + place[1] * y + place[2] * z
+
+    def _in_sensor(self, rows: tuple[Vector, Vector, Vector], direction: tuple[float, ...] | Vector) -> Vector:
+        """A direction of the frame of the poses in the sensor's axes: M^T R^T d."""
+        d = direction
+        tool = [d[0] * rows[0][i] + d[1] * rows[1][i] + d[2] * rows[2][i] for i in range(3)]
+        a, b, c = (tool[0] * m[0] + tool[1] * m[1] + tool[2] * m[2] for m in self._columns)
+        return a, b, c
+
+
+def problems_of(settings: AlignmentSettings, ports: Ports) -> list[tuple[str, str]]:
+    """Key and problem of everything without which orientations cannot be used."""
+    force, position, found = ports["force"], ports["position"], list[tuple[str, str]]()
+    projecting = "normal" if settings.normal is not None else "surface"
+    key = projecting if settings.is_projecting else "weight"
+    names = {channel.name for channel in position.stream.channels}
+    if position.stream.layout != "pose" or not {"x", "y", "z", "qx", "qy", "qz", "qw"} <= names:
+        found.append((key, f"needs the tool's orientation, and {position.signal.channel} is of no pose"))
+    if len(force.components) != 3:
+        found.append(
+            (key, f"needs all three axes of the force, and {force.signal.channel} has {len(force.components)}")
+        )
+        return found
+    axis = force.components.index(force.column)
+    mounting = mounting_of(settings, axis)
+    if mounting is None:
+        text = f"is needed where the force is the sensor's {'xyz'[axis]}: the rotation vector of the sensor on the tool"
+        found.append(("mounting", text))
+    elif not ToolFrame.is_axial(mounting, axis):
+        angle = math.degrees(math.acos(min(abs(ToolFrame.axial(mounting, axis)), 1.0)))
+        found.append(
+            ("mounting", f"puts {force.signal.channel} {angle:.0f} deg off the tool's axis: name the axis along it")
+        )
+    if settings.is_projecting and "velocity" in ports.roles and ports["velocity"].stream.layout != "twist":
+        found.append((key, f"needs a velocity of three axes, and {ports['velocity'].signal.channel} is of no twist"))
+    return found
+
+
+def unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
+    """A vector (3,) in its direction, of length 1."""
+    length = math.hypot(*vector)
+    return tuple(part / length for part in vector)
+
+
+def _rotations(orientation: tuple[Floats, Floats, Floats, Floats]) -> tuple[Vector, Vector, Vector]:
+    """Rows of the rotations of quaternions x, y, z, w (n,) of any length, element by element."""
+    x, y, z, w = orientation
+    s = 2.0 / (x * x + y * y + z * z + w * w)
+    return (
+        (1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)),
+        (s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)),
+        (s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)),
+    )
+
+
+def _sides(normal: tuple[float, ...] | Vector) -> tuple[Vector, Vector]:
+    """Two directions along the skin, at right angles."""
+    x, y, z = (np.asarray(part, float) for part in normal)
+    level = np.abs(y) < 0.9
+    length = np.where(level, np.sqrt(z * z + x * x), np.sqrt(z * z + y * y))
+    a, b, c = np.where(level, z, 0.0) / length, np.where(level, 0.0, -z) / length, np.where(level, -x, y) / length
+    return (a, b, c), (y * c - z * b, z * a - x * c, x * b - y * a)
+
+
+def _scaled(vector: Vector, factor: float) -> Vector:
+    return vector[0] * factor, vector[1] * factor, vector[2] * factor
+
+
+def _three(parts: tuple[Floats, ...]) -> Vector:
+    x, y, z = parts
+    return x, y, z

@@ -1,0 +1,131 @@
+"""A tool that turns: what its weight did over a record, and whether the readings in free air follow it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate.alignment_report import TurnedTool
+from palpate.vectors import Floats
+
+from palpate_engine.alignment.tool_frame import Load, Vector
+
+# Whole tenths of a millinewton and micrometres: sums of them do not depend on how a record is cut into blocks.
+_PER_NEWTON, _PER_METRE, _PER_CURVATURE = 1e4, 1e6, 1e4
+_LARGEST = 1e7  # of such parts; what is beyond is no reading
+_FEWEST = 100  # samples
+_WEIGHT, _ALONG, _CURVATURE, _COLUMNS = slice(3, 6), 6, slice(11, 13), 13
+
+
+class ToolWatch:
+    """Sums over all samples; what is in contact is known later than the readings."""
+
+    def __init__(self) -> None:
+        self._waiting = np.zeros((0, _COLUMNS), np.int64)
+        self._air, self._contact, self._stays = _Sums(), _Sums(), _Stays()
+
+    def add(self, load: Load, place: Vector, height: Floats, curvature: Floats, curvature_std: Floats) -> None:
+        """Take in samples to be released: forces [N], place of the tip [m], the skin's curvature [1/m] and its std."""
+        forces = np.column_stack([*load.reading, *load.weight, load.weight_along]) * _PER_NEWTON
+        places = np.column_stack([*place, height]) * _PER_METRE
+        columns = np.column_stack([forces, places, curvature * _PER_CURVATURE, curvature_std * _PER_CURVATURE])
+        columns = np.where(np.isfinite(columns), columns, 2.0 * _LARGEST).clip(-2.0 * _LARGEST, 2.0 * _LARGEST)
+        self._waiting = np.concatenate([self._waiting, np.rint(columns).astype(np.int64)])
+
+    def release(self, contact: NDArray[np.bool_]) -> None:
+        """The first of the samples that wait, with whether they are in contact."""
+        rows, self._waiting = self._waiting[: len(contact)], self._waiting[len(contact) :]
+        usable = (np.abs(rows) < _LARGEST).all(axis=1)
+        if not self._contact.count:  # later air may be wet, or not yet free
+            before = np.cumsum(contact) == 0
+            self._air.add(rows[before & usable])
+        self._contact.add(rows[contact & usable])
+        self._stays.add(rows[:, 7:11], contact & usable)
+
+    @property
+    def turned(self) -> TurnedTool | None:
+        """Of what was released; None where that is nothing."""
+        air, contact = self._air, self._contact
+        if not air.count and not contact.count:
+            return None
+        now, before = (contact if contact.count else air).mean, (air if air.count else contact).mean
+        spread, apart, std = air.disagreement() if air.count >= _FEWEST else (0.0, None, 0.0)
+        turn, weight = float(np.linalg.norm(now[_WEIGHT] - before[_WEIGHT])), float(now[_ALONG])
+        slope = self._stays.slope if contact.count >= _FEWEST else 0.0
+        curved = contact.mean[_CURVATURE].tolist() if contact.count else (0.0, 0.0)
+        return TurnedTool(turn, weight - float(before[_ALONG]), weight, spread, apart, std, slope, *curved)
+
+
+class _Sums:
+    """Sums and products of whole numbers (n, 13)."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._sum = [0] * _COLUMNS
+        self._products: dict[tuple[int, int], int] = {}
+
+    def add(self, rows: NDArray[np.int64]) -> None:
+        """Take in rows."""
+        self.count += len(rows)
+        for i in range(_COLUMNS):
+            self._sum[i] += int(rows[:, i].sum())
+        for i, j in itertools.combinations_with_replacement(range(6), 2):
+            self._products[i, j] = self._products.get((i, j), 0) + int((rows[:, i] * rows[:, j]).sum())
+
+    def _moment(self, i: int, j: int) -> float:
+        n, pair = self.count, (min(i, j), max(i, j))
+        return (n * self._products[pair] - self._sum[i] * self._sum[j]) / (n * n)
+
+    @property
+    def mean(self) -> Floats:
+        """(13,) of forces [N], places [m], curvature and its standard uncertainty [1/m]."""
+        parts = np.repeat([_PER_NEWTON, _PER_METRE, _PER_CURVATURE], [7, 4, 2])
+        return np.asarray(np.array(self._sum, float) / self.count / parts, np.float64)
+
+    def disagreement(self) -> tuple[float, float | None, float]:
+        """Spread of the weight w [N]; |cov(f - w, w)| / |cov(w, w)| of readings f, and its uncertainty by noise."""
+        moments = np.array([[self._moment(i, j) for j in range(6)] for i in range(6)]) / _PER_NEWTON**2
+        read, mixed, own = moments[:3, :3], moments[:3, 3:], moments[3:, 3:]
+        spread, size = math.sqrt(max(float(np.trace(own)), 0.0)), float(np.linalg.norm(own))
+        if size <= 0.0:
+            return spread, None, 0.0
+        left = max(float(np.trace(read) - 2.0 * np.trace(mixed) + np.trace(own)) / 3.0, 0.0)
+        noise = math.sqrt(3.0 * left / self.count) * spread / size
+        return spread, float(np.linalg.norm(mixed - own)) / size, noise
+
+
+class _Stays:
+    """How far the tip went while in contact, about the mean place of each stay: x, y, z and height (n, 4)."""
+
+    def __init__(self) -> None:
+        self._count, self._sums, self._squares = 0, [0] * 4, [0] * 4  # of the present one
+        self._scatter = [0.0] * 4  # of all that are over
+
+    def add(self, rows: NDArray[np.int64], contact: NDArray[np.bool_]) -> None:
+        """Take in rows; a stay ends where one is not in contact."""
+        edges = [0, *(np.flatnonzero(np.diff(contact)) + 1).tolist(), len(contact)]
+        for begin, end in itertools.pairwise(edges if len(contact) else []):
+            if not contact[begin]:
+                self._scatter, self._count = self._whole, 0
+                self._sums, self._squares = [0] * 4, [0] * 4
+                continue
+            self._count += end - begin
+            for i in range(4):
+                column = rows[begin:end, i]
+                self._sums[i] += int(column.sum())
+                self._squares[i] += int((column * column).sum())
+
+    @property
+    def _whole(self) -> list[float]:
+        if not self._count:
+            return self._scatter
+        present = zip(self._scatter, self._sums, self._squares, strict=True)
+        return [old + (self._count * square - total * total) / self._count for old, total, square in present]
+
+    @property
+    def slope(self) -> float:
+        """Tangent of the angle between the normal and the motion; 0 where there is no motion along it."""
+        *place, height = self._whole
+        return math.sqrt(max(sum(place) / height - 1.0, 0.0)) if height > 0 else 0.0

@@ -1,0 +1,107 @@
+"""Position against velocity: whether the velocity channel is late without saying so."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from palpate.estimation import Samples
+from palpate.vectors import Floats
+
+_SPAN = 10  # samples in one stretch; 20 ms at 500 Hz, short against a palpation's period and long against noise
+_TOGETHER, _BLOCKS = 4096, 256  # samples, or blocks of them, that are added up at once
+_SIGNAL = 0.9  # correlation of the slopes of neighbouring stretches, from which on noise makes at most a tenth of them
+_LONGEST = 0.03  # [s]; longer stretches blur the acceleration of a palpation
+
+
+class VelocityCheck:
+    """Compares the mean velocity of stretches with the way that the position went in them.
+
+    Without noise and delay the two are equal, exactly. A velocity that is late by tau is v(t) = z'(t - tau), so their
+    difference is -tau z'' to first order; tau follows by least squares over all stretches. Only sums are kept, added up
+    in the order of the samples, so that they depend neither on how these were cut into blocks nor grow with the record.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: list[Samples] = []
+        self._held = 0
+        self._latest = np.zeros((0, 3))  # mean velocity, mean slope of position, duration
+        self._stretches = self._long = self._known = 0
+        self._power = self._product = self._square = 0.0  # of acceleration and difference
+        self._slopes = self._lagged = self._common = 0.0  # of the slope, with the one before, with the velocity
+
+    def feed(self, samples: Samples) -> None:
+        """Take in a block of samples."""
+        self._waiting.append(samples)
+        self._held += len(samples)
+        if self._held > _TOGETHER or len(self._waiting) > _BLOCKS:
+            self._take_in()
+
+    def _take_in(self) -> None:
+        """Add up the stretches that wait."""
+        whole = (self._held - 1) // _SPAN
+        if whole < 1:
+            return
+        block = Samples.joined(self._waiting)
+        rows = np.arange(whole)[:, None] * _SPAN + np.arange(_SPAN + 1)
+        time, position, velocity = block.time[rows], block.position[rows], block.velocity[rows]
+        step = np.diff(time, axis=1)
+        duration = time[:, -1] - time[:, 0]
+        mean = ((velocity[:, 1:] + velocity[:, :-1]) / 2 * step).sum(axis=1) / duration
+        slope = (position[:, -1] - position[:, 0]) / duration
+        even = step.max(axis=1) < 3 * duration / _SPAN  # no gap within
+        means = np.where(even, mean, np.nan)
+        self._add(np.column_stack([means, slope, duration]))
+        self._waiting = [block[np.arange(whole * _SPAN, len(block))]]  # a copy: a view would hold the whole block
+        self._held -= whole * _SPAN
+
+    def _add(self, stretches: Floats) -> None:
+        """Take in stretches (n, 3); each gives the one before its acceleration, from the neighbours on both sides."""
+        self._stretches += len(stretches)
+        self._long += int(np.count_nonzero(stretches[:, 2] > _LONGEST))
+        stretches = np.concatenate([self._latest, stretches])
+        self._latest = stretches[-2:]
+        mean, slope, duration = stretches.T
+        acceleration, apart = (mean[2:] - mean[:-2]) / (2 * duration[1:-1]), mean[1:-1] - slope[1:-1]
+        known = np.isfinite(acceleration) & np.isfinite(apart)
+        if not known.any():
+            return
+        acceleration, apart = acceleration[known], apart[known]
+        self._known += len(apart)
+        self._power = _added(self._power, acceleration * acceleration)
+        self._product = _added(self._product, acceleration * apart)
+        self._square = _added(self._square, apart * apart)
+        here, before, stated = slope[1:-1][known], slope[:-2][known], mean[1:-1][known]
+        self._slopes = _added(self._slopes, here * here)
+        self._lagged = _added(self._lagged, here * before)
+        self._common = _added(self._common, here * stated)
+
+    @property
+    def _is_enough(self) -> bool:
+        """Whether there are stretches that are many and short enough."""
+        self._take_in()
+        return self._stretches >= 20 and 2 * self._long <= self._stretches and self._known >= 10
+
+    @property
+    def share(self) -> float | None:
+        """The velocity in parts of the change of the position, by least squares; None where that is mostly noise.
+
+        Noise of the position makes neighbouring slopes differ, and can lower the share to `_SIGNAL`.
+        """
+        if not self._is_enough or self._slopes == 0 or self._lagged < _SIGNAL * self._slopes:
+            return None
+        return self._common / self._slopes
+
+    @property
+    def delay(self) -> tuple[float, float] | None:
+        """Delay of velocity against position and its standard uncertainty [s]; None where it cannot be determined."""
+        if not self._is_enough or self._power == 0:
+            return None
+        late = -self._product / self._power
+        residual = max(self._square + late * self._product, 0.0)
+        return late, math.sqrt(residual / (self._known - 1) / self._power)
+
+
+def _added(total: float, values: Floats) -> float:
+    """A total and values (n,), one after the other however they are cut."""
+    return float(np.cumsum(np.concatenate([[total], values]))[-1])

@@ -1,0 +1,168 @@
+"""The builder: tables become parts; a part named in another part's table is found, or built in place."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+from palpate import hooks
+from palpate.errors import PalpateError, PluginError, suggest
+from palpate.key_mistakes import Location, Mistake, mistakes_of
+from palpate.parts import Part, Settings, nested_settings, part_kind, table_of_parts
+from palpate.registry import Registry
+from pydantic import ValidationError
+
+from palpate_engine.config.migrations import KEY
+from palpate_engine.config.pipeline_source import Source
+from palpate_engine.config.unit_plausibility import UNCHECKED, implausible_units
+
+
+class _PartError(Exception):
+    """A part that another one needs cannot be built; its own mistakes are noted."""
+
+
+def _short(name: str) -> str:
+    """A name of one word for a table."""
+    return name.replace("-", "_")
+
+
+class Builder:
+    """Builds the parts of one pipeline file and collects what is wrong with it."""
+
+    def __init__(self, source: Source, registry: Registry) -> None:
+        self.mistakes: list[Mistake] = []
+        self._tables = source.tables
+        self._registry = registry
+        self._context = {"base": source.path.parent, "enclosure": source.enclosure}
+        self._built: dict[Location, Part | None] = {}
+        self._begun: set[Location] = set()  # parts that are being built: one that needs such a part needs itself
+
+    def parts(self, kind: str) -> dict[str, Any]:
+        """Every part of a kind that the file names and that is in order."""
+        tables = self._tables.get(kind, {})
+        if not isinstance(tables, dict):
+            self._note((kind,), f"is no table: name each {kind}, as in [{kind}.my_{kind}]")
+            return {}
+        if isinstance(tables.get("type"), str):
+            self._note((kind,), f"has no name: write [{kind}.NAME], such as [{kind}.{_short(tables['type'])}]")
+            return {}
+        found = {}
+        for name in tables:
+            part = self._named(kind, name)
+            if part is not None:
+                found[name] = part
+        return found
+
+    def settings(self, settings: type[Settings], location: Location) -> Any:
+        """The settings of one plain table, or None where they are not in order."""
+        table = self._tables.get(location[0], {})
+        try:
+            return self._validated(settings, table, location)
+        except _PartError:
+            return None
+
+    def _note(self, location: Location, problem: str) -> None:
+        self.mistakes.append(Mistake(location, problem))
+
+    def _named(self, kind: str, name: str) -> Part | None:
+        location = (kind, name)
+        if location not in self._built:
+            self._built[location] = None
+            self._begun.add(location)
+            with suppress(_PartError):
+                self._built[location] = self._part(kind, self._tables[kind][name], location)
+            self._begun.remove(location)
+        return self._built[location]
+
+    def _part(self, kind: str, table: Any, location: Location) -> Part:
+        if not isinstance(table, dict) or not isinstance(table.get("type"), str):
+            known = ", ".join(sorted(self._registry.parts[kind]))
+            self._note(location, f'needs type = "..." (there are: {known})')
+            raise _PartError
+        try:
+            part = self._registry.find(kind, table["type"])
+        except PluginError as error:
+            self._note((*location, "type"), str(error))
+            raise _PartError from error
+        rest = {key: value for key, value in table.items() if key != "type"}
+        built = self._validated(part, rest, location)
+        assert isinstance(built, Part)
+        return built
+
+    def _validated(self, settings: type[Settings], table: Any, location: Location) -> Settings:
+        broken = set()
+        doubted: list[Mistake] = []
+        if isinstance(table, dict):
+            table = dict(table)
+            doubted = self._doubted(settings, table, location)
+            for name in settings.model_fields.keys() & table.keys():
+                try:
+                    table[name] = self._inner(settings.model_fields[name].annotation, table[name], (*location, name))
+                except _PartError:
+                    broken.add((*location, name))
+                    del table[name]
+        try:
+            found = settings.model_validate(table, context=self._context)
+        except ValidationError as error:
+            # That a broken inner table is missing now is no mistake of its own.
+            wrong = mistakes_of(error, settings, location)
+            self.mistakes += [mistake for mistake in wrong if mistake.location not in broken]
+            told = {mistake.location for mistake in wrong}
+            self.mistakes += [mistake for mistake in doubted if mistake.location not in told]
+            raise _PartError from error
+        except PalpateError as error:  # a part that looks into its file
+            self._note(location, str(error))
+            raise _PartError from error
+        self.mistakes += doubted
+        if doubted or broken:  # what is in order without its broken inner table is another part than was meant
+            raise _PartError
+        return found
+
+    def _doubted(self, settings: type[Settings], table: dict[str, Any], location: Location) -> list[Mistake]:
+        """Numbers without a unit that were hardly meant; takes the key `unchecked` out of the table."""
+        if UNCHECKED in settings.model_fields:
+            return []
+        meant = table.pop(UNCHECKED, [])
+        if not isinstance(meant, list) or not all(isinstance(name, str) for name in meant):
+            return [Mistake((*location, UNCHECKED), 'must be a list of keys, such as ["bias"]')]
+        unknown = [name for name in meant if name not in settings.model_fields]
+        wrong = [f"unknown key {name!r}{suggest(name, settings.model_fields)}" for name in unknown]
+        mistakes = [Mistake((*location, UNCHECKED), problem) for problem in wrong]
+        found = implausible_units(settings, table)
+        return mistakes + [Mistake((*location, name), doubt) for name, doubt in found.items() if name not in meant]
+
+    def _inner(self, annotation: Any, value: Any, location: Location) -> Any:
+        """A field's value: what asks for a part gets one, by its name or from a table in place."""
+        kind = part_kind(annotation)
+        entry = table_of_parts(annotation)
+        if entry is not None and isinstance(value, dict):
+            return {name: self._inner(entry, item, (*location, name)) for name, item in value.items()}
+        nested = nested_settings(annotation)
+        if kind is None or (nested and isinstance(value, dict) and "type" not in value):
+            return self._validated(nested, value, location) if nested and isinstance(value, dict) else value
+        if isinstance(value, dict):
+            return self._part(kind, value, location)
+        if isinstance(value, str):
+            names = self._tables.get(kind, {})
+            if not isinstance(names, dict) or value not in names:
+                self._note(location, f"there is no [{kind}.{value}]{suggest(value, names)}")
+                raise _PartError
+            if (kind, value) in self._begun:
+                self._note(location, f"[{kind}.{value}] needs itself")
+                raise _PartError
+            part = self._named(kind, value)
+            if part is None:
+                raise _PartError
+            return part
+        self._note(location, f"must name a [{kind}.*] table or be one")
+        raise _PartError
+
+
+CORE_TABLES = ("run", "alignment", "safety")
+
+
+def unknown_tables(tables: dict[str, Any], registry: Registry) -> list[Mistake]:
+    """A mistake for every top-level table that neither the core nor a plugin knows."""
+    allowed = (*CORE_TABLES, *registry.tables, *hooks.KINDS)
+    unknown = [name for name in tables if name not in (*allowed, KEY)]
+    return [Mistake((name,), f"unknown table{suggest(name, allowed)}") for name in unknown]

@@ -1,0 +1,164 @@
+"""What one TOML file wires together, as an object."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+from palpate.contact import ContactModel, Indenter
+from palpate.device import Device
+from palpate.estimation import Estimator
+from palpate.flags import Flag
+from palpate.parts import File, InputFile, Settings
+from palpate.registry import Registry
+from palpate.sink import Sink
+from palpate.surface import Surface
+from palpate.trajectory import Trajectory
+from palpate.twin import Twin
+from palpate.units import Time
+from pydantic import Field
+
+from palpate_engine.alignment import AlignmentSettings, Ports
+from palpate_engine.config.signal_wiring import ports_of
+from palpate_engine.safety import SafetySettings
+from palpate_engine.track_name import TrackName
+
+
+class RunSettings(Settings):
+    """The ``[run]`` table: what concerns the run as a whole."""
+
+    name: str = Field(default="run", min_length=1, description="what the run is called, in its folder and its tables")
+    tracks: tuple[str, ...] = Field(
+        default=("*",), description='which model/estimator pairs run, as patterns: "dr/*", "*/ekf"'
+    )
+    plugins: tuple[File, ...] = Field(default=(), description="Python files beside the pipeline with parts of your own")
+    calibration: InputFile | None = Field(
+        default=None, description="calibration file: mass, tare, timing and noise that this file leaves open"
+    )
+    calibration_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older calibration is flagged")
+    control: InputFile | None = Field(
+        default=None, description="control chart of `palpate control`: the check of the rig that stands behind the run"
+    )
+    control_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older check is called old")
+    seed: int = Field(default=0, ge=0, description="seed of everything that is random")
+    average: Time = Field(default=1.0, ge=0.05, description="results are means over so much time at the end")
+    uncertainties: dict[str, float | str] = Field(
+        default={},
+        description="standard uncertainties of what is taken for known, by key of the models and their tips, or "
+        '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }; not declared: '
+        "a radius to 0.5 %, Poisson's ratio within 0.02 below its value",
+    )
+    assumed: tuple[str, ...] = Field(
+        default=(),
+        description='keys whose values are assumed, as patterns: "indenter.*", "alignment.tip_mass"; they are '
+        "flagged until they are taken out of here, or set on the command line",
+    )
+    rehearsal: str | None = Field(
+        default=None,
+        min_length=1,
+        description="the [twin.NAME] in whose simulated time the run is made, never by its devices; `palpate rehearse` "
+        "writes it",
+    )
+    report: bool = Field(default=False, description="write a report when the run has ended")
+    estimates_interval: Time = Field(
+        default=0.01, ge=0, description="estimates.csv has one row in so much time; 0: every sample"
+    )
+
+
+class CalibratedNumber(Protocol):
+    """A number of a calibration."""
+
+    @property
+    def value(self) -> float:
+        """In its unit [SI]."""
+        ...
+
+    @property
+    def std(self) -> float:
+        """Combined standard uncertainty."""
+        ...
+
+
+class CalibrationUse(Protocol):
+    """A calibration that a pipeline names."""
+
+    @property
+    def values(self) -> Mapping[str, CalibratedNumber]:
+        """What it knows, by name: mass, delay, offset, force_std, ..."""
+        ...
+
+    def offset_doubt(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Flag | None:
+        """Why its offset need not be that of the sensor as it is now; None where it is."""
+        ...
+
+    def alignment(self, settings: AlignmentSettings) -> AlignmentSettings:
+        """The settings with what the calibration knows wherever the file leaves them open."""
+        ...
+
+    def estimator(self, estimator: Any) -> Any:
+        """An estimator with the calibration's noise wherever it has such a setting and the file leaves it open."""
+        ...
+
+    def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterable[Flag]:
+        """Flags against its use; `live` is the health that connected devices report, by name."""
+        ...
+
+
+class ControlUse(Protocol):
+    """A control chart that a pipeline names, with the check that stands behind a run."""
+
+    def facts(self, started: datetime) -> Mapping[str, Any]:
+        """The last check for ``run.control`` of result.json; its age is that when the run started."""
+        ...
+
+    def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterable[Flag]:
+        """Flags against it; `live` is the health that connected devices report, by name."""
+        ...
+
+
+@dataclass(frozen=True)
+class Track:
+    """A contact model and an estimator, side by side with other tracks on the same samples."""
+
+    name: TrackName
+    model: ContactModel
+    estimator: Estimator
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pipeline:
+    """Everything that one TOML file wires together, checked."""
+
+    path: Path
+    text: str
+    run: RunSettings
+    alignment: AlignmentSettings
+    indenters: Mapping[str, Indenter]
+    models: Mapping[str, ContactModel]
+    estimators: Mapping[str, Estimator]
+    devices: Mapping[str, Device]
+    trajectories: Mapping[str, Trajectory]
+    surfaces: Mapping[str, Surface]
+    sinks: Mapping[str, Sink]
+    twins: Mapping[str, Twin]
+    safety: SafetySettings | None
+    tracks: tuple[Track, ...]
+    registry: Registry
+    calibration: CalibrationUse | None = None
+    control: ControlUse | None = None
+    tables: Mapping[str, Settings] = field(default_factory=dict)  # those of analyses that the file has, by name
+    stated: AlignmentSettings | None = None  # the alignment as the file has it, without the calibration
+    renamed: tuple[Flag, ...] = ()  # what the file calls by a name of an older version
+
+    @property
+    def ports(self) -> Ports:
+        """Where each signal is read."""
+        return self._ports
+
+    @cached_property
+    def _ports(self) -> Ports:
+        return ports_of(self.alignment, self.devices)

@@ -1,0 +1,235 @@
+"""One TOML file becomes a pipeline, checked, or all mistakes in it at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from palpate import registry as registries
+from palpate.contact import ContactModel
+from palpate.device import Device, is_live
+from palpate.errors import suggest
+from palpate.estimation import Estimator
+from palpate.flags import Flag
+from palpate.key_mistakes import Mistake
+from palpate.registry import Registry
+from palpate.trust import PluginFile, announce, approved_files, plugin_files_at_hand
+
+from palpate_engine.alignment import AlignmentSettings
+from palpate_engine.config.assumed_values import assumed_keys
+from palpate_engine.config.calibration import calibration_of
+from palpate_engine.config.control import control_of
+from palpate_engine.config.declared_uncertainties import unknown_sources
+from palpate_engine.config.migrations import MIGRATIONS, migrate
+from palpate_engine.config.mistakes import raise_mistakes
+from palpate_engine.config.part_builder import Builder, unknown_tables
+from palpate_engine.config.pipeline import Pipeline, RunSettings, Track
+from palpate_engine.config.pipeline_source import Source
+from palpate_engine.config.safety_wiring import contradictions, wire_safety
+from palpate_engine.config.signal_wiring import check_wiring, ports_of, with_gravity, wrong_channels
+from palpate_engine.safety import SafetySettings
+from palpate_engine.track_name import TrackName
+
+
+def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = True, named: bool = True) -> Pipeline:
+    """The pipeline in a file, with ``table.key=value`` overrides on top.
+
+    Without `estimates` the file need not name models and estimators, and takes nothing from a calibration: enough to
+    move and to record. The plugin files of a file that a person has `named` may be executed; see `Source.read`.
+
+    Raises ConfigurationError with every mistake at once, each with its line; PluginError where a plugin fails.
+    """
+    source = Source.read(path, named)
+    for assignment in overrides:
+        source.override(assignment)
+    return build_pipeline(source, estimates)
+
+
+def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
+    """The pipeline in a source; raises like `load_pipeline`."""
+    tables = source.tables
+    builder, registry, run, renamed = _begun(source)
+    stated = builder.settings(AlignmentSettings, ("alignment",)) if "alignment" in tables else None
+    extra = {name: builder.settings(part, (name,)) for name, part in registry.tables.items() if name in tables}
+    safety = builder.settings(SafetySettings, ("safety",)) if "safety" in tables else None
+    kinds = {kind: builder.parts(kind) for kind in registry.parts}
+    builder.mistakes += _missing(tables, registry, ("device", "model", "estimator") if estimates else ("device",))
+    builder.mistakes += _wrong_signals(tables, stated, kinds["device"], safety)
+    builder.mistakes += _wrong_rehearsal(run, kinds)
+    use, problems = calibration_of(run, stated, registry) if estimates else (None, [])
+    control, wrong_chart = control_of(run, registry) if estimates else (None, [])
+    builder.mistakes += [*problems, *wrong_chart, *_wrong_uncertainties(run, kinds["model"])]
+    alignment = stated
+    if use and stated:
+        alignment = use.alignment(stated)
+        kinds["estimator"] = {name: use.estimator(part) for name, part in kinds["estimator"].items()}
+    if alignment:
+        alignment = with_gravity(alignment, kinds["device"])
+        builder.mistakes += _wrong_orientation(alignment, kinds["model"]) if estimates else []
+    tracks, lost = _tracks(run or RunSettings(), kinds["model"], kinds["estimator"])
+    if estimates and not builder.mistakes:
+        builder.mistakes += lost
+    if safety and alignment and not builder.mistakes:
+        builder.mistakes += contradictions(safety, alignment, kinds["device"])
+        safety = wire_safety(safety, alignment, kinds["device"])
+    raise_mistakes(builder.mistakes, source)
+    registry.demand_sound(kinds)
+    assert alignment is not None
+    assert run is not None
+    pipeline = Pipeline(
+        path=source.path,
+        text=source.text,
+        run=run,
+        alignment=alignment,
+        indenters=kinds["indenter"],
+        models=kinds["model"],
+        estimators=kinds["estimator"],
+        devices=kinds["device"],
+        trajectories=kinds["trajectory"],
+        surfaces=kinds["surface"],
+        sinks=kinds["sink"],
+        twins=kinds["twin"],
+        safety=safety,
+        tracks=tracks,
+        registry=registry,
+        calibration=use,
+        control=control,
+        tables=extra,
+        stated=stated,
+        renamed=renamed,
+    )
+    assumed = assumed_keys(run.assumed, pipeline, source.overridden)
+    return replace(pipeline, run=run.model_copy(update={"assumed": assumed})) if run.assumed else pipeline
+
+
+def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple[Flag, ...]]:
+    """A source in the names of today, with the plugins that it asks for; its builder, and what was renamed."""
+    tables = source.tables
+    renamed = migrate(source, MIGRATIONS)
+    _add_plugins_at_hand(source)
+    first = Builder(source, Registry({}))
+    run = first.settings(RunSettings, ("run",))
+    registry = _registry(source) if run else registries.load()
+    renamed += migrate(source, registry.migrations)
+    builder = Builder(source, registry)
+    builder.mistakes += first.mistakes + unknown_tables(tables, registry)
+    return builder, registry, run, renamed
+
+
+def _add_plugins_at_hand(source: Source) -> None:
+    """Name the files of ``palpate --plugin FILE`` in [run], so that what the pipeline resolves to names them, too."""
+    run = source.tables.get("run", {})
+    named = run.get("plugins", []) if isinstance(run, dict) else None
+    if isinstance(named, list) and all(isinstance(text, str) for text in named):
+        known = {(source.path.parent / text).resolve() for text in named}
+        more = [str(file.path) for file in plugin_files_at_hand() if file.path.resolve() not in known]
+        if more:
+            source.tables["run"] = {**run, "plugins": [*named, *more]}
+
+
+def plugin_files(source: Source) -> tuple[PluginFile, ...]:
+    """The plugin files that a source names, with content that may be executed.
+
+    Raises ConfigurationError for what is no list of files, ConsentError where one may not be executed.
+    """
+    run = source.tables.get("run")
+    if not isinstance(run, dict) or "plugins" not in run:
+        return ()
+    alone = Source("", source.path)
+    alone.tables = {"run": {"plugins": run["plugins"]}}
+    builder = Builder(alone, Registry({}))
+    settings = builder.settings(RunSettings, ("run",))
+    raise_mistakes(builder.mistakes, source)
+    return approved_files(settings.plugins, source.path, source.has_chosen_plugins)
+
+
+def _registry(source: Source) -> Registry:
+    """The parts of the installed plugins and of the files that [run] names, once all of them are approved."""
+    files = plugin_files(source)
+    announce(files)
+    return registries.load(files)
+
+
+def _wrong_signals(
+    tables: Mapping[str, Any],
+    alignment: AlignmentSettings | None,
+    devices: Mapping[str, Device],
+    safety: SafetySettings | None,
+) -> list[Mistake]:
+    """Channels that are none, and wires that cannot be; nothing where not all devices could be built."""
+    if not alignment or not isinstance(tables.get("device"), dict) or len(devices) != len(tables["device"]):
+        return []
+    return wrong_channels(alignment, devices) or check_wiring(ports_of(alignment, devices), safety)
+
+
+def _wrong_orientation(alignment: AlignmentSettings, models: Mapping[str, ContactModel]) -> list[Mistake]:
+    """A weight to subtract that is not known, and an inclination that would count twice."""
+    mistakes = []
+    if alignment.weight == "turning" and alignment.tip_mass is None:
+        problem = 'is needed for weight = "turning": weigh all that hangs behind the sensor'
+        mistakes.append(Mistake(("alignment", "tip_mass"), problem))
+    inclined = [name for name, model in models.items() if getattr(getattr(model, "skin", None), "inclination", 0.0)]
+    if alignment.is_projecting and inclined:
+        problem = f"counts the inclination once more that [model.{inclined[0]}] skin states: leave one of them out"
+        mistakes.append(Mistake(("alignment", "surface" if alignment.normal is None else "normal"), problem))
+    return mistakes
+
+
+def _wrong_uncertainties(run: RunSettings | None, models: Mapping[str, ContactModel]) -> list[Mistake]:
+    unknown = unknown_sources(models, run.uncertainties) if run and models else {}
+    return [Mistake(("run", "uncertainties", name), problem) for name, problem in unknown.items()]
+
+
+def build_parts(source: Source, kind: str, registry: Registry | None = None) -> dict[str, Any]:
+    """The parts of one kind in a source, whatever else it lacks; raises like `load_pipeline`.
+
+    Without a registry it is that of the installed plugins and of those that the source names.
+    """
+    if registry is None:
+        first = Builder(source, Registry({}))
+        first.settings(RunSettings, ("run",))
+        raise_mistakes(first.mistakes, source)
+        registry = _registry(source)
+    migrate(source, (*MIGRATIONS, *registry.migrations))
+    builder = Builder(source, registry)
+    found = builder.parts(kind)
+    raise_mistakes(builder.mistakes, source)
+    registry.demand_sound({kind: found})
+    return found
+
+
+def _wrong_rehearsal(run: RunSettings | None, kinds: Mapping[str, Mapping[str, Any]]) -> list[Mistake]:
+    """A rehearsal without its twin; one that is read from its log needs none."""
+    if run is None or run.rehearsal is None or run.rehearsal in kinds["twin"] or not is_live(kinds["device"]):
+        return []
+    known = suggest(run.rehearsal, kinds["twin"])
+    return [Mistake(("run", "rehearsal"), f"there is no [twin.{run.rehearsal}]{known}")]
+
+
+def _missing(tables: Mapping[str, Any], registry: Registry, needed: tuple[str, ...]) -> list[Mistake]:
+    missing = [kind for kind in needed if not tables.get(kind)]
+    alignment = Mistake((), "the table [alignment] is missing: it says which channel is the force")
+    return [alignment] * ("alignment" not in tables) + [
+        Mistake(
+            (), f"a pipeline needs at least one [{kind}.*] table (there are: {', '.join(sorted(registry.parts[kind]))})"
+        )
+        for kind in missing
+    ]
+
+
+def _tracks(
+    run: RunSettings, models: Mapping[str, ContactModel], estimators: Mapping[str, Estimator]
+) -> tuple[tuple[Track, ...], list[Mistake]]:
+    every = [
+        Track(TrackName(m, e), model, estimator) for m, model in models.items() for e, estimator in estimators.items()
+    ]
+    mistakes = []
+    for pattern in run.tracks:
+        if not any(fnmatchcase(track.name, pattern) for track in every):
+            names = [track.name for track in every]
+            mistakes.append(Mistake(("run", "tracks"), f"no track is called {pattern!r}{suggest(pattern, names)}"))
+    chosen = tuple(track for track in every if any(fnmatchcase(track.name, pattern) for pattern in run.tracks))
+    return chosen, mistakes

@@ -1,0 +1,75 @@
+"""The pipeline as resolved: every setting with the value that was used, written back as TOML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from palpate.parts import Part, Settings
+from palpate.registry import Registry
+
+from palpate_engine.config.migrations import FORMAT, KEY
+from palpate_engine.config.pipeline import Pipeline
+from palpate_engine.config.unit_plausibility import UNCHECKED, implausible_units
+
+
+def resolved_text(pipeline: Pipeline) -> str:
+    """The pipeline as a TOML text in SI units, with every default spelled out.
+
+    Tips, models and surfaces are named where they are used, so that what changes one changes all that is made of it.
+    Paths are absolute, so that the text means the same wherever it is kept.
+    """
+    tables: dict[str, Any] = {
+        KEY: FORMAT,
+        "run": plain_settings(pipeline.run, pipeline.registry),
+        "alignment": plain_settings(pipeline.alignment, pipeline.registry),
+    }
+    if pipeline.safety is not None:
+        tables["safety"] = plain_settings(pipeline.safety, pipeline.registry)
+    kinds = {
+        "device": pipeline.devices,
+        "surface": pipeline.surfaces,
+        "trajectory": pipeline.trajectories,
+        "indenter": pipeline.indenters,
+        "model": pipeline.models,
+        "estimator": pipeline.estimators,
+        "sink": pipeline.sinks,
+        "twin": pipeline.twins,
+    }
+    for kind, parts in kinds.items():
+        tables[kind] = {name: plain_settings(part, pipeline.registry) for name, part in parts.items()}
+    named = {kind: dict(tables[kind]) for kind in ("indenter", "model", "surface")}
+    for kind in ("model", "device", "trajectory", "twin"):
+        for name, part in tables[kind].items():
+            tables[kind][name] = {key: _by_name(item, named) for key, item in part.items()}
+    tables["alignment"] = {key: _by_name(item, named) for key, item in tables["alignment"].items()}
+    tables |= {name: plain_settings(table, pipeline.registry) for name, table in pipeline.tables.items()}
+    return tomli_w.dumps({name: table for name, table in tables.items() if table})
+
+
+def _by_name(value: Any, named: Mapping[str, Mapping[str, Any]]) -> Any:
+    """The same with the name of each part that stands in a table of its own in place of its settings."""
+    if isinstance(value, dict):
+        inner = {key: _by_name(item, named) for key, item in value.items()}
+        same = (name for parts in named.values() for name, part in parts.items() if part in (value, inner))
+        return next(same, inner)
+    return [_by_name(item, named) for item in value] if isinstance(value, list) else value
+
+
+def plain_settings(value: Any, registry: Registry) -> Any:
+    """Settings and parts as TOML can hold them, each part with its type."""
+    if isinstance(value, Settings):
+        head: dict[str, Any] = {"type": registry.name_of(type(value))} if isinstance(value, Part) else {}
+        fields = {name: getattr(value, name) for name in type(value).model_fields}
+        # What is unlikely without a unit was checked when it was read.
+        meant = sorted(implausible_units(type(value), fields))
+        head |= {UNCHECKED: meant} if meant else {}
+        fields |= value.model_extra or {}
+        return head | {name: plain_settings(field, registry) for name, field in fields.items() if field is not None}
+    if isinstance(value, dict):
+        return {name: plain_settings(item, registry) for name, item in value.items() if item is not None}
+    if isinstance(value, tuple | list):
+        return [plain_settings(item, registry) for item in value]
+    return str(value.absolute()) if isinstance(value, Path) else value

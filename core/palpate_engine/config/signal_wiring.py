@@ -1,0 +1,83 @@
+"""Wiring: which channels serve as what, and whether they can."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from palpate.device import Device, KnowsGravity
+from palpate.errors import PalpateError, suggest
+from palpate.key_mistakes import Mistake
+
+from palpate_engine.alignment import SIGNAL_UNITS, AlignmentSettings, Port, Ports, channels, signals
+from palpate_engine.alignment.tool_frame import problems_of
+from palpate_engine.safety import SafetySettings
+
+_NORMAL = 2  # column of z in a pose or twist of the work frame, whose z is the surface's normal
+
+
+def ports_of(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> Ports:
+    """Where each signal is read in the streams of some devices; the names have been checked."""
+    return Ports.of(alignment, {name: device.streams for name, device in devices.items()})
+
+
+def wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> list[Mistake]:
+    """A mistake for every role whose channel no device has."""
+    mistakes = []
+    units: dict[str, str] = {}
+    for name, device in devices.items():
+        try:
+            units |= {channel: stream.channels[i].unit for channel, _, stream, i in channels({name: device.streams})}
+        except PalpateError as error:
+            mistakes.append(Mistake(("device", name), str(error)))
+    if mistakes:
+        return mistakes
+    for role, signal in signals(alignment):
+        wanted = SIGNAL_UNITS.get(role)
+        if signal.channel not in units:
+            problem = f"no device has a channel {signal.channel!r}{suggest(signal.channel, units)}"
+            mistakes.append(Mistake(("alignment", role), problem))
+        elif wanted is not None and units[signal.channel] not in (wanted, "1"):
+            problem = f"{signal.channel!r} is in {units[signal.channel]}, but {role} is wanted in {wanted}"
+            mistakes.append(Mistake(("alignment", role), problem))
+    if not mistakes and alignment.is_oriented:
+        bare = alignment.model_copy(update={"weight": "tared", "normal": None, "surface": None})
+        problems = problems_of(alignment, ports_of(bare, devices))
+        mistakes += [Mistake(("alignment", key), problem) for key, problem in problems]
+    return mistakes
+
+
+def with_gravity(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> AlignmentSettings:
+    """Settings of a tool that turns, with the direction of gravity in which its arm stands where none is stated."""
+    arm = devices.get(alignment.position.channel.partition(".")[0])
+    if not alignment.is_oriented or alignment.gravity is not None or not isinstance(arm, KnowsGravity):
+        return alignment
+    return alignment.model_copy(update={"gravity": arm.gravity})
+
+
+def check_wiring(ports: Ports, safety: SafetySettings | None) -> list[Mistake]:
+    """A mistake for a height that is not along the normal, and for a force limit that the sensor cannot reach."""
+    found = []
+    for role in ("position", "velocity"):
+        if role in ports.roles and (problem := _off_the_normal(role, ports[role])) is not None:
+            found.append(Mistake(("alignment", role), problem))
+    port = ports["force"]
+    if safety is not None and port.limits is not None:
+        reach = min(map(abs, port.limits))
+        if safety.stop_force >= reach:
+            problem = (
+                f"{safety.stop_force:g} N never comes: {port.signal.channel} is at the end of its range at {reach:g} N"
+            )
+            found.append(Mistake(("safety", "stop_force"), problem))
+    return found
+
+
+def _off_the_normal(role: str, port: Port) -> str | None:
+    if port.stream.frame != "work" or port.stream.layout not in ("pose", "twist"):
+        return None
+    name = port.signal.channel
+    normal = port.stream.channels[_NORMAL].name
+    if port.column != _NORMAL:
+        return f"{name} is along the skin; the {role} is the one along the normal, {name.rpartition('.')[0]}.{normal}"
+    if port.signal.sign != 1:
+        return f"{name} is positive out of the material already, in the work frame: leave sign = -1 out"
+    return None

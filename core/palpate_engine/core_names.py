@@ -1,0 +1,21 @@
+"""Names of the core for code that loads pipelines, reads the registry or asks for consent; no part needs them."""
+
+# ruff: noqa: F401
+# mypy: implicit-reexport
+
+from palpate import registry
+from palpate.contact import force_slopes
+from palpate.device import ask_devices, is_live, own_motions, truth_of
+from palpate.discovery import import_plugin_file, plugin_file_of
+from palpate.errors import ConsentError, StoppedError, error_text
+from palpate.flags import SEVERITIES, verdict, verdict_word
+from palpate.force_rise import RiseWatch, SoundForce
+from palpate.hooks import KINDS
+from palpate.input_file import Enclosure, bounded_text, json_document, toml_tables
+from palpate.offers import function_of
+from palpate.parts import input_files, nested_settings, numbers_of, part_kind
+from palpate.reading_age import ReadingAge
+from palpate.registry import FlagEntry, Registry, analysis
+from palpate.safe_path import safe_processes
+from palpate.trust import announce, approved_files, approved_plugins, inherited_approval, trust_plugin, trusted_plugins
+from palpate.units import Quantity, dimension, display_unit

@@ -1,0 +1,89 @@
+"""Batches as they arrive, and who takes them."""
+
+from __future__ import annotations
+
+import math
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate.device import Batch, Device, Link, Stream
+from palpate.errors import DeviceError, PalpateError, error_in, suggest
+
+Arrivals = Sequence[tuple[str, Batch]]  # batches that arrived together, each with its device
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a record has become samples and estimates."""
+
+    sampled: float  # [s]
+    behind: float = 0.0  # [s] that the estimates are behind the samples
+
+
+Take = Callable[[Arrivals], Progress | None]  # None: no samples are made of them
+
+
+def each(take: Callable[[str, Batch], None]) -> Take:
+    """Takes arrivals one by one, for those who make no samples of them."""
+
+    def taken(arrivals: Arrivals) -> None:
+        for device, batch in arrivals:
+            take(device, batch)
+
+    return taken
+
+
+def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterator[Batch]:
+    """The batches of a device; raises DeviceError, with the place, for what it has not declared or itself raises."""
+    widths = {stream.name: len(stream.channels) for stream in streams}
+    batches = iter(link.batches())
+    while True:
+        try:
+            batch = next(batches, None)
+        except PalpateError:
+            raise
+        except Exception as error:  # whatever a stranger's device raises
+            *_, last = traceback.walk_tb(error.__traceback__)
+            raise DeviceError(f"device {name} failed: {error_in(error, *last)}") from error
+        if batch is None:
+            return
+        if batch.stream not in widths:
+            raise DeviceError(f"device {name} sends a stream {batch.stream!r}{suggest(batch.stream, widths)}")
+        for stamps in (batch.time, batch.received):
+            if np.asarray(stamps).dtype != np.int64:
+                raise DeviceError(
+                    f"device {name} sends a time-stamp in the stream {batch.stream!r} that is no whole number of "
+                    f"nanoseconds: {_first_odd(np.asarray(stamps))}"
+                )
+        wanted = (len(batch.time), widths[batch.stream])
+        if np.shape(batch.values) != wanted:
+            sent = f"values of shape {np.shape(batch.values)} in place of {wanted}"
+            raise DeviceError(f"device {name} sends {sent} in the stream {batch.stream!r}")
+        yield batch
+
+
+def _first_odd(stamps: NDArray[Any]) -> Any:
+    """The first of some time-stamps that is no finite number; the first of all where each is one."""
+    odd = [stamp for stamp in stamps.ravel().tolist() if not (isinstance(stamp, int | float) and math.isfinite(stamp))]
+    return next(iter(odd or stamps.ravel().tolist()), f"none, of type {stamps.dtype}")
+
+
+def merge_batches(links: Mapping[str, Link], devices: Mapping[str, Device]) -> Iterator[tuple[str, Batch]]:
+    """Batches of all links, always from the one that is furthest behind in time; raises like `declared_batches`."""
+    streams = {name: declared_batches(name, link, devices[name].streams) for name, link in links.items()}
+    heads: dict[str, Batch] = {}
+    while True:
+        for name in [name for name in streams if name not in heads]:
+            batch = next((batch for batch in streams[name] if len(batch.time)), None)
+            if batch is None:
+                del streams[name]
+            else:
+                heads[name] = batch
+        if not heads:
+            return
+        name = min(heads, key=lambda name: int(heads[name].received[0]))
+        yield name, heads.pop(name)

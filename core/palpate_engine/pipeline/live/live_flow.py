@@ -1,0 +1,75 @@
+"""How batches flow in real time, while an arm moves."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from palpate.clocks import clock
+from palpate.errors import DeviceError
+from palpate.trajectory import duration_of
+
+from palpate_engine.pipeline.live.guard import Guard
+from palpate_engine.pipeline.live.links import connect_devices
+from palpate_engine.pipeline.live.live_facts import LiveFacts, motion_facts
+from palpate_engine.pipeline.live.live_run import LiveRun
+from palpate_engine.pipeline.live.scheduling import real_time_section
+from palpate_engine.pipeline.live.states import compensable_offset, get_ready, move, stand_still
+from palpate_engine.pipeline.planned_motion import check_live_motion, single_trajectory
+from palpate_engine.pipeline.rehearsal import refuse_rehearsal
+
+if TYPE_CHECKING:
+    from palpate_engine.pipeline.flow import Flow
+
+
+def run_live(flow: Flow) -> None:
+    """Connect, stand still, get ready, move; until the arms are done or something stops the run."""
+    rig = flow.rig
+    refuse_rehearsal(rig)
+    trajectory = single_trajectory(rig) if rig.trajectories else None
+    if trajectory is not None:
+        check_live_motion(rig, trajectory)
+    began, before = clock().now(), clock().processor_time()
+    guard = Guard(rig.safety, rig.ports)
+    with ExitStack() as stack:
+        facts = flow.facts = LiveFacts(stack.enter_context(real_time_section(flow.interrupt.stop)))
+        flow.links = connect_devices(rig, stack)
+        live = LiveRun(rig, flow.links, guard, trajectory, flow.take, flow.interrupt)
+
+        def account() -> None:
+            facts.motion = motion_facts(flow.links, live.links.largest_backlog, guard)
+
+        stack.callback(account)
+        for arm in live.arms.values():
+            stack.callback(arm.stop)
+        stack.callback(live.links.stop)
+        stack.callback(guard.close)
+        flow.guard = guard
+        flow.interrupt.trips(guard.trip)
+        live.links.start()
+        try:
+            _pass_states(flow, live, facts)
+        finally:
+            guard.close()
+            live.links.stop()
+            for arrivals in live.links.remaining():
+                live.pass_on(arrivals)
+    # Children that have ended count as well; what the devices did is all in here.
+    used = clock().processor_time() - before
+    facts.cpu_cores = used / max(clock().now() - began, 1e-9)
+    if guard.account is not None and (flow.interrupt.reason is None or guard.is_stranded):
+        raise DeviceError(guard.account)
+
+
+def _pass_states(flow: Flow, live: LiveRun, facts: LiveFacts) -> None:
+    """Standstill, ready, moving; until the arms are done or something stops the run."""
+    facts.standstill = stand_still(live, flow.noise)
+    if facts.standstill is None:
+        return
+    facts.offset = compensable_offset(live)
+    facts.retreat = get_ready(live, facts.standstill, facts.offset)
+    if live.is_stopped:
+        return
+    if live.arms and live.trajectory is not None:
+        flow.total = duration_of(live.trajectory) + live.standstill
+    move(live, facts.retreat)

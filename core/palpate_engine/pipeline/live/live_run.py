@@ -1,0 +1,60 @@
+"""A live run at work: what the states of a run share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from palpate.device import Arm, Link
+from palpate.trajectory import Trajectory
+
+from palpate_engine.pipeline.arrivals import Arrivals, Take
+from palpate_engine.pipeline.interrupt import Interrupt
+from palpate_engine.pipeline.live.guard import Guard
+from palpate_engine.pipeline.live.links import LiveLinks
+from palpate_engine.pipeline.rig import Rig
+
+_STANDSTILL = 1.0  # [s] where there is no [safety] table
+
+
+class LiveRun:
+    """A rig whose devices are connected, its guard, and who takes the batches."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        links: Mapping[str, Link],
+        guard: Guard,
+        trajectory: Trajectory | None,
+        take: Take,
+        interrupt: Interrupt,
+    ) -> None:
+        self.rig, self.guard, self.trajectory, self.interrupt = rig, guard, trajectory, interrupt
+        self.arms = {name: link for name, link in links.items() if isinstance(link, Arm)}
+        self.links = LiveLinks(links, rig.devices, guard)
+        self.standstill = rig.safety.standstill if rig.safety else _STANDSTILL  # [s]
+        self._take = take
+        self._failed = False  # whether taking has failed, as where the disk is full
+        self._sampled: float | None = None  # [s] of the record that have become samples
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether the guard has tripped, or the run was interrupted."""
+        return self.guard.reason is not None or self.interrupt.reason is not None
+
+    @property
+    def has_sampled_standstill(self) -> bool:
+        """Whether as much of the record as the standstill lasts has become samples, where any are made."""
+        return self._sampled is None or self._sampled >= self.standstill
+
+    def pass_on(self, arrivals: Arrivals) -> None:
+        """Let them be taken; those after a failure to take them are dropped."""
+        if self._failed:
+            return
+        try:
+            progress = self._take(arrivals)
+        except BaseException:
+            self._failed = True
+            raise
+        if progress is not None:
+            self._sampled = progress.sampled
+            self.links.behind = progress.behind > 0

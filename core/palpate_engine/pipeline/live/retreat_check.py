@@ -1,0 +1,107 @@
+"""The check before a motion: a tip that is free reads the same force after a small retreat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from palpate.arm_limits import SupportsRetreat
+from palpate.clocks import clock, host_time_ns
+from palpate.errors import DeviceError
+from palpate.vectors import Floats
+
+from palpate_engine.pipeline.live.live_run import LiveRun
+
+_RETREAT, _SPEED = 0.5e-3, 2e-3  # [m], [m/s] of the retreat
+_SETTLE, _LISTEN = 0.1, 0.3  # [s] after the retreat; of force that is compared
+_LATE = 5.0  # [s] without any reading, after which none is waited for; that they come late is no fault of the sensor
+_BLOCKS, _SHORTEST = 40, 8  # of the standstill; readings of one
+_SIGNIFICANT = 5.0  # standard uncertainties of the difference
+
+
+@dataclass(frozen=True)
+class RetreatCheck:
+    """What a retreat showed."""
+
+    change: float  # [N] of the force's mean, positive where it fell
+    std: float  # [N] standard uncertainty of that change
+    drift: float = 0.0  # [N] what the sensor's zero may have drifted by meanwhile
+
+    def table(self) -> dict[str, Any]:
+        """As in ``result.json``."""
+        return {"change": self.change, "std": self.std, "drift": self.drift}
+
+
+def check_tip_is_free(live: LiveRun) -> RetreatCheck | None:
+    """Retreat a little and see whether the force falls; raises DeviceError where it does: the tip was in contact.
+
+    None where no arm can, or where the run was stopped.
+    """
+    able = [arm for arm in live.arms.values() if isinstance(arm, SupportsRetreat)]
+    if not able:
+        return None
+    port = live.guard.force
+    took = max(arm.retreat(_RETREAT, _SPEED) for arm in able)
+    begin = host_time_ns() + round(1e9 * (took + _SETTLE))
+    after = _force_from(live, begin)
+    if live.is_stopped:
+        return None
+    found = compare_readings(live.guard.standstill_force, after, port.signal.sign)
+    if found is None:
+        raise DeviceError(
+            f"{port.signal.channel} gave no valid reading after the retreat of 0.5 mm: check the sensor and its cable"
+        )
+    apart = (begin - live.guard.standstill_middle) / 1e9 + _LISTEN / 2
+    found = replace(found, drift=live.rig.alignment.drift * apart)
+    refuse_contact(found, port.signal.channel)
+    return found
+
+
+def _force_from(live: LiveRun, begin: int) -> Floats:
+    """The force's readings (n,) received from an instant [ns] on, for as long as they are compared."""
+    port = live.guard.force
+    end, heard = begin + round(1e9 * _LISTEN), clock().now()
+    readings: list[Floats] = []
+    latest = 0
+    while latest < end and clock().now() < heard + _LATE and not live.is_stopped:
+        for arrivals in live.links.until(clock().now() + 0.02):
+            live.pass_on(arrivals)
+            for batch in (batch for name, batch in arrivals if (name, batch.stream) == port.key):
+                readings.append(batch.values[batch.received >= begin, port.column])
+                latest, heard = int(batch.received[-1]), clock().now()
+    return np.concatenate(readings) if readings else np.zeros(0)
+
+
+def refuse_contact(found: RetreatCheck, force: str) -> None:
+    """Raise DeviceError where the force changed by more than its scatter and the sensor's drift explain."""
+    if abs(found.change) <= _SIGNIFICANT * found.std + found.drift:
+        return
+    what = (
+        f"by {abs(found.change):.3f} N, {abs(found.change) / max(found.std, 1e-9):.0f} times its standard uncertainty"
+    )
+    if found.change > 0:
+        raise DeviceError(
+            f"the tip touches something: {force} fell {what}, when the tip retreated by 0.5 mm; lift the tip until it "
+            "is free"
+        )
+    raise DeviceError(
+        f"{force} rose {what}, when the tip retreated by 0.5 mm: is something pulling at the cable, or does the sensor "
+        "count the other way round ([alignment] force sign = -1)?"
+    )
+
+
+def compare_readings(before: Floats, after: Floats, sign: float) -> RetreatCheck | None:
+    """The change between two stretches of readings, by means of blocks: they scatter however the noise is coloured.
+
+    None where there are too few readings.
+    """
+    before, after = (part[np.isfinite(part)] for part in (before, after))
+    size = max(len(before) // _BLOCKS, _SHORTEST)
+    means = [part[: len(part) // size * size].reshape(-1, size).mean(axis=1) for part in (before, after)]
+    if min(map(len, means)) < 3:
+        return None
+    spread = np.concatenate([part - part.mean() for part in means])
+    variance = float(spread @ spread) / (len(spread) - 2)
+    std = float(np.sqrt(variance * sum(1.0 / len(part) for part in means)))
+    return RetreatCheck(sign * float(means[0].mean() - means[1].mean()), std)

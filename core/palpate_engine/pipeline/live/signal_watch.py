@@ -1,0 +1,82 @@
+"""One signal as the guard watches it: its readings at standstill, and how long it is silent."""
+
+from __future__ import annotations
+
+import numpy as np
+from palpate.device import Batch
+from palpate.errors import DeviceError
+from palpate.reading_age import DRIFT, ReadingAge
+from palpate.vectors import Floats
+
+from palpate_engine.alignment import Port
+
+AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
+
+
+class SignalWatch:
+    """One signal on its way past the guard."""
+
+    def __init__(self, port: Port) -> None:
+        self.port, self.name = port, port.signal.channel
+        self._standstill: list[Floats] = []
+        self._standstill_times: list[int] = []  # [ns] when they were received: first and last of each batch
+        self.heard: int | None = None  # [ns] the latest reading, on the clock of the process that receives it
+        self.age = ReadingAge(0.0 if port.stream.clock == "host" else DRIFT)  # a device follows the drift of its clock
+        self.ahead: float | None = None  # [s] of the time-stamp that was most ahead of its arrival
+        self._looks: dict[str, int] = {}  # by stream of the device: when that process last looked [ns]
+
+    def of(self, batch: Batch) -> Floats:
+        """Readings (n,) as the device sent them."""
+        return batch.values[:, self.port.column]
+
+    def leap(self, batch: Batch) -> float:
+        """By how much [s] a time-stamp is ahead of its arrival, beyond all before it; there is at least one."""
+        ahead = float((batch.time - batch.received).max()) / 1e9
+        before = ahead if self.ahead is None else self.ahead
+        self.ahead = max(ahead, before)
+        return ahead - before
+
+    def silence(self, stream: str, looked: int, news: bool) -> float:
+        """How long [s] it has been silent for sure, when its process looked at a stream of the device.
+
+        A look counts from the next one at the same stream on: what was received before the first is here by then,
+        however late the batches are taken.
+        """
+        if news and stream == self.port.stream.name:
+            self.heard = looked
+            self._looks.clear()
+            return 0.0
+        before, self._looks[stream] = self._looks.get(stream), looked
+        self.heard = looked if self.heard is None else self.heard
+        return 0.0 if before is None else (before - self.heard) / 1e9
+
+    def begin(self) -> None:
+        """What was until now is no silence."""
+        self.heard = None
+        self._looks.clear()
+
+    def add_standstill(self, batch: Batch) -> None:
+        """Readings of the standstill; there is at least one."""
+        self._standstill.append(self.of(batch))
+        self._standstill_times += [int(batch.received[0]), int(batch.received[-1])]
+
+    def at_standstill(self) -> Floats:
+        """The finite readings (n,) at standstill."""
+        values = np.concatenate(self._standstill) if self._standstill else np.zeros(0)
+        return values[np.isfinite(values)]
+
+    @property
+    def standstill_middle(self) -> int:
+        """When [ns] the standstill was half over, on the clock of the process that receives."""
+        return (self._standstill_times[0] + self._standstill_times[-1]) // 2
+
+
+def refuse_other_clocks(force: SignalWatch, position: SignalWatch) -> None:
+    """Raise DeviceError where two signals bear the times of clocks that are apart."""
+    apart = (force.ahead or 0.0) - (position.ahead or 0.0)
+    if abs(apart) > AHEAD:
+        first, second = (force, position) if apart > 0 else (position, force)
+        raise DeviceError(
+            f"the time-stamps of {first.name} are {abs(apart):.3g} s ahead of those of {second.name}: set their clocks "
+            "to the same time"
+        )

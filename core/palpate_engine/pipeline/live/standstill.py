@@ -1,0 +1,64 @@
+"""The standstill before a motion: whether its readings are plausible, and as noisy as the filters declare."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from palpate.errors import DeviceError
+
+from palpate_engine.safety import SafetySettings
+
+Noise = Mapping[str, tuple[float, float]]  # what estimators count on, by name: force [N], velocity [m/s]
+
+
+@dataclass(frozen=True)
+class Standstill:
+    """What force and velocity are while the tip hangs still in free air."""
+
+    force: float  # [N] mean
+    force_std: float  # [N]
+    velocity_std: float | None  # [m/s]; None where none is measured
+
+    def table(self) -> dict[str, float | None]:
+        """As in ``result.json``."""
+        return {"force": self.force, "force_std": self.force_std, "velocity_std": self.velocity_std}
+
+
+def refuse_unsteady(found: Standstill, limits: SafetySettings, force: str, declared: Noise) -> None:
+    """Raise DeviceError with advice where a standstill is none, or not what was expected."""
+    if abs(found.force) > limits.standstill_force:
+        raise DeviceError(
+            f"{force} reads {found.force:.2f} N at standstill, over [safety] standstill_force = "
+            f"{limits.standstill_force:g} N: is the tip free, and is nothing pulling at the cable?"
+        )
+    if found.force_std > limits.standstill_noise:
+        raise DeviceError(
+            f"{force} has a noise of {found.force_std:.3f} N at standstill, more than [safety] standstill_noise = "
+            f"{limits.standstill_noise:g} N: is the rig at rest? a longer filter of the sensor lowers it"
+        )
+    if found.velocity_std is not None and found.velocity_std > limits.standstill_speed:
+        raise DeviceError(
+            f"the velocity has a noise of {1e3 * found.velocity_std:.2f} mm/s at standstill, more than "
+            f"[safety] standstill_speed = {1e3 * limits.standstill_speed:g} mm/s: is the arm at rest?"
+        )
+    for name, (force_std, velocity_std) in declared.items():
+        _refuse_surprise(
+            f"{force} has a noise", found.force_std, "N", name, f"force_std = {force_std:g} N", force_std, limits
+        )
+        if found.velocity_std is not None:
+            told = f"velocity_std = {1e3 * velocity_std:g} mm/s"
+            _refuse_surprise("the velocity has a noise", found.velocity_std, "mm/s", name, told, velocity_std, limits)
+
+
+def _refuse_surprise(
+    what: str, seen: float, unit: str, estimator: str, told: str, expected: float, limits: SafetySettings
+) -> None:
+    if seen <= limits.standstill_excess * expected:
+        return
+    shown = 1e3 * seen if unit == "mm/s" else seen
+    raise DeviceError(
+        f"{what} of {shown:.3g} {unit} at standstill, {seen / expected:.1f} times what the filter declares ([estimator."
+        f'{estimator}] {told}; [safety] standstill_excess = {limits.standstill_excess:g}): set noise = "measure", so '
+        "that the filter takes what is measured at standstill, or look for what disturbs the rig"
+    )

@@ -1,0 +1,111 @@
+"""The states of a live run: standstill, ready, moving."""
+
+from __future__ import annotations
+
+from palpate.clocks import clock
+from palpate.device import ReportsHealth
+from palpate.errors import ConfigurationError, DeviceError, error_text
+from palpate.force_rise import NO_SET_FORCE
+from palpate.trajectory import ForceControlled, Trajectory, surface_of
+
+from palpate_engine.alignment import GRAVITY
+from palpate_engine.pipeline.approach import check_start
+from palpate_engine.pipeline.live.arm_preparation import refuse_preload, send_limits
+from palpate_engine.pipeline.live.live_run import LiveRun
+from palpate_engine.pipeline.live.retreat_check import RetreatCheck, check_tip_is_free
+from palpate_engine.pipeline.live.standstill import Noise, Standstill
+from palpate_engine.pipeline.live.stored_offset import Offset, stored_offset
+from palpate_engine.safety import SafetySettings
+
+_TIP = 0.2  # [kg] behind a sensor, where it is not stated: at most so much, as a rule
+_PATIENCE = 8.0  # [s] for a retraction, or for a device that is slow to begin
+
+
+def stand_still(live: LiveRun, noise: Noise) -> Standstill | None:
+    """What force and velocity are at standstill; None where the run was stopped. Raises DeviceError like the guard.
+
+    The standstill is over when the samples, and not only the host's clock, say so: it is the same stretch of the record
+    in a replay, where there is no host's clock.
+    """
+    guard, began = live.guard, clock().now()
+    # A device may be slow to begin; one that has failed trips the guard.
+    while (
+        not (guard.has_stood_still and live.has_sampled_standstill)
+        and clock().now() - began < live.standstill + _PATIENCE
+    ):
+        for arrivals in live.links.until(max(began + live.standstill, clock().now() + 0.02)):
+            live.pass_on(arrivals)
+        if live.is_stopped:
+            return None
+    return None if live.is_stopped else guard.judge_standstill(noise)
+
+
+def compensable_offset(live: LiveRun) -> Offset | None:
+    """The sensor's reading in free air as it is stored, where arms are to move and one is."""
+    if live.trajectory is None or live.rig.safety is None or not live.arms:
+        return None
+    health = {name: link.health for name, link in live.links.links.items() if isinstance(link, ReportsHealth)}
+    return stored_offset(live.rig, health)
+
+
+def get_ready(live: LiveRun, standstill: Standstill, offset: Offset | None) -> RetreatCheck | None:
+    """Send the arms their limits, check the way to the start, and let the guard watch; what a retreat shows.
+
+    Raises DeviceError where the tip is not free or a stream gives no samples, ConfigurationError without a motion.
+    """
+    guard, trajectory, limits = live.guard, live.trajectory, live.rig.safety
+    if not live.has_sampled_standstill:
+        raise DeviceError(
+            f"within {live.standstill + _PATIENCE:g} s the streams gave no samples of {live.standstill:g} s in common"
+        )
+    if live.arms and trajectory is None:
+        raise ConfigurationError(f"{live.rig.path}: a robot needs one [trajectory.*] table")
+    if trajectory is None or limits is None or not live.arms:
+        guard.begin(live.arms)
+        return None
+    known = offset.value if offset is not None and offset.doubt is None else None
+    refuse_preload(standstill.force, limits, guard.force, known)
+    guard.expect_rise(_inertia(live.rig.alignment.tip_mass, trajectory, limits), _set_force(trajectory))
+    send_limits(live.links.links, guard, limits)
+    check_start(live.arms.values(), trajectory, limits)
+    guard.begin(live.arms)
+    return check_tip_is_free(live)
+
+
+def _set_force(trajectory: Trajectory) -> float:
+    """The force [N] that a law of the motion holds."""
+    return trajectory.force_law.force if isinstance(trajectory, ForceControlled) else NO_SET_FORCE
+
+
+def _inertia(tip_mass: float | None, trajectory: Trajectory, limits: SafetySettings) -> float:
+    """What acceleration adds to the force [N] at most, and the weight of a tool that turns over a surface."""
+    turning = 0.0 if surface_of(trajectory) is None else GRAVITY
+    return (_TIP if tip_mass is None else tip_mass) * (limits.acceleration + turning)
+
+
+def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
+    """Let the arms follow the trajectory until they are done or the guard has tripped."""
+    guard, trajectory, limits = live.guard, live.trajectory, live.rig.safety
+    if retreat is not None and trajectory is not None and limits is not None:
+        check_start(live.arms.values(), trajectory, limits)  # the arms have moved since
+        if live.is_stopped:
+            return
+    try:
+        for arm in live.arms.values():
+            assert trajectory is not None
+            arm.follow(trajectory)
+        for arrivals in live.links.to_the_end(_PATIENCE):
+            live.pass_on(arrivals)
+            if live.interrupt.reason is not None:
+                guard.trip(live.interrupt.reason)  # a signal takes note, and trips nothing
+        for arrivals in live.links.after_the_end():
+            live.pass_on(arrivals)
+        guard.demand_rest(_PATIENCE)
+    except BaseException as error:
+        guard.trip(error_text(error))
+        for arrivals in live.links.to_the_end(_PATIENCE):  # let the arms retract
+            live.pass_on(arrivals)
+        guard.demand_rest(_PATIENCE)
+        if guard.is_stranded:
+            raise DeviceError(guard.reason) from error
+        raise

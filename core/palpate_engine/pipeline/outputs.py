@@ -1,0 +1,96 @@
+"""Where everything goes while a run goes on: into the sinks and the tables of estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from operator import methodcaller
+from typing import Any, TypeVar
+
+from palpate.device import Batch
+from palpate.errors import OutputError, error_text
+from palpate.estimation import Estimates, Samples
+from palpate.offers import function_of
+from palpate.sink import EstimatesWriter, Run, TakesResult, Writer
+
+from palpate_engine.config import Pipeline
+from palpate_engine.pipeline.closing_reserve import ClosingReserve
+from palpate_engine.pipeline.folder_watch import FolderWatch
+from palpate_engine.pipeline.tracks import RunningTrack
+
+_Output = TypeVar("_Output")
+
+
+class Outputs:
+    """Sinks and the tables of estimates, all open.
+
+    One that fails is written to no more: `stop` is asked for, and the room that was kept back is given up.
+    """
+
+    def __init__(
+        self,
+        stack: ExitStack,
+        pipeline: Pipeline,
+        run: Run,
+        online: Sequence[RunningTrack],
+        stop: Callable[[str], None],
+        room: ClosingReserve,
+        observer: Writer | None = None,
+    ) -> None:
+        self.writers: list[Writer] = [stack.enter_context(sink.open(run)) for sink in pipeline.sinks.values()]
+        self.writers += [observer] if observer is not None else []
+        self.failure: Exception | None = None  # the first
+        self._run, self._stack, self._pipeline, self._stop = run, stack, pipeline, stop
+        self._room, self._folder = room, FolderWatch(run.folder)
+        self._tables = self._opened([track.track.name for track in online])
+
+    def _opened(self, tracks: Iterable[str], offline: bool = False) -> list[EstimatesWriter]:
+        wanted = {track: self._run.tracks[track] for track in tracks}
+        recorders = [function_of(recorder) for recorder in self._pipeline.registry.recorders.values()]
+        opened = (recorder(self._run.folder, wanted, self._pipeline, offline) for recorder in recorders)
+        return [self._stack.enter_context(table) for table in opened]
+
+    def record(self, arrivals: Iterable[tuple[str, Batch]]) -> None:
+        """Raw readings, each with its device."""
+        if self.failure is None and self._folder.is_gone:
+            self._fail(OutputError(f"{self._run.folder}: the run folder is gone: was it moved, deleted or unmounted?"))
+        for device, batch in arrivals:
+            self._to_all(self.writers, methodcaller("batch", device, batch))
+
+    def write(self, samples: Samples, estimates: Mapping[str, Estimates] | None) -> None:
+        """Samples, and the estimates of the online tracks; None where there are none."""
+        if not len(samples):
+            return
+        self._to_all(self.writers, methodcaller("samples", samples))
+        if estimates is not None:
+            self._hand_out(estimates)
+            self._to_all(self._tables, methodcaller("write", samples, estimates))
+
+    def write_offline(self, samples: Samples, estimates: Mapping[str, Estimates]) -> None:
+        """Estimates that were made of all samples after the record; they get a table of their own."""
+        self._hand_out(estimates)
+        self._to_all(self._opened(estimates, offline=True), methodcaller("write", samples, estimates))
+
+    def _hand_out(self, estimates: Mapping[str, Estimates]) -> None:
+        for track, found in estimates.items():
+            self._to_all(self.writers, methodcaller("estimates", track, found))
+
+    def finish(self, table: Mapping[str, Any]) -> None:
+        """The result, for those who want it."""
+        self._to_all(self.writers, lambda writer: writer.result(table) if isinstance(writer, TakesResult) else None)
+
+    def _to_all(self, outputs: list[_Output], write: Callable[[_Output], None]) -> None:
+        for output in list(outputs):
+            try:
+                write(output)
+            except Exception as error:
+                outputs.remove(output)
+                self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        if self.failure is None:
+            if isinstance(error, OSError):
+                error = OutputError(f"{self._run.folder}: cannot write: {error.strerror or error}")
+            self.failure = error
+            self._room.release()
+            self._stop(error_text(self.failure))

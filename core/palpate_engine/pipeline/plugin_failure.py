@@ -1,0 +1,81 @@
+"""Parts that raise, or return malformed estimates, during a run: which one, where, and when."""
+
+from __future__ import annotations
+
+import inspect
+import traceback
+from dataclasses import dataclass, replace
+from types import FrameType
+from typing import Any
+
+import numpy as np
+from palpate.errors import error_in
+from palpate.estimation import Estimates, Samples, Status
+from palpate.flags import Flag
+from palpate.parts import Part
+from palpate.registry import Registry
+from palpate.vectors import finite_rows
+
+from palpate_engine.config import Track
+
+_MUTE = Status.IDLE | Status.WAITING | Status.DIVERGED  # of samples that need no number
+
+
+@dataclass(frozen=True)
+class PartFailure:
+    """Names the part of a track that has failed."""
+
+    track: Track
+    registry: Registry
+
+    def flag(self, error: Exception, samples: Samples | None = None) -> Flag:
+        """What ended the track: plugin, part, file, line, time and error."""
+        when = f" between {samples.time[0]:.3f} and {samples.time[-1]:.3f} s" if samples else ""
+        return Flag("failed", f"{self.complaint(error, when)}; this track ends here")
+
+    def complaint(self, error: Exception, when: str = "") -> str:
+        """``estimator 'mine' of plugin my_filter.py failed: ValueError: no (my_filter.py, line 12, in run)``."""
+        part, frame, line = self._culprit(list(traceback.walk_tb(error.__traceback__)))
+        return f"{self._named(part)} failed{when}: {error_in(error, frame, line)}"
+
+    def _named(self, part: Part) -> str:
+        """``estimator 'mine' of plugin my_filter.py``."""
+        entries = self.registry.parts.get(part.kind, {}).items()
+        found = next(((name, entry) for name, entry in entries if entry.is_of(type(part))), None)
+        if found is None:
+            return f"{part.kind} {type(part).__name__}"
+        return f"{part.kind} {found[0]!r} of plugin {found[1].plugin.name}"
+
+    def _culprit(self, frames: list[tuple[FrameType, int]]) -> tuple[Part, FrameType, int]:
+        """The part whose code raised, or called what did, and where in it; the estimator where that is unclear."""
+        for frame, line in reversed(frames):
+            for part in (self.track.model, getattr(self.track.model, "indenter", None), self.track.estimator):
+                if isinstance(part, Part) and _is_of(frame, part):
+                    return part, frame, line
+        return (self.track.estimator, *frames[-1])
+
+
+def _is_of(frame: FrameType, part: Part) -> bool:
+    """Whether a frame runs a part's own method, or, of an estimator, anything in the file of its class."""
+    if frame.f_locals.get("self") is part:
+        return True
+    try:
+        return part.kind == "estimator" and frame.f_code.co_filename == inspect.getfile(type(part))
+    except (TypeError, OSError):
+        return False
+
+
+def check_estimates(found: Any, samples: Samples, parameters: int) -> Estimates:
+    """Estimates of the right form, those that are no numbers marked as diverged; raises TypeError or ValueError."""
+    if not isinstance(found, Estimates):
+        raise TypeError(f"the tracker's run answers {type(found).__name__}, not Estimates")
+    shape = (len(samples), parameters)
+    for name in ("values", "std"):
+        given = np.shape(getattr(found, name))
+        if given != shape:
+            raise ValueError(f"the tracker's run answers {name} of shape {given} in place of {shape}")
+    lost = ~finite_rows(found.values) & ((found.status & _MUTE) == 0)
+    if not lost.any():
+        return found
+    status = np.where(lost, found.status | np.uint32(Status.DIVERGED), found.status).astype(np.uint32)
+    return replace(found, status=status)

@@ -1,0 +1,108 @@
+"""Provenance: what it takes to redo a run."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import platform
+import socket
+import sys
+import threading
+from collections.abc import Mapping
+from concurrent.futures import Future
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate.device import is_live
+from palpate.parts import input_files
+from palpate.sink import Extent
+from palpate.trajectory import Lifted, duration_of, setpoints_at
+
+from palpate_engine.config import Pipeline
+
+_LIBRARIES = ("casadi", "numpy", "scipy", "pydantic", "pluggy", "mcap")
+_LOOK = 0.01  # [s] between the places that count for the box of a motion
+
+
+def run_facts(pipeline: Pipeline) -> dict[str, Any]:
+    """Name, pipeline, command, seed, versions, plugins, hashes of the inputs, host."""
+    versions = {"palpate": _version("palpate"), "python": platform.python_version()}
+    versions |= {name: _version(name) for name in _LIBRARIES}
+    inputs = {f"{name}.{key}": text for name, d in pipeline.devices.items() for key, text in d.provenance.items()}
+    for plugin in pipeline.registry.plugins:
+        if plugin.digest:
+            inputs[f"plugin.{Path(plugin.name).name}.sha256"] = plugin.digest
+    for name, path in (("calibration", pipeline.run.calibration), ("control", pipeline.run.control)):
+        if path is not None:
+            with path.open("rb") as file:
+                inputs[f"{name}.sha256"] = hashlib.file_digest(file, "sha256").hexdigest()
+            inputs[f"{name}.file"] = str(path)
+    for path in _input_files(pipeline):
+        inputs[f"file.{path}.sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
+    return {
+        "name": pipeline.run.name,
+        "pipeline": str(pipeline.path),
+        "command": sys.argv,
+        "seed": pipeline.run.seed,
+        "versions": versions,
+        "plugins": [plugin.name for plugin in pipeline.registry.plugins],
+        "inputs": inputs,
+        "host": socket.gethostname(),
+    }
+
+
+def _input_files(pipeline: Pipeline) -> list[Path]:
+    """The files, other than logs, that parts and tables take data from."""
+    parts = (pipeline.devices, pipeline.indenters, pipeline.models, pipeline.surfaces, pipeline.trajectories)
+    every = [part for named in (*parts, pipeline.tables) for part in named.values()]
+    return list(dict.fromkeys(file for part in every for file in input_files(part)))
+
+
+def facts_beside(pipeline: Pipeline) -> Future[dict[str, Any]]:
+    """What `run_facts` says, by a thread: hashing a log takes as long as compiling. Nobody waits for it at exit."""
+    found: Future[dict[str, Any]] = Future()
+
+    def work() -> None:
+        try:
+            found.set_result(run_facts(pipeline))
+        except BaseException as error:  # raised where the facts are asked for
+            found.set_exception(error)
+
+    threading.Thread(target=work, name="facts", daemon=True).start()
+    return found
+
+
+_version = cache(importlib.metadata.version)
+
+
+def lift_facts(pipeline: Pipeline) -> dict[str, Any]:
+    """``run.lifted`` of a motion above the specimen; nothing of others."""
+    found = [motion for motion in pipeline.trajectories.values() if isinstance(motion, Lifted)]
+    return {"lifted": {"height": found[0].lift, "pace": found[0].pace}} if found else {}
+
+
+def flat_facts(facts: Mapping[str, Any]) -> dict[str, str]:
+    """The facts that a log carries: versions, input hashes and seed, as texts by name."""
+    lifted = {"lifted": f"{1e3 * facts['lifted']['height']:g} mm"} if "lifted" in facts else {}
+    return {**facts["versions"], **facts["inputs"], "seed": str(facts["seed"]), **lifted}
+
+
+def planned_duration(pipeline: Pipeline) -> float | None:
+    """How long the record will be [s]: that of a log, or of standstill and motion; None where that is unknown."""
+    logs = [device.duration for device in pipeline.devices.values() if device.duration is not None]
+    if logs or len(pipeline.trajectories) != 1:
+        return max(logs, default=None)
+    (trajectory,) = pipeline.trajectories.values()
+    live = is_live(pipeline.devices)
+    return duration_of(trajectory) + (pipeline.safety.standstill if live and pipeline.safety else 0.0)
+
+
+def planned_extent(pipeline: Pipeline) -> Extent | None:
+    """Box [m] of the planned motion; None where nothing moves, or more than one motion is planned."""
+    if len(pipeline.trajectories) != 1:
+        return None
+    (trajectory,) = pipeline.trajectories.values()
+    places = setpoints_at(trajectory, np.arange(0.0, duration_of(trajectory) + _LOOK, _LOOK)).position
+    return tuple(places.min(axis=0).tolist()), tuple(places.max(axis=0).tolist())

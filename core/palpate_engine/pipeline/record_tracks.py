@@ -1,0 +1,118 @@
+"""The tracks of a pipeline on one record after the other: what a run finds, in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from palpate.clocks import clock
+from palpate.device import Batch, Device, is_live
+from palpate.errors import ConfigurationError
+from palpate.estimation import Estimates, Samples, Tracker
+
+from palpate_engine.alignment import Aligner
+from palpate_engine.config import Pipeline
+from palpate_engine.pipeline.arrivals import Arrivals, Progress
+from palpate_engine.pipeline.flow import Flow
+from palpate_engine.pipeline.interrupt import Interrupt
+from palpate_engine.pipeline.provenance import run_facts
+from palpate_engine.pipeline.run_result import Result, build_result
+from palpate_engine.pipeline.tracks import RunningTrack, Tracks, start_tracks
+
+
+@dataclass(frozen=True)
+class RecordOutcome:
+    """What a run of one record finds: its samples, every estimate, its result."""
+
+    pipeline: Pipeline
+    samples: Samples
+    estimates: Mapping[str, Sequence[Estimates]]  # blocks of each track
+    result: Result  # without a folder
+
+
+class RecordTracks:
+    """The tracks of a pipeline, for many records that are read alike.
+
+    It finds what `run_pipeline` finds, by the same code and to the same digits, and writes nothing, opens no sink and
+    starts no thread. An estimator that is `reusable` keeps its tracker, and what that has compiled, from record to
+    record. Raises ConfigurationError for a pipeline with a live device.
+    """
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        if is_live(pipeline.devices):
+            raise ConfigurationError(f"{pipeline.path}: has a live device; only what is recorded can be read again")
+        self.pipeline = pipeline
+        self._reusable: dict[str, Tracker] = {}
+
+    def estimate(
+        self,
+        devices: Mapping[str, Device] | None = None,
+        batches: Iterable[tuple[str, Batch]] | None = None,
+        name: str | None = None,
+        text: str | None = None,
+        provenance: bool = True,
+    ) -> RecordOutcome:
+        """The outcome of one record.
+
+        `devices` stand for those of the pipeline, which they are alike but for the record that they name; `batches`
+        with the device of each, in the order of their arrival, for what the devices would send; `name` and `text` for
+        those of the pipeline. Without `provenance` the result says what was found, and not by which versions from which
+        inputs; it then has no table. Raises LogError where the record cannot be read, and PalpateError as a run does.
+        """
+        pipeline = self._with(devices, name, text)
+        started = datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
+        began = clock().now()
+        tracks = Tracks(list(self._started(pipeline)))
+        aligner, samples, found = _read(pipeline, tracks, batches)
+        facts: dict[str, Any] = run_facts(pipeline) if provenance else {}
+        facts |= {"started": started.isoformat(timespec="seconds"), "duration": clock().now() - began}
+        report = aligner.report
+        results = tracks.results(pipeline, report)
+        result = build_result(pipeline, Path(), facts, None, report, results, Interrupt())
+        return RecordOutcome(pipeline, samples, found, result)
+
+    def _with(self, devices: Mapping[str, Device] | None, name: str | None, text: str | None) -> Pipeline:
+        pipeline = self.pipeline
+        run = pipeline.run if name is None else pipeline.run.model_copy(update={"name": name})
+        return replace(
+            pipeline,
+            run=run,
+            devices=pipeline.devices if devices is None else devices,
+            text=pipeline.text if text is None else text,
+        )
+
+    def _started(self, pipeline: Pipeline) -> Iterator[RunningTrack]:
+        for running in start_tracks(pipeline):
+            if running.track.estimator.reusable:
+                running.tracker = self._reusable.setdefault(str(running.track.name), running.tracker)
+            yield running
+
+
+def _read(
+    pipeline: Pipeline, tracks: Tracks, batches: Iterable[tuple[str, Batch]] | None
+) -> tuple[Aligner, Samples, dict[str, list[Estimates]]]:
+    """A record taken along the data path to its end: what aligned it, its samples, and the blocks of every track."""
+    aligner = Aligner(pipeline.alignment, pipeline.ports)
+    blocks: list[Samples] = []
+    found: dict[str, list[Estimates]] = {}
+
+    def take(arrivals: Arrivals, final: bool = False) -> Progress:
+        samples = aligner.aligned(arrivals, final)
+        if len(samples) or final:
+            blocks.append(samples)
+        for track, estimates in tracks.estimate(samples).items():
+            found.setdefault(track, []).append(estimates)
+        return Progress(aligner.reached, 0.0)
+
+    if batches is None:
+        Flow(pipeline, take, Interrupt()).run()
+    else:
+        for arrival in batches:
+            take([arrival])
+    take([], final=True)
+    if (offline := tracks.estimate_offline()) is not None:
+        found |= {track: [estimates] for track, estimates in offline[1].items()}
+    return aligner, Samples.joined(blocks), found

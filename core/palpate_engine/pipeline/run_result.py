@@ -1,0 +1,193 @@
+"""The end of a run: its result, with the facts of the alignment and every flag that concerns all tracks."""
+
+from __future__ import annotations
+
+import signal
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from palpate.device import truth_of
+from palpate.errors import StoppedError
+from palpate.flags import Flag
+
+from palpate_engine.alignment import AlignmentReport, AlignmentSettings
+from palpate_engine.config import Pipeline, resolved_text, values_on_trust
+from palpate_engine.pipeline.device_flags import device_flags
+from palpate_engine.pipeline.interrupt import Interrupt
+from palpate_engine.result import SCHEMA, TrackResult, contradictions, finite, record_flags, stream_tables
+
+if TYPE_CHECKING:
+    from palpate_engine.pipeline.live.live_facts import EstimateFacts, LiveFacts
+
+_BEHIND = 1.0  # [s]; estimates that were less late at worst have kept up
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run found, and where it is written."""
+
+    folder: Path
+    run: Mapping[str, Any]
+    streams: Mapping[str, Any]
+    tracks: Mapping[str, TrackResult]
+    flags: tuple[Flag, ...]  # those that concern every track
+    truth: Mapping[str, float]
+    interrupted: str | None
+    signal: int = signal.SIGINT  # that interrupted it
+
+    def demand_whole(self) -> None:
+        """Raise StoppedError, with the exit code of the signal, where the run was stopped before its end."""
+        if self.interrupted is not None:
+            raise StoppedError(f"{self.interrupted}: partial, in {self.folder}", self.signal)
+
+    def table(self) -> dict[str, Any]:
+        """The contents of ``result.json``."""
+        tracks = {name: track.table() for name, track in self.tracks.items()}
+        for track in tracks.values():
+            track["flags"] = [*(flag.table() for flag in self.flags), *track["flags"]]
+        return {
+            "schema": SCHEMA,
+            "palpate": self.run["versions"]["palpate"],
+            "run": dict(self.run),
+            "streams": dict(self.streams),
+            "truth": dict(self.truth),
+            "tracks": tracks,
+        }
+
+
+def build_result(
+    pipeline: Pipeline,
+    folder: Path,
+    facts: Mapping[str, Any],
+    live: LiveFacts | None,
+    report: AlignmentReport,
+    found: Mapping[str, TrackResult],
+    interrupt: Interrupt,
+) -> Result:
+    """The result of a run that has ended: what its tracks found, judged together with what concerns all of them."""
+    run_flags = [*_rehearsal(pipeline), *_run_flags(pipeline, live, report, interrupt.reason)]
+    flags = pipeline.registry.judged(run_flags)
+    return Result(
+        folder,
+        {key: finite(value) for key, value in {**facts, **_found_facts(pipeline, facts, report)}.items()},
+        stream_tables(report),
+        _judged(pipeline, _with_assumptions(pipeline, found), flags),
+        flags,
+        truth_of(pipeline.devices),
+        interrupt.reason,
+        interrupt.signal,
+    )
+
+
+def _judged(
+    pipeline: Pipeline, found: Mapping[str, TrackResult], of_record: tuple[Flag, ...]
+) -> dict[str, TrackResult]:
+    """The tracks' verdicts, each by itself and then beside the others of its model."""
+    alone = {name: track.judged(pipeline.registry, of_record) for name, track in found.items()}
+    against = contradictions(alone)
+    return alone | {
+        name: replace(found[name], flags=(*found[name].flags, flag)).judged(pipeline.registry, of_record)
+        for name, flag in against.items()
+    }
+
+
+def _found_facts(pipeline: Pipeline, facts: Mapping[str, Any], report: AlignmentReport) -> dict[str, Any]:
+    """What alignment saw of the record, and the check of the rig behind it."""
+    control = pipeline.control
+    check = {} if control is None else {"control": control.facts(datetime.fromisoformat(facts["started"]))}
+    return {**_alignment_facts(report, pipeline.alignment), **check}
+
+
+def _alignment_facts(report: AlignmentReport, settings: AlignmentSettings) -> dict[str, Any]:
+    """What alignment saw of the record: its length, tare, delay of the velocity and first touch."""
+    tare, touch, late = report.tare, report.first_touch, report.velocity_delay
+    offset = tare and {"offset": tare.offset, "std": tare.offset_std, "noise": tare.noise, "until": tare.until}
+    by = "change-point" if report.by_change_point else "threshold"
+    return {
+        "samples": report.samples,
+        "log_duration": report.duration,
+        "tare": offset,
+        "velocity_delay": late and {"value": late[0], "std": late[1]},
+        **({"turned_tool": asdict(report.turned)} if report.turned is not None else {}),
+        "first_touch": touch and {"time": touch[0], "position": touch[1], "by": by, "lag": settings.touch_lag},
+    }
+
+
+def _run_flags(
+    pipeline: Pipeline, live: LiveFacts | None, report: AlignmentReport, interrupted: str | None
+) -> Iterator[Flag]:
+    """Flags that concern every track."""
+    motion = live.motion if live is not None else None
+    health = motion.devices if motion is not None else {}
+    yield from pipeline.renamed
+    yield from _assumed(pipeline)
+    yield from (Flag("device", text) for device in pipeline.devices.values() for text in device.warnings)
+    if pipeline.calibration is not None:
+        yield from pipeline.calibration.flags(pipeline, health)
+    if pipeline.control is not None:
+        yield from pipeline.control.flags(pipeline, health)
+    yield from _backlog(live.estimates if live is not None else None)
+    for name in motion.ended_early if motion is not None else ():
+        yield Flag("ended-early", f"{name} sent its last reading before the motion was over")
+    yield from device_flags(pipeline.alignment, pipeline.ports, health)
+    excess = pipeline.safety.excess(motion.peak_force) if motion is not None and pipeline.safety is not None else None
+    if interrupted is not None and excess is not None and excess not in interrupted:
+        interrupted = f"{interrupted}; {excess}"
+    yield from record_flags(report, pipeline.alignment, interrupted)
+
+
+def _rehearsal(pipeline: Pipeline) -> Iterator[Flag]:
+    """That nothing was measured."""
+    if (twin := pipeline.run.rehearsal) is not None:
+        yield Flag("rehearsal", f"simulated time, twin {twin}: the numbers are of its specimen, and of no real one")
+
+
+def _assumed(pipeline: Pipeline, model: str | None = None) -> Iterator[Flag]:
+    """The values of a model, or (None) of what all models share, that the run assumed although they were not stated."""
+    concerned = [key for key in pipeline.run.assumed if _model_of(key, pipeline) == model]
+    if not concerned:
+        return
+    known = values_on_trust(pipeline)
+    others = [key for key in concerned if not known.get(key)]
+    settings = tomllib.loads(resolved_text(pipeline)) if others else {}
+    known = {**known, **{key: _setting(settings, key) for key in others}}
+    assumed = ", ".join(f"{key} = {known[key]}" for key in concerned)
+    yield Flag("assumed", f"not stated, but assumed: {assumed}")
+
+
+def _setting(settings: Mapping[str, Any], key: str) -> str:
+    """The value of a key of the resolved settings."""
+    value: Any = settings
+    for word in key.split("."):
+        value = value.get(word) if isinstance(value, dict) else None
+    return "? (there is no such setting)" if value is None else str(value)
+
+
+def _model_of(key: str, pipeline: Pipeline) -> str | None:
+    """The model that a key belongs to; None where it concerns every track."""
+    kind, _, rest = key.partition(".")
+    return next((name for name in pipeline.models if kind == "model" and rest.startswith(f"{name}.")), None)
+
+
+def _with_assumptions(pipeline: Pipeline, found: Mapping[str, TrackResult]) -> dict[str, TrackResult]:
+    """Tracks with what was assumed of their own model."""
+    return {
+        name: replace(track, flags=(*_assumed(pipeline, track.model), *track.flags)) for name, track in found.items()
+    }
+
+
+def _backlog(estimates: EstimateFacts | None) -> Iterator[Flag]:
+    """Whether the estimates of a live run kept up."""
+    if estimates is None or estimates.largest_behind < _BEHIND:
+        return
+    behind = f"the estimates were up to {estimates.largest_behind:.1f} s behind the readings"
+    if (until := estimates.until) is None:
+        yield Flag("backlog", f"{behind}; all of them were made in the end")
+    else:
+        yield Flag(
+            "backlog", f"{behind} and end at {until:.2f} s; the recording is whole, and its replay makes the rest"
+        )

@@ -1,0 +1,103 @@
+"""A run in progress: from the first batch to the last estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from threading import Event
+from typing import TYPE_CHECKING
+
+from palpate.device import is_live
+from palpate.errors import DeviceError, UserError, error_text
+
+from palpate_engine.alignment import Aligner, AlignmentReport
+from palpate_engine.config import Pipeline
+from palpate_engine.pipeline.arrivals import Arrivals, Progress
+from palpate_engine.pipeline.data_path import DataPath
+from palpate_engine.pipeline.flow import Flow
+from palpate_engine.pipeline.health import HealthReporter
+from palpate_engine.pipeline.interrupt import Interrupt
+from palpate_engine.pipeline.latency import Latency
+from palpate_engine.pipeline.outputs import Outputs
+from palpate_engine.pipeline.tracks import Tracks, declared_noise
+
+if TYPE_CHECKING:
+    from palpate_engine.pipeline.live.live_facts import LiveFacts
+
+# Log time [s], total [s] where known, how far the estimates are behind [s].
+Observer = Callable[[float, float | None, float], None]
+
+
+class Session:
+    """Passes what the devices send along the data path, and reports progress, health and flags meanwhile.
+
+    Sets `begun` at the first batch.
+    """
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        tracks: Tracks,
+        outputs: Outputs,
+        interrupt: Interrupt,
+        observe: Observer | None,
+        begun: Event,
+    ) -> None:
+        live = is_live(pipeline.devices)
+        self._aligner = Aligner(pipeline.alignment, pipeline.ports)
+        self._latency = Latency(pipeline.ports["position"]) if live and pipeline.tracks else None
+        self._path = DataPath(self._aligner, tracks, outputs, self._latency)
+        self._flow = Flow(pipeline, self._take, interrupt, declared_noise(pipeline))
+        self._health = HealthReporter(outputs.writers, self._flow, self._aligner, tracks, pipeline)
+        self._interrupt, self._observe, self._begun, self._outputs = interrupt, observe, begun, outputs
+
+    def run(self) -> Exception | None:
+        """Until there are no more batches and no backlog; what ended it early, where that was no request to stop.
+
+        Raises UserError where the run is refused before it begins.
+        """
+        failure: Exception | None = None
+        for step in (self._flow.run, self._finish):
+            try:
+                step()
+            except Exception as error:
+                if isinstance(error, UserError) and not self._begun.is_set():
+                    raise
+                if failure is None and self._outputs.failure is None:
+                    what = "a device" if isinstance(error, DeviceError) else "an error"
+                    self._interrupt.reason = f"stopped by {what}: {error_text(error)}"
+                failure = failure or error
+        return self._outputs.failure or failure
+
+    def _finish(self) -> None:
+        for _ in self._path.finish(lambda: self._interrupt.reason is not None):
+            self._show()
+        self._health.last({"time": self._aligner.reached, "behind": 0.0})
+
+    def _take(self, arrivals: Arrivals) -> Progress:
+        self._begun.set()
+        self._path.step(arrivals)
+        return self._show()
+
+    def _show(self) -> Progress:
+        reached, behind = self._aligner.reached, self._path.backlog.behind
+        self._health.look({"time": reached, "behind": behind})
+        if self._observe is not None and reached:
+            self._observe(reached, self._flow.total, behind)
+        return Progress(reached, behind)
+
+    @property
+    def report(self) -> AlignmentReport:
+        """What the alignment found in the record."""
+        return self._aligner.report
+
+    @property
+    def live(self) -> LiveFacts | None:
+        """What there is to say of a live run; None of another one."""
+        facts = self._flow.facts
+        if facts is None or self._latency is None:
+            return facts
+        from palpate_engine.pipeline.live.live_facts import EstimateFacts
+
+        backlog = self._path.backlog
+        return replace(facts, estimates=EstimateFacts(self._latency.table(), backlog.largest, backlog.given_up))

@@ -1,0 +1,181 @@
+"""What diagnoses say of the tracks of a run, and what becomes of the result by it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from palpate.contact import ContactModel
+from palpate.estimation import Estimator
+from palpate.evidence.track_evidence import Diagnosed, TrackEnd, TrackEvidence
+from palpate.evidence.uncertain_value import DerivedValue, UncertainValue
+from palpate.fit_report import BudgetRow
+from palpate.flags import Flag
+from palpate.offers import Diagnosis, function_of
+from palpate.parts import Settings
+
+from palpate_engine.alignment import AlignmentReport, AlignmentSettings
+from palpate_engine.result.track_record import TrackRecord
+from palpate_engine.result.track_result import TrackResult
+
+
+@dataclass(frozen=True)
+class Diagnosable:
+    """A track with its record and what it found."""
+
+    model: ContactModel
+    estimator: Estimator
+    record: TrackRecord
+    result: TrackResult
+
+
+@dataclass(frozen=True)
+class RunEvidence:
+    """What concerns every track of a run, and diagnoses want to know."""
+
+    settings: AlignmentSettings
+    report: AlignmentReport
+    average: float  # [s] that results are means over
+    uncertainties: Mapping[str, Any] = field(default_factory=dict)  # that the pipeline declares
+    tables: Mapping[str, Settings] = field(default_factory=dict)
+
+
+def apply_diagnoses(
+    tracks: Mapping[str, Diagnosable], diagnoses: Mapping[str, Diagnosis], of_run: RunEvidence
+) -> dict[str, TrackResult]:
+    """The results of all tracks with the findings of all diagnoses; those of what was not estimated only by some."""
+    results = {name: track.result for name, track in tracks.items()}
+    whole = {name: _evidence(name, track, of_run) for name, track in tracks.items() if track.result.samples}
+    for order in sorted({diagnosis.order for diagnosis in diagnoses.values()}):
+        every = [_with_uncertainties(evidence, results[name]) for name, evidence in whole.items()]
+        for name, diagnosis in diagnoses.items():
+            evidence = [track for track in every if diagnosis.lost or np.isfinite(track.values).all()]
+            if evidence and diagnosis.order == order:
+                for label, finding in _findings(name, diagnosis, evidence).items():
+                    results[label] = with_findings(results[label], tracks[label].model, name, finding)
+    return results
+
+
+def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """The findings of one diagnosis; the estimates stay, whatever a third-party function raises."""
+    try:
+        return dict(function_of(diagnosis)(evidence))
+    except Exception as error:
+        flag = Flag("diagnosis-failed", f"{name}: {type(error).__name__}: {error}")
+        return {track.name: Diagnosed((flag,)) for track in evidence}
+
+
+def with_findings(result: TrackResult, model: ContactModel, name: str, finding: Diagnosed) -> TrackResult:
+    """A result with the flags, uncertainties and numbers of a finding; derived values take them over."""
+    cause = name.replace("-", "_")
+    names = [parameter.name for parameter in model.parameters]
+    parameters = {
+        key: _caused(
+            result.parameters[key], finding, key, [abs(float(term.shifts[i])) for term in finding.sources]
+        ).diagnosed(
+            cause,
+            finding.terms.get(key, 0.0),
+            key in finding.unknown,
+            finding.biases.get(key),
+            finding.left.get(key),
+        )
+        for i, key in enumerate(names)
+    }
+    return replace(
+        result,
+        parameters=parameters,
+        budget=(*result.budget, *_rows(result, names, name, finding)),
+        derived=tuple(_derived(value, model, result, finding, cause) for value in result.derived),
+        flags=(
+            *(replace(flag, effects={}) if flag.code in finding.settles else flag for flag in result.flags),
+            *(flag if flag.causes else replace(flag, causes=(cause,)) for flag in finding.flags),
+        ),
+        diagnoses=dict(result.diagnoses) | ({name: finding.table} if finding.table else {}),
+    )
+
+
+def _caused(found: UncertainValue, finding: Diagnosed, name: str, shares: Iterable[float]) -> UncertainValue:
+    """With a share of each source of a finding, and with the delay that the value looks like."""
+    for term, share in zip(finding.sources, shares, strict=True):
+        found = found.diagnosed(term.cause, share)
+    return replace(found, per_shear=finding.delays[name]) if name in finding.delays else found
+
+
+def _rows(result: TrackResult, names: Sequence[str], name: str, finding: Diagnosed) -> Iterator[BudgetRow]:
+    """The rows of a finding in the budget."""
+    for term in finding.sources:
+        shifts = zip(names, term.shifts.tolist(), strict=True)
+        effects = {
+            key: result.parameters[key].effect(abs(shift), shift / term.std if term.std else None)
+            for key, shift in shifts
+        }
+        label = term.cause if term.declared else f"{term.cause} (not declared)"
+        yield BudgetRow(label, term.std, term.unit, effects)
+    terms = dict(finding.terms)
+    for key, bias in finding.biases.items():
+        terms[key] = math.hypot(terms.get(key, 0.0), bias.shift)
+    shares = {key: share for key, share in terms.items() if share > 0 and key in result.parameters}
+    if shares:
+        yield BudgetRow(name, None, "", {key: result.parameters[key].effect(share) for key, share in shares.items()})
+
+
+def _derived(
+    value: DerivedValue, model: ContactModel, result: TrackResult, finding: Diagnosed, cause: str
+) -> DerivedValue:
+    names = [parameter.name for parameter in model.parameters]
+    values = [result.parameters[name].value for name in names]
+    material = next(m for m in model.material(values) if m.name == value.name)
+    gradient = np.array(material.gradient)
+    share = material.std([finding.terms.get(name, 0.0) for name in names])
+    shifts = [finding.biases[name].shift if name in finding.biases else 0.0 for name in names]
+    share = math.hypot(share, sum(slope * shift for slope, shift in zip(material.gradient, shifts, strict=True)))
+    touched = any(slope and name in finding.unknown for name, slope in zip(names, material.gradient, strict=True))
+    shares = [abs(float(gradient @ term.shifts)) for term in finding.sources]
+    return replace(value, found=_caused(value.found, finding, value.name, shares).diagnosed(cause, share, touched))
+
+
+def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEvidence:
+    found = [track.result.parameters[parameter.name] for parameter in track.model.parameters]
+    record, settings = track.record, of_run.settings
+    time, force, position = record.keeper.air
+    return TrackEvidence(
+        name,
+        track.model,
+        track.estimator,
+        settings.tip_mass,
+        record.keeper.kept,
+        time,
+        force,
+        position,
+        np.array([f.value for f in found]),
+        np.array([f.std for f in found]),
+        np.array([f.combined for f in found]),
+        track.result.surface.value,
+        record.report,
+        of_run.tables,
+        _ending(track, of_run),
+        track.result.parameters,
+        record.keeper.air_after,
+    )
+
+
+def _with_uncertainties(evidence: TrackEvidence, result: TrackResult) -> TrackEvidence:
+    """The evidence with what diagnoses of lower orders have made of the uncertainty of each parameter."""
+    combined = np.array([result.parameters[parameter.name].combined for parameter in evidence.model.parameters])
+    return replace(evidence, combined=combined, found=result.parameters)
+
+
+def _ending(track: Diagnosable, of_run: RunEvidence) -> TrackEnd | None:
+    tail = track.record.tail
+    if tail is None:
+        return None
+    average = of_run.average if track.estimator.online else math.inf
+    included = {*track.record.details.get("included", ()), *(["timing"] if track.record.timing_included else [])}
+    record, run = track.record, of_run
+    return TrackEnd(
+        tail, tail.last(average), run.settings, run.report, run.uncertainties, record.held,
+        frozenset(included), run.average, record.tracked, record.samples, record.is_sweep,
+    )  # fmt: skip

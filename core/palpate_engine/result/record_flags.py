@@ -1,0 +1,134 @@
+"""Which assumptions of the record failed, and the flags that an estimator raises itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+from palpate.estimation import Status
+from palpate.flags import Flag
+
+from palpate_engine.alignment import GRAVITY, AlignmentReport, AlignmentSettings, Health
+from palpate_engine.result.track_record import TrackRecord
+
+_DRIFT = 5e-4  # [s] between the clocks of two streams over a record
+_FEW = 0.01  # of the samples, that may lack a reading
+_MANY = 0.05  # of the samples, from which on what was lost counts, whatever it does
+_STUCK = 0.1  # [s] of exactly equal readings
+_TURNED = 0.02  # [N] of a weight, that is seen
+_MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
+_SIGMAS, _CHANCE = 3.0, 5.0  # standard uncertainties: of what is stated; of noise that is correlated
+_STIFF = 0.01  # of the samples; the few long steps of an arm that hesitates are no property of the contact
+
+
+def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:
+    """Faults of the record, whatever is estimated from it."""
+    for name, health in report.streams.items():
+        yield from _stream_flags(name, health)
+        if health.rate and health.longest_repeat / health.rate > _STUCK:
+            yield Flag("stuck", f"{name} repeats one reading for {health.longest_repeat / health.rate:.2f} s")
+    for name, count in (("force", report.missing_force), ("velocity", report.missing_velocity)):
+        if count > max(1, _FEW * report.samples):
+            yield Flag("gaps", f"{count} of {report.samples} samples have no {name}")
+    if report.missing_force > _MANY * report.samples:
+        yield Flag("lost-readings", f"{report.missing_force} of {report.samples} samples have no force")
+    yield from _drift_flags(report, settings)
+    yield from _weight_flags(report, settings)
+    if report.touches > 1:
+        yield Flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
+
+
+def _stream_flags(name: str, health: Health) -> Iterator[Flag]:
+    if health.invalid:
+        yield Flag("invalid", f"{name} has {health.invalid} x invalid readings")
+    if health.duplicates:
+        yield Flag("duplicates", f"{name} has {health.duplicates} x repeated time-stamps")
+    if health.backwards:
+        yield Flag("backwards", f"{name} has {health.backwards} x time going backwards")
+    if health.gaps:
+        yield Flag("gaps", f"{name} has {health.gaps} x gaps")
+    if health.saturated:
+        yield Flag("saturated", f"{name} has {health.saturated} x saturated readings")
+
+
+def _drift_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:
+    """Clocks of force and motion that do not run alike, by the clock that logged both."""
+    signals = [s for s in (settings.force, settings.position, settings.velocity) if s is not None and s.time == "stamp"]
+    streams = dict.fromkeys(signal.channel.rpartition(".")[0] for signal in signals)
+    gained = {name: h.gained for name in streams if (h := report.streams.get(name)) is not None}
+    known = [(name, gain) for name, gain in gained.items() if gain is not None]
+    for name, gain in known[1:]:
+        first, reference = known[0]
+        if abs(gain - reference) > _DRIFT:
+            ahead, behind = (name, first) if gain > reference else (first, name)
+            late = f"{1e3 * abs(gain - reference):.2g} ms"
+            yield Flag("clock-drift", f"the time-stamps of {ahead} gain {late} on those of {behind} over the record")
+
+
+def _weight_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:
+    """A tool that turns in free air, and readings that do not follow its weight."""
+    turned, mass = report.turned, settings.tip_mass
+    if settings.weight != "turning" and (change := report.tilt * GRAVITY * (mass or 0.0)) > _TURNED:
+        yield Flag(
+            "turned-tool",
+            f"the tool turns, and its weight along it changes by {change:.2g} N, which a tare does not take off",
+        )
+    if turned is None or turned.apart is None or turned.spread < _TURNED or not mass:
+        return
+    angle, _ = settings.orientation_uncertainties["mounting"]
+    share = _MASS if settings.tip_mass_uncertainty is None else settings.tip_mass_uncertainty / mass
+    drift = settings.drift * report.duration / turned.spread
+    if turned.apart > _SIGMAS * math.hypot(angle, share) + drift + _CHANCE * turned.apart_std:
+        yield Flag(
+            "turned-weight",
+            f"in free air the weight turns by {turned.spread:.2g} N in the axes of the sensor, and the readings are "
+            f"off that by {turned.apart * turned.spread:.2g} N",
+        )
+
+
+def track_flags(record: TrackRecord, report: AlignmentReport) -> Iterator[Flag]:
+    """The flags that an estimator raises itself, and whether it estimated at all; diagnoses judge its values."""
+    yield from (_with_sign(flag, report) for flag in record.flags)
+    if record.failure is not None:
+        yield record.failure
+        return
+    tail = record.tail
+    if tail is None and record.marks[Status.WAITING]:
+        yield Flag("never-started", f"{record.marks[Status.WAITING]} samples in contact were too few to start on")
+        return
+    if tail is None:
+        if record.flags:  # the estimator has given the reason
+            return
+        none = f"the force never stayed above {report.touch_force:.3g} N: nothing was estimated"
+        yield _with_sign(Flag("no-contact", none), report)
+        return
+    yield from _status_flags(record)
+
+
+def _with_sign(flag: Flag, report: AlignmentReport) -> Flag:
+    """Ask for the sign where there was no contact, and the force goes as far to the other side."""
+    if flag.code != "no-contact" or report.pull <= report.touch_force:
+        return flag
+    asked = f"but it goes down to {-report.pull:.3g} N: should force have sign = -1 in [alignment]?"
+    return replace(flag, message=f"{flag.message}; {asked}")
+
+
+def _status_flags(record: TrackRecord) -> Iterator[Flag]:
+    marks = record.marks
+    if marks[Status.DIVERGED]:
+        yield Flag("diverged", "the estimates stopped being finite or plausible numbers; none can be used")
+    if marks[Status.LIFTED]:
+        yield Flag(
+            "depth-not-positive", f"the estimated depth was not positive in {marks[Status.LIFTED]} samples in contact"
+        )
+    if marks[Status.RESTARTED]:
+        yield Flag("restarted", f"the filter restarted {marks[Status.RESTARTED]} times")
+    if marks[Status.BLIND]:
+        yield Flag("blind", f"{marks[Status.BLIND]} samples lacked a measurement and were predicted only")
+    if marks[Status.STIFF] > _STIFF * record.samples:
+        yield Flag("too-stiff", f"the contact was too stiff for the time step in {marks[Status.STIFF]} samples")
+    if marks[Status.REPAIRED]:
+        yield Flag("covariance-repaired", f"the covariance lost its positivity in {marks[Status.REPAIRED]} samples")
+    if marks[Status.RESUMED]:
+        yield Flag("resumed", f"the estimate was carried over a pause {marks[Status.RESUMED]} times")

@@ -1,0 +1,118 @@
+"""What is kept of a track while it runs: counts over the whole run, and the last few seconds in full."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from palpate.estimation import Estimates, Samples, Status
+from palpate.evidence.track_tail import Tail
+from palpate.fit_report import FitReport
+from palpate.flags import Flag
+from palpate.vectors import Floats
+
+from palpate_engine.result.sample_keeper import Keeper
+from palpate_engine.result.track_result import TrackSummary
+
+SWEEP = 2e-3  # [m] between the places of a track, from which on it is a sweep
+
+
+@dataclass
+class TrackRecord:
+    """Counts of one track over the whole run, and its tail."""
+
+    keep: float  # [s] of tail
+    samples: int = 0  # tracked
+    nanoseconds: int = 0  # tracked [ns]; whole numbers add up to the same sum in any order
+    seconds: float = 0.0  # of computing
+    marks: dict[Status, int] = field(default_factory=lambda: dict.fromkeys(Status, 0))
+    details: Mapping[str, Any] = field(default_factory=dict)  # of the latest block that had any
+    report: FitReport | None = None  # of the latest block that had one
+    timing_included: bool = False
+    flags: tuple[Flag, ...] = ()  # that the estimator itself raised
+    failure: Flag | None = None  # why the track ended before the record did
+    _lateral: Floats | None = None  # (2, 2) [m] least and largest x and y while tracked
+    keeper: Keeper = field(default_factory=Keeper)  # of the whole record, for diagnoses
+    summaries: tuple[TrackSummary, ...] = ()
+    _blocks: list[Tail] = field(default_factory=list)
+
+    def add(self, samples: Samples, estimates: Estimates, seconds: float) -> None:
+        """Take in a block."""
+        self.seconds += seconds
+        self.keeper.add(samples, estimates)
+        for summary in self.summaries:
+            summary.add(samples, estimates)
+        self.details = estimates.details or self.details
+        self.report = estimates.report or self.report
+        self.timing_included |= estimates.timing_included
+        self.flags += tuple(flag for flag in estimates.flags if flag not in self.flags)
+        seen = int(np.bitwise_or.reduce(estimates.status, initial=0))
+        for mark in Status if seen else ():
+            self.marks[mark] += int(np.count_nonzero(estimates.status & mark)) if seen & mark else 0
+        tracked = (estimates.status & Status.IDLE) == 0
+        count = int(np.count_nonzero(tracked))
+        if not count:
+            return
+        rows: Any = tracked if count < len(tracked) else slice(None)
+        self.samples += count
+        self.nanoseconds += int(np.rint(samples.interval[rows] * 1e9).astype(np.int64).sum())
+        self._goes_along(samples.lateral[rows])
+        found = estimates
+        until = float(samples.time[len(tracked) - 1 - int(np.argmax(tracked[::-1]))])
+        tracked &= samples.time >= until - self.keep  # what is older would be forgotten at once
+        begin = int(np.argmax(tracked))
+        rows = slice(begin, None) if tracked[begin:].all() else tracked
+        columns = (found.values, found.std, found.surface, found.surface_std, found.force, found.nis, found.innovation)
+        measured = (samples.time, samples.force, samples.position, samples.velocity)
+        kept = [column[rows] for column in (*measured, *columns)]
+        self._blocks.append(Tail(*kept))
+        self._forget(until - self.keep)
+
+    def _goes_along(self, place: Floats) -> None:
+        """Take note of the least and the largest of places (n, 2) that are known."""
+        with np.errstate(invalid="ignore"):
+            edges = np.array([[extreme.reduce(one) for one in place.T] for extreme in (np.fmin, np.fmax)])
+        if self._lateral is not None:
+            edges = np.array([np.fmin(edges[0], self._lateral[0]), np.fmax(edges[1], self._lateral[1])])
+        if np.isfinite(edges).any():
+            self._lateral = edges
+
+    @property
+    def held(self) -> frozenset[str]:
+        """Names of the values that a fit holds fixed: settings, not estimates."""
+        unknowns = self.report.unknowns if self.report else {}
+        return frozenset(name for name, unknown in unknowns.items() if not unknown.free)
+
+    @property
+    def is_sweep(self) -> bool:
+        """Whether the track was at places further apart than a palpation needs; False where places are unknown."""
+        return self._lateral is not None and float(np.nanmax([0.0, *(self._lateral[1] - self._lateral[0])])) > SWEEP
+
+    @property
+    def tracked(self) -> float:
+        """How long the track has tracked [s]."""
+        return self.nanoseconds / 1e9
+
+    def _forget(self, before: float) -> None:
+        while len(self._blocks) > 1 and self._blocks[0].time[-1] < before:
+            self._blocks.pop(0)
+
+    def ends(self, average: float) -> tuple[Tail, Tail] | None:
+        """The tail, and of it the last so many seconds; None where there are no numbers that could be used."""
+        tail = self.tail
+        if tail is None or self.marks[Status.DIVERGED] or self.failure is not None:
+            return None
+        return tail, tail.last(average)
+
+    @property
+    def tail(self) -> Tail | None:
+        """The last seconds of tracked samples; None where nothing was tracked."""
+        if not self._blocks:
+            return None
+        if len(self._blocks) > 1:  # joined once: a live run asks every second
+            names = Tail.__dataclass_fields__
+            joined = Tail(*(np.concatenate([getattr(block, name) for block in self._blocks]) for name in names))
+            self._blocks = [joined.last(self.keep)]
+        return self._blocks[0].last(self.keep)

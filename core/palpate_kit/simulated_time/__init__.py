@@ -1,0 +1,1 @@
+"""Time that goes on to the next instant for which any thread waits."""

@@ -1,0 +1,1 @@
+"""MCAP files: read in columns, searched, and recovered where they are damaged."""

@@ -1,0 +1,1 @@
+"""Messages of any encoding as columns of numbers."""

@@ -1,0 +1,11 @@
+"""How far a long read is, for whoever asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+Progress = Callable[[int], object]  # called with the number of messages that were read so far
+
+
+def silent(_: int) -> None:
+    """Nobody asks."""

@@ -1,0 +1,189 @@
+"""What the name of a column says: its role, and its unit."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+
+from palpate_records.messages.readings import si_unit
+
+_UNIT = 20  # characters of a unit; a longer one is none
+_WEIGHT = {"g": "gf", "kg": "kgf", "lb": "lbf", "mg": "mgf"}  # a load cell that was calibrated with masses
+_ALIASES = {
+    "sec.": "s",
+    "msec": "ms",
+    "usec": "us",
+    "nsec": "ns",
+    "gm": "g",
+    "gr": "g",
+    "grf": "gf",
+    "kp": "kgf",
+    "lbs": "lb",
+    '"': "in",
+}
+_BEHIND = re.compile(r"(?:\s*/\s*|,\s*|\s+in\s+)(\S{1,20})")  # "Force / N", "Force, N", "Force in N"
+_WORD = re.compile(r"[^\W\d_]+")
+_EXACT = {
+    "force": ("force", "f", "fz", "f_z", "force_z", "forcez", "fn", "load"),
+    "position": ("position", "pos", "z", "pos_z", "posz", "height", "depth", "displacement", "penetration"),
+    "velocity": ("velocity", "vel", "v", "vz", "v_z", "vel_z", "velz", "speed"),
+    "time": ("time", "t", "stamp", "timestamp", "second", "seconds", "sec", "secs"),
+}
+_WORDS = {
+    "force": (
+        "force forces load kraft standardkraft prüfkraft prufkraft gewicht weight kuvvet carga fuerza forza charge "
+        "kracht fz fn"
+    ),
+    "position": (
+        "position pos pose height depth displacement disp extension stroke travel distance crosshead indentation "
+        "penetration piezo z weg standardweg traverse traversenweg hub höhe tiefe eindringtiefe verformung deformation "
+        "uzama déplacement desplazamiento spostamento compression"
+    ),
+    "velocity": "velocity vel speed geschwindigkeit vz",
+    "time": "time timestamp stamp zeit prüfzeit prufzeit testzeit temps tiempo tempo süre zaman elapsed",
+    "other": (
+        "stress strain temperature torque moment energy index cycle cycles count points scan current humidity area "
+        "cantilever spannung dehnung temperatur sample segment status mode orientation rotation acceleration"
+    ),
+}
+_BY_WORD = {word: role for role, words in _WORDS.items() for word in words.split()}
+_ADJECTIVES = {
+    "raw",
+    "left",
+    "right",
+    "abs",
+    "abs.",
+    "rel",
+    "rel.",
+    "up",
+    "down",
+    "top",
+    "z",
+    "x",
+    "y",
+    "avg",
+    "mean",
+    "-",
+}
+_DEPTHS = {"indentation", "penetration", "depth", "eindringtiefe", "tiefe"}
+_FORCES = {word for word, role in _BY_WORD.items() if role == "force"} | {"f"}
+_BACK = {"retract", "retraction", "retracting", "unload", "unloading", "withdraw", "withdrawal", "retrace", "return"}
+_WAYS = _BACK | {"approach", "approaching", "extend", "loading", "trace", "advance"}
+
+
+def words_of(name: str) -> list[str]:
+    """The words of a name in small letters, without its unit.
+
+    >>> words_of("actual_TCP_force_2 [N]")
+    ['actual', 'tcp', 'force']
+    """
+    return [word.lower() for word in _WORD.findall(re.sub(r"[\[(][^\])]*[\])]?", " ", name))]
+
+
+def exact_role(name: str) -> str | None:
+    """The role that a whole name states."""
+    return next((role for role, words in _EXACT.items() if name.strip().lower() in words), None)
+
+
+def role_by_words(name: str) -> str | None:
+    """The role that a word of a name states; "other" is none."""
+    roles = [_BY_WORD[word] for word in words_of(name) if word in _BY_WORD]
+    return "other" if "other" in roles else next(iter(roles), None)
+
+
+def is_depth(name: str) -> bool:
+    """Whether a name states the depth itself, which others beside it only resemble."""
+    return bool(_DEPTHS & {*words_of(name)})
+
+
+def is_of_retraction(name: str) -> bool:
+    """Whether a column holds the way back alone."""
+    return bool(_BACK & {*words_of(name)})
+
+
+def begins_as_time(name: str) -> bool:
+    """Whether the first word of a name is one of time."""
+    words = words_of(name)
+    return bool(words) and (words[0] in _EXACT["time"] or _BY_WORD.get(words[0]) == "time")
+
+
+def unit_text(name: str) -> str:
+    """What stands in the last brackets of a name, or behind its last ``_``, ``/``, comma or "in"; empty for none."""
+    name = name.strip()
+    if name[-1:] in ("]", ")"):
+        begin = max(name.rfind("["), name.rfind("("))
+        unit = name[begin + 1 : -1].strip() if begin >= 0 else ""
+        return unit.replace("_s", "/s").replace("^-1", "") if len(unit) <= _UNIT else ""
+    for unit in (part for part in ("_".join(name.split("_")[-2:]), name.rpartition("_")[2]) if "_" in name):
+        usable = unit.replace("_", "/") if "_" in unit else unit
+        if len(name) > len(unit) + 1 and len(unit) <= _UNIT and is_unit(usable):
+            return usable
+    behind = list(_BEHIND.finditer(name))
+    return behind[-1][1] if behind and behind[-1].end() == len(name) else ""
+
+
+def plain_unit(text: str) -> str:
+    """A unit without brackets and quotes, as palpate writes it, where it is one.
+
+    >>> plain_unit("[Sec]"), plain_unit('"mm"'), plain_unit("(µm)")
+    ('sec', 'mm', 'µm')
+    """
+    text = text.strip().strip("\"'").strip()
+    text = text[1:-1].strip() if len(text) > 2 and text[0] + text[-1] in ("[]", "()", "{}", "<>") else text
+    forms = (text, _ALIASES.get(text.lower(), ""), text.lower() if len(text) > 2 or text in ("MM", "S") else "")
+    return next((form for form in forms if form and _known(form)), text)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit that a column can have."""
+    return _known(plain_unit(text))
+
+
+@cache
+def _known(text: str) -> bool:
+    try:
+        return bool(text) and len(text) <= _UNIT and text != "1" and bool(si_unit(text))
+    except ValueError:
+        return text in _WEIGHT
+
+
+def unit_of(name: str, below: str = "") -> str | None:
+    """The unit of a column by its name or the row of units `below` it; a load in grams is in gf; None for none."""
+    unit = plain_unit(below) if below else plain_unit(unit_text(name))
+    if _FORCES & {*words_of(name)}:
+        unit = _WEIGHT.get(unit, unit)
+    try:
+        return unit if unit and unit != "1" and si_unit(unit) else None
+    except ValueError:
+        return None
+
+
+def weight_of(unit: str) -> str | None:
+    """The force that a mass in a unit weighs; None where it is no mass."""
+    return _WEIGHT.get(plain_unit(unit))
+
+
+def is_electrical(unit: str) -> bool:
+    """Whether a unit is that of an amplifier or a converter, of which only a person knows what it stands for."""
+    return plain_unit(unit).lower() in (
+        "v",
+        "mv",
+        "uv",
+        "µv",
+        "ma",
+        "mv/v",
+        "volt",
+        "volts",
+        "counts",
+        "count",
+        "adc",
+        "raw",
+        "digits",
+    )
+
+
+def looks_like_unit(written: str, name: str) -> bool:
+    """Whether a short text in brackets or in a row of units must be a unit, known or not."""
+    bracketed = name.strip()[-1:] in ("]", ")") or not name.strip().endswith(written)
+    short = 0 < len(written) <= 5 and not any(c in written for c in " %") and not written.isdigit()
+    return bracketed and short and weight_of(written) is None and written.lower() not in _ADJECTIVES

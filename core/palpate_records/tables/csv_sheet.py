@@ -1,0 +1,211 @@
+"""A table without a description: how it is written, its names, its numbers, and the units of its columns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import chain, islice
+from pathlib import Path
+
+import numpy as np
+from palpate import Floats, LogError, printable
+
+from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number_or_nan
+from palpate_records.tables.clock_times import Days, seconds_or_nan
+from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_lines, layout_of
+from palpate_records.tables.csv_names import is_electrical, looks_like_unit, plain_unit, unit_of, unit_text
+from palpate_records.tables.dialect import Dialect, dialect_of, grouped_or_decimal
+from palpate_records.tables.table_text import bounded_lines, open_text
+from palpate_records.tables.workbook import WORKBOOKS
+
+KEYS = ("delimiter", "decimal", "thousands", "comment", "encoding", "sheet", "header", "units")  # that can be stated
+_BLOCK = 4096  # rows at once
+_NAME, _NAMED = 40, 12  # characters of a column's name, and columns, that are shown
+_PADDED = re.compile(r"0\d+")  # what is behind a comma, and no number of its own
+_LEAST = 10  # numbers of a column that is to be something
+_SURE = 3  # such cells that are no coincidence
+_TWICE = 100  # rows by which a mark between digits is judged
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """How a file is written."""
+
+    path: Path
+    names: tuple[str, ...]  # of the header, or "0", "1", ...
+    dialect: Dialect = field(default_factory=Dialect)
+    layout: TableLayout = field(default_factory=lambda: TableLayout(0, 0))
+    stated: Mapping[str, str | int] = field(default_factory=dict)  # keys of the device that the user gave
+
+    @classmethod
+    def of(cls, path: Path, stated: Mapping[str, str] | None = None) -> Sheet:
+        """Found from the first lines, but for what is stated; raises LogError where they are no table of numbers."""
+        given = {key: _checked(path, key, text) for key, text in (stated or {}).items()}
+        with open_text(path, _text(given, "encoding"), _text(given, "sheet")) as file:
+            lines = first_lines(file, path, int(given.get("header", 0)))
+        if not any(line.strip() for line in lines):
+            raise LogError(f"{path}: the file is empty")
+        dialect = dialect_of(lines) if path.suffix not in WORKBOOKS else Dialect("\t")
+        dialect = replace(dialect, **{key: str(given[key]) for key in KEYS[:4] if key in given})
+        layout = layout_of(path, lines, dialect, *(given.get(key) for key in ("header", "units")))  # type: ignore[arg-type]
+        rows = [row for row in islice(dialect.rows(lines[layout.begin :]), _TWICE) if row]
+        if "decimal" not in given:
+            _refuse_decimal_commas(path, lines, dialect, layout, rows)
+        if "decimal" not in given and "thousands" not in given:
+            dialect = _with_thousands(path, dialect, rows, layout)
+        return cls(path, layout.names or tuple(map(str, range(layout.width))), dialect, layout, given)
+
+    @property
+    def header(self) -> bool:
+        """Whether its columns have names."""
+        return self.layout.names is not None
+
+    @property
+    def facts(self) -> tuple[StatedValue, ...]:
+        """What it states above its numbers."""
+        return self.layout.facts
+
+    @property
+    def settings(self) -> dict[str, str | int]:
+        """The keys of a device that reads it, where they are not the usual ones."""
+        usual, mine = Dialect(), self.dialect
+        keys: dict[str, str | int] = {
+            key: getattr(mine, key) for key in KEYS[:4] if getattr(mine, key) != getattr(usual, key)
+        }
+        return keys | dict(self.stated)
+
+    def blocks(self) -> Iterator[Floats]:
+        """The numbers (n, k), some thousand rows at a time; NaN where a cell is none, seconds for times of day."""
+        count = len(self.names)
+        readers = [
+            seconds_or_nan
+            if k in self.layout.clocks
+            else partial(number_or_nan, decimal=self.dialect.decimal, thousands=self.dialect.thousands)
+            for k in range(count)
+        ]
+        days = {k: Days() for k in self.layout.clocks if k < count}
+        with open_text(self.path, _text(self.stated, "encoding"), _text(self.stated, "sheet")) as file:
+            lines = islice(bounded_lines(file, self.path), self.layout.begin, None)
+            rows = self.dialect.rows(line for line in lines if not self.dialect.is_comment(line))
+            while part := list(islice(rows, _BLOCK)):
+                block = np.full((len(part), count), np.nan)
+                for i, cells in enumerate(part):
+                    block[i, : len(cells)] = [read(cell) for read, cell in zip(readers, cells[:count])]
+                for k, day in days.items():
+                    block[:, k] = day.unwrapped(block[:, k])
+                yield block[[bool(cells) for cells in part]]
+
+    def unit(self, column: int) -> str | None:
+        """The unit that the name of a column or the row of units states, for a load in grams gf; None for none."""
+        below = self.layout.units[column] if column < len(self.layout.units) else ""
+        return unit_of(self.names[column], below)
+
+    def written_unit(self, column: int) -> str:
+        """What is written as the unit of a column, whether it is one or not."""
+        below = self.layout.units[column] if column < len(self.layout.units) else ""
+        return below or plain_unit(unit_text(self.names[column]))
+
+    def needs_scale(self, column: int) -> bool:
+        """Whether a column is in volts, counts or an unknown unit, so that only a person knows how much one is."""
+        written = self.written_unit(column)
+        return is_electrical(written) or (self.unit(column) is None and looks_like_unit(written, self.names[column]))
+
+    def column(self, index: int) -> int | str:
+        """How a pipeline names a column: by the header where that is clear, else by its number."""
+        return self.names[index] if self.header and self.names.count(self.names[index]) == 1 else index
+
+    @property
+    def columns(self) -> str:
+        """The columns that there are, not more than a line can hold."""
+        names = [column_text(name) for name in self.names[:_NAMED]]
+        return ", ".join(names) + (", ..." if len(self.names) > _NAMED else "")
+
+    def index_of(self, role: str, choice: str) -> int:
+        """The column that a choice names, by the header or by its number; raises LogError where there is none."""
+        if choice in self.names:
+            return self.names.index(choice)
+        if choice.isdigit() and int(choice) < len(self.names):
+            return int(choice)
+        raise LogError(f"{self.path}: --{role}: there is no column {choice!r} (there are: {self.columns})")
+
+    def demand_numbers(self, role: str, column: int, values: Floats) -> None:
+        """Raise LogError where a column (n,) that was chosen for a role contains hardly a number."""
+        count = int(np.isfinite(values).sum())
+        if count >= min(_LEAST, len(values)):
+            return
+        name = column_text(self.column(column))
+        with open_text(self.path, _text(self.stated, "encoding"), _text(self.stated, "sheet")) as file:
+            lines = islice(bounded_lines(file, self.path), self.layout.begin, None)
+            cells = (row[column].strip() for row in self.dialect.rows(lines) if column < len(row))
+            text = next((cell for cell in cells if cell and np.isnan(number_or_nan(cell, self.dialect.decimal))), None)
+        found = f"text ({printable(text)[:_NAME]!r})" if text else "empty cells"
+        found = f"{found} and {count} numbers" if count else f"{found}, no numbers"
+        raise LogError(f"{self.path}: --{role}: column {name} contains {found} (there are: {self.columns})")
+
+
+def column_text(column: int | str) -> str:
+    """The name or the number of a column, cut and without what a terminal would obey."""
+    return printable(str(column))[:_NAME]
+
+
+def together(blocks: Iterator[Floats], limit: int) -> Floats:
+    """The first rows of a table, up to a limit."""
+    kept: list[Floats] = []
+    for block in chain(blocks):
+        kept.append(block)
+        if sum(map(len, kept)) >= limit:
+            break
+    return np.concatenate(kept)[:limit]
+
+
+def _checked(path: Path, key: str, text: str) -> str | int:
+    """What a person states of a file; raises LogError where it cannot be that."""
+    text = text.replace("\\t", "\t") if key == "delimiter" else text
+    wanted = {
+        "header": ("a line, counted from 1, or 0", text.isdigit()),
+        "units": ("a line, counted from 1, or 0", text.isdigit()),
+        "delimiter": ("one character", len(text) == 1),
+        "decimal": ('"." or ","', text in (".", ",")),
+        "thousands": ("one character or none", len(text) < 2),
+    }
+    words, right = wanted.get(key, ("", True))
+    if not right:
+        raise LogError(f"{path}: {key} = {text!r}: {words} is wanted")
+    return int(text) if key in ("header", "units") else text
+
+
+def _text(given: Mapping[str, str | int], key: str) -> str | None:
+    return str(given[key]) if key in given else None
+
+
+def _refuse_decimal_commas(
+    path: Path, lines: list[str], dialect: Dialect, layout: TableLayout, rows: list[list[str]]
+) -> None:
+    cut = bool(rows) and all(is_cut_at_commas(row, layout.names, dialect.delimiter) for row in rows)
+    advice = "write the numbers with points, or another separator"
+    if cut:
+        raise LogError(f"{path}: its numbers have decimal commas ({lines[-1].strip()[:40]!r}) between commas: {advice}")
+    whole = dialect.delimiter == "," and not any("." in cell for row in rows for cell in row)
+    if whole and sum(_PADDED.fullmatch(cell.strip()) is not None for row in rows for cell in row) >= _SURE:
+        example = ",".join(rows[-1])[:40]
+        raise LogError(f"{path}: its numbers seem to have decimal commas ({example!r}) between commas: {advice}")
+    if dialect.decimal == "." and any(has_decimal_comma(cell) for row in rows[:5] for cell in row):
+        raise LogError(f"{path}: its numbers have decimal commas ({lines[-1].strip()[:40]!r}): {POINTS}")
+
+
+def _with_thousands(path: Path, dialect: Dialect, rows: list[list[str]], layout: TableLayout) -> Dialect:
+    """The dialect, where ``1,234`` may be a fraction or a thousand; raises LogError where neither can be told."""
+    columns = [[row[k] for row in rows if k < len(row)] for k in range(layout.width) if k not in layout.clocks]
+    if dialect.thousands:
+        return dialect
+    meaning = grouped_or_decimal(columns, dialect)
+    if meaning == "thousands":
+        return replace(dialect, decimal="," if dialect.decimal == "." else ".", thousands=dialect.decimal)
+    if meaning is None:
+        example = next(cell for cells in columns for cell in cells if "," in cell)
+        raise LogError(
+            f'{path}: {example!r} can be one and a fraction or a thousand: state decimal = "," or thousands = ","'
+        )
+    return dialect

@@ -1,0 +1,76 @@
+"""The text of a table: its encoding, gzip, workbooks, and lines of a sensible length."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import gzip
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from palpate import LogError
+
+from palpate_records.decompression import DAMAGED
+from palpate_records.log_files import regular
+from palpate_records.tables.workbook import WORKBOOKS, workbook_text
+
+SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz", *WORKBOOKS)
+OTHER_SUFFIXES = (".txt", ".dat", ".asc", ".lvm")  # a table only if it looks like one
+_LINE = 100_000  # characters; the csv module takes no longer cell
+_PROBE = 1 << 17  # [bytes] by which the encoding is found
+_MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+_NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\x7f-\x9f\ufffe\uffff]")
+
+
+def encoding_of(path: Path) -> str:
+    """By the mark of byte order, UTF-8 where the text is that, else Windows-1252."""
+    opener = gzip.open if path.suffix == ".gz" else open
+    with opener(path, "rb") as file:
+        head = file.read(_PROBE)
+    for mark, encoding in _MARKS:
+        if head.startswith(mark):
+            return encoding if "\ufeff" not in head[2:-1].decode(encoding.removesuffix("-sig"), "ignore") else "utf-8"
+    for odd, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
+        if len(head) > 8 and not any(head[odd:200:2]) and all(head[1 - odd : 200 : 2]):
+            return encoding
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        try:
+            return "utf-8" if _NO_TEXT.search(head.decode("cp1252")) else "cp1252"
+        except UnicodeDecodeError:
+            return "utf-8"  # which says where it is none
+    return "utf-8"
+
+
+@contextmanager
+def open_text(path: Path, encoding: str | None = None, sheet: str | None = None) -> Iterator[IO[str]]:
+    """The text of a file, plain, gzipped or a workbook; raises LogError where it cannot be read."""
+    regular(path)
+    if path.suffix in WORKBOOKS:
+        yield io.StringIO(workbook_text(path, sheet), newline="")
+        return
+    try:
+        found = encoding or encoding_of(path)
+        if path.suffix == ".gz":
+            with gzip.open(path, "rt", encoding=found, newline="") as file:
+                yield file
+        else:
+            with path.open(newline="", encoding=found) as file:
+                yield file
+    except (OSError, *DAMAGED) as error:
+        raise LogError(f"{path}: cannot be read: {error}") from error
+    except (UnicodeError, csv.Error) as error:
+        raise LogError(f"{path}: is not a CSV text: {error}") from error
+
+
+def bounded_lines(file: IO[str], path: Path) -> Iterator[str]:
+    """The lines of a text, none of which may be longer than a line of numbers is."""
+    while line := file.readline(_LINE):
+        if len(line) == _LINE and not line.endswith("\n"):
+            raise LogError(f"{path}: is not a CSV text: a line has more than {_LINE} characters")
+        yield line
