@@ -17,6 +17,16 @@ _FACTS = {
     "level_within": "level",
     "flat_above": "flat",
 }
+# Flags by which a record contradicts its model, whatever that moves.
+_OF_THE_RECORD = (
+    "lack-of-fit",
+    "tare-unclear",
+    "outliers",
+    "pull-off",
+    "unloading",
+    "surface-mismatch",
+    "delay-unclear",
+)
 _VALUES = ("elasticity", "viscosity")
 
 
@@ -59,8 +69,10 @@ def told_by(track: Mapping[str, Any]) -> dict[str, Any]:
             "combined": value.get("combined"),
             "verdict": "good" if word == "note" else word,
         }
+    small = [flag for flag in track.get("immaterial", []) if flag["code"] in _OF_THE_RECORD]
     said["findings"] = [flag["code"] for flag in findings]
-    said["words"] = " ".join(_words(findings)).lower()
+    said["immaterial"] = [flag["code"] for flag in small]
+    said["words"] = " ".join(_words([*findings, *small])).lower()
     said["conditions"] = [one["fact"] for one in track.get("conditions", [])]
     said["facts"] = sorted({*said["conditions"], *_assumed(track)})
     return said

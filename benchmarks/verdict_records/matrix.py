@@ -67,8 +67,10 @@ def _wrong(rows: Sequence[Row]) -> Iterator[str]:
     there = [row for row in rows if not row.get("unreachable")]
     for sigma in sorted({row["sigma"] for row in there}):
         here = [row for row in there if row["sigma"] == sigma]
-        yield from _line(f"told at {sigma} sigma", [_told(row) for row in here], "90 %" if sigma < 10 else "95 %")
-        told = [row for row in here if _told(row)]
+        wanted = "90 %" if sigma < 10 else "95 %"
+        yield from _line(f"told at {sigma} sigma", [_told(row) or _found(row) for row in here], wanted)
+        yield from _line(f"of them doubtful or without a number at {sigma}", [_told(row) for row in here], "")
+        told = [row for row in here if _told(row) or _found(row)]
         named = [_named(row, causes[row["kind"]]) for row in told]
         yield from _line(f"with its cause, of those told at {sigma}", named, "80 %")
         silent = [not _told(row) and not _covered(row, "elasticity", 1.0) for row in here]
@@ -108,6 +110,11 @@ def _text(value: Row, factor: float) -> str:
 
 def _told(row: Row) -> bool:
     return "refused" in row or row["verdict"] in _DOUBT
+
+
+def _found(row: Row) -> bool:
+    """Whether a finding is there, though it moves no value that is determined beyond its uncertainty."""
+    return bool(row.get("findings") or row.get("immaterial"))
 
 
 def _number(row: Row, name: str) -> bool:
@@ -151,8 +158,8 @@ def _by_kind(rows: Sequence[Row]) -> Iterator[str]:
         cells = []
         for sigma in (6, 12, 50):
             here = [row for row in mine if row["sigma"] == sigma and not row.get("unreachable")]
-            cells.append(f"{sum(map(_told, here))} of {len(here)}" if here else "-")
-        told = [row for row in mine if not row.get("unreachable") and _told(row)]
+            cells.append(f"{sum(_told(row) or _found(row) for row in here)} of {len(here)}" if here else "-")
+        told = [row for row in mine if not row.get("unreachable") and (_told(row) or _found(row))]
         cells.append(f"{sum(_named(row, kind.causes) for row in told)} of {len(told)}")
         codes = Counter(code for row in told for code in row.get("findings", ["refused"]))
         cells.append(", ".join(f"{code} {count}" for code, count in codes.most_common(3)))

@@ -103,6 +103,7 @@ from .offers import (
 from .parts import File as File, InputFile as InputFile, Part as Part, Settings as Settings
 from .printable_text import printable as printable
 from .repeated_readings import RepeatCount as RepeatCount, Repeats as Repeats
+from .result.condition import Condition as Condition
 from .result.sample_store import SampleStore as SampleStore
 from .result.track_evidence import (
     Diagnosed as Diagnosed,

@@ -41,7 +41,7 @@ from palpate.contact import force_slopes
 from palpate.device import ask_devices, is_live, own_motions, truth_of
 from palpate.discovery import import_plugin_file, plugin_file_of
 from palpate.errors import ConsentError, StoppedError, suggest
-from palpate.flags import SEVERITIES, verdict, verdict_word
+from palpate.flags import SEVERITIES, advice_on, has_no_number, verdict, verdict_rank, verdict_word
 from palpate.hooks import KINDS
 from palpate.input_file import Enclosure
 from palpate.offers import function_of
@@ -76,6 +76,7 @@ from palpate.result import (
     make_folder,
     withdraw_folder,
 )
+from palpate.result.condition import FORMER_FLAGS
 from palpate.safety import (
     MotionLimits,
     MotionReport,
@@ -97,6 +98,7 @@ from palpate.units import Quantity, dimension, display_unit
 
 __all__ = [
     "FORMAT",
+    "FORMER_FLAGS",
     "GIVEN",
     "GRAVITY",
     "KEY",
@@ -140,6 +142,7 @@ __all__ = [
     "TrackResult",
     "UncertainValue",
     "acceleration",
+    "advice_on",
     "analysis",
     "announce",
     "approved_files",
@@ -159,6 +162,7 @@ __all__ = [
     "finite_tree",
     "force_slopes",
     "function_of",
+    "has_no_number",
     "hesitations",
     "import_plugin_file",
     "inherited_approval",
@@ -188,6 +192,7 @@ __all__ = [
     "truth_of",
     "values_on_trust",
     "verdict",
+    "verdict_rank",
     "verdict_word",
     "whole_file",
     "withdraw_folder",

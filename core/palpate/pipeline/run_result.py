@@ -18,7 +18,7 @@ from palpate.flags import Flag
 from palpate.pipeline.device_flags import device_flags
 from palpate.pipeline.interrupt import Interrupt
 from palpate.pipeline.live.live_facts import EstimateFacts, LiveFacts
-from palpate.result import SCHEMA, TrackResult, contradictions, finite, record_flags, stream_tables
+from palpate.result import SCHEMA, Condition, TrackResult, contradictions, finite, record_flags, stream_tables
 
 _BEHIND = 1.0  # [s]; estimates that were less late at worst have kept up
 
@@ -121,7 +121,6 @@ def _run_flags(
     motion = live.motion if live is not None else None
     health = motion.devices if motion is not None else {}
     yield from pipeline.renamed
-    yield from _assumed(pipeline)
     yield from (Flag("device", text) for device in pipeline.devices.values() for text in device.warnings)
     if pipeline.calibration is not None:
         yield from pipeline.calibration.flags(pipeline, health)
@@ -141,17 +140,23 @@ def _rehearsal(facts: Mapping[str, Any]) -> Iterator[Flag]:
         yield Flag("rehearsal", f"simulated time, twin {twin}: the numbers are of its specimen, and of no real one")
 
 
-def _assumed(pipeline: Pipeline, model: str | None = None) -> Iterator[Flag]:
-    """The values of a model, or (None) of what all models share, that the run assumed although they were not stated."""
-    concerned = [key for key in pipeline.run.assumed if _model_of(key, pipeline) == model]
+def _assumed(pipeline: Pipeline, model: str) -> Iterator[Condition]:
+    """What the run took for known of a track of a model although nobody stated it, but for what diagnoses say."""
+    shared = [key for key in pipeline.run.assumed if _model_of(key, pipeline) in (None, model)]
+    concerned = [key for key in shared if not _is_diagnosed(key)]
     if not concerned:
         return
     known = values_on_trust(pipeline)
     others = [key for key in concerned if not known.get(key)]
     settings = tomllib.loads(resolved_text(pipeline)) if others else {}
     known = {**known, **{key: _setting(settings, key) for key in others}}
-    assumed = ", ".join(f"{key} = {known[key]}" for key in concerned)
-    yield Flag("assumed", f"not stated, but assumed: {assumed}")
+    for key in concerned:
+        yield Condition(key, f"{key} = {known[key]}", f"--set {key}={known[key]}", code="assumed")
+
+
+def _is_diagnosed(key: str) -> bool:
+    """Whether a key of the pipeline is a fact whose effect the diagnoses state: the zero and the delays."""
+    return key in ("alignment.tare", "alignment.tip_mass") or (key.startswith("alignment.") and key.endswith(".delay"))
 
 
 def _setting(settings: Mapping[str, Any], key: str) -> str:
@@ -169,9 +174,10 @@ def _model_of(key: str, pipeline: Pipeline) -> str | None:
 
 
 def _with_assumptions(pipeline: Pipeline, found: Mapping[str, TrackResult]) -> dict[str, TrackResult]:
-    """Tracks with what was assumed of their own model."""
+    """Tracks with what was assumed of the readings and of their own model."""
     return {
-        name: replace(track, flags=(*_assumed(pipeline, track.model), *track.flags)) for name, track in found.items()
+        name: replace(track, conditions=(*track.conditions, *_assumed(pipeline, track.model)))
+        for name, track in found.items()
     }
 
 

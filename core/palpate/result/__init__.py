@@ -1,6 +1,7 @@
 """Results: what a run found, what may be wrong with it, and where it is written."""
 
 from palpate.result.agreement import contradictions
+from palpate.result.condition import Condition
 from palpate.result.diagnoses import Diagnosable, RunEvidence, apply_diagnoses
 from palpate.result.record_flags import track_flags
 from palpate.result.record_outcome import record_flags, stream_tables, track_result
@@ -22,6 +23,7 @@ __all__ = [
     "PIPELINE",
     "RESULT",
     "SCHEMA",
+    "Condition",
     "DerivedValue",
     "Diagnosable",
     "RunEvidence",

@@ -14,6 +14,7 @@ from palpate.estimation import Estimator
 from palpate.fit_report import FitReport
 from palpate.flags import Flag
 from palpate.parts import Settings
+from palpate.result.condition import Condition
 from palpate.result.sample_store import SampleStore
 from palpate.result.track_tail import Tail
 from palpate.result.uncertain_value import Bias, UncertainValue
@@ -89,6 +90,8 @@ class Diagnosed:
     delays: Mapping[str, float] = field(default_factory=dict)  # [s] that would explain a parameter or derived value
     settles: frozenset[str] = frozenset()  # codes of flags by lower orders whose effect this diagnosis accounts for
     left: Mapping[str, float] = field(default_factory=dict)  # in place of `terms` for a corrected value
+    conditions: tuple[Condition, ...] = ()  # facts that the record cannot show and nobody has stated
+    known: frozenset[str] = frozenset()  # facts that the record itself measures, so that they are no condition
 
 
 # Tracks of one run -> findings by the name of the track; tracks that it has nothing to say of may be left out.

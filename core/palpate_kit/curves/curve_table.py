@@ -18,7 +18,8 @@ from palpate_kit.runs.pipeline_diff import differences
 
 TABLE, SETTINGS = "fits.csv", "pipeline.toml"
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
-_TAIL = ("rms", "samples", "x", "y", "verdict", "flags", "settings", "error")
+_TAIL = ("rms", "samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
+_LATER = ("conditions", "needs")  # columns that tables before schema 5 lack, as they lack the verdict of each value
 
 
 class FitTable:
@@ -137,7 +138,13 @@ def replace_columns(path: Path, columns: Sequence[str]) -> None:
 def columns_of_fits(pipeline: Pipeline) -> tuple[str, ...]:
     """The columns of a table of the fits of a pipeline."""
     names = [*dict.fromkeys(name for track in pipeline.tracks for name in value_units(track.model)), "surface"]
-    return (*_HEAD, *(f"{name}{kind}" for name in names for kind in _KINDS), *_TAIL)
+    return _columns(names)
+
+
+def _columns(names: Sequence[str]) -> tuple[str, ...]:
+    """Every value with its uncertainties and its verdict, but for the surface, which has none."""
+    of_values = [f"{name}{kind}" for name in names for kind in (*_KINDS, *(["_verdict"] if name != names[-1] else []))]
+    return (*_HEAD, *of_values, *_TAIL)
 
 
 def demand_columns(path: Path) -> None:
@@ -145,7 +152,8 @@ def demand_columns(path: Path) -> None:
     with path.open(encoding="utf-8", newline="") as file:
         head = tuple(next(csv.reader(file), ()))
     names = [name.removesuffix("_std") for name in head if name.endswith("_std")]
-    if head != (*_HEAD, *(f"{name}{kind}" for name in names for kind in _KINDS), *_TAIL):
+    now = _columns(names)
+    if head not in (now, tuple(name for name in now if name not in _LATER and not name.endswith("_verdict"))):
         about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is no table of fits"
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
 
