@@ -207,8 +207,8 @@ def test_one_of_several_presses_in_one_table_is_asked_for(tmp_path, palpate):
 @pytest.mark.parametrize(
     ("stated", "words"),
     [
-        ([], 'timing: state it by --set alignment.force.uncertainty="1 ms"'),
-        (["force"], 'if it was measured: --set alignment.position.uncertainty="1 ms"'),
+        ([], 'state how late the force is: --set alignment.force.uncertainty="1 ms"'),
+        (["force"], "position"),
     ],
 )
 def test_the_timing_that_is_still_to_be_stated_is_named(tmp_path, palpate, stated, words):

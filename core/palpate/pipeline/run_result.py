@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -140,23 +141,31 @@ def _rehearsal(facts: Mapping[str, Any]) -> Iterator[Flag]:
         yield Flag("rehearsal", f"simulated time, twin {twin}: the numbers are of its specimen, and of no real one")
 
 
-def _assumed(pipeline: Pipeline, model: str) -> Iterator[Condition]:
-    """What the run took for known of a track of a model although nobody stated it, but for what diagnoses say."""
-    shared = [key for key in pipeline.run.assumed if _model_of(key, pipeline) in (None, model)]
-    concerned = [key for key in shared if not _is_diagnosed(key)]
-    if not concerned:
+def _assumed(pipeline: Pipeline, track: TrackResult) -> Iterator[Condition]:
+    """What the run took for known of a track although nobody stated it, but for what diagnoses say.
+
+    A tip that nobody stated may be any: every value needs it.
+    """
+    keys = [key for key in pipeline.run.assumed if _model_of(key, pipeline) in (None, track.model)]
+    keys = [key for key in keys if not _is_diagnosed(key, pipeline.alignment)]
+    if not keys:
         return
     known = values_on_trust(pipeline)
-    others = [key for key in concerned if not known.get(key)]
+    others = [key for key in keys if not known.get(key)]
     settings = tomllib.loads(resolved_text(pipeline)) if others else {}
     known = {**known, **{key: _setting(settings, key) for key in others}}
-    for key in concerned:
-        yield Condition(key, f"{key} = {known[key]}", f"--set {key}={known[key]}", code="assumed")
+    for key in keys:
+        of_tip = key.startswith("indenter.")
+        shifts = dict.fromkeys([*track.parameters, *(value.name for value in track.derived)], math.inf)
+        text, words = f"{key} = {known[key]}", f"--set {key}={known[key]}"
+        yield Condition(key, text, words, "another tip" if of_tip else "", shifts if of_tip else {}, "assumed")
 
 
-def _is_diagnosed(key: str) -> bool:
-    """Whether a key of the pipeline is a fact whose effect the diagnoses state: the zero and the delays."""
-    return key in ("alignment.tare", "alignment.tip_mass") or (key.startswith("alignment.") and key.endswith(".delay"))
+def _is_diagnosed(key: str, settings: AlignmentSettings) -> bool:
+    """Whether a key of the pipeline is a fact whose effect the diagnoses state: mass, zero and delays that are open."""
+    if key == "alignment.tip_mass":
+        return settings.tip_mass is None
+    return key == "alignment.tare" or (key.endswith(".delay") and settings.timing_uncertainty is None)
 
 
 def _setting(settings: Mapping[str, Any], key: str) -> str:
@@ -176,7 +185,7 @@ def _model_of(key: str, pipeline: Pipeline) -> str | None:
 def _with_assumptions(pipeline: Pipeline, found: Mapping[str, TrackResult]) -> dict[str, TrackResult]:
     """Tracks with what was assumed of the readings and of their own model."""
     return {
-        name: replace(track, conditions=(*track.conditions, *_assumed(pipeline, track.model)))
+        name: replace(track, conditions=(*track.conditions, *_assumed(pipeline, track)))
         for name, track in found.items()
     }
 

@@ -52,7 +52,7 @@ class Condition:
         said = [
             f"{name} {_share(shift / value.value)} {'higher' if shift * value.value > 0 else 'lower'}"
             for name, shift in self.shifts.items()
-            if (value := values.get(name)) is not None and value.value and abs(shift) >= value.combined
+            if (value := values.get(name)) is not None and value.value and value.combined <= abs(shift) < math.inf
         ]
         return f"{self.text} ({self.alternative}: {', '.join(said)})" if said and self.alternative else self.text
 

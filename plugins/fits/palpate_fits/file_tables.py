@@ -13,6 +13,11 @@ from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
 
 _NAME = 28  # characters of a file's name
+_WORDS = {  # that state what a value needs
+    "delay": 'how late the force is: --set alignment.force.uncertainty="1 ms", or its delay',
+    "mass": 'the mass behind the sensor: --set alignment.tip_mass="0 g"',
+    "tare": 'the zero of the force: --set alignment.tare="free-air"',
+}
 _SHOWN = ("elasticity", "viscosity")
 _DETAILS = {"rms": ("RMS\nN", ".3g"), "samples": ("samples", ".0f")}
 
@@ -37,7 +42,7 @@ def show_rows(rows: Sequence[Row], pipeline: Pipeline, known: Registry, details:
 
 
 def verdict_lines(rows: Sequence[Row], known: Registry) -> Iterator[str]:
-    """At most two lines: what the values hold for, and what was found."""
+    """At most three lines: what the values hold for, what was found, and what to type."""
     facts: Counter[str] = Counter()
     needed = {fact for row in rows for fact in row.get("needs", "").split()}
     for row in rows:
@@ -51,6 +56,8 @@ def verdict_lines(rows: Sequence[Row], known: Registry) -> Iterator[str]:
     doubtful = [row for row in rows if row.get("verdict") == "doubtful"]
     if doubtful:
         yield f"doubtful: {_causes(doubtful, known, 'doubtful')}; palpate describe CODE says what to do"
+    if words := [_WORDS[fact] for fact in sorted(needed) if fact in _WORDS]:
+        yield f"state {' and '.join(words)}"
 
 
 def count_line(rows: Sequence[Row], known: Registry) -> str:

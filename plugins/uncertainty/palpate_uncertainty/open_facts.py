@@ -29,7 +29,7 @@ SMALL = 0.5e-3  # [m]
 
 
 @dataclass(frozen=True)
-class _Track:
+class _OpenTrack:
     """A track, its force along the end, and how conditions are worded."""
 
     evidence: TrackEvidence
@@ -74,13 +74,13 @@ def open_facts(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         end = evidence.ending
         if end is None:
             continue
-        track = _Track(evidence, end, along(evidence.model, end.tail, end.last, evidence.values))
+        track = _OpenTrack(evidence, end, along(evidence.model, end.tail, end.last, evidence.values))
         conditions = tuple(one for fact in _FACTS for one in fact(track))
         found[evidence.name] = Diagnosed(conditions=conditions)
     return found
 
 
-def _thickness(track: _Track) -> Iterator[Condition]:
+def _thickness(track: _OpenTrack) -> Iterator[Condition]:
     model = track.evidence.model
     needed = half_space_from(track.evidence)
     if getattr(model, "thickness", None) is not None or needed is None:
@@ -94,7 +94,7 @@ def _thickness(track: _Track) -> Iterator[Condition]:
     )  # fmt: skip
 
 
-def _delay(track: _Track) -> Iterator[Condition]:
+def _delay(track: _OpenTrack) -> Iterator[Condition]:
     if track.end.settings.timing_uncertainty is not None or "timing" in track.end.included:
         return
     shifts = -delay_shifts(track.evidence.model, track.found, track.evidence.values)
@@ -111,7 +111,7 @@ def _delay(track: _Track) -> Iterator[Condition]:
     )  # fmt: skip
 
 
-def _tare(track: _Track) -> Iterator[Condition]:
+def _tare(track: _OpenTrack) -> Iterator[Condition]:
     tare, found = track.end.report.tare, track.found
     if found is None or "tare" in track.end.included or (tare is not None and tare.offset_std is not None):
         return
@@ -122,7 +122,7 @@ def _tare(track: _Track) -> Iterator[Condition]:
     )  # fmt: skip
 
 
-def _mass(track: _Track) -> Iterator[Condition]:
+def _mass(track: _OpenTrack) -> Iterator[Condition]:
     if track.found is None or track.end.settings.tip_mass is not None or "mass" in track.end.included:
         return
     if not track.is_small:
@@ -132,7 +132,7 @@ def _mass(track: _Track) -> Iterator[Condition]:
         )
 
 
-def _poisson(track: _Track) -> Iterator[Condition]:
+def _poisson(track: _OpenTrack) -> Iterator[Condition]:
     model, found = track.evidence.model, track.found
     value = getattr(model, "poisson", None)
     if found is None or not isinstance(value, float) or "poisson" in model.model_fields_set:
@@ -144,7 +144,7 @@ def _poisson(track: _Track) -> Iterator[Condition]:
         yield Condition("poisson", text, words, f"{POISSON:g}", shifts)
 
 
-def _level(track: _Track) -> Iterator[Condition]:
+def _level(track: _OpenTrack) -> Iterator[Condition]:
     tip, depth, model = (
         getattr(track.evidence.model, "indenter", None),
         depths_in_contact(track.evidence),
@@ -163,7 +163,7 @@ def _level(track: _Track) -> Iterator[Condition]:
     )  # fmt: skip
 
 
-def _mount(track: _Track) -> Iterator[Condition]:
+def _mount(track: _OpenTrack) -> Iterator[Condition]:
     found = track.found
     if found is not None and found.given_way is not None and track.end.settings.series_stiffness is None:
         shifts = track.against(-found.given_way / MOUNT)
@@ -172,7 +172,7 @@ def _mount(track: _Track) -> Iterator[Condition]:
         )
 
 
-def _position(track: _Track) -> Iterator[Condition]:
+def _position(track: _OpenTrack) -> Iterator[Condition]:
     if track.end.settings.position.uncertainty is not None or track.evidence.estimator.motion == "velocity":
         return
     if share_of_command(*position_noise(track.evidence)):
@@ -180,17 +180,17 @@ def _position(track: _Track) -> Iterator[Condition]:
         yield Condition("position", text, '--set alignment.position.uncertainty="1 ms"', code="commanded-motion")
 
 
-def _frequency(track: _Track) -> Iterator[Condition]:
+def _frequency(track: _OpenTrack) -> Iterator[Condition]:
     if text := one_frequency_text(track.evidence):
         yield Condition("frequency", text, "palpate at several frequencies", code="one-frequency")
 
 
-def _noise(track: _Track) -> Iterator[Condition]:
+def _noise(track: _OpenTrack) -> Iterator[Condition]:
     if air_readings(track.evidence) is None:
         yield Condition("noise", "noise of the force as in its upper band", "record 0.2 s at rest in air first")
 
 
-_FACTS: tuple[Callable[[_Track], Iterator[Condition]], ...] = (
+_FACTS: tuple[Callable[[_OpenTrack], Iterator[Condition]], ...] = (
     _thickness, _delay, _tare, _mass, _poisson, _level, _mount, _position, _frequency, _noise,
 )  # fmt: skip
 
