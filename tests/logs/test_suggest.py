@@ -301,7 +301,7 @@ def test_what_nobody_has_stated_is_flagged_until_somebody_does(palpate, tmp_path
     assert "model.kelvin-voigt.poisson = 0.5" in other
     text = (tmp_path / "own.toml").read_text()
     (tmp_path / "own.toml").write_text(re.sub(r"(?m)^assumed = .*$", 'assumed = ["indenter.tp.radius"]', text))
-    assert said("run", "own.toml")[0] == "not stated, but assumed: indenter.tp.radius = ? (there is no such setting)"
+    assert said("run", "own.toml")[0] == "indenter.tp.radius = ? (there is no such setting)"
     (tmp_path / "own.toml").write_text(re.sub(r"(?m)^assumed = .*$", "", text))
     assert said("run", "own.toml")[0] == ""
 
