@@ -10,7 +10,7 @@ _HEAD = """# Flags
 A result never hides a failed assumption: it carries flags, each a code, a sentence, a severity and what to do. What the
 verdict of a value and of a track is, and what is a condition and no flag: [verdict](verdict.md). The numbers of a track
 that is `invalid` are not shown, and no statistic or comparison uses them. `palpate describe CODE` says the same as this
-page, which `docs/make_flags.py` writes from the registry of flags. A plugin registers its own by the hook `palpate_flags`.
+page, which `docs/make_flags.py` writes from the registry of flags. A plugin registers its own by `palpate_flags`.
 
 **What is a doubt.** A flag says by how much what it names can move each value. It is doubtful only where that is more
 than the value's combined standard uncertainty *without* the flag's own row of the budget, so that a larger uncertainty

@@ -37,7 +37,7 @@ def verdict_rank(verdict: str) -> int:
 
 def advice_on(verdict: str) -> str:
     """A verdict in words, of which there are three: what gives no number is to be looked at."""
-    return ADVICE[verdict] if verdict in ADVICE else ADVICE["doubtful"]  # type: ignore[index]
+    return ADVICE[verdict] if verdict in ADVICE else ADVICE["doubtful"]
 
 
 def verdict_word(verdict: str) -> str:

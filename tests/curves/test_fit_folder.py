@@ -93,7 +93,8 @@ def test_models_are_chosen_over_the_curves_of_a_sample(folder, palpate):
     ("words", "count"),
     [
         ("", 8), ("S1", 4), ("E>110", 4), ("E>110kPa", 4), ("elasticity<=110 s2", 0), ("verdict:good", 8),
-        ("condition:thickness", 8), ("eta:needs", 0), ("E:good", 8), ("E:needs", 0), ("sample=S2 mark:none", 4), ("rms<0.05", 8), ("rms<50mN state:current", 8),
+        ("condition:thickness", 8), ("eta:needs", 0), ("E:good", 8), ("E:needs", 0),
+        ("sample=S2 mark:none", 4), ("rms<0.05", 8), ("rms<50mN state:current", 8),
         ("curve='curves/S1_0.csv'", 1),
     ],
 )  # fmt: skip

@@ -135,12 +135,16 @@ def _mass(track: _OpenTrack) -> Iterator[Condition]:
 def _poisson(track: _OpenTrack) -> Iterator[Condition]:
     model, found = track.evidence.model, track.found
     value = getattr(model, "poisson", None)
-    if found is None or not isinstance(value, float) or "poisson" in model.model_fields_set:
+    if found is None or not isinstance(value, float):
+        return
+    # A pipeline that is written out has the default as its value.
+    usual = type(model).model_fields["poisson"].default
+    if value != usual or {"poisson", "model.poisson"} & track.end.uncertainties.keys():
         return
     change = POISSON - value
     if change:
         shifts = track.against(change * found.by_number(("poisson",), value, change))
-        text, words = f"Poisson's ratio {value:g}", f"--set {track.key}.poisson={value:g}"
+        text, words = f"Poisson's ratio {value:g}", "--set run.uncertainties.poisson=0.01"
         yield Condition("poisson", text, words, f"{POISSON:g}", shifts)
 
 

@@ -60,9 +60,8 @@ class ResidualTests:
 
     @property
     def shifts(self) -> Floats:
-        """(k,) by how much the parameters may be off: of the causes, or by size where none is known."""
-        named = [np.abs(self.scores[name].shifts) for name in self.causes]
-        return np.asarray(np.max(named, axis=0)) if named else self.by_size
+        """(k,) by how much the parameters may be off: by one step to the causes, and at least by the size of it all."""
+        return np.asarray(np.max([self.by_size, *(np.abs(self.scores[name].shifts) for name in self.causes)], axis=0))
 
     def table(self) -> dict[str, object]:
         """As in ``result.json``."""
@@ -195,7 +194,8 @@ def _stated(track: TrackEvidence, course: Course, by_depth: Floats, by_rate: Flo
         share = end.settings.tip_mass_uncertainty
         yield (0.05 * track.tip_mass if share is None else share) * acceleration
     radius = getattr(getattr(track.model, "indenter", None), "radius", _SMALL)
-    if "drift" in end.settings.model_fields_set or radius >= _SMALL:  # the default is that of a robot's sensor
+    usual = type(end.settings).model_fields["drift"].default  # of a robot's sensor
+    if radius >= _SMALL or end.settings.drift != usual:
         yield end.settings.drift * (course.time[rows] - course.begin)
 
 
