@@ -168,7 +168,9 @@ def _named(track: TrackEvidence, own: ResidualTests, refitted: Diagnosed | None)
         known = {name: share for name, share in refitted.terms.items() if share < _IDENTIFIABLE * abs(terms[name])}
         terms |= known
     causes = list(dict.fromkeys(name.partition(" of ")[0] for name in own.causes))
-    likely = f"; likely {' or '.join(causes[:3])}" if causes else "; no alternative explains it"
+    likely = f"; likely {' or '.join(causes[:3])}" if causes else ""
+    if not causes or (refitted is not None and not refitted.table.get("explained", True)):
+        likely += "; no alternative explains all of it"
     text = f"the residual is not the noise of the channel (p {max(own.p, 1e-99):.0e}){likely}"
     return Diagnosed((Flag("lack-of-fit", text, effects=terms),), terms, table=table)
 
