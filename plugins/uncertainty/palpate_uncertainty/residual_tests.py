@@ -155,7 +155,7 @@ class _Space:
 
     def taken_by(self, values: Floats) -> Floats:
         """Shifts (b,) of what takes a part of values (n,)."""
-        return np.asarray(np.linalg.lstsq(self.columns, values, rcond=None)[0])
+        return np.asarray(np.linalg.lstsq(self.columns, values, rcond=None)[0], dtype=np.float64)
 
     def sharpest(self, values: Floats) -> Floats:
         """Direction (n,) in which values stand out most from the noise and what is stated."""
