@@ -25,6 +25,7 @@ from palpate_models import DimensionalityReduction, Sphere
 ROOT = Path(__file__).parent.parent
 ESTIMATORS = ("ekf", "ukf", "kinematic-ekf", "kinematic-smoother", "casadi-fit")
 PAGE = ROOT / "docs" / "flags-measured.md"
+BEHIND = "# The verdict, measured on records"  # what `verdicts.py` measures, behind the page
 _GROUPS = {"Nothing": (NONE,), "Tip": TIP, "Specimen": SPECIMEN, "Rig": RIG, "Force": FORCE, "Log": LOG}
 GROUPS = {**_GROUPS, "Together": TOGETHER}
 
@@ -161,7 +162,8 @@ def main() -> None:
                         file.flush()
     text = page(rows)
     if options.table:
-        PAGE.write_text(text.rstrip() + "\n", encoding="utf-8")
+        behind = PAGE.read_text(encoding="utf-8").partition(BEHIND)
+        PAGE.write_text(text.rstrip() + "\n" + "".join(["\n", *behind[1:]]), encoding="utf-8")
     else:
         print(text)
 

@@ -7,18 +7,15 @@ from palpate.registry import Registry, load
 
 _HEAD = """# Flags
 
-A result never hides a failed assumption: it carries flags, each a code, a sentence, a severity and what to do. The
-verdict of a track is the worst severity among its flags and those of the record, `good` where there is none; each value
-has a verdict of its own, so that E may be good where eta is doubtful. The numbers of a track that is `invalid` are not
-shown, and no statistic or comparison uses them. `palpate describe CODE` says the same as this page, which
-`docs/make_flags.py` writes from the registry of flags. A plugin registers its own by the hook `palpate_flags`.
+A result never hides a failed assumption: it carries flags, each a code, a sentence, a severity and what to do. What the
+verdict of a value and of a track is, and what is a condition and no flag: [verdict](verdict.md). The numbers of a track
+that is `invalid` are not shown, and no statistic or comparison uses them. `palpate describe CODE` says the same as this
+page, which `docs/make_flags.py` writes from the registry of flags. A plugin registers its own by `palpate_flags`.
 
 **What is a doubt.** A flag says by how much what it names can move each value. It is doubtful only where that is more
 than the value's combined standard uncertainty *without* the flag's own row of the budget, so that a larger uncertainty
 makes no doubt smaller; what moves less is a row of the budget, and stands under `immaterial` in `result.json`. A
-*structural* flag counts whatever it moves, and so does one whose effect is not known. An uncertainty of more than 20 %
-of a value is a doubt by itself (`undetermined`). What is not declared and has a default (the tip's mass, the zero of
-the force) counts by the effect of that default, not by its absence.
+*structural* flag counts whatever it moves, and so does one whose effect is not known.
 
 **One cause, one flag.** Some codes are signs of what another flag names: they raise that flag, and stand under its
 `evidence`. The terminal shows at most three flags of a track, those that move a value most.

@@ -73,6 +73,7 @@ from .estimation import (
     Tracker as Tracker,
     track_by_step as track_by_step,
 )
+from .evidence.condition import Condition as Condition
 from .evidence.sample_store import SampleStore as SampleStore
 from .evidence.track_evidence import (
     Diagnosed as Diagnosed,

@@ -54,8 +54,8 @@ _ESTIMATE = {
         "Another track of the same model, which is as good, finds another value.",
         "Compare what the two estimators assume (`palpate compare`), and use the fit where there is one.",
     ),
-    "undetermined": _structural(
-        "The uncertainty of a value is more than 20 % of it.",
+    "undetermined": _note(
+        "The record does not determine a value: it may be none within two standard uncertainties.",
         "Record a motion on which the value has more effect, or lessen the largest row of its budget.",
     ),
     "not-converged": _doubtful(
@@ -140,15 +140,8 @@ _RECORD = {
     "device": _note("A device or log has something to say of itself.", "Read the message."),
 }
 
-_PIPELINE = {
-    "assumed": _structural(
-        "The result rests on assumed values, such as a tip's radius that a suggestion has put in.",
-        "Correct them in the pipeline and take them out of [run] assumed, or state them with --set.",
-    ),
-}
-
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
     """What the core's own flags mean."""
-    return {**_ESTIMATE, **_RECORD, **_PIPELINE}
+    return {**_ESTIMATE, **_RECORD}

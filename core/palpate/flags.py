@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 
 Severity = Literal["note", "doubtful", "invalid"]
 Verdict = Literal["good", "note", "doubtful", "invalid"]
+NOT_DETERMINED, NEEDS = "not determined", "needs "  # words of a value beside those; "needs delay"
 
 SEVERITIES: dict[Severity, str] = {
     "invalid": "the track's numbers must not be used",
@@ -22,6 +23,21 @@ ADVICE: dict[Verdict, str] = {  # a verdict in words, and what a person is to do
     "doubtful": "doubtful: look at it",
     "invalid": "invalid: do not use it",
 }
+
+
+def has_no_number(verdict: str) -> bool:
+    """Whether a value of a verdict is none to calculate with: it is not determined, or needs a fact."""
+    return verdict == NOT_DETERMINED or verdict.startswith(NEEDS)
+
+
+def verdict_rank(verdict: str) -> int:
+    """The order of verdicts from good to invalid; a word that gives no number comes just before the last."""
+    return {"good": 0, "note": 0, "doubtful": 1, "invalid": 3}.get(verdict, 2)
+
+
+def advice_on(verdict: str) -> str:
+    """A verdict in words, of which there are three: what gives no number is to be looked at."""
+    return ADVICE[verdict] if verdict in ADVICE else ADVICE["doubtful"]
 
 
 def verdict_word(verdict: str) -> str:

@@ -41,6 +41,7 @@ from .config.declared_uncertainties import READINGS as READINGS, declared_std as
 from .config.migrations import FORMAT as FORMAT, KEY as KEY
 from .config.unit_plausibility import UNCHECKED as UNCHECKED
 from .core_names import (
+    FORMER_FLAGS as FORMER_FLAGS,
     KINDS as KINDS,
     SEVERITIES as SEVERITIES,
     ConsentError as ConsentError,
@@ -52,6 +53,7 @@ from .core_names import (
     RiseWatch as RiseWatch,
     SoundForce as SoundForce,
     StoppedError as StoppedError,
+    advice_on as advice_on,
     analysis as analysis,
     announce as announce,
     approved_files as approved_files,
@@ -63,6 +65,7 @@ from .core_names import (
     error_text as error_text,
     force_slopes as force_slopes,
     function_of as function_of,
+    has_no_number as has_no_number,
     import_plugin_file as import_plugin_file,
     inherited_approval as inherited_approval,
     input_files as input_files,
@@ -80,6 +83,7 @@ from .core_names import (
     trusted_plugins as trusted_plugins,
     truth_of as truth_of,
     verdict as verdict,
+    verdict_rank as verdict_rank,
     verdict_word as verdict_word,
 )
 from .pipeline import (

@@ -163,9 +163,9 @@ def test_a_foreign_log_carries_no_pipeline(palpate, root):
 
 
 def flagged(folder):
-    """What the flag `assumed` of every track says; empty where there is none."""
+    """What every track assumes by the keys of its pipeline; empty where there is none."""
     (said,) = {
-        " ".join(flag["message"] for flag in track["flags"] if flag["code"] == "assumed")
+        " ".join(one["message"] for one in track["conditions"] if one.get("code") == "assumed")
         for track in tracks(folder).values()
     }
     return said
@@ -219,15 +219,16 @@ def test_repeat_takes_logs(recorded, palpate, tmp_path, root):
 
 
 def test_an_assumption_belongs_to_its_model_or_to_all(root):
+    from palpate_engine import TrackResult, UncertainValue
     from palpate_engine.config import load_pipeline
     from palpate_engine.pipeline.run_result import _assumed
 
     kinds = ["model.kv.type=kelvin-voigt", 'run.assumed=["model.dr.poisson", "alignment.tip_mass"]']
     pipeline = load_pipeline(root / "pipelines" / "filters.toml", kinds)
-    said = {model: [flag.message for flag in _assumed(pipeline, model)] for model in (None, "dr", "kv")}
-    assert ["alignment.tip_mass" in text and "poisson" not in text for text in said[None]] == [True]
-    assert ["model.dr.poisson" in text for text in said["dr"]] == [True]
-    assert said["kv"] == []
+    nothing = UncertainValue(0.0, 0.0, "m")
+    tracks = [TrackResult(model, "ekf", 1, {}, nothing, 0.0, 1.0, (), 0.0) for model in ("dr", "kv")]
+    said = {track.model: [one.fact for one in _assumed(pipeline, track)] for track in tracks}
+    assert said == {"dr": ["model.dr.poisson", "alignment.tip_mass"], "kv": ["alignment.tip_mass"]}
 
 
 @pytest.mark.slow
@@ -237,7 +238,7 @@ def test_what_is_assumed_of_one_model_is_said_of_its_tracks_alone(recorded, palp
     assert done.returncode == 0, done.stderr
     (folder,) = {path.parent for path in tmp_path.glob("runs/*/result.json")}
     said = {
-        name: [flag["message"] for flag in track["flags"] if flag["code"] == "assumed"]
+        name: [one["message"] for one in track["conditions"] if one.get("code") == "assumed"]
         for name, track in tracks(folder).items()
     }
     assert said["dr/ekf"] == []

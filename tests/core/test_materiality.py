@@ -9,7 +9,7 @@ from palpate.flags import judged_flags
 from palpate.registry import load
 from palpate_engine import UncertainValue
 from palpate_engine.result.agreement import contradictions
-from palpate_engine.result.materiality import WIDE, weigh
+from palpate_engine.result.materiality import weigh
 from palpate_engine.result.track_result import TrackResult
 
 REGISTRY = load()
@@ -61,11 +61,26 @@ def test_a_value_that_a_flag_voids_is_none_while_others_stay():
     assert replace(one, flags=(elastic,)).judged(REGISTRY, ()).verdict == "invalid"
 
 
-def test_a_wide_uncertainty_is_a_doubt_by_itself():
-    for share, verdict in ((0.9 * WIDE, "good"), (1.1 * WIDE, "doubtful")):
-        weighed = weigh([], values(elasticity=UncertainValue(100.0, 1.0, "Pa", 100 * share)), REGISTRY)
+def test_a_value_within_two_uncertainties_of_none_is_not_determined():
+    for u, verdict in ((49.0, "good"), (51.0, "not determined")):
+        weighed = weigh([], values(elasticity=UncertainValue(100.0, 1.0, "Pa", u)), REGISTRY)
         assert weighed.by_value == {"elasticity": verdict, "viscosity": "good"}
-    assert "mostly for settling" in weighed.findings[0].message
+    (note,) = weighed.findings
+    assert (note.code, note.severity) == ("undetermined", "note")
+    assert "at most 2e+02 Pa, mostly for settling" in note.message
+
+
+@pytest.mark.parametrize(
+    ("viscosity", "verdict"),
+    [(UncertainValue(10.0, 20.0, "Pa*s"), "good"), (UncertainValue(10.0, 0.5, "Pa*s"), "doubtful")],
+)
+def test_a_track_is_the_worst_of_its_values_that_have_a_number(viscosity, verdict):
+    one = track("dr", 100.0)
+    doubt = Flag("velocity-late", "x", effects={"viscosity": 50.0})
+    both = replace(one, parameters={**one.parameters, "viscosity": viscosity}, flags=(doubt,))
+    assert both.judged(REGISTRY, ()).verdict == verdict
+    none = replace(one, parameters={"viscosity": UncertainValue(10.0, 20.0, "Pa*s")}).judged(REGISTRY, ())
+    assert none.verdict == "not determined"
 
 
 def test_how_places_of_a_sweep_differ_is_no_doubt():
@@ -73,9 +88,9 @@ def test_how_places_of_a_sweep_differ_is_no_doubt():
     assert not weigh([], values(elasticity=swept), REGISTRY).findings
 
 
-def test_an_unknown_uncertainty_is_a_doubt():
+def test_a_value_of_unknown_uncertainty_is_not_determined():
     unknown = UncertainValue(100.0, 1.0, "Pa", unknown=True)
-    assert weigh([], values(elasticity=unknown), REGISTRY).by_value["elasticity"] == "doubtful"
+    assert weigh([], values(elasticity=unknown), REGISTRY).by_value["elasticity"] == "not determined"
 
 
 def test_the_largest_comes_first_and_notes_last():

@@ -93,8 +93,9 @@ def test_models_are_chosen_over_the_curves_of_a_sample(folder, palpate):
 @pytest.mark.parametrize(
     ("words", "count"),
     [
-        ("", 8), ("S1", 4), ("E>110", 4), ("E>110kPa", 4), ("elasticity<=110 s2", 0), ("verdict:doubtful", 8),
-        ("flag:assumed", 8), ("sample=S2 mark:none", 4), ("rms<0.05", 8), ("rms<50mN state:current", 8),
+        ("", 8), ("S1", 4), ("E>110", 4), ("E>110kPa", 4), ("elasticity<=110 s2", 0), ("verdict:good", 8),
+        ("condition:thickness", 8), ("eta:needs", 0), ("E:good", 8), ("E:needs", 0),
+        ("sample=S2 mark:none", 4), ("rms<0.05", 8), ("rms<50mN state:current", 8),
         ("curve='curves/S1_0.csv'", 1),
     ],
 )  # fmt: skip
@@ -107,8 +108,10 @@ def test_filter_words_choose_rows(folder, palpate, words, count):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("flg:assumed", "did you mean 'flag'"),
-        ("flag:asumed", "did you mean 'assumed'"),
+        ("flg:stuck", "did you mean 'flag'"),
+        ("flag:stuk", "no curve has the flag"),
+        ("condition:thicknes", "did you mean 'thickness'"),
+        ("eta:need", "did you mean 'needs'"),
         ("verdict:bad", "is no verdict"),
         ("elastcity>1", "did you mean 'elasticity'"),
         ("E>1mm", "not a pressure"),

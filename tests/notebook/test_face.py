@@ -310,7 +310,8 @@ def test_a_fit_finds_the_truth(fitted, kept):
     for name in ("elasticity", "viscosity"):
         found = fitted[name]
         assert abs(found.value - kept.truth[name]) < 3 * found.combined
-    assert 0.1 < fitted.elasticity.combined / fitted.elasticity.value < 0.2  # a layer of 22 mm is not excluded
+    assert fitted.elasticity.combined / fitted.elasticity.value < 0.02  # that it is no layer is a condition
+    assert "thickness" in {one["fact"] for one in fitted.track.document["conditions"]}
     assert fitted.budget().loc["timing", "u"] == pytest.approx(1.4e-4)
     np.testing.assert_allclose(np.diag(fitted.correlation), 1.0)
     np.testing.assert_array_equal(fitted.correlation, fitted.correlation.T)
@@ -376,9 +377,9 @@ def test_declared_delay_and_sign_act_as_in_a_pipeline(arrays):
 
 
 @pytest.mark.slow
-def test_what_is_not_declared_is_flagged(arrays):
+def test_what_is_not_declared_is_a_condition(arrays):
     fit = palpate.fit(palpate.record(**arrays), tip=Sphere(radius="5 mm"))
-    assert "delay-unclear" in {flag["code"] for key in ("flags", "immaterial") for flag in fit.track.document[key]}
+    assert "delay" in {one["fact"] for one in fit.track.document["conditions"]}
 
 
 def test_the_same_fit_to_the_bit(record, fitted):
@@ -413,9 +414,8 @@ def test_a_log_is_a_record(kept):
     np.testing.assert_array_equal(record.samples["force"], kept.samples["force"])
 
 
-def flags_of(record):
-    (flags,) = palpate.fit(record, tip=Sphere(radius="5 mm")).run.flags.values()
-    return {flag.code: flag.message for flag in flags}
+def open_facts(record):
+    return {one["fact"] for one in palpate.fit(record, tip=Sphere(radius="5 mm")).track.document["conditions"]}
 
 
 @pytest.mark.slow
@@ -431,8 +431,8 @@ def test_other_signals_of_a_log_begin_from_what_it_carries(kept):
     assert other.alignment["measuring"] == own.alignment["measuring"]
     assert own.assumed == late.assumed == ()
     assert other.assumed == ("alignment.force.delay",)
-    assert "alignment.force.delay" in flags_of(other)["assumed"]
-    assert "assumed" not in flags_of(late)
+    assert {"delay", "alignment.force.delay"} & open_facts(other)
+    assert not {"delay", "alignment.force.delay"} & open_facts(late)
     np.testing.assert_allclose(other.samples["force"], own.samples["force"], atol=1e-9)
 
 
@@ -446,7 +446,8 @@ def test_what_nobody_stated_of_a_foreign_log_is_flagged(arrays, tmp_path):
         said = palpate.read(path, timing="0.1 ms", tare="none")
     assert said.assumed == ()
     assert {"alignment.tare", "alignment.force.delay"} <= set(silent.assumed)
-    assert "alignment.force.delay" in flags_of(silent)["assumed"]
+    assert "delay" in open_facts(silent)
+    assert "delay" not in open_facts(said)
 
 
 def test_a_csv_is_a_record(arrays, tmp_path):

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate.evidence.track_tail import Tail
+from palpate_engine import UncertainValue
 from palpate_engine.alignment import AlignmentSettings
 from palpate_models import DimensionalityReduction, Flat, KelvinVoigt, Sphere, StandardLinearSolid
 from palpate_uncertainty.assumption_line import assumption_lines
 from palpate_uncertainty.assumptions import assumptions
-from palpate_uncertainty.undeclared_thickness import geometry
+from palpate_uncertainty.open_facts import open_facts
 from scipy.optimize import least_squares
 
 spec = importlib.util.spec_from_file_location("palpations", Path(__file__).with_name("palpations.py"))
@@ -112,8 +113,10 @@ def test_what_is_declared_is_not_on_trust():
 def test_an_undeclared_thickness_is_in_the_line_alone_where_it_moves_less_than_the_uncertainty():
     thin = DimensionalityReduction(indenter=Sphere(radius=5e-3))
     known, vague = (replace(TRACK, model=thin, combined=share * np.abs(TRACK.values)) for share in (0.01, 0.5))
-    assert [flag.code for flag in geometry([known])["t"].flags] == ["thickness-undeclared"]
-    assert not geometry([vague])["t"].flags
+    for track, matters in ((known, True), (vague, False)):
+        (thick,) = [one for one in open_facts([track])["t"].conditions if one.fact == "thickness"]
+        values = {"elasticity": UncertainValue(float(track.values[0]), float(track.combined[0]), "Pa")}
+        assert thick.matters(values) == matters
     assert table_of(vague)["half_space_above"] == pytest.approx(1.133 * np.sqrt(20e-6) / 0.05, rel=0.01)
 
 

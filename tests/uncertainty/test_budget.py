@@ -114,15 +114,10 @@ def test_what_is_not_declared_has_a_default_that_is_stated_as_such():
 
 
 @pytest.mark.slow
-def test_a_tare_that_nobody_knows_is_flagged_with_what_it_may_do():
+def test_a_tare_that_nobody_knows_is_no_row_of_the_budget():
     unknown = result(tare=Tare(0.0, None, None))
-    (flag,) = [flag for flag in unknown.flags if flag.code == "tare-undeclared"]
-    assert flag.effects["elasticity"] == pytest.approx(abs(shift_of(force(E, ETA) + 0.01)[0]), rel=0.02)
-    row = next(row for row in unknown.budget if row.source == "tare (not declared)")
-    assert row.effects["elasticity"].contribution == pytest.approx(flag.effects["elasticity"])
-    assert not [f for f in result(tare=Tare(0.0, 0.001, None)).flags if f.code == "tare-undeclared"]
-    fitted = result(tare=Tare(0.0, None, None), details={"included": ["tare"]})
-    assert not [f for f in fitted.flags if f.code == "tare-undeclared"]
+    assert not [row for row in unknown.budget if row.source.startswith("tare")]
+    assert [row for row in result(tare=Tare(0.0, 0.001, None)).budget if row.source == "tare"]
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ from palpate_models import (
     StandardLinearSolid,
 )
 from palpate_uncertainty.delay.timing_shift import delay_shifts
-from palpate_uncertainty.flags import compliance_flags, timing_flags
+from palpate_uncertainty.flags import compliance_flags
 from palpate_uncertainty.force_sensitivity import along
 from palpate_uncertainty.influence import answer
 from palpate_uncertainty.reading_faults import velocity_flags
@@ -112,19 +112,6 @@ def test_a_closed_form_stands():
     assert seen[1] == pytest.approx(-37.5e3, rel=0.01)
     assert abs(seen[0]) * 1e-3 < 0.01 * 112.5e3
     assert shifts[0] == pytest.approx(seen[0], rel=0.05)
-
-
-def test_flags_of_models_without_a_closed_form():
-    model, theta = HuntCrossley(), np.array([0.9, 6.0])
-    shifts = delay_shifts(model, along(model, *tails(theta), theta), theta)
-    (flag,) = timing_flags(model, theta, shifts, None, 0.002)
-    assert flag.code == "timing-undeclared"
-    assert flag.effects["reference_damping"] == pytest.approx(0.002 * abs(shifts[1]))
-    worth = theta[1] / abs(shifts[1])
-    assert not list(timing_flags(model, theta, shifts, 0.4 * worth, 0.002))
-    (flag,) = timing_flags(model, theta, shifts, 0.6 * worth, 0.002)
-    assert str(flag).startswith("not-distinguishable-from-delay: reference_damping")
-    assert flag.effects == {"reference_damping": pytest.approx(0.6 * theta[1])}
 
 
 def test_a_derived_viscosity_says_its_delay():

@@ -12,6 +12,7 @@ from palpate.alignment_report import AlignmentReport
 from palpate.alignment_settings import AlignmentSettings
 from palpate.contact import ContactModel
 from palpate.estimation import Estimator
+from palpate.evidence.condition import Condition
 from palpate.evidence.sample_store import SampleStore
 from palpate.evidence.track_tail import Tail
 from palpate.evidence.uncertain_value import Bias, UncertainValue
@@ -90,6 +91,8 @@ class Diagnosed:
     delays: Mapping[str, float] = field(default_factory=dict)  # [s] that would explain a parameter or derived value
     settles: frozenset[str] = frozenset()  # codes of flags by lower orders whose effect this diagnosis accounts for
     left: Mapping[str, float] = field(default_factory=dict)  # in place of `terms` for a corrected value
+    conditions: tuple[Condition, ...] = ()  # facts that the record cannot show and nobody has stated
+    known: frozenset[str] = frozenset()  # facts that the record itself measures, so that they are no condition
 
 
 # Tracks of one run -> findings by the name of the track; tracks that it has nothing to say of may be left out.

@@ -11,7 +11,6 @@ import numpy as np
 
 from palpate.contact import ContactModel
 from palpate.fit_report import Effect
-from palpate.flags import Verdict
 from palpate.vectors import Floats
 
 
@@ -40,7 +39,7 @@ class UncertainValue:
     places: Mapping[str, float] = field(default_factory=dict)  # of a sweep: how many, and how they differ
     last: Mapping[str, float] = field(default_factory=dict)  # of a sweep: value and std at its end
     left: Mapping[str, float] = field(default_factory=dict)  # terms that are others for the corrected value
-    verdict: Verdict | None = None  # None until it has been judged
+    verdict: str | None = None  # None until it has been judged
 
     @property
     def combined(self) -> float:

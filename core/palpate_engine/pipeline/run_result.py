@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -18,7 +19,7 @@ from palpate_engine.alignment import AlignmentReport, AlignmentSettings
 from palpate_engine.config import Pipeline, resolved_text, values_on_trust
 from palpate_engine.pipeline.device_flags import device_flags
 from palpate_engine.pipeline.interrupt import Interrupt
-from palpate_engine.result import SCHEMA, TrackResult, contradictions, finite, record_flags, stream_tables
+from palpate_engine.result import SCHEMA, Condition, TrackResult, contradictions, finite, record_flags, stream_tables
 
 if TYPE_CHECKING:
     from palpate_engine.pipeline.live.live_facts import EstimateFacts, LiveFacts
@@ -124,7 +125,6 @@ def _run_flags(
     motion = live.motion if live is not None else None
     health = motion.devices if motion is not None else {}
     yield from pipeline.renamed
-    yield from _assumed(pipeline)
     yield from (Flag("device", text) for device in pipeline.devices.values() for text in device.warnings)
     if pipeline.calibration is not None:
         yield from pipeline.calibration.flags(pipeline, health)
@@ -146,17 +146,31 @@ def _rehearsal(pipeline: Pipeline) -> Iterator[Flag]:
         yield Flag("rehearsal", f"simulated time, twin {twin}: the numbers are of its specimen, and of no real one")
 
 
-def _assumed(pipeline: Pipeline, model: str | None = None) -> Iterator[Flag]:
-    """The values of a model, or (None) of what all models share, that the run assumed although they were not stated."""
-    concerned = [key for key in pipeline.run.assumed if _model_of(key, pipeline) == model]
-    if not concerned:
+def _assumed(pipeline: Pipeline, track: TrackResult) -> Iterator[Condition]:
+    """What the run took for known of a track although nobody stated it, but for what diagnoses say.
+
+    A tip that nobody stated may be any: every value needs it.
+    """
+    keys = [key for key in pipeline.run.assumed if _model_of(key, pipeline) in (None, track.model)]
+    keys = [key for key in keys if not _is_diagnosed(key, pipeline.alignment)]
+    if not keys:
         return
     known = values_on_trust(pipeline)
-    others = [key for key in concerned if not known.get(key)]
+    others = [key for key in keys if not known.get(key)]
     settings = tomllib.loads(resolved_text(pipeline)) if others else {}
     known = {**known, **{key: _setting(settings, key) for key in others}}
-    assumed = ", ".join(f"{key} = {known[key]}" for key in concerned)
-    yield Flag("assumed", f"not stated, but assumed: {assumed}")
+    for key in keys:
+        of_tip = key.startswith("indenter.")
+        shifts = dict.fromkeys([*track.parameters, *(value.name for value in track.derived)], math.inf)
+        text, words = f"{key} = {known[key]}", f"--set {key}={known[key]}"
+        yield Condition(key, text, words, "another tip" if of_tip else "", shifts if of_tip else {}, "assumed")
+
+
+def _is_diagnosed(key: str, settings: AlignmentSettings) -> bool:
+    """Whether a key of the pipeline is a fact whose effect the diagnoses state: mass, zero and delays that are open."""
+    if key == "alignment.tip_mass":
+        return settings.tip_mass is None
+    return key == "alignment.tare" or (key.endswith(".delay") and settings.timing_uncertainty is None)
 
 
 def _setting(settings: Mapping[str, Any], key: str) -> str:
@@ -174,9 +188,10 @@ def _model_of(key: str, pipeline: Pipeline) -> str | None:
 
 
 def _with_assumptions(pipeline: Pipeline, found: Mapping[str, TrackResult]) -> dict[str, TrackResult]:
-    """Tracks with what was assumed of their own model."""
+    """Tracks with what was assumed of the readings and of their own model."""
     return {
-        name: replace(track, flags=(*_assumed(pipeline, track.model), *track.flags)) for name, track in found.items()
+        name: replace(track, conditions=(*track.conditions, *_assumed(pipeline, track)))
+        for name, track in found.items()
     }
 
 

@@ -1,5 +1,6 @@
 """Results: what a run found, what may be wrong with it, and where it is written."""
 
+from palpate.evidence.condition import Condition
 from palpate.evidence.track_tail import acceleration
 from palpate.evidence.uncertain_value import DerivedValue, UncertainValue, finite, finite_tree
 
@@ -23,6 +24,7 @@ __all__ = [
     "PIPELINE",
     "RESULT",
     "SCHEMA",
+    "Condition",
     "DerivedValue",
     "Diagnosable",
     "RunEvidence",

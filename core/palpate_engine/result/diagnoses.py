@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from palpate.contact import ContactModel
 from palpate.estimation import Estimator
+from palpate.evidence.condition import Condition, joined
 from palpate.evidence.track_evidence import Diagnosed, TrackEnd, TrackEvidence
 from palpate.evidence.uncertain_value import DerivedValue, UncertainValue
 from palpate.fit_report import BudgetRow
@@ -93,8 +94,26 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
             *(replace(flag, effects={}) if flag.code in finding.settles else flag for flag in result.flags),
             *(flag if flag.causes else replace(flag, causes=(cause,)) for flag in finding.flags),
         ),
+        conditions=_open_facts((*result.conditions, *_with_derived(finding.conditions, model, result)), finding.known),
         diagnoses=dict(result.diagnoses) | ({name: finding.table} if finding.table else {}),
     )
+
+
+def _open_facts(conditions: Sequence[Condition], known: frozenset[str]) -> tuple[Condition, ...]:
+    """The conditions without facts that a record measures, one of each fact."""
+    return joined([one for one in conditions if one.fact not in known])
+
+
+def _with_derived(conditions: Sequence[Condition], model: ContactModel, result: TrackResult) -> Iterator[Condition]:
+    """Conditions with the shifts of what follows from the parameters."""
+    names = [parameter.name for parameter in model.parameters]
+    values = [result.parameters[name].value for name in names]
+    derived = {value.name for value in result.derived}
+    gradients = {m.name: m.gradient for m in model.material(values) if m.name in derived} if derived else {}
+    for one in conditions:
+        moved = [one.shifts.get(name, 0.0) for name in names]
+        more = {name: float(np.array(gradient) @ np.array(moved)) for name, gradient in gradients.items()}
+        yield replace(one, shifts={**one.shifts, **{name: shift for name, shift in more.items() if shift}})
 
 
 def _caused(found: UncertainValue, finding: Diagnosed, name: str, shares: Iterable[float]) -> UncertainValue:

@@ -1,4 +1,4 @@
-"""Materiality: which failed assumptions can move a value of a track beyond its uncertainty, and are a doubt."""
+"""Materiality: what speaks against a value of a track beyond its uncertainty, and what it is worth by that."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from palpate.evidence.condition import Condition, needs
 from palpate.evidence.uncertain_value import UncertainValue
-from palpate.flags import VERDICTS, Flag, Verdict
+from palpate.flags import NEEDS, NOT_DETERMINED, VERDICTS, Flag, Verdict
 from palpate.registry import Registry
 
-WIDE = 0.2  # of a value: a larger uncertainty is a doubt by itself
+_OPEN = "undetermined"  # the note on a value that the record does not determine
 _VISIBLE = 1e-3  # of a value: effects below are not listed
 
 
@@ -20,22 +21,28 @@ class WeighedFlags:
 
     findings: tuple[Flag, ...]  # that matter, the worst and the largest first; notes last
     immaterial: tuple[Flag, ...]  # that can move no value beyond its uncertainty
-    by_value: Mapping[str, Verdict]
+    by_value: Mapping[str, str]  # verdicts
 
 
-def weigh(flags: Sequence[Flag], values: Mapping[str, UncertainValue], registry: Registry) -> WeighedFlags:
+def weigh(
+    flags: Sequence[Flag],
+    values: Mapping[str, UncertainValue],
+    registry: Registry,
+    conditions: Sequence[Condition] = (),
+) -> WeighedFlags:
     """The one rule for every flag with an effect: doubtful only where it moves a value beyond its uncertainty.
 
     What a flag names is compared with the combined standard uncertainty of all other causes: a larger uncertainty by
-    the flag's own cause makes no doubt smaller. Structural flags, and those whose effect is not known, always count. An
-    uncertainty of more than 20 % of a value is a doubt of that value. A value that a flag voids is
-    invalid by itself.
+    the flag's own cause makes no doubt smaller. Structural flags, and those whose effect is not known, always count. A
+    value that a flag voids is invalid by itself. A value within two uncertainties of none, or of an unknown one, is
+    not determined; one that the alternative of an open fact moves by more than half needs that fact.
     """
     findings, immaterial = [], []
-    by_value: dict[str, Verdict] = dict.fromkeys(values, "good")
+    doubts: dict[str, Verdict] = dict.fromkeys(values, "good")
     sizes: dict[int, float] = {}
     judged = registry.judged(flags)
-    for flag in (*judged, *registry.judged(_wide(judged, values))):
+    unknown = {name for flag in judged if flag.code == _OPEN for name in flag.effects or {}}
+    for flag in (*judged, *registry.judged(_undetermined(unknown, values))):
         said = _with_effects(flag, values)
         moved = _moved(flag, values, registry)
         if flag.severity == "doubtful" and not moved:
@@ -45,9 +52,22 @@ def weigh(flags: Sequence[Flag], values: Mapping[str, UncertainValue], registry:
         findings.append(said)
         for name in moved if flag.severity != "note" else ():
             own: Verdict = "invalid" if _leaves_nothing(flag, name, registry) else flag.severity or "doubtful"
-            by_value[name] = VERDICTS[max(VERDICTS.index(by_value[name]), VERDICTS.index(own))]
+            doubts[name] = VERDICTS[max(VERDICTS.index(doubts[name]), VERDICTS.index(own))]
     findings.sort(key=lambda flag: (-VERDICTS.index(flag.severity or "doubtful"), -sizes[id(flag)]))
+    open_values = {name for flag in findings if flag.code == _OPEN for name in flag.effects or {}}
+    by_value = {
+        name: _word(doubts[name], name in open_values, needs(conditions, name, value)) for name, value in values.items()
+    }
     return WeighedFlags(tuple(findings), tuple(immaterial), by_value)
+
+
+def _word(doubt: Verdict, is_open: bool, needed: str) -> str:
+    """The verdict of a value: invalid before not determined, before what it needs, before doubtful."""
+    if doubt == "invalid":
+        return doubt
+    if is_open:
+        return NOT_DETERMINED
+    return f"{NEEDS}{needed}" if needed else doubt
 
 
 def _leaves_nothing(flag: Flag, name: str, registry: Registry) -> bool:
@@ -79,39 +99,24 @@ def _ratio(flag: Flag, name: str, value: UncertainValue) -> float:
     return effect / others if others > 0 else math.inf if effect > 0 else 0.0
 
 
-def _wide(flags: Sequence[Flag], values: Mapping[str, UncertainValue]) -> Iterator[Flag]:
-    """The doubt on values that are hardly known; nothing of what a flag calls invalid or undetermined already."""
-    said = {name for flag in flags if flag.code == "undetermined" for name in flag.effects or values}
-    wide = {
-        name: value
-        for name, value in values.items()
-        if name not in said and not value.unknown and value.of_one_place > WIDE * abs(value.value)
-    }
+def _undetermined(said: set[str], values: Mapping[str, UncertainValue]) -> Iterator[Flag]:
+    """The note on values that may be none as far as the record tells; nothing of what is said already."""
     for name, value in values.items():
-        bounded = not any(math.isinf((flag.effects or {}).get(name, 0.0)) for flag in flags)
-        if (
-            name not in said
-            and bounded
-            and (value.unknown or math.isnan(value.combined))
-            and math.isfinite(value.value)
-        ):
+        u = value.of_one_place
+        if name in said or not math.isfinite(value.value):
+            continue
+        if value.unknown or math.isnan(u):
             yield Flag("undetermined", f"the uncertainty of {name} is not known", effects={name: math.inf})
-    for name, value in wide.items():
-        rows = {"the estimator": value.std, "settling": value.settling, **value.budget}
-        most = max((cause for cause in rows if cause != "places"), key=lambda cause: rows[cause])
-        if any(
-            most in flag.causes and name in (flag.effects or {}) and _ratio(flag, name, value) > 1 for flag in flags
-        ):
-            continue  # which says so already
-        share = 100 * value.of_one_place / abs(value.value) if value.value else math.inf
-        known = f"{float(f'{share:.2g}'):g} %" if share < 1000 else "more than tenfold"
-        text = f"{name} is known to {known} only, mostly for {most.replace('_', ' ')}"
-        yield Flag("undetermined", text, effects={name: value.of_one_place})
+        elif 2 * u > abs(value.value):
+            rows = {"the estimator": value.std, "settling": value.settling, **value.budget}
+            most = max((cause for cause in rows if cause != "places"), key=lambda cause: rows[cause])
+            text = f"{name} is at most {abs(value.value) + 2 * u:.2g} {value.unit}, mostly for {most.replace('_', ' ')}"
+            yield Flag("undetermined", text, effects={name: u})
 
 
 def _with_effects(flag: Flag, values: Mapping[str, UncertainValue]) -> Flag:
     """With its effects in words."""
-    if not flag.effects or flag.code == "undetermined":
+    if not flag.effects or flag.code == _OPEN:
         return flag
     sizes = {name: size / abs(values[name].value or 1e-300) for name, size in flag.effects.items() if name in values}
     listed = [f"{name} by {_percent(size)}" for name, size in sizes.items() if size > _VISIBLE]

@@ -9,9 +9,10 @@ from typing import Any, Protocol
 
 from palpate.contact import ContactModel
 from palpate.estimation import Estimates, Samples
+from palpate.evidence.condition import Condition
 from palpate.evidence.uncertain_value import DerivedValue, UncertainValue, finite, finite_tree
 from palpate.fit_report import BudgetRow, FitReport
-from palpate.flags import VERDICTS, Flag, Verdict, verdict
+from palpate.flags import VERDICTS, Flag, verdict, verdict_word
 from palpate.registry import Registry
 
 from palpate_engine.result.materiality import weigh
@@ -35,8 +36,9 @@ class TrackResult:
     report: FitReport | None = None  # of an offline fit that was made
     budget: tuple[BudgetRow, ...] = ()  # every source with its effect on each parameter
     diagnoses: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # what diagnoses say, by name
-    verdict: Verdict = "good"  # worst severity of its flags and those of the record
+    verdict: str = "good"  # the worst of its values that are determined and need nothing, and of the record
     immaterial: tuple[Flag, ...] = ()  # that can move no value beyond its uncertainty
+    conditions: tuple[Condition, ...] = ()  # open facts; once judged, those that matter
 
     @property
     def usable(self) -> bool:
@@ -47,21 +49,26 @@ class TrackResult:
         """The result with the flags that matter, and its verdicts; flags of the record (judged) concern every track."""
         free = self._free
         flags = [*self.flags, *self._without_value(registry)]
-        weighed = weigh(flags, free, registry)
+        weighed = weigh(flags, free, registry, self.conditions)
         every = verdict(of_record)
-        common: Verdict = every if every in ("doubtful", "invalid") else "good"
-        by_value = {name: max(common, own, key=VERDICTS.index) for name, own in weighed.by_value.items()}
-        lost = bool(by_value) and all(own == "invalid" for own in by_value.values())
-        worst = max(by_value.values(), default=common, key=VERDICTS.index)
+        common = every if every in ("doubtful", "invalid") else "good"
+        by_value = {name: _worse(common, own) for name, own in weighed.by_value.items()}
+        row = _of_row(by_value) or verdict_word(verdict((*of_record, *weighed.findings)))
+        of_all = {**free, **{value.name: value.found for value in self.derived}}
+        derived = weigh((), {value.name: value.found for value in self.derived}, registry, self.conditions).by_value
         return replace(
             self,
             parameters={
                 name: replace(value, verdict=by_value.get(name, common)) for name, value in self.parameters.items()
             },
-            derived=tuple(replace(value, found=replace(value.found, verdict=worst)) for value in self.derived),
+            derived=tuple(
+                replace(value, found=replace(value.found, verdict=_worse(_doubt(row), derived[value.name])))
+                for value in self.derived
+            ),
             flags=weighed.findings,
             immaterial=weighed.immaterial,
-            verdict="invalid" if lost else verdict((*of_record, *weighed.findings)),
+            conditions=tuple(one for one in self.conditions if one.matters(of_all)),
+            verdict=row,
         )
 
     @property
@@ -69,6 +76,11 @@ class TrackResult:
         """The parameters that were estimated, and not held fixed."""
         unknowns = self.report.unknowns if self.report else {}
         return {n: value for n, value in self.parameters.items() if n not in unknowns or unknowns[n].free}
+
+    @property
+    def _every(self) -> Mapping[str, UncertainValue]:
+        """All values, those that follow from the parameters too."""
+        return {**self.parameters, **{value.name: value.found for value in self.derived}}
 
     def _without_value(self, registry: Registry) -> Iterator[Flag]:
         """A track without any number, of which nothing else says why."""
@@ -90,12 +102,40 @@ class TrackResult:
             "nis": finite(self.nis),
             "budget": [finite_tree(asdict(row)) for row in self.budget],
             "flags": [flag.table() for flag in self.flags],
+            "conditions": [one.table(self._every) for one in self.conditions],
             **({"immaterial": [flag.table() for flag in self.immaterial]} if self.immaterial else {}),
             "seconds_per_sample": self.seconds_per_sample,
             **({"fit": finite_tree(self.report.table())} if self.report else {}),
             **({"details": finite_tree(self.details)} if self.details else {}),
             **({"diagnoses": finite_tree(self.diagnoses)} if self.diagnoses else {}),
         }
+
+
+def _of_row(by_value: Mapping[str, str]) -> str:
+    """Of a track: the worst of the values that have a number; where none has, why not; empty without values."""
+    settled = [own for own in by_value.values() if own in VERDICTS]
+    if not settled:
+        return next(iter(by_value.values()), "")
+    if all(own == "invalid" for own in by_value.values()):
+        return "invalid"
+    return max(map(_doubt, settled), key=_rank)
+
+
+def _doubt(word: str) -> str:
+    """What a verdict of one value is worth for others: a doubt where that value is none."""
+    return "doubtful" if word == "invalid" else word if word in VERDICTS else "good"
+
+
+def _rank(word: str) -> int:
+    """The higher the worse; a value without a number is no worse than a good one."""
+    return VERDICTS.index(word) if word in VERDICTS else 0
+
+
+def _worse(common: str, own: str) -> str:
+    """The verdict of a value of its own, on a record of another."""
+    if common == "invalid" or own in VERDICTS:
+        return max(common, own, key=_rank)
+    return own
 
 
 class TrackSummary(Protocol):

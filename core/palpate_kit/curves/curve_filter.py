@@ -23,6 +23,7 @@ _CHOICES = {
     "mark": ("good", "bad", "none"),
     "state": ("current", "stale", "missing"),
 }
+_OF_VALUES = ("good", "doubtful", "invalid", "needs", "not-determined")  # the verdict of a value
 _PLACE = ("x", "y")
 _NUMBERS = {"rms": "N", "samples": "1", **dict.fromkeys(_PLACE, "m")}
 
@@ -63,19 +64,31 @@ def _test(word: str, folder: FitFolder, codes: set[str]) -> Test:
         return lambda row: word.casefold() in row.curve.casefold()
     name, sign, value = found["name"], found["sign"], found["value"]
     if sign == ":":
-        return _choice(word, name, value, codes)
+        return _choice(word, name, value, codes, folder)
     if sign == "=":
         return _equal(word, name, value, folder)
     return _comparison(word, name, sign, value, folder)
 
 
-def _choice(word: str, name: str, value: str, codes: set[str]) -> Test:
+def _choice(word: str, name: str, value: str, codes: set[str], folder: FitFolder) -> Test:
+    key = folder.symbols.get(name, name)
+    if key in folder.values:
+        if value not in _OF_VALUES:
+            raise ConfigurationError(f"--where {word!r}: {value!r} is no verdict{suggest(value, _OF_VALUES)}")
+        return lambda row: row.verdict_of(key).replace(" ", "-").startswith(value)
+    if name == "condition":
+        facts = {fact for row in folder.rows for fact in row.conditions}
+        if value not in facts:
+            raise ConfigurationError(f"--where {word!r}: no curve has the condition {value!r}{suggest(value, facts)}")
+        return lambda row: value in row.conditions
     if name == "flag":
         if value not in codes:
             raise ConfigurationError(f"--where {word!r}: no curve has the flag {value!r}{suggest(value, codes)}")
         return lambda row: value in row.flags
     if name not in _CHOICES:
-        raise ConfigurationError(f"--where {word!r}: there is no {name!r}{suggest(name, ['flag', *_CHOICES])}")
+        raise ConfigurationError(
+            f"--where {word!r}: there is no {name!r}{suggest(name, ['flag', 'condition', *_CHOICES])}"
+        )
     if value not in _CHOICES[name]:
         raise ConfigurationError(f"--where {word!r}: {value!r} is no {name}{suggest(value, _CHOICES[name])}")
     return lambda row: getattr(row, name) == value

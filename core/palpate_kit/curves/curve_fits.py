@@ -19,6 +19,7 @@ from palpate_engine import (
     TrackResult,
     UncertainValue,
     build_pipeline,
+    has_no_number,
     inherited_approval,
 )
 
@@ -145,15 +146,31 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
     if found.usable:
         table = dict(_values(found)) | dict(zip(("x", "y"), _place(outcome, name), strict=True))
     told = {key: repr(float(value)) for key, value in table.items() if np.isfinite(value)}
+    for name, value in _named(found).items():
+        if has_no_number(value.verdict or ""):
+            told.pop(name, None)  # its uncertainties stay
+    told |= {f"{name}_verdict": value.verdict or "" for name, value in _named(found).items()}
+    open_facts = [one.fact for one in found.conditions]
+    told |= {"conditions": " ".join(open_facts), "needs": " ".join(_needed(found))}
     flags: tuple[Flag, ...] = (*outcome.result.flags, *found.flags)
     failed = next((flag.message for flag in found.flags if flag.code == "failed"), "")
     codes = " ".join(sorted({flag.code for flag in flags}))
     return told | {"verdict": found.verdict, "samples": str(found.samples), "flags": codes, "error": failed}
 
 
+def _named(found: TrackResult) -> dict[str, UncertainValue]:
+    """The values by name, those that follow from the parameters first."""
+    return {**{value.name: value.found for value in found.derived}, **found.parameters}
+
+
+def _needed(found: TrackResult) -> list[str]:
+    """The facts that values of a track need, each once."""
+    words = [value.verdict or "" for value in _named(found).values()]
+    return list(dict.fromkeys(word.removeprefix("needs ") for word in words if word.startswith("needs ")))
+
+
 def _values(found: TrackResult) -> Iterator[tuple[str, float]]:
-    values: dict[str, UncertainValue] = {value.name: value.found for value in found.derived}
-    for name, value in {**values, **found.parameters, "surface": found.surface}.items():
+    for name, value in {**_named(found), "surface": found.surface}.items():
         if value.verdict == "invalid":
             continue
         yield name, value.value

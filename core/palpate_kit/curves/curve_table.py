@@ -11,7 +11,7 @@ from typing import IO, Any
 
 import numpy as np
 from palpate import ADVICE, Floats, LogError, OutputError, is_number
-from palpate_engine import Pipeline, bounded_text, file_in_place, resolved_text, write_whole
+from palpate_engine import Pipeline, bounded_text, file_in_place, has_no_number, resolved_text, write_whole
 from palpate_records.log_files import readable, regular
 
 from palpate_kit.curves.curve_files import Curve
@@ -20,9 +20,10 @@ from palpate_kit.runs.pipeline_diff import differences
 
 TABLE, SETTINGS = "fits.csv", "pipeline.toml"
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
-_TEXTS = ("curve", "track", "flags", "settings", "error")
+_TEXTS = ("curve", "track", "conditions", "needs", "flags", "settings", "error")
 _LINE = 1 << 16  # [bytes] of the head
-_TAIL = ("rms", "samples", "x", "y", "verdict", "flags", "settings", "error")
+_TAIL = ("rms", "samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
+_LATER = ("conditions", "needs")  # columns that tables before schema 5 lack, as they lack the verdict of each value
 
 
 class FitTable:
@@ -137,14 +138,21 @@ def replace_columns(path: Path, columns: Sequence[str]) -> None:
 def columns_of_fits(pipeline: Pipeline) -> tuple[str, ...]:
     """The columns of a table of the fits of a pipeline."""
     names = [*dict.fromkeys(name for track in pipeline.tracks for name in value_units(track.model)), "surface"]
-    return (*_HEAD, *(f"{name}{kind}" for name in names for kind in _KINDS), *_TAIL)
+    return _columns(names)
+
+
+def _columns(names: Sequence[str]) -> tuple[str, ...]:
+    """Every value with its uncertainties and its verdict, but for the surface, which has none."""
+    of_values = [f"{name}{kind}" for name in names for kind in (*_KINDS, *(["_verdict"] if name != names[-1] else []))]
+    return (*_HEAD, *of_values, *_TAIL)
 
 
 def demand_columns(path: Path) -> None:
     """Raise LogError for a table of fits that another version has written, or that is none."""
     head, _ = _head_of(path)
     names = [name.removesuffix("_std") for name in head if name.endswith("_std")]
-    if head != (*_HEAD, *(f"{name}{kind}" for name in names for kind in _KINDS), *_TAIL):
+    now = _columns(names)
+    if head not in (now, tuple(name for name in now if name not in _LATER and not name.endswith("_verdict"))):
         about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is no table of fits"
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
 
@@ -199,8 +207,8 @@ def _wanted(name: str, cell: str) -> str:
     """What a cell has to be, where it is not; "" where it is."""
     if not cell or name in _TEXTS:
         return ""
-    if name == "verdict":
-        return "" if cell in ADVICE else "verdict"
+    if name == "verdict" or name.endswith("_verdict"):
+        return "" if cell in ADVICE or has_no_number(cell) else "verdict"
     return "" if is_number(cell) else "number"
 
 

@@ -72,6 +72,15 @@ class CurveRow:
         return tuple((self.cells.get("flags") or "").split())
 
     @property
+    def conditions(self) -> tuple[str, ...]:
+        """The open facts that its values hold for."""
+        return tuple((self.cells.get("conditions") or "").split())
+
+    def verdict_of(self, name: str) -> str:
+        """The verdict of a value, such as "needs delay"; "" where there is none."""
+        return self.cells.get(f"{name}_verdict") or ""
+
+    @property
     def error(self) -> str:
         """Why it could not be fitted."""
         return self.cells.get("error") or ""

@@ -47,13 +47,39 @@ def zero_phase_motion(samples: Samples, window: float | None, longest: float = _
     noise = noise_of(samples.position), noise_of(samples.velocity)
     if window is not None:
         return _motion(samples, interval, _odd(window / interval), noise)
-    width = _SHORTEST
     known = np.isfinite(samples.velocity)
     squares = float(np.add.reduce(np.where(known, samples.velocity, 0.0) ** 2))
-    speed = np.sqrt(squares / max(int(np.count_nonzero(known)), 1))
-    while width * interval < min(longest, _LONGEST) and _rate_noise(noise, width, interval) > _NOISE_SHARE * speed:
+    speed = float(np.sqrt(squares / max(int(np.count_nonzero(known)), 1)))
+    return _motion(samples, interval, _width(noise, speed, interval, min(longest, _LONGEST)), noise)
+
+
+def _width(noise: tuple[float, float], speed: float, interval: float, longest: float) -> int:
+    """Samples of the shortest window that keeps the noise of the rate below a share of the usual speed [m/s]."""
+    width = _SHORTEST
+    while width * interval < longest and _rate_noise(noise, width, interval) > _NOISE_SHARE * speed:
         width = _odd(1.2 * width + 2)
-    return _motion(samples, interval, width, noise)
+    return width
+
+
+def rate_kernels(
+    noise: tuple[float, float], speed: float, interval: float, channel: bool
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """What `zero_phase_motion` makes of a single height and of a single speed, as kernels of a convolution.
+
+    Of the rate by heights [1/s] and by speeds, and of the acceleration by heights [1/s^2] and by speeds [1/s].
+
+    `noise` of height [m] and speed [m/s], usual `speed` [m/s]; without a `channel` a speed is the central difference of
+    the heights.
+    """
+    width = _width(noise, speed, interval, _LONGEST)
+    slope, smooth = cubic_weights(width, 1) / interval, cubic_weights(width)
+    variances = _variances(noise, width, interval)
+    share = variances[0] / sum(variances) if np.isfinite(sum(variances)) and sum(variances) > 0 else 0.0
+    by_height = np.pad((1.0 - share) * slope, 1)
+    if not channel:
+        by_height = by_height + share * np.convolve(smooth, np.array([1.0, 0.0, -1.0]) / (2.0 * interval))
+    by_speed = share * smooth * float(channel)
+    return by_height, by_speed, np.convolve(by_height, slope), np.convolve(by_speed, slope)
 
 
 def longest_window(model: ContactModel, depth: float = _REACH) -> float:

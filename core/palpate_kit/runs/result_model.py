@@ -25,7 +25,7 @@ class ResultDocument(Document):
 
     model_config = ConfigDict(title=_TITLE, json_schema_extra={"description": _ABOUT})
 
-    schema_: Literal[4] = Field(alias="schema", description="form of this file")
+    schema_: Literal[5] = Field(alias="schema", description="form of this file")
     palpate: str = Field(description="version that wrote it")
     run: RunDocument
     streams: dict[str, StreamDocument] = Field(description="by DEVICE/STREAM")

@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field, JsonValue, model_validator
 
 from palpate_kit.runs.run_model import Absent, Count, Document, Number, Open
 
+VERDICT = "^(good|note|doubtful|invalid|not determined|needs .+)$"
 _SHARE = "systematic_"
 _SHARE_SCHEMA: dict[str, JsonValue] = {
     "type": "number",
@@ -57,8 +58,10 @@ class ValueDocument(Document):
     )
     corrected: Number = Field(None, description="value less its known bias")
     corrected_combined: Number = Field(None, description="combined uncertainty of the corrected value")
-    verdict: Literal["good", "note", "doubtful", "invalid"] | Absent = Field(
-        None, description="worst severity of the flags that can move this value"
+    verdict: str | Absent = Field(
+        None,
+        pattern=VERDICT,
+        description="good, doubtful, invalid, not determined, or needs and the fact that it needs",
     )
     places: PlacesDocument | Absent = None
     last: LastDocument | Absent = None
@@ -100,6 +103,18 @@ class FlagDocument(Document):
         {}, description="by how much it can move each value [SI], by name; null without bound; absent where not known"
     )
     evidence: list[EvidenceDocument] = Field([], description="other signs of the same cause")
+
+
+class ConditionDocument(Document):
+    """A fact that the record cannot show and nobody has stated."""
+
+    fact: str = Field(description="thickness, delay, tare, mass, poisson, ..., or the key of a setting")
+    message: str = Field(description="what is assumed, and what becomes of the values otherwise")
+    remedy: str = Field(description="the words that state it")
+    alternative: str = Field(description="with which the shifts are; empty where there is none")
+    shifts: dict[str, Number] = Field({}, description="of each value by the alternative [SI], by name")
+    needed_by: list[str] = Field([], description="values that the alternative moves by more than half")
+    code: str = Field("", description="of the flag by which versions before schema 5 said it")
 
 
 class EffectDocument(Document):
@@ -163,8 +178,10 @@ class TrackDocument(Document):
 
     model: str = Field(description="name of its contact model")
     estimator: str = Field(description="name of its estimator")
-    verdict: Literal["good", "note", "doubtful", "invalid"] = Field(
-        description="worst severity of its flags; numbers of an invalid track must not be used"
+    verdict: str = Field(
+        pattern=VERDICT,
+        description="the worst of its values that are determined and need no fact; numbers of an invalid track must "
+        "not be used",
     )
     samples: Count = Field(description="that it tracked")
     parameters: dict[str, ValueDocument] = Field(description="of the contact model, by name")
@@ -178,6 +195,7 @@ class TrackDocument(Document):
     )
     budget: list[BudgetDocument] = Field(description="every source of uncertainty with its effect on each parameter")
     flags: list[FlagDocument] = Field(description="what speaks against it; those of the record come first")
+    conditions: list[ConditionDocument] = Field([], description="open facts: what the values hold for")
     immaterial: list[FlagDocument] = Field(
         [], description="flags that can move no value beyond its uncertainty, and are no doubt"
     )

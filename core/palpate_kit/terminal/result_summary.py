@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from palpate import Flag, ReportSection
-from palpate_engine import Result, TrackResult, UncertainValue, display_unit, function_of, verdict_word
+from palpate_engine import Result, TrackResult, UncertainValue, display_unit, function_of, has_no_number, verdict_word
 
 from palpate_kit.terminal.flag_summary import doubt_lines
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
@@ -63,9 +63,23 @@ def _doubts(result: Result, details: bool) -> list[RenderableType]:
         said = [str(flag) for flag in result.flags if flag.severity == "note"]
         doubts = [flag for flag in result.flags if flag.severity != "note"]
         flags = {label: [*doubts, *track.flags] for label, track in result.tracks.items()}
-        return [Text(line, style="yellow") for line in (*said, *doubt_lines(flags))]
-    lines = [Text(line, style="yellow") for line in flag_lines(result.flags, result.tracks)]
+        below = (*_conditions(result), *said, *doubt_lines(flags))
+        return [Text(line, style="yellow") for line in below]
+    texts = (*_conditions(result, True), *flag_lines(result.flags, result.tracks))
+    lines = [Text(line, style="yellow") for line in texts]
     return [Text("flags" if lines else "no flags"), *lines]
+
+
+def _conditions(result: Result, details: bool = False) -> Iterator[str]:
+    """What the values hold for: each open fact once, with its effect; with `details` also the words that state it."""
+    said: dict[str, str] = {}
+    for track in result.tracks.values():
+        values = {**track.parameters, **{value.name: value.found for value in track.derived}}
+        for one in track.conditions:
+            remedy = f"\n    -> {one.remedy}" if details else ""
+            said.setdefault(one.fact, f"{one.sentence(values)}{remedy}")
+    if said:
+        yield "holds if:\n  " + "\n  ".join(said.values()) if details else f"holds if: {'; '.join(said.values())}"
 
 
 def _every_number(result: Result) -> RenderableType:
@@ -164,6 +178,8 @@ def _plain(value: float) -> str:
 def _shown(found: UncertainValue) -> str:
     if found.verdict == "invalid":
         return "none"
+    if found.verdict is not None and has_no_number(found.verdict):
+        return found.verdict
     return value_with_uncertainty(_scaled(found.value, found.unit), _scaled(found.combined, found.unit))
 
 

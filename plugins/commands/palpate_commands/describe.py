@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 from palpate import ConfigurationError, Settings, suggest
 from palpate_engine import (
+    FORMER_FLAGS,
     SEVERITIES,
     AlignmentSettings,
     FlagEntry,
@@ -50,6 +51,8 @@ def describe(
         print_json({"name": part, "parts": [_plain(kind, settings) for kind, _, settings in found], "flags": flags})
         return
     texts = ["\n".join(_description(title, settings)) for _, title, settings in found]
+    if part in FORMER_FLAGS:
+        texts.append(f"{part}: since schema 5 a condition of {FORMER_FLAGS[part]}: what the values hold for, no doubt")
     if part in registry.flags:
         texts.append("\n".join(_flag_description(part, registry.flags[part])))
     if not texts:

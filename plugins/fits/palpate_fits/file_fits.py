@@ -88,7 +88,7 @@ def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, count: i
 
 
 def _show(rows: Sequence[Row], groups: Sequence[FileGroup], folder: Path, known: Registry, wanted: FileFit) -> None:
-    show_rows(rows, groups[0].pipeline, known, wanted.overrides, wanted.details)
+    show_rows(rows, groups[0].pipeline, known, wanted.details)
     _show_guesses(groups, wanted.details)
     typer.echo(f"{folder / TABLE}: every number; {SETTINGS} beside it: how the files were read")
     first = next((row["curve"] for row in rows if is_usable(row)), None)

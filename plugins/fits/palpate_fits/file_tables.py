@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import typer
-from palpate_engine import Pipeline, Registry, display_unit, verdict_word
+from palpate_engine import Pipeline, Registry, display_unit, has_no_number, verdict_word
 from palpate_kit.curves.curve_fits import Row, value_units
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
 
 _NAME = 28  # characters of a file's name
+_WORDS = {  # that state what a value needs
+    "delay": 'how late the force is: --set alignment.force.uncertainty="1 ms", or its delay',
+    "mass": 'the mass behind the sensor: --set alignment.tip_mass="0 g"',
+    "tare": 'the zero of the force: --set alignment.tare="free-air"',
+}
 _SHOWN = ("elasticity", "viscosity")
 _DETAILS = {"rms": ("RMS\nN", ".3g"), "samples": ("samples", ".0f")}
 
@@ -22,9 +27,7 @@ def is_usable(row: Row) -> bool:
     return not row.get("error") and row.get("verdict") != "invalid"
 
 
-def show_rows(
-    rows: Sequence[Row], pipeline: Pipeline, known: Registry, overrides: Sequence[str] = (), details: bool = False
-) -> None:
+def show_rows(rows: Sequence[Row], pipeline: Pipeline, known: Registry, details: bool = False) -> None:
     """Print a row for each file, why files were not read, and which flags make values doubtful."""
     (console(160) if details else console()).print(file_table(rows, pipeline, details).view())
     alike: dict[str, list[str]] = {}
@@ -34,11 +37,27 @@ def show_rows(
     for error, names in alike.items():
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
         typer.echo(f"{names[0]}{others}: {error}", err=True)
+    for line in verdict_lines(rows, known):
+        typer.echo(line)
+
+
+def verdict_lines(rows: Sequence[Row], known: Registry) -> Iterator[str]:
+    """At most three lines: what the values hold for, what was found, and what to type."""
+    facts: Counter[str] = Counter()
+    needed = {fact for row in rows for fact in row.get("needs", "").split()}
+    for row in rows:
+        facts.update(row.get("conditions", "").split())
+    if facts:
+        said = [
+            f"{fact}{'' if count == len(rows) else f' ({count})'}{' (needed)' if fact in needed else ''}"
+            for fact, count in facts.most_common()
+        ]
+        yield f"holds if nothing else is true of: {', '.join(said)}; palpate fit --details states each with its effect"
     doubtful = [row for row in rows if row.get("verdict") == "doubtful"]
     if doubtful:
-        typer.echo(f"doubtful: {_causes(doubtful, known, 'doubtful')}; palpate describe CODE says what to do")
-    if any("delay-unclear" in row.get("flags", "").split() for row in doubtful):
-        typer.echo(_timing(overrides))
+        yield f"doubtful: {_causes(doubtful, known, 'doubtful')}; palpate describe CODE says what to do"
+    if words := [_WORDS[fact] for fact in sorted(needed) if fact in _WORDS]:
+        yield f"state {' and '.join(words)}"
 
 
 def count_line(rows: Sequence[Row], known: Registry) -> str:
@@ -75,27 +94,15 @@ def file_table(rows: Sequence[Row], pipeline: Pipeline, details: bool = False) -
 
 
 def _cell(row: Mapping[str, Any], name: str, unit: str) -> str:
+    word = row.get(f"{name}_verdict") or ""
+    if has_no_number(word):
+        return word
     if not row.get(name):
         return "-"
     factor = display_unit(unit)[1]
     combined = row.get(f"{name}_combined")
     value = float(row[name]) * factor
     return value_with_uncertainty(value, float(combined) * factor) if combined else f"{value:.4g} ± ?"
-
-
-def _timing(overrides: Sequence[str]) -> str:
-    """What is still to be stated of the timing."""
-    stated = {
-        role for role in ("force", "position") if any(text.startswith(f"alignment.{role}.") for text in overrides)
-    }
-    if "force" not in stated:
-        return 'timing: state it by --set alignment.force.uncertainty="1 ms", or by its delay'
-    if "position" not in stated:
-        return (
-            "timing: a position without noise may be the command, which an arm follows later; if it was measured: "
-            '--set alignment.position.uncertainty="1 ms"'
-        )
-    return "timing: what is stated of it leaves the viscosity open"
 
 
 def _short(name: str) -> str:

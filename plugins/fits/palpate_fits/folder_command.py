@@ -70,7 +70,7 @@ def _show(path: Path, count: int, change: FolderChange) -> None:
     if change.as_json:
         print_json({"table": str(path / TABLE), "fitted": count, "tracks": found})
     elif len(folder.names) <= FEW:
-        show_rows(sorted(table.rows, key=lambda row: row["curve"]), pipeline, registry.load(), change.overrides)
+        show_rows(sorted(table.rows, key=lambda row: row["curve"]), pipeline, registry.load())
     else:
         console().print(each_table(found, pipeline).view())
     if not change.as_json:

@@ -272,6 +272,12 @@ def _misfit(fit: FitOutcome, found: ResidualScatter) -> Iterator[Flag]:
         )
 
 
+def _is_none(fit: FitOutcome, place: int) -> bool:
+    """Whether a viscosity or damping is at 0, its lower bound: the record shows none of it."""
+    parameters = fit.problem.model.parameters
+    return place < len(parameters) and parameters[place].role == "viscous" and fit.solution.x[place] <= 0.0
+
+
 def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
     fit, found = judged.fit, judged.scatter
     free, names, x = list(fit.residual.free), fit.unknowns.names, fit.solution.x
@@ -279,7 +285,10 @@ def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
         what = f"the solver {fit.solver} stopped after {fit.solution.evaluations} evaluations"
         yield Flag("not-converged", what)
     for j, place in enumerate(free):
-        if judged.held[j]:
+        if judged.held[j] and _is_none(fit, place):
+            text = f"{names[place]} is none, and at most {2 * total[place]:.2g} {fit.unknowns.items[place].unit}"
+            yield Flag("undetermined", text, effects={names[place]: float(total[place])})
+        elif judged.held[j]:
             by_force = names[place] == "surface" and fit.settings.force_uncertainty is not None
             what = "where the measured force leaves force_uncertainty" if by_force else "a bound"
             text = f"{names[place]} is at {what}, {x[place]:.5g} {fit.unknowns.items[place].unit}"
@@ -296,7 +305,3 @@ def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
         if parameter.role == "elastic" and std > _USELESS * abs(value):
             found_so = f"{parameter.name} of {value:.3g} {parameter.unit} has a std of {std:.2g}"
             yield Flag("not-identifiable", found_so)
-        elif std > _USELESS * abs(value):
-            found_so = f"{value:.3g} with a std of {std:.2g} {parameter.unit}"
-            text = f"this record does not tell {parameter.name}: {found_so}"
-            yield Flag("undetermined", text, effects={parameter.name: std})

@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from palpate import ADVICE, ConfigurationError, suggest
-from palpate_engine import registry
+from palpate import ConfigurationError, suggest
+from palpate_engine import advice_on, registry
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 
@@ -51,7 +51,7 @@ def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
     }
     verdict = row.verdict if row.usable else "invalid"
     table: dict[str, Any] = {"parameters": parameters, "verdict": verdict, "flags": [], "force_rms": row.number("rms")}
-    level: Level = ADVICE[verdict]  # type: ignore[assignment, index]
+    level: Level = advice_on(verdict)  # type: ignore[assignment]
     judged = RunVerdict(level, (TrackVerdict(row.track, level, _reasons(row, level)),), _reasons(row, level), row.track)
     group = (row.groups.get(by) or "none") if by else "curves"
     return GroupRun(row.curve, group, judged, row.place, {row.track: table} if row.track else {})

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-from palpate import ADVICE
+from palpate_engine import advice_on
 
 from palpate_report.run_contents import RunContents
 
@@ -64,7 +64,7 @@ def judge(record: RunContents) -> RunVerdict:
 
 def _track(name: str, table: Mapping[str, Any]) -> TrackVerdict:
     worst = table["verdict"]
-    level: Level = ADVICE[worst]  # type: ignore[assignment]
+    level: Level = advice_on(worst)  # type: ignore[assignment]
     reasons = tuple(dict.fromkeys(flag["code"] for flag in table["flags"] if flag["severity"] == worst))
     return TrackVerdict(name, level, reasons if level != LEVELS[0] else ())
 

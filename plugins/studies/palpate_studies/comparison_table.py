@@ -9,14 +9,13 @@ from collections.abc import Iterator, Mapping
 from itertools import groupby
 from typing import Any
 
-from palpate_engine import Result, TrackResult, UncertainValue, display_unit, verdict_word
+from palpate_engine import Result, TrackResult, UncertainValue, display_unit, verdict_rank, verdict_word
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 from palpate_kit.runs.run_folder import TrackTable
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 from palpate_kit.terminal.table import Table
 
 _CURVES = 7  # in one panel
-_ORDER = ("good", "note", "doubtful", "invalid")
 
 
 def tables(result: Result, refused: Mapping[str, str], details: bool) -> Iterator[Table | str]:
@@ -24,7 +23,7 @@ def tables(result: Result, refused: Mapping[str, str], details: bool) -> Iterato
 
     With `details` residual, NIS and flags, too.
     """
-    ordered = sorted(result.tracks.items(), key=lambda item: (item[1].model, _ORDER.index(item[1].verdict)))
+    ordered = sorted(result.tracks.items(), key=lambda item: (item[1].model, verdict_rank(item[1].verdict)))
     for model, group in groupby(ordered, key=lambda item: item[1].model):
         tracks = [track for _, track in group]
         units = {name: found.unit for track in tracks for name, found in track.parameters.items()}

@@ -49,7 +49,7 @@ def rate_values(group: Sequence[ParameterValue]) -> list[RatedValue]:
     found = []
     for reading, value, residual in zip(group, values, residuals, strict=True):
         high = None if residual is None else max(residual, 0.0)
-        share = _BY_VERDICT[reading.verdict] if reading.value is not None else 0.0
+        share = _BY_VERDICT.get(reading.verdict, 0.0) if reading.value is not None else 0.0
         for apart in (value, high):
             share *= 1.0 if apart is None else min(1.0, _FAR / max(abs(apart), 1e-9))
         found.append(RatedValue(reading, value, high, 10.0 * share))

@@ -20,7 +20,6 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "budget": Diagnosis("palpate_uncertainty.uncertainty_budget:budgets", order=10, quick=True),
         "thickness": Diagnosis("palpate_uncertainty.other_geometries:other_geometries", order=10, quick=True),
         "late-force": Diagnosis("palpate_uncertainty.delay.late_force:late_force", order=10, quick=True, lost=True),
-        "commanded-motion": Diagnosis("palpate_uncertainty.delay.commanded_motion:commanded_motion", order=10),
         # Settles what the budget states of undeclared timing.
         "self-timed": Diagnosis("palpate_uncertainty.delay.delay_from_motion:diagnose_delay", order=11),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
@@ -29,7 +28,8 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability", order=60),
         "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
         "force-across": Diagnosis("palpate_uncertainty.inclined_skin:inclined_skin", order=11, quick=True),
-        "geometry": Diagnosis("palpate_uncertainty.undeclared_thickness:geometry", quick=True),
+        # Before what settles the delay by the motion.
+        "open-facts": Diagnosis("palpate_uncertainty.open_facts:open_facts", order=10, quick=True),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
         "free-air": Diagnosis("palpate_uncertainty.free_air:free_air"),
         "unloading": Diagnosis("palpate_uncertainty.unloading:unloading"),

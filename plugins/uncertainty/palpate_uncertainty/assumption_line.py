@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from palpate_engine import Result, TrackResult
+from palpate_engine import Result, TrackResult, verdict_rank
 
 _WORDS = {
     "force_scale": "force",
@@ -25,8 +25,7 @@ def assumption_lines(result: Result) -> list[str]:
     known = [track for track in result.tracks.values() if track.diagnoses.get("assumptions")]
     if not known:
         return []
-    severities = ("good", "note", "doubtful", "invalid")
-    best = min(known, key=lambda track: (severities.index(track.verdict), _width(track)))
+    best = min(known, key=lambda track: (verdict_rank(track.verdict), _width(track)))
     return [_line(best.diagnoses["assumptions"])]
 
 

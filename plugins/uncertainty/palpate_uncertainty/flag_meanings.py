@@ -75,15 +75,11 @@ _RIG = {
     "timing-undeclared": FlagMeaning.sign(
         "delay-unclear", "No uncertainty of the time between force and motion is declared."
     ),
-    "commanded-motion": FlagMeaning.sign(
-        "delay-unclear", "The position has no noise of a sensor: it may be the command."
+    "self-timed": _note(
+        "The motion determines the delay of the force, law by law.", "Declare it with its uncertainty in [alignment]."
     ),
-    "self-timed": FlagMeaning.sign("delay-unclear", "The motion determines the delay of the force, law by law."),
     "delay-by-law": FlagMeaning.sign(
         "delay-unclear", "The record prefers a law other than the model's, with another delay."
-    ),
-    "not-distinguishable-from-delay": FlagMeaning.sign(
-        "delay-unclear", "The declared uncertainty of timing alone could explain the parameter."
     ),
     "force-late": _doubtful(
         "The force lags the motion by more than any passive contact can explain; no viscosity is valid.",
@@ -103,9 +99,6 @@ _RIG = {
         'Record a second of free air first (tare = "free-air") or set [alignment] tare_uncertainty; find hum, drag, '
         "cable or drift that it names.",
     ),
-    "tare-undeclared": FlagMeaning.sign(
-        "tare-unclear", "No uncertainty of the zero of the force is declared or measured."
-    ),
     "untared": FlagMeaning.sign("tare-unclear", "Before the first touch the force is not zero."),
     "force-in-air": FlagMeaning.sign(
         "tare-unclear", "In air the force follows the motion, has its frequency, or is not zero after the contact."
@@ -114,18 +107,10 @@ _RIG = {
         "Robot and sensor give way, which shifts a value by more than 1 %; counted as uncertainty, not corrected.",
         "Stiffen the rig, or measure the position at the tip.",
     ),
-    "thickness-undeclared": _note(
-        "No thickness of the specimen is declared, and a layer is stiffer than the half-space of the model.",
-        'Set thickness of the model: { height = "22 mm", bonded = false }, or "half-space" where it is thick.',
-    ),
     "inclined-skin": _doubtful(
         "The force across the tool is not that of a skin as inclined as is stated, or of a level one, whatever the "
         "friction.",
         'Align the tool with the normal, or state skin = { inclination = "10 deg" } beside the model\'s indenter.',
-    ),
-    "one-frequency": _note(
-        "At one frequency a fast-fading stiffness looks like viscosity; here it could be more than a tenth of it.",
-        "Palpate at several frequencies, or call it the viscosity at this frequency.",
     ),
 }
 

@@ -1,54 +1,12 @@
-"""Flags on values whose uncertainty is not declared, or which it could explain."""
+"""What robot and sensor that give way do to values, as a flag."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Mapping
 
-from palpate import ContactModel, Flag, Floats
+from palpate import Flag
 
 _HARDLY = 0.01  # of a parameter
-OFFSET = 0.01  # [N] standard uncertainty of a zero of which none is declared
-
-
-def timing_flags(
-    model: ContactModel,
-    values: Floats,
-    shifts: Floats,
-    uncertainty: float | None,
-    interval: float,
-    held: Set[str] = frozenset(),
-) -> Iterator[Flag]:
-    """Parameters that a force or motion recorded late would shift, against the declared timing uncertainty [s].
-
-    `shifts` (k,) are those of `delay_shifts`. Where none is declared, the effect is that of one `interval` [s] between
-    two samples.
-    """
-    moved = {
-        parameter.name: abs(shift)
-        for parameter, shift in zip(model.parameters, shifts.tolist(), strict=True)
-        if shift and parameter.name not in held
-    }
-    if not moved:
-        return
-    if uncertainty is None:
-        effects = {name: shift * interval for name, shift in moved.items()}
-        text = f"no timing uncertainty is declared; a delay of one sample is {1e3 * interval:.2g} ms"
-        yield Flag("timing-undeclared", text, effects=effects, causes=("timing",))
-        return
-    value = {parameter.name: one for parameter, one in zip(model.parameters, values.tolist(), strict=True)}
-    if within := [name for name, shift in moved.items() if abs(value[name]) < 2 * shift * uncertainty]:
-        effects = {name: moved[name] * uncertainty for name in within}
-        text = f"{', '.join(within)} within {uncertainty * 1e3:.3g} ms of none"
-        yield Flag("not-distinguishable-from-delay", text, effects=effects, causes=("timing",))
-
-
-def tare_flags(model: ContactModel, shifts: Floats | None) -> Iterator[Flag]:
-    """Parameters that an undeclared offset of the force would shift; `shifts` (k,) per newton."""
-    if shifts is not None:
-        names = [parameter.name for parameter in model.parameters]
-        effects = {name: abs(shift) * OFFSET for name, shift in zip(names, shifts.tolist(), strict=True)}
-        text = f"no uncertainty of the tare is declared or measured; {1e3 * OFFSET:.0f} mN are assumed"
-        yield Flag("tare-undeclared", text, effects=effects, causes=("tare",))
 
 
 def compliance_flags(shares: Mapping[str, float], stiffness: float | None) -> Iterator[Flag]:

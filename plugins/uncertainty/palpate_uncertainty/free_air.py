@@ -19,6 +19,7 @@ _SURE = 5.0  # standard deviations
 _ENOUGH = 100  # samples
 _BLOCK = 20  # samples that the noise of a mean is found over, so that it may hang together for as long
 _NEAR = 1e-3  # [m] above the surface, in which the material may still hold the tip
+_BEFORE = 0.05  # of the way in contact, the same of the air before it
 _CLOSE = 0.5e-3  # [m] the same, where the force is compared with the speed
 _CYCLES = 1.5  # of the motion's frequency in a standstill, to look for it there
 _SPAN = 10  # samples to either side, over which the speed is found
@@ -88,7 +89,9 @@ class _Motion:
     @classmethod
     def of(cls, track: TrackEvidence) -> _Motion:
         """By least squares over the air before the first contact and after the last, each with its own zero."""
-        parts = (_Air(track.air_time, track.air_force, track.air_position), _far(track, _Air(*track.air_after), _CLOSE))
+        # Before a touch is noticed the tip is in the material already.
+        before = _far(track, _Air(track.air_time, track.air_force, track.air_position), _BEFORE * _way(track))
+        parts = (before, _far(track, _Air(*track.air_after), _CLOSE))
         air = [inner for part in parts if len((inner := _inertia_free(track, part))[0])]
         nothing = cls(np.zeros(2), np.zeros(2), 0.0)
         if sum(len(force) for force, _, _ in air) < _ENOUGH:
@@ -123,7 +126,9 @@ def _moved_zero(track: TrackEvidence, end: TrackEnd, course: Along) -> Iterator[
     force, _, _ = _inertia_free(track, _far(track, _Air(*track.air_after)))
     if _estimates_zero(track, end) or len(force) < _ENOUGH:
         return
-    zero, error = float(np.mean(force)), _error_of_mean(force)
+    tare = end.report.tare
+    stated = tare.offset_std if tare is not None and tare.offset_std is not None else 0.0
+    zero, error = float(np.mean(force)), float(np.hypot(_error_of_mean(force), stated))
     if abs(zero) < _SURE * error:
         return
     shifts = per_newton(course)
@@ -183,6 +188,12 @@ def _by_adhesion(track: TrackEvidence, course: Along, pull: float) -> dict[str, 
         if parameter.role == "viscous":
             moved[i] += wider * abs(track.values[i])
     return effects_by_name(track.model, moved)
+
+
+def _way(track: TrackEvidence) -> float:
+    """How deep [m] the tip goes."""
+    place = track.kept.position
+    return max(track.surface - float(np.nanmin(place)), 0.0) if np.isfinite(place).any() else 0.0
 
 
 def _far(track: TrackEvidence, air: _Air, above: float = _NEAR) -> _Air:

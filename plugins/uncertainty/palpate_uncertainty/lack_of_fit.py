@@ -17,6 +17,7 @@ from palpate_uncertainty.directed_scores import SUSPICIOUS, scores
 from palpate_uncertainty.directed_tests import DirectedTest, directed_tests, near_best
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.refit import Course, make_course, possible, sweeps
+from palpate_uncertainty.residual_tests import ResidualTests, refit_tests, residual_tests
 from palpate_uncertainty.running_in import SteadyPart, steady_part
 from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
@@ -29,6 +30,7 @@ _DEEP = 3e-3  # [m], where the surface is looked for first
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
 _FAINT = 0.01  # the same, of the variance of the noise
 _DRIFTS = 1.5  # times the drift that is allowed, as one of the record is known to some half of it
+_IDENTIFIABLE = 10.0  # times one step to the alternative, beyond which a refit of it is not identifiable
 _NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
 _SHALLOW = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
 _WHOLE = ("active", "contact", "all")  # segments of a fit that leave no part of the contact out on purpose
@@ -136,13 +138,41 @@ def _judge(track: TrackEvidence, known: dict[Any, _NullBase]) -> Diagnosed | Non
     if fitted and getattr(track.estimator, "unloading", "following") == "ting":  # which no refit here does
         own = _by_innovations(track)
         return _explained(track, own, _base(track, known)) if own.p < LEVEL else _table(own)
+    own_tests = residual_tests(track, _judged(track)) if fitted else _tests_of_refit(_base(track, known), track)
+    if own_tests is not None and own_tests.is_right:
+        return Diagnosed(table=own_tests.table(), settles=_SETTLED)
     base = _base(track, known)
     found = base.test(base.fit.residual)
+    if own_tests is not None and fitted:
+        return _named(track, own_tests, _explained(track, found, base) if min(found.p, base.p) < LEVEL else None)
     if fitted and (own := _by_innovations(track)).p < found.p:
         found = base.by_motion(own, float(np.var(base.fit.residual)))
     if found.p < LEVEL or base.p < LEVEL:
         return _explained(track, found, base)
     return _table(found)
+
+
+def _tests_of_refit(base: _NullBase, track: TrackEvidence) -> ResidualTests | None:
+    return refit_tests(track, base.course, base.fit.theta, base.fit.surface)
+
+
+def _named(track: TrackEvidence, own: ResidualTests, refitted: Diagnosed | None) -> Diagnosed:
+    """What a residual that is not that of a right model says: its causes, and by how much each value may be off.
+
+    By refits where they are identifiable, else by one step to each alternative.
+    """
+    names = [parameter.name for parameter in track.model.parameters]
+    table = own.table() | (dict(refitted.table) if refitted is not None else {})
+    terms = dict(zip(names, own.shifts.tolist(), strict=True))
+    if refitted is not None and refitted.flags:
+        known = {name: share for name, share in refitted.terms.items() if share < _IDENTIFIABLE * abs(terms[name])}
+        terms |= known
+    causes = list(dict.fromkeys(name.partition(" of ")[0] for name in own.causes))
+    likely = f"; likely {' or '.join(causes[:3])}" if causes else ""
+    if not causes or (refitted is not None and not refitted.table.get("explained", True)):
+        likely += "; no alternative explains all of it"
+    text = f"the residual is not the noise of the channel (p {max(own.p, 1e-99):.0e}){likely}"
+    return Diagnosed((Flag("lack-of-fit", text, effects=terms),), terms, table=table)
 
 
 def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
@@ -193,7 +223,7 @@ def _base(track: TrackEvidence, known: dict[Any, _NullBase]) -> _NullBase:
 
     Of a fit that leaves a part of the contact out on purpose, or has unknowns beside the model, what it used.
     """
-    used = _deep(track) if _judges_all(track) else track.kept.used
+    used = _judged(track)
     key = id(track.model), int(np.count_nonzero(used)), float(track.kept.time[used][0])
     if key not in known:
         course = make_course(track, used)
@@ -207,6 +237,11 @@ def _null_base(track: TrackEvidence, course: Course, fit: Refit) -> _NullBase:
     rhythm = oscillation(course.time[course.used], course.height[course.used])
     frequency, phase = rhythm or (None, None)
     return _NullBase(course, fit, _null(track, fit.residual, phase), phase, frequency)
+
+
+def _judged(track: TrackEvidence) -> NDArray[np.bool_]:
+    """(n,) kept samples for which a track's model is to hold."""
+    return _deep(track) if _judges_all(track) else track.kept.used
 
 
 def _deep(track: TrackEvidence) -> NDArray[np.bool_]:

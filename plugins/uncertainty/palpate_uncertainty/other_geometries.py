@@ -14,13 +14,16 @@ from palpate_uncertainty.refit import depths_in_contact
 def other_geometries(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Of every track whose model names other geometries: how far its values may lie from theirs.
 
+    Not where nothing is stated of the geometry: that is an open fact, and no uncertainty.
+
     The truth is taken to lie anywhere between the value and the farthest of them: a rectangular distribution, whose
     standard uncertainty about the value is that distance over sqrt(3) (GUM 4.3.7).
     """
     found = {}
     for track in tracks:
         depth = depths_in_contact(track)
-        if len(depth) and np.isfinite(track.values).all():
+        stated = getattr(track.model, "thickness", "") is not None
+        if stated and len(depth) and np.isfinite(track.values).all():
             others = track.model.other_geometries(float(np.mean(depth)), track.values.tolist())
             if others:
                 spread = spread_between(others, track.values)

@@ -11,7 +11,7 @@ from palpate_engine import GRAVITY, AlignmentReport, AlignmentSettings
 from palpate_kit.runs.uncertainty_sources import UncertaintySource, sources_of
 
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
-from palpate_uncertainty.flags import OFFSET, compliance_flags, tare_flags, timing_flags
+from palpate_uncertainty.flags import compliance_flags
 from palpate_uncertainty.force_sensitivity import Along, along
 from palpate_uncertainty.inclined_skin import AcrossForce
 
@@ -32,21 +32,11 @@ def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
     if across is not None and across.tells_friction:  # which says by how much the values are off
         sources = tuple(source for source in sources if source.name != "stick" or source.declared)
     terms = systematic_terms(found, shifts, timing, settings, end.report, sources, end.included)
-    flags = list(timing_flags(model, values, shifts, timing, _interval(end), end.held))
-    if "tare" not in end.included and (end.report.tare is None or end.report.tare.offset_std is None):
-        flags += tare_flags(model, per_newton(found))
-        if found is not None:
-            terms += _term(found, "tare", OFFSET, "N", np.full(len(found.force), OFFSET), False)
     compliance = sum(np.abs(term.shifts) for term in terms if term.cause == "compliance") + np.zeros(len(values))
     shares = compliance / np.where(values != 0, np.abs(values), np.inf)
     names = [parameter.name for parameter in model.parameters]
-    flags += compliance_flags(dict(zip(names, shares.tolist(), strict=True)), settings.series_stiffness)
+    flags = compliance_flags(dict(zip(names, shares.tolist(), strict=True)), settings.series_stiffness)
     return Diagnosed(tuple(flags), sources=tuple(terms), delays=dict(delays(model, values, shifts, terms)))
-
-
-def _interval(end: TrackEnd) -> float:
-    """Usual time [s] between two samples."""
-    return float(np.median(np.diff(end.tail.time))) if len(end.tail.time) > 1 else 0.0
 
 
 def delays(model: ContactModel, values: Floats, shifts: Floats, terms: Sequence[Term]) -> Iterator[tuple[str, float]]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import Flag, PalpateError
-from palpate_engine import display_unit, verdict_word, whole_file, write_whole
+from palpate_engine import display_unit, verdict_rank, verdict_word, whole_file, write_whole
 from palpate_kit.jobs.job import Outcome
 from palpate_kit.terminal.flag_summary import doubt_lines
 from palpate_kit.terminal.quantities import value_with_uncertainty
@@ -20,7 +20,6 @@ from palpate_kit.terminal.table import Table
 from palpate_studies.sweep.combinations import Combination
 
 _SHOWN = 2  # values
-_VERDICTS = ("good", "note", "doubtful", "invalid")
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def best_rows(rows: Sequence[dict[str, Any]], most: int = 12) -> Table:
         if isinstance(value, float) and isinstance(combined, float) and value:
             places = row.get(_combined_key(row).replace("combined", "systematic_places")) or 0.0
             share = abs(math.sqrt(max(combined**2 - places**2, 0.0)) / value)  # how places differ is no error
-        return _VERDICTS.index(row.get("verdict", "invalid")), share
+        return verdict_rank(row.get("verdict", "invalid")), share
 
     kept = sorted((row for row in rows if "error" not in row), key=cost)[:most]
     swept = [key for key in (kept[0] if kept else {}) if "." in key]

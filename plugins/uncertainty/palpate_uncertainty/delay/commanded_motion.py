@@ -2,43 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
-from palpate import Diagnosed, Flag, Floats, TrackEvidence
+from palpate import Floats, TrackEvidence
 
-from palpate_uncertainty.delay.timing_shift import delay_shifts
-from palpate_uncertainty.force_sensitivity import along
-
-_LAG = 0.01  # [s] by which an arm follows its command; 8 to 30 ms of the arms that were measured
 # A joint's encoders give a tip 5 um of noise, 1e-3 of a palpation's way; a command in the same logs has 0.05 um.
 _QUIET = 2e-7  # [m] noise that no arm's encoders stay below
 _SHARE = 1e-4  # of the way, that the noise of a measured one is never below
 _FAR = 2e-4  # [m] of way; less is that of an instrument with other sensors
 _ENOUGH = 500  # samples
-
-
-def commanded_motion(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Of every track whose position has no noise of a sensor, and whose timing nobody has declared for it."""
-    found = {}
-    for track in tracks:
-        end = track.ending
-        if end is None or end.settings.position.uncertainty is not None or track.estimator.motion == "velocity":
-            continue
-        noise, way = position_noise(track)
-        lag = _LAG * share_of_command(noise, way)
-        if not lag:
-            continue
-        course = along(track.model, end.tail, end.last, track.values)
-        shifts = np.abs(lag * delay_shifts(track.model, course, track.values))
-        effects = {p.name: float(s) for p, s in zip(track.model.parameters, shifts, strict=True) if s}
-        millimetres = float(f"{1e3 * way:.2g}")
-        text = (
-            f"the position has a noise of {1e6 * noise:.2g} um on a way of {millimetres:g} mm, less than any encoder: "
-            f"it may be the command, which an arm follows some {1e3 * _LAG:.0f} ms later ({1e3 * lag:.2g} ms count)"
-        )
-        found[track.name] = Diagnosed((Flag("commanded-motion", text, effects=effects),), effects)
-    return found
 
 
 def share_of_command(noise: float, way: float) -> float:

@@ -16,6 +16,7 @@ from palpate_uncertainty.relaxation_alternatives import relaxing_share
 from palpate_uncertainty.whiteness import oscillation
 
 _ENOUGH = 1000  # samples
+_MEASURED = frozenset({"delay"})  # the fact that the motion tells
 _TELLING = 0.3  # of a viscosity: its standard deviation with an unknown delay, below which the motion is rich
 _REJECTED = 10.0  # of BIC
 _OTHERS = 0.2  # of the rate's variance, that more than one line must hold
@@ -250,16 +251,15 @@ def _judged(track: TrackEvidence) -> Diagnosed:
         text = f"the record is not {own.law}: {_said(table, told, best)}; {_beside(own)}"
         terms = dict(zip(names, spread.tolist(), strict=True))
         # A track that looks for the delay has no other word of it.
-        settled = frozenset({"timing-undeclared"}) if included else frozenset[str]()
-        return Diagnosed((Flag("delay-by-law", text, effects=terms),), terms, table=table, settles=settled)
-    settled = frozenset({"timing-undeclared"})
+        known = _MEASURED if included else frozenset[str]()
+        return Diagnosed((Flag("delay-by-law", text, effects=terms),), terms, table=table, known=known)
     if included:
         terms = {name: share for name, share in zip(names, spread.tolist(), strict=True) if share > 0}
         return Diagnosed(
             (Flag("self-timed", f"the delay of the force, by law: {by_law}", effects=terms),),
             terms,
             table=table,
-            settles=settled,
+            known=_MEASURED,
         )
     timed = _fitted(record.with_inertia(0.0), plain, 0.0, inflation)
     shifts, left = timed.values - own.values, np.hypot(own.values_std, spread)
@@ -279,7 +279,7 @@ def _judged(track: TrackEvidence) -> Diagnosed:
     corrected = f"; corrected: {', '.join(said)}" if said else ""
     text = f"the motion tells the delay of the force, by law: {by_law}{corrected}"
     effects = {name: abs(bias.shift) for name, bias in biases.items()}
-    return Diagnosed((Flag("self-timed", text, effects=effects),), biases=biases, table=table, settles=settled)
+    return Diagnosed((Flag("self-timed", text, effects=effects),), biases=biases, table=table, known=_MEASURED)
 
 
 def _by_another(told: Sequence[DelayFit], best: float) -> dict[str, Any]:

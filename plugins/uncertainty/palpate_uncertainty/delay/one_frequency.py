@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from palpate import Diagnosed, Flag, TrackEvidence
+from palpate import Diagnosed, TrackEvidence
 
 from palpate_uncertainty.delay.delay_from_motion import one_line
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
@@ -24,12 +24,15 @@ def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     frequency w, g K/2 at most, at tau = 1/w: as a delay of g/(2 w) does. It leaves no residual: the viscosity is that
     at this frequency, and only another one distinguishes the two. Models that have a memory are left out.
     """
-    found = {track.name: _of(track) for track in tracks if track.ending is not None and not track.model.memory}
-    return {track.name: _said(track, found[track.name]) for track in tracks if found.get(track.name)}
+    tables = {track.name: _of(track) for track in tracks if track.ending is not None and not track.model.memory}
+    return {name: Diagnosed(table=table) for name, table in tables.items() if table}
 
 
-def _said(track: TrackEvidence, table: Mapping[str, Any]) -> Diagnosed:
-    """The table, and a flag where it is more than a tenth of the value."""
+def one_frequency_text(track: TrackEvidence) -> str:
+    """What the viscosity of a track holds for, where a tenth of the stiffness, fading, would be a tenth of it."""
+    table = _of(track) if track.ending is not None and not track.model.memory else {}
+    if not table or not one_line(track):
+        return ""
     values = {p.name: v for p, v in zip(track.model.parameters, track.values.tolist(), strict=True)}
     parts = [
         f"{100 * FADING:.0f} % of the stiffness fading within {1e3 * table['time']:.2g} ms would look like "
@@ -37,8 +40,7 @@ def _said(track: TrackEvidence, table: Mapping[str, Any]) -> Diagnosed:
         for name, like in table["looks_like"].items()
         if like["value"] > _MATTERS * abs(values[name])
     ]
-    text = f"found at {table['frequency']:.3g} Hz only: {', '.join(parts)}"
-    return Diagnosed((Flag("one-frequency", text),) if parts and one_line(track) else (), table=table)
+    return f"{table['frequency']:.3g} Hz only: {', '.join(parts)}" if parts else ""
 
 
 def _of(track: TrackEvidence) -> Mapping[str, Any]:

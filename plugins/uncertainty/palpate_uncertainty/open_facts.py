@@ -1,0 +1,205 @@
+"""Facts of rig and specimen that a record cannot show: which of them nobody has stated, and what another would do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from palpate import Condition, Diagnosed, Floats, Indenter, TrackEnd, TrackEvidence
+
+from palpate_uncertainty.delay.commanded_motion import position_noise, share_of_command
+from palpate_uncertainty.delay.one_frequency import one_frequency_text
+from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
+from palpate_uncertainty.force_sensitivity import Along, along
+from palpate_uncertainty.refit import depths_in_contact
+from palpate_uncertainty.residual_null import air_readings
+from palpate_uncertainty.undeclared_thickness import half_space_from, stiffer_by
+
+# The alternatives, one for each fact: a change of this table is a change of schema.
+HEIGHT, RADII = 22e-3, 10.0  # [m] of a specimen; contact radii of one under a tip below `SMALL`
+DELAY = 10e-3  # [s]
+POISSON = 0.45
+MASS = 0.14  # [kg] behind the sensor of a robot, whose tips are not below `SMALL`
+TARE = 0.02  # of the largest force
+TILT = math.radians(5.0)
+MOUNT = 200e3  # [N/m]
+SMALL = 0.5e-3  # [m]
+
+
+@dataclass(frozen=True)
+class _OpenTrack:
+    """A track, its force along the end, and how conditions are worded."""
+
+    evidence: TrackEvidence
+    end: TrackEnd
+    found: Along | None
+
+    @property
+    def names(self) -> list[str]:
+        return [parameter.name for parameter in self.evidence.model.parameters]
+
+    def table(self, shifts: Floats | None) -> dict[str, float]:
+        """Shifts (k,) by name; nothing where they are not known."""
+        if shifts is None or not np.isfinite(shifts).all():
+            return {}
+        return dict(zip(self.names, shifts[: len(self.names)].tolist(), strict=True))
+
+    def against(self, error: Floats) -> dict[str, float]:
+        """What the values are less an error (n,) [N] of the force."""
+        answer = self.found.answer(error) if self.found is not None else None
+        return self.table(None if answer is None else -answer)
+
+    def scaled(self, share: float) -> dict[str, float]:
+        """Shifts of all values that the force grows with, by a share of them."""
+        model, values = self.evidence.model, self.evidence.values.tolist()
+        return {p.name: share * v for p, v in zip(model.parameters, values, strict=True) if p.role}
+
+    @property
+    def key(self) -> str:
+        """The table of the model in a pipeline."""
+        return f"model.{self.evidence.name.partition('/')[0]}"
+
+    @property
+    def is_small(self) -> bool:
+        radius = getattr(getattr(self.evidence.model, "indenter", None), "radius", None)
+        return radius is not None and radius < SMALL
+
+
+def open_facts(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """The open facts of every track, each with what an alternative would make of its values."""
+    found = {}
+    for evidence in tracks:
+        end = evidence.ending
+        if end is None:
+            continue
+        track = _OpenTrack(evidence, end, along(evidence.model, end.tail, end.last, evidence.values))
+        conditions = tuple(one for fact in _FACTS for one in fact(track))
+        found[evidence.name] = Diagnosed(conditions=conditions)
+    return found
+
+
+def _thickness(track: _OpenTrack) -> Iterator[Condition]:
+    model = track.evidence.model
+    needed = half_space_from(track.evidence)
+    if getattr(model, "thickness", None) is not None or needed is None:
+        return
+    radius = needed * 0.05 / 1.133
+    height = RADII * radius if track.is_small else HEIGHT
+    share = 1.0 / (1.0 + stiffer_by(radius, height)) - 1.0
+    yield Condition(
+        "thickness", f"specimen thicker than {_length(needed)}", f'--set {track.key}.thickness={{height="22 mm"}}',
+        f"{_length(height)}", track.scaled(share), "thickness-undeclared",
+    )  # fmt: skip
+
+
+def _delay(track: _OpenTrack) -> Iterator[Condition]:
+    if track.end.settings.timing_uncertainty is not None or "timing" in track.end.included:
+        return
+    shifts = -delay_shifts(track.evidence.model, track.found, track.evidence.values)
+    per_ms = [
+        f"{p.name} {1e-3 * shift:+.2g} {p.unit} per ms"
+        for p, shift in zip(track.evidence.model.parameters, shifts.tolist(), strict=True)
+        if is_viscous(p) and shift
+    ]
+    text = f"force and motion simultaneous ({', '.join(per_ms)})" if per_ms else "force and motion simultaneous"
+    moved = {name: DELAY * shift for name, shift in track.table(shifts).items() if name not in track.end.held}
+    yield Condition(
+        "delay", text, '--set alignment.force.uncertainty="1 ms", and alignment.force.delay', f"{1e3 * DELAY:g} ms",
+        moved, "timing-undeclared",
+    )  # fmt: skip
+
+
+def _tare(track: _OpenTrack) -> Iterator[Condition]:
+    tare, found = track.end.report.tare, track.found
+    if found is None or "tare" in track.end.included or (tare is not None and tare.offset_std is not None):
+        return
+    zero = TARE * float(np.max(np.abs(found.force)))
+    yield Condition(
+        "tare", "no force without contact", "--set alignment.tare=free-air, or alignment.tare_uncertainty",
+        f"{zero:.2g} N", track.against(np.full(len(found.force), zero)), "tare-undeclared",
+    )  # fmt: skip
+
+
+def _mass(track: _OpenTrack) -> Iterator[Condition]:
+    if track.found is None or track.end.settings.tip_mass is not None or "mass" in track.end.included:
+        return
+    if not track.is_small:
+        shifts = track.against(-MASS * track.found.acceleration)
+        yield Condition(
+            "mass", "no mass behind the sensor", '--set alignment.tip_mass="0 g"', f"{1e3 * MASS:g} g", shifts
+        )
+
+
+def _poisson(track: _OpenTrack) -> Iterator[Condition]:
+    model, found = track.evidence.model, track.found
+    value = getattr(model, "poisson", None)
+    if found is None or not isinstance(value, float):
+        return
+    # A pipeline that is written out has the default as its value.
+    usual = type(model).model_fields["poisson"].default
+    if value != usual or {"poisson", "model.poisson"} & track.end.uncertainties.keys():
+        return
+    change = POISSON - value
+    if change:
+        shifts = track.against(change * found.by_number(("poisson",), value, change))
+        text, words = f"Poisson's ratio {value:g}", "--set run.uncertainties.poisson=0.01"
+        yield Condition("poisson", text, words, f"{POISSON:g}", shifts)
+
+
+def _level(track: _OpenTrack) -> Iterator[Condition]:
+    tip, depth, model = (
+        getattr(track.evidence.model, "indenter", None),
+        depths_in_contact(track.evidence),
+        track.evidence.model,
+    )
+    if "skin" not in type(model).model_fields or not isinstance(tip, Indenter) or not len(depth):
+        return
+    if getattr(model, "skin", None) is not None or track.end.settings.surface is not None:
+        return
+    mean = float(np.mean(depth))
+    power = mean * float(tip.contact_radius(mean)) / float(tip.profile_area(mean))
+    share = math.cos(TILT) ** -(1.0 + power) - 1.0
+    yield Condition(
+        "level", "level skin", f'--set {track.key}.skin={{inclination="0 deg"}}', f"{math.degrees(TILT):.0f} deg",
+        track.scaled(share),
+    )  # fmt: skip
+
+
+def _mount(track: _OpenTrack) -> Iterator[Condition]:
+    found = track.found
+    if found is not None and found.given_way is not None and track.end.settings.series_stiffness is None:
+        shifts = track.against(-found.given_way / MOUNT)
+        yield Condition(
+            "mount", "rigid mount", '--set alignment.series_stiffness="200 N/mm"', f"{1e-3 * MOUNT:g} N/mm", shifts
+        )
+
+
+def _position(track: _OpenTrack) -> Iterator[Condition]:
+    if track.end.settings.position.uncertainty is not None or track.evidence.estimator.motion == "velocity":
+        return
+    if share_of_command(*position_noise(track.evidence)):
+        text = "the position is of the tip, and no command"
+        yield Condition("position", text, '--set alignment.position.uncertainty="1 ms"', code="commanded-motion")
+
+
+def _frequency(track: _OpenTrack) -> Iterator[Condition]:
+    if text := one_frequency_text(track.evidence):
+        yield Condition("frequency", text, "palpate at several frequencies", code="one-frequency")
+
+
+def _noise(track: _OpenTrack) -> Iterator[Condition]:
+    if air_readings(track.evidence) is None:
+        yield Condition("noise", "noise of the force as in its upper band", "record 0.2 s at rest in air first")
+
+
+_FACTS: tuple[Callable[[_OpenTrack], Iterator[Condition]], ...] = (
+    _thickness, _delay, _tare, _mass, _poisson, _level, _mount, _position, _frequency, _noise,
+)  # fmt: skip
+
+
+def _length(metres: float) -> str:
+    """A length in mm, or in um where that is less than a tenth of one."""
+    factor, unit = (1e3, "mm") if metres >= 1e-4 else (1e6, "um")
+    return f"{float(f'{factor * metres:.2g}'):g} {unit}"

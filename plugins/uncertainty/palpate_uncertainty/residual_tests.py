@@ -1,0 +1,200 @@
+"""Whether the residual that a fit reports is that of a right model: over time, depth, speed, and along alternatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats, TrackEvidence
+
+from palpate_uncertainty.refit import Course, make_course
+from palpate_uncertainty.residual_null import ForceNoise, ResidualNull, motion_noise
+from palpate_uncertainty.residual_rows import JudgedRows, slow_acceleration
+
+LEVEL = 1e-3  # of a record
+_ENOUGH = 100  # samples
+_SHOWS = 4.0  # standard deviations by which an alternative of its typical size must show
+_LOUD = 2.0  # times the rms of the null, from which on a residual is no good one
+_MATTERS = 0.5  # of the uncertainty of an elastic parameter
+_OUTLIER = 6.0  # standard deviations, beyond which a reading counts as an outlier, which is flagged as such
+
+
+@dataclass(frozen=True)
+class ScoreTest:
+    """An alternative that is tested along its derivative, without a refit."""
+
+    p: float
+    shifts: Floats  # (k,) of the parameters, of one step to the alternative
+
+
+@dataclass(frozen=True)
+class ResidualTests:
+    """What a fit's own residual says of its model."""
+
+    p: float  # of all tests together
+    bins: Mapping[str, float]  # p by what it is over
+    scores: Mapping[str, ScoreTest]  # by cause
+    ratio: float  # rms of the residual over that of the null
+    by_size: Floats  # (k,) shifts by a force of the size of what is too much, along each parameter's own slope
+
+    @property
+    def is_right(self) -> bool:
+        """Whether nothing speaks against the model."""
+        return self.p >= LEVEL
+
+    @property
+    def causes(self) -> list[str]:
+        """Alternatives that a test names, the clearest first; those within a factor of e^10 of the clearest."""
+        count = len(self.scores) + len(self.bins)
+        found = sorted(self.scores, key=lambda name: self.scores[name].p)
+        least = self.scores[found[0]].p if found else 1.0
+        return [n for n in found if self.scores[n].p * count < LEVEL and self.scores[n].p <= least * math.exp(10)]
+
+    @property
+    def shifts(self) -> Floats:
+        """(k,) by how much the parameters may be off: by one step to the causes, and at least by the size of it all."""
+        return np.asarray(np.max([self.by_size, *(np.abs(self.scores[name].shifts) for name in self.causes)], axis=0))
+
+    def table(self) -> dict[str, object]:
+        """As in ``result.json``."""
+        scores = {name: score.p for name, score in self.scores.items()}
+        return {"p": self.p, "bins": dict(self.bins), "scores": scores, "ratio": self.ratio, "null": "noise"}
+
+
+def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTests | None:
+    """The tests of a fit; None where its residual is not known, or the noise is open.
+
+    What is tested is the residual that the fit reports, and in the rest of the `contact` (n,) that of its model.
+    """
+    report, kept = track.report, track.kept
+    rows = contact & ~kept.hesitating
+    if report is None or track.model.memory or np.count_nonzero(rows) < _ENOUGH:
+        return None
+    if not report.rss > 0 or not np.isfinite(track.values).all():
+        return None
+    force = ForceNoise.of(track)
+    if force is None:
+        return None
+    course = make_course(track, rows)
+    free = sum(unknown.free for unknown in report.unknowns.values())
+    scale = math.sqrt(report.rss / max(report.samples - free, 1))
+    own = -scale * kept.innovation  # measured less model
+    rest = _left(track, course)
+    return _tests(track, course, np.where(kept.used & np.isfinite(own), own, rest)[course.used], force)
+
+
+def refit_tests(track: TrackEvidence, course: Course, theta: Floats, surface: float) -> ResidualTests | None:
+    """The tests of a model that is fitted again to what a filter used; None where the noise is open."""
+    force = ForceNoise.of(track)
+    if force is None or track.model.memory or not np.isfinite(theta).all():
+        return None
+    at = replace(track, values=theta, surface=surface)
+    return _tests(at, course, _left(at, course)[course.used], force)
+
+
+def _left(track: TrackEvidence, course: Course) -> Floats:
+    """What a track's values leave of the force (n,) [N]."""
+    inertia = (track.tip_mass or 0.0) * slow_acceleration(course)
+    return np.asarray(track.kept.force - inertia - course.forces(track.values, track.surface))
+
+
+def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceNoise) -> ResidualTests:
+    rows = JudgedRows.of(track, course)
+    residual = np.concatenate([residual, rows.air_force])
+    height, speed, kernels = motion_noise(track)
+    null = ResidualNull(noise, rows.by_depth, rows.by_rate, track.tip_mass or 0.0, height, speed, kernels)
+    space = _Space.of(null.std, np.column_stack([rows.jacobian, *rows.open()]), [*rows.stated()])
+    null = replace(null, stated=space.stated * space.std[:, None])
+    residual = space.beside(residual / space.std) * space.std
+    limit = _OUTLIER * np.maximum(null.std, 1.4826 * float(np.median(np.abs(residual))))
+    residual = np.clip(residual, -limit, limit)
+    bins = {name: _over(places, count, residual, null, noise.readings) for name, places, count in rows.places()}
+    scores, directions = {}, []
+    for cause, pattern, typical in rows.patterns():
+        own = space.beside(np.nan_to_num(pattern) / space.std)
+        direction = space.sharpest(own)
+        square, weights = float(direction @ own), direction / space.std
+        spread = math.sqrt(max(null.variance(weights), 1e-300))
+        if typical * square < _SHOWS * spread:
+            continue
+        value = float(weights @ residual)
+        moved = -value / square * space.taken_by(np.nan_to_num(pattern) / space.std)
+        scores[cause] = ScoreTest(_tail(1, (value / spread) ** 2, noise.readings), moved[: len(track.values)])
+        directions.append(direction / np.linalg.norm(direction))
+    every = [*bins.values(), *(score.p for score in scores.values())]
+    p = min(1.0, (len(bins) + _count(directions)) * min(every, default=1.0))
+    inside = slice(rows.count)
+    usual = float(np.sqrt(np.mean(null.std[inside] ** 2)))
+    ratio = float(np.sqrt(np.mean(residual[inside] ** 2))) / usual
+    by_size = _by_size(rows.jacobian[inside], residual[inside], usual)[: len(track.values)]
+    return ResidualTests(p, bins, scores, ratio, by_size)
+
+
+@dataclass(frozen=True)
+class _Space:
+    """Residuals over their standard deviation, beside what the fit and open facts take of them."""
+
+    std: Floats  # (n,) [N]
+    basis: Floats  # (n, b) orthonormal
+    columns: Floats  # (n, b) that it is made of
+    stated: Floats  # (n, s) of each stated quantity, beside that
+
+    @classmethod
+    def of(cls, std: Floats, taken: Floats, stated: list[Floats]) -> _Space:
+        columns = taken / std[:, None]
+        basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
+        alone = cls(std, basis, columns, np.zeros((len(std), 0)))
+        return replace(alone, stated=np.column_stack([np.zeros(len(std)), *(alone.beside(s / std) for s in stated)]))
+
+    def beside(self, values: Floats) -> Floats:
+        """Values (n,) less what is taken of them."""
+        return np.asarray(values - self.basis @ (self.basis.T @ values))
+
+    def taken_by(self, values: Floats) -> Floats:
+        """Shifts (b,) of what takes a part of values (n,)."""
+        return np.asarray(np.linalg.lstsq(self.columns, values, rcond=None)[0], dtype=np.float64)
+
+    def sharpest(self, values: Floats) -> Floats:
+        """Direction (n,) in which values stand out most from the noise and what is stated."""
+        both = np.eye(self.stated.shape[1]) + self.stated.T @ self.stated
+        return np.asarray(values - self.stated @ np.linalg.solve(both, self.stated.T @ values))
+
+
+def _count(directions: list[Floats]) -> float:
+    """How many tests along correlated directions amount to (Nyholt 2004)."""
+    if len(directions) < 2:
+        return float(len(directions))
+    powers = np.linalg.eigvalsh(np.array(directions) @ np.array(directions).T)
+    return 1.0 + (len(directions) - 1.0) * (1.0 - float(np.var(powers, ddof=1)) / len(directions))
+
+
+def _over(values: Floats, count: int, residual: Floats, null: ResidualNull, readings: int) -> float:
+    """p of the means over bins of equal numbers of samples."""
+    rows = np.flatnonzero(np.isfinite(values))
+    total, bins = 0.0, np.array_split(rows[np.argsort(values[rows], kind="stable")], count)
+    if len(rows) < 2 * count:
+        return 1.0
+    for rows_of_bin in bins:
+        weights = np.zeros(len(residual))
+        weights[rows_of_bin] = 1.0 / len(rows_of_bin)
+        total += float(weights @ residual) ** 2 / null.variance(weights)
+    return _tail(count - 3, total, readings)
+
+
+def _by_size(jacobian: Floats, residual: Floats, rms: float) -> Floats:
+    """Shift (k,) of each unknown by a force as large as the residual is too large, along its own slope."""
+    excess = math.sqrt(max(float(np.mean(residual**2)) - rms**2, (0.1 * rms) ** 2))
+    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    inverse = np.linalg.pinv((jacobian / size).T @ (jacobian / size), hermitian=True)
+    own = size / np.sqrt(np.maximum(np.diag(inverse), 1e-300))
+    return np.asarray(excess * math.sqrt(len(residual)) / own)
+
+
+def _tail(freedom: int, value: float, readings: int) -> float:
+    """Chance of more than a chi square whose variance n readings tell: F with n - 1 degrees of freedom."""
+    from scipy.special import fdtrc
+
+    return float(fdtrc(freedom, max(readings - 1, 1), value / freedom))
