@@ -97,6 +97,7 @@ from .pipeline import (
     interruptible as interruptible,
     payloads as payloads,
     refuse_rehearsal as refuse_rehearsal,
+    run_flow as run_flow,
     run_pipeline as run_pipeline,
     single_trajectory as single_trajectory,
     start_tracks as start_tracks,

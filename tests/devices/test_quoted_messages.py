@@ -11,7 +11,7 @@ CODE = (
     "core/palpate_kit/acquisition",
     "core/palpate_kit/protocols",
 )
-CODE += ("core/palpate_kit/kinematics", "plugins/devices")
+CODE += ("core/palpate_kit/kinematics", "core/palpate_arms", "plugins/devices")
 # What other programs say: the client library, the system, a reference to the page.
 OTHERS = ("The following variables was not found", "already in use", "Failed to start control script", "No such file")
 PLAIN = ("the same", "see", "it runs", "half a packet")

@@ -9,6 +9,7 @@ from palpate_engine.pipeline.pipeline_run import run_pipeline
 from palpate_engine.pipeline.planned_motion import single_trajectory
 from palpate_engine.pipeline.record_tracks import RecordOutcome, RecordTracks
 from palpate_engine.pipeline.rehearsal import refuse_rehearsal
+from palpate_engine.pipeline.run_flow import run_flow
 from palpate_engine.pipeline.run_result import Result
 from palpate_engine.pipeline.tracks import declared_noise, start_tracks
 
@@ -23,6 +24,7 @@ __all__ = [
     "interruptible",
     "payloads",
     "refuse_rehearsal",
+    "run_flow",
     "run_pipeline",
     "single_trajectory",
     "start_tracks",

@@ -19,6 +19,7 @@ from palpate_engine.pipeline.arrivals import Arrivals, Progress
 from palpate_engine.pipeline.flow import Flow
 from palpate_engine.pipeline.interrupt import Interrupt
 from palpate_engine.pipeline.provenance import run_facts
+from palpate_engine.pipeline.run_flow import run_flow
 from palpate_engine.pipeline.run_result import Result, build_result
 from palpate_engine.pipeline.tracks import RunningTrack, Tracks, start_tracks
 
@@ -108,7 +109,7 @@ def _read(
         return Progress(aligner.reached, 0.0)
 
     if batches is None:
-        Flow(pipeline, take, Interrupt()).run()
+        run_flow(Flow(pipeline, take, Interrupt()))
     else:
         for arrival in batches:
             take([arrival])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from threading import Event
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ from palpate_engine.pipeline.health import HealthReporter
 from palpate_engine.pipeline.interrupt import Interrupt
 from palpate_engine.pipeline.latency import Latency
 from palpate_engine.pipeline.outputs import Outputs
+from palpate_engine.pipeline.run_flow import run_flow
 from palpate_engine.pipeline.tracks import Tracks, declared_noise
 
 if TYPE_CHECKING:
@@ -57,7 +59,7 @@ class Session:
         Raises UserError where the run is refused before it begins.
         """
         failure: Exception | None = None
-        for step in (self._flow.run, self._finish):
+        for step in (partial(run_flow, self._flow), self._finish):
             try:
                 step()
             except Exception as error:

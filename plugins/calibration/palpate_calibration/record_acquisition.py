@@ -19,7 +19,17 @@ from palpate import (
     duration_of,
     setpoints_at,
 )
-from palpate_engine import Flow, Reach, ask_devices, demand_safe, each, interruptible, is_live, single_trajectory
+from palpate_engine import (
+    Flow,
+    Reach,
+    ask_devices,
+    demand_safe,
+    each,
+    interruptible,
+    is_live,
+    run_flow,
+    single_trajectory,
+)
 
 from palpate_calibration.calibration_record import CalibrationRecord, CalibrationRecorder
 from palpate_calibration.calibration_use import identity_in
@@ -89,7 +99,7 @@ def _run(plan: CalibrationPlan, seed: int, take: Callable[[str, Batch], None], s
     seeded = replace(plan, run=plan.run.model_copy(update={"seed": plan.run.seed + seed}))
     with interruptible() as interrupt:
         flow = Flow(seeded, each(take), interrupt)
-        flow.run()
+        run_flow(flow)
         if interrupt.reason is not None:
             raise KeyboardInterrupt
     if seen is not None and flow.facts is not None and flow.facts.motion is not None:

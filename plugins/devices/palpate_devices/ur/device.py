@@ -12,8 +12,6 @@ from palpate_kit.acquisition.child import Child
 from palpate_kit.acquisition.computer import host
 from palpate_kit.protocols.ur_dashboard import probe, refuse_unready, reported_model, reports_payload
 
-from palpate_devices.ur import layout
-from palpate_devices.ur.link import URLink
 from palpate_devices.ur.settings import URSettings
 
 _HINT = ": the client library does that when it loses the link to the controller"
@@ -41,6 +39,8 @@ class UR(URSettings):
 
     @contextmanager
     def _connected(self, observe: bool) -> Iterator[Link]:
+        from palpate_devices.ur import layout
+        from palpate_devices.ur.link import URLink  # a replay loads nothing of an arm
 
         name = f"ur at {self.host}"
         try:
