@@ -150,8 +150,8 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
         if has_no_number(value.verdict or ""):
             told.pop(name, None)  # its uncertainties stay
     told |= {f"{name}_verdict": value.verdict or "" for name, value in _named(found).items()}
-    open_facts = [one.fact for one in found.conditions]
-    told |= {"conditions": " ".join(open_facts), "needs": " ".join(_needed(found))}
+    said = (f"{one.fact}: {one.sentence(_named(found)).replace('; ', ', ')}" for one in found.conditions)
+    told |= {"conditions": "; ".join(said), "needs": " ".join(_needed(found))}
     flags: tuple[Flag, ...] = (*outcome.result.flags, *found.flags)
     failed = next((flag.message for flag in found.flags if flag.code == "failed"), "")
     codes = " ".join(sorted({flag.code for flag in flags}))
@@ -161,6 +161,12 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
 def _named(found: TrackResult) -> dict[str, UncertainValue]:
     """The values by name, those that follow from the parameters first."""
     return {**{value.name: value.found for value in found.derived}, **found.parameters}
+
+
+def row_conditions(row: Mapping[str, str]) -> dict[str, str]:
+    """The facts that nobody has stated, with what is assumed of each and its effect, of a row of fits."""
+    entries = (entry.partition(": ") for entry in (row.get("conditions") or "").split("; ") if entry)
+    return {fact: sentence for fact, _, sentence in entries}
 
 
 def _needed(found: TrackResult) -> list[str]:

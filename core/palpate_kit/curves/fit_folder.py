@@ -24,7 +24,7 @@ from palpate_engine import (
 )
 
 from palpate_kit.curves.curve_files import Curve
-from palpate_kit.curves.curve_fits import CurveReader, settings_key, value_units
+from palpate_kit.curves.curve_fits import CurveReader, row_conditions, settings_key, value_units
 from palpate_kit.curves.curve_list import FILE, LIST, PIPELINE_FILE, PLACES, Entries, columns_of, read_list
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_in, demand_columns, latest_rows, settings_text
 from palpate_kit.curves.own_settings import Own, read_own
@@ -74,7 +74,7 @@ class CurveRow:
     @property
     def conditions(self) -> tuple[str, ...]:
         """The open facts that its values hold for."""
-        return tuple((self.cells.get("conditions") or "").split())
+        return tuple(row_conditions(self.cells))
 
     def verdict_of(self, name: str) -> str:
         """The verdict of a value, such as "needs delay"; "" where there is none."""

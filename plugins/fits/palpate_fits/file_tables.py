@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 from palpate_engine import Pipeline, Registry, display_unit, has_no_number, verdict_word
-from palpate_kit.curves.curve_fits import Row, value_units
+from palpate_kit.curves.curve_fits import Row, row_conditions, value_units
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
 
@@ -43,16 +43,18 @@ def show_rows(rows: Sequence[Row], pipeline: Pipeline, known: Registry, details:
 
 def verdict_lines(rows: Sequence[Row], known: Registry) -> Iterator[str]:
     """At most three lines: what the values hold for, what was found, and what to type."""
-    facts: Counter[str] = Counter()
-    needed = {fact for row in rows for fact in row.get("needs", "").split()}
+    counts: Counter[str] = Counter()
+    said: dict[str, str] = {}  # with the effect in the first file that has the condition
     for row in rows:
-        facts.update(row.get("conditions", "").split())
-    if facts:
-        said = [
-            f"{fact}{'' if count == len(rows) else f' ({count})'}{' (needed)' if fact in needed else ''}"
-            for fact, count in facts.most_common()
-        ]
-        yield f"holds if nothing else is true of: {', '.join(said)}; palpate fit --details states each with its effect"
+        facts = row_conditions(row)
+        counts.update(facts.keys())
+        said = facts | said
+    needed = {fact for row in rows for fact in row.get("needs", "").split()}
+    if said:
+        fitted = sum(not row.get("error") for row in rows)
+        yield "holds if: " + "; ".join(
+            said[fact] + ("" if count == fitted else f" [{count} of {fitted}]") for fact, count in counts.most_common()
+        )
     doubtful = [row for row in rows if row.get("verdict") == "doubtful"]
     if doubtful:
         yield f"doubtful: {_causes(doubtful, known, 'doubtful')}; palpate describe CODE says what to do"
