@@ -131,7 +131,7 @@ def test_a_model_without_viscosity_needs_none():
     ("tracks", "expected"),
     [
         ({"dr/ekf": ("doubtful", 391.0, 35.0), "dr/kinematic": ("good", 362.0, 40.0)}, 362.0),
-        ({"dr/ekf": ("good", 391.0, 35.0), "dr/kinematic": ("note", 362.0, 10.0)}, 391.0),
+        ({"dr/ekf": ("good", 391.0, 35.0), "dr/kinematic": ("note", 362.0, 10.0)}, 362.0),
         ({"dr/ekf": ("good", 391.0, 35.0), "dr/kinematic": ("good", 362.0, 10.0)}, 362.0),
         ({"dr/ekf": ("invalid", 391.0, 35.0)}, None),
         ({"dr/ekf": ("good", 391.0, None)}, None),

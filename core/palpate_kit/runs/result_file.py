@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import Flag, LogError
-from palpate_engine import SCHEMA, bounded_text, json_document, registry as registries, verdict
+from palpate_engine import SCHEMA, bounded_text, has_no_number, json_document, registry as registries, verdict
 
 from palpate_kit.runs.result_model import FitFileDocument, ResultDocument, problems
 from palpate_kit.runs.run_model import Document
@@ -70,15 +70,21 @@ def read_flags(tables: Iterable[Mapping[str, Any]]) -> tuple[Flag, ...]:
     return tuple(map(Flag.of_table, tables))
 
 
+def _is_number(found: Mapping[str, Any]) -> bool:
+    """Whether the verdict of a value leaves a number to calculate with; results before schema 5 have none."""
+    verdict = found.get("verdict") or ""
+    return verdict != "invalid" and not has_no_number(verdict)
+
+
 def value_verdict(track: Mapping[str, Any], found: Mapping[str, Any]) -> str:
-    """The verdict of a value of a track; ``invalid`` where either is, else that of the track."""
-    return "invalid" if found.get("verdict") == "invalid" else str(track["verdict"])
+    """The verdict of a value of a track: its own where it gives no number to calculate with, else that of the track."""
+    return str(track["verdict"] if _is_number(found) else found["verdict"])
 
 
 def values_by_name(track: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The parameters of a track and what follows from them, by name; none without a value, as where it is invalid."""
+    """The parameters of a track and what follows from them, by name; none that gives no number to calculate with."""
     every = {**track.get("derived", {}), **track["parameters"]}
-    return {k: found for k, found in every.items() if found["value"] is not None and found.get("verdict") != "invalid"}
+    return {name: found for name, found in every.items() if found["value"] is not None and _is_number(found)}
 
 
 def usable_value(track: Mapping[str, Any], name: str) -> dict[str, Any] | None:

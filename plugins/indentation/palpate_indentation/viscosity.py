@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 from palpate import Floats
-from palpate_engine import PIPELINE
+from palpate_engine import PIPELINE, verdict_rank
 from palpate_kit.runs.result_file import usable_value
 from palpate_kit.runs.run_folder import RunFolder
 
@@ -23,7 +23,6 @@ _FEWEST = 40  # samples on the way out
 _DECISIVE = 10.0  # of BIC, by which both ways apart explain the press better than one law
 _UNKNOWNS = 3.0  # that the two ways have more when they are fitted apart: modulus, surface, baseline
 _SURE = 2.0  # standard uncertainties
-_VERDICTS = ("good", "note", "doubtful")
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ def _values(
     for name, track in tracks.items():
         value = usable_value(track, parameter) if track["model"] == model else None
         if value is not None and value["combined"] is not None:
-            yield _VERDICTS.index(track["verdict"]), float(value["combined"]), name, value
+            yield verdict_rank(track["verdict"]), float(value["combined"]), name, value
 
 
 def viscosity_of_press(law: ElasticLaw, press: Press, branch: Branch, *, tilt: bool) -> PressViscosity:

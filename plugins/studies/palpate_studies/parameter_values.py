@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 from palpate import ConfigurationError, Flag, LogError, UserError, suggest
-from palpate_engine import registry, verdict
+from palpate_engine import has_no_number, registry, verdict
 from palpate_kit.curves.curve_filter import CurveFilter, curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder, stale_words
 from palpate_kit.runs.result_file import read_flags, read_results, value_verdict
@@ -40,7 +40,8 @@ class ParameterValue:
     @property
     def usable(self) -> bool:
         """Whether its value may enter statistics."""
-        return self.value is not None and self.verdict != "invalid" and self.rejected is None
+        has_number = self.value is not None and self.verdict != "invalid" and not has_no_number(self.verdict)
+        return has_number and self.rejected is None
 
 
 def tell_left_out(failures: Mapping[str, UserError], others: bool) -> None:
