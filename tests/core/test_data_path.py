@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from palpate.sink import TakesFlags, TakesGuard, TakesHealth, TakesResult
 from palpate_engine.config import load_pipeline
-from palpate_engine.pipeline import flow, run_pipeline
+from palpate_engine.pipeline import run_pipeline
+from palpate_engine.pipeline.live import live_flow
 
 from tests.core.live import EVENTS, LINKS, LISTENERS
 
@@ -95,7 +96,7 @@ def test_a_sink_ends_a_live_run_through_the_guard(run_live):
 @pytest.mark.gate
 @pytest.mark.slow
 def test_sinks_open_before_real_time_scheduling_and_can_start_processes_there(run_live, monkeypatch):
-    usual = flow.real_time_section
+    usual = live_flow.real_time_section
 
     @contextmanager
     def noted(stop):
@@ -103,7 +104,7 @@ def test_sinks_open_before_real_time_scheduling_and_can_start_processes_there(ru
         with usual(stop) as said:
             yield said
 
-    monkeypatch.setattr(flow, "real_time_section", noted)
+    monkeypatch.setattr(live_flow, "real_time_section", noted)
     run_live("trajectory.press.duration=0.3 s")
     assert EVENTS == ["open", "undisturbed", "close"]
 

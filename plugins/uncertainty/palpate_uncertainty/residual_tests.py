@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, TrackEvidence
 
+from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.refit import Course, make_course
 from palpate_uncertainty.residual_null import ForceNoise, ResidualNull, motion_noise
 from palpate_uncertainty.residual_rows import JudgedRows, slow_acceleration
 
 LEVEL = 1e-3  # of a record
+_NOTHING = 10.0 * LEVEL  # a chance from which on a test says nothing
 _ENOUGH = 100  # samples
 _SHOWS = 4.0  # standard deviations by which an alternative of its typical size must show
 _LOUD = 2.0  # times the rms of the null, from which on a residual is no good one
@@ -194,7 +196,12 @@ def _by_size(jacobian: Floats, residual: Floats, rms: float) -> Floats:
 
 
 def _tail(freedom: int, value: float, readings: int) -> float:
-    """Chance of more than a chi square whose variance n readings tell: F with n - 1 degrees of freedom."""
+    """Chance of more than a chi square whose variance n readings tell: F with n - 1 degrees of freedom.
+
+    F has the longer tail: where that of chi square says nothing, it is the answer, without the import of scipy.
+    """
+    if (chance := chance_of_more(freedom, value)) > _NOTHING:
+        return chance
     from scipy.special import fdtrc
 
     return float(fdtrc(freedom, max(readings - 1, 1), value / freedom))
