@@ -23,7 +23,7 @@ FAULTS = {
     "stop-program": "the program is stopped on the pendant",
     "freeze": "the controller keeps its connections and sends nothing more",
     "thaw": "it sends again",
-    "stall SECONDS": "everything stands still for this long",
+    "stall SECONDS": "everything stands still for this long; up to 0.5 s is then made up for",
     "stuck-pose": "the controller keeps reporting the pose of this moment, whatever the arm does",
     "nan-pose": "the controller's pose is no number",
     "state-rate HERTZ": "the controller sends its state so often, at most 500 Hz, and takes commands as before",

@@ -108,7 +108,6 @@ class World:
                 console.read(ready)
             if clock().now() < self.stalled_until:
                 clock().sleep(self.stalled_until - clock().now())
-                ports.began = clock().now() - controller.now
                 continue
             if clock().now() - ports.began - controller.now > _MOST_BEHIND:
                 ports.began = clock().now() - controller.now
