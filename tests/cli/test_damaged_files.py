@@ -231,7 +231,7 @@ def test_a_pipeline_that_a_table_of_curves_names_is_one_of_its_folder(file, palp
     path.write_text(path.read_text().replace("pipeline.toml", "/dev/zero"))
     done = palpate(*command)
     assert_clear(done, path, must=True)
-    assert "there is no pipeline '/dev/zero'" in done.stderr
+    assert "'/dev/zero' is no pipeline of the folder" in done.stderr
 
 
 @pytest.mark.slow

@@ -59,6 +59,7 @@ def test_a_sound_rig_is_not_stopped_for_it(simulated, tmp_path, seed):
     rig = simulated(
         *sets,
         f"safety.stiffness={stiffness} N/mm",
+        "safety.acceleration=0.6 m/s^2",
         f"twin.bench.specimen.elasticity={elasticity}",
         f"twin.bench.specimen.viscosity={elasticity * float(rng.uniform(0.0, 5e-3))}",
         "twin.bench.specimen.surface=0 mm",
