@@ -67,6 +67,10 @@ class Desk:
         self._tables, self._readers = {}, {}
         self._stamp = self._signature()
 
+    def forget(self) -> None:
+        """Take every file for changed."""
+        self._stamp = []
+
     @property
     def changed_outside(self) -> bool:
         """Whether another program has changed a file since."""

@@ -93,8 +93,12 @@ class DeskServer:
             await page.close(1013, "too many pages are open")
             return
         self._pages[page] = None
+        has_folder = False
         with self._telling(page):
             self._send(page, self._folder())
+            has_folder = True
+        if not has_folder:  # it is sent once the folder can be read again, however soon that is
+            self.desk.forget()
         looking = asyncio.create_task(self._look(page, wake := asyncio.Event()))
         with contextlib.suppress(ConnectionClosed):
             async for text in page:
