@@ -19,8 +19,8 @@ NEED_RESULT = [
     "map lumps RUN",
     "map curves RUN OTHER",
     "map compare --baseline OTHER --suspect RUN",
-    "repeat RUN --track dr/ekf",
-    "repeat review RUN --track dr/ekf",
+    "repeat RUN --track dr/kinematic",
+    "repeat review RUN --track dr/kinematic",
     "watch RUN",
 ]
 NEED_WHOLE_RESULT = ["report budget RUN", "repeat RUN", "repeat review RUN", "watch RUN"]
@@ -31,7 +31,7 @@ NEED_PIPELINE = ["resume RUN", "map search RUN"]
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A run that nobody damages."""
-    overrides = ["trajectory.press.duration=1 s", 'run.tracks=["dr/ekf"]']
+    overrides = ["trajectory.press.duration=1 s", 'run.tracks=["dr/kinematic"]']
     folder = tmp_path_factory.mktemp("whole") / "run"
     run_pipeline(load_pipeline(ROOT / "pipelines" / "filters.toml", overrides), folder)
     return folder
@@ -69,11 +69,11 @@ def edited(change):
 
 
 RESULTS = {
-    'tracks.dr/ekf.surface.value must be a valid number, not "high"': lambda d: d["tracks"]["dr/ekf"]["surface"].update(
+    'tracks.dr/kinematic.surface.value must be a valid number, not "high"': lambda d: d["tracks"]["dr/kinematic"]["surface"].update(
         value="high"
     ),
-    "run.tare is missing (and 1 more)": lambda d: (d["run"].pop("tare"), d["tracks"]["dr/ekf"].pop("flags")),
-    "tracks.dr/ekf must be a table, not null": lambda d: d["tracks"].update({"dr/ekf": None}),
+    "run.tare is missing (and 1 more)": lambda d: (d["run"].pop("tare"), d["tracks"]["dr/kinematic"].pop("flags")),
+    "tracks.dr/kinematic must be a table, not null": lambda d: d["tracks"].update({"dr/kinematic": None}),
     "streams must be a valid dictionary, not [1, 2]": lambda d: d.update(streams=[1, 2]),
 }
 
@@ -95,7 +95,7 @@ def test_a_result_that_is_cut(refused, command):
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        (lambda text: text.replace("dr/ekf:surface,", "dr/ekf:height,"), "its column dr/ekf:surface is missing"),
+        (lambda text: text.replace("dr/kinematic:surface,", "dr/kinematic:height,"), "its column dr/kinematic:surface is missing"),
         (lambda text: text.replace("x_m", "y_m", 1), "its column x_m is missing"),
         (lambda text: text.replace("\n0", "\nabc", 1), "is not a table of numbers: could not convert string 'abc"),
     ],
