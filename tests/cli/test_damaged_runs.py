@@ -69,9 +69,9 @@ def edited(change):
 
 
 RESULTS = {
-    'tracks.dr/kinematic.surface.value must be a valid number, not "high"': lambda d: d["tracks"]["dr/kinematic"]["surface"].update(
-        value="high"
-    ),
+    'tracks.dr/kinematic.surface.value must be a valid number, not "high"': lambda d: d["tracks"]["dr/kinematic"][
+        "surface"
+    ].update(value="high"),
     "run.tare is missing (and 1 more)": lambda d: (d["run"].pop("tare"), d["tracks"]["dr/kinematic"].pop("flags")),
     "tracks.dr/kinematic must be a table, not null": lambda d: d["tracks"].update({"dr/kinematic": None}),
     "streams must be a valid dictionary, not [1, 2]": lambda d: d.update(streams=[1, 2]),
@@ -95,7 +95,10 @@ def test_a_result_that_is_cut(refused, command):
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        (lambda text: text.replace("dr/kinematic:surface,", "dr/kinematic:height,"), "its column dr/kinematic:surface is missing"),
+        (
+            lambda text: text.replace("dr/kinematic:surface,", "dr/kinematic:height,"),
+            "its column dr/kinematic:surface is missing",
+        ),
         (lambda text: text.replace("x_m", "y_m", 1), "its column x_m is missing"),
         (lambda text: text.replace("\n0", "\nabc", 1), "is not a table of numbers: could not convert string 'abc"),
     ],

@@ -27,9 +27,13 @@ def touching(state, folder=None):
 
 
 def check_replay(twin, result):
-    """The same pipeline on the record gives the same estimates, bit for bit."""
+    """The same pipeline on the record gives the same estimates, bit for bit; a live run alone may doubt its clocks."""
     again = twin.replay(result.folder / "log.mcap", "again")
     ours, theirs = (json.loads((folder / "result.json").read_text()) for folder in (result.folder, again.folder))
+    for document in (ours, theirs):
+        for track in document["tracks"].values():
+            for found in track["parameters"].values():
+                del found["verdict"]
     for key in ("parameters", "surface", "force_rms", "nis", "samples"):
         assert all(ours["tracks"][name][key] == theirs["tracks"][name][key] for name in ours["tracks"])
     assert (result.folder / "estimates.csv").read_bytes() == (again.folder / "estimates.csv").read_bytes()
