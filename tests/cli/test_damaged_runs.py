@@ -68,6 +68,7 @@ def edited(change):
     return damage
 
 
+TRACK = "dr/kinematic"
 RESULTS = {
     'tracks.dr/kinematic.surface.value must be a valid number, not "high"': lambda d: d["tracks"]["dr/kinematic"][
         "surface"
