@@ -24,7 +24,7 @@ def gate(root):
         (["plugins/maps/palpate_maps/lumps.py"], ["tests/maps"]),
         (["plugins/commands/palpate_commands/run_command.py"], ["tests/cli", "tests/starting"]),
         (["plugins/fits/README.md", "tests/fits/test_fit.py"], ["tests/curves", "tests/fits"]),
-        (["tests/core/live.py", "tests/test_names.py"], ["tests/core", "tests/test_names.py"]),
+        (["tests/engine/live.py", "tests/test_names.py"], ["tests/engine", "tests/test_names.py"]),
         (["tests/third_party/palpate-punch/x.py"], ["tests/test_third_party.py", "tests/third_party"]),
         (["docs/tutorials/arrays.md", "pipelines/parts/x.toml"], ["tests/test_pipelines.py", "tests/test_walks.py"]),
         ([f"plugins/{name}/x.py" for name in ("maps", "desk", "logs", "ros2")], ["maps", "desk", "logs", "ros2"]),
@@ -53,7 +53,7 @@ def test_every_folder_of_tests_belongs_to_a_family_or_the_core(gate, root):
     families = [path.parent.name for path in root.glob("plugins/*/README.md")]
     named = {folder for family in families for folder in gate.FOLDERS.get(family, (family,))}
     folders = {path.parent.name for path in root.glob("tests/*/test_*.py")}
-    assert folders - named == {"core"}
+    assert folders - named == {"core", "engine", "kit", "records"}
     assert named - folders == set()
     assert all((root / place).exists() and (root / test).exists() for place, test in gate.OTHERS.items())
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from tests import result_documents
-from tests.logs import damage
-from tests.logs.bags import array_message, write_bag
+from tests.records import damage
+from tests.records.bags import array_message, write_bag
 from tests.surfaces import bodies
 
 TIP = ("--tip", "sphere 3 mm")

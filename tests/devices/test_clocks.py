@@ -7,7 +7,7 @@ from palpate_devices.messages import POSE, TWIST, WRENCH
 from palpate_engine.config import Source, build_pipeline
 from palpate_engine.pipeline import run_pipeline
 
-from tests.logs.bags import press, wrench_message
+from tests.records.bags import press, wrench_message
 
 SECOND = 10**9
 START = 1_700_000_000 * SECOND

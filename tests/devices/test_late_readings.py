@@ -114,7 +114,7 @@ def test_a_sensor_without_a_clock_has_no_age():
 
 
 def test_readings_that_arrive_late_are_no_fresh_ones_in_the_reaction():
-    from tests.core.test_safety import limits
+    from tests.engine.test_safety import limits
 
     assert limits(reading_age=0.1, sensor_delay=0.2).reaction == pytest.approx(0.36)
     assert np.isclose(limits().reaction, 0.08)

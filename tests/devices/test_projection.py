@@ -7,7 +7,7 @@ from palpate_logs.rosbag2_replay import Rosbag2Replay
 from palpate_records.messages.turning_frames import FrameOrientations, rotate_vectors
 from palpate_testing import check_device
 
-from tests.logs.bags import wrench_message, write_bag
+from tests.records.bags import wrench_message, write_bag
 
 WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 STEP = 2_000_000  # [ns]

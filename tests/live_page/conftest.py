@@ -12,7 +12,7 @@ from palpate_live import sink, watch_command
 from palpate_live.server_process import PageServer
 from websockets.sync.client import connect
 
-from tests.core.conftest import live_pipeline, run_live, stage  # noqa: F401
+from tests.engine.conftest import live_pipeline, run_live, stage  # noqa: F401
 
 PARAMETERS = (Parameter("elasticity", "E", "Pa", "stiffness"), Parameter("viscosity", "eta", "Pa*s", "damping"))
 TRACKS = {"dr/a": PARAMETERS, "dr/b": PARAMETERS[:1]}

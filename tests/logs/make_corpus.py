@@ -14,7 +14,7 @@ import zstandard
 from mcap.writer import CompressionType, Writer
 from palpate_devices.messages import WRENCH
 
-from tests.logs.bags import array_message, wrench_message, write_bag
+from tests.records.bags import array_message, wrench_message, write_bag
 
 MAGIC = b"\x89MCAP0\r\n"
 FOLDER = Path(__file__).parent / "corpus"

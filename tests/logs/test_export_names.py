@@ -7,7 +7,7 @@ import pytest
 from palpate_logs.table_files import WRITERS
 from palpate_logs.topic_arrays import TEXTS, TopicFiles
 
-from tests.logs.bags import array_message, write_bag
+from tests.records.bags import array_message, write_bag
 
 ALIKE = {  # topics whose names fall together where "/" or all but letters is not allowed
     "/ft/raw": [1.0, 2.0],

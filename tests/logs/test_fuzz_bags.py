@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from palpate import LogError
 from palpate_logs.rosbag2_replay import Rosbag2Replay
 
-from tests.logs.bags import array_message, write_bag
+from tests.records.bags import array_message, write_bag
 
 SIGNALS = {"z": {"topic": "/data", "field": "data", "index": 1, "unit": "m"}}
 

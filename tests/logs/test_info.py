@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.logs.bags import array_message, press, write_bag
+from tests.records.bags import array_message, press, write_bag
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
 

@@ -12,7 +12,7 @@ from palpate_devices.mcap_replay import McapReplay
 from palpate_logs.commands.export import export
 from palpate_logs.rosbag2_replay import Rosbag2Replay
 
-from tests.logs.bags import array_message, write_bag
+from tests.records.bags import array_message, write_bag
 
 
 @pytest.fixture
@@ -145,7 +145,7 @@ def test_texts_are_exported_beside_the_numbers(palpate, tmp_path):
     """A topic of texts alone, and one of JSON that holds both."""
     from mcap.writer import Writer
 
-    from tests.logs.bags import Cdr
+    from tests.records.bags import Cdr
 
     with (tmp_path / "log.mcap").open("wb") as file:
         writer = Writer(file)

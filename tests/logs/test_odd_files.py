@@ -26,7 +26,7 @@ from palpate_records.mcap.mcap_file import McapFile
 from palpate_records.tables.csv_sheet import Sheet
 from palpate_records.temporary_folders import scratch
 
-from tests.logs.bags import array_message, write_bag
+from tests.records.bags import array_message, write_bag
 
 CORPUS = Path(__file__).parent / "corpus"
 SIGNALS = {"z": {"topic": "/data", "field": "data", "index": 1, "unit": "m"}}

@@ -11,7 +11,7 @@ from palpate import LogError, OutputError
 from palpate_logs.rosbag2_replay import Rosbag2Replay
 from palpate_testing import check_device
 
-from tests.logs.bags import array_message, joints_message, press, transforms_message, wrench_message, write_bag
+from tests.records.bags import array_message, joints_message, press, transforms_message, wrench_message, write_bag
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
 SIGNALS = {"z": {"topic": "/data", "field": "data", "index": 1, "unit": "mm"}}

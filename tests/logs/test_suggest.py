@@ -16,7 +16,7 @@ from palpate_records.field_statistics import FieldStatistics, sparkline
 from palpate_records.survey import _KEPT, SampleOfRow
 from palpate_records.tables.csv_sheet import Sheet
 
-from tests.logs.bags import array_message, press, write_bag
+from tests.records.bags import array_message, press, write_bag
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
 

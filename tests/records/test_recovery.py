@@ -14,7 +14,7 @@ from palpate import LogError, OutputError
 from palpate_devices.mcap_replay import McapReplay
 from palpate_records.mcap.mcap_file import McapFile
 
-from tests.logs import damage
+from tests.records import damage
 
 # Older releases of `mcap` know only `start_time` and `end_time`.
 pytestmark = pytest.mark.filterwarnings("ignore:.*_time is deprecated:DeprecationWarning")

@@ -14,7 +14,7 @@ from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline import run_pipeline
 from palpate_engine.pipeline.live import live_flow
 
-from tests.core.live import EVENTS, LINKS, LISTENERS
+from tests.engine.live import EVENTS, LINKS, LISTENERS
 
 SHORT = ("trajectory.press.duration=1 s", 'run.tracks=["*/ekf"]')
 

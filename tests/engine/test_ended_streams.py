@@ -7,7 +7,7 @@ from palpate.errors import DeviceError
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline import run_pipeline
 
-from tests.core import live
+from tests.engine import live
 
 LONG = "trajectory.press.duration=30 s"
 

@@ -13,7 +13,7 @@ from palpate import LogError
 from palpate_devices.mcap_replay import McapReplay
 from palpate_logs.commands.export import export
 
-from tests.logs.official import json_topic, log_of, numbers, ours, ros_topic
+from tests.records.official import json_topic, log_of, numbers, ours, ros_topic
 
 A, B, OTHER = "float64 x\nfloat64 y\n", "float64 y\nfloat64 x\n", "# in other words\nfloat64 x  # [m]\n\nfloat64 y\n"
 

@@ -25,7 +25,7 @@ from palpate_kit.logs.joint_kinematics import Kinematics, quaternions, tips
 from palpate_logs.rosbag2_replay import Rosbag2Replay
 from palpate_testing import check_device
 
-from tests.logs.bags import joints_message, wrench_message, write_bag
+from tests.records.bags import joints_message, wrench_message, write_bag
 
 TOPIC = "/joint_states"
 TCP = (0.0, 0.0, 0.12)
@@ -215,6 +215,7 @@ def test_kinematics_that_make_no_sense_are_refused(tmp_path, keys, words):
         Kinematics.model_validate(table(**keys))
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_joint_states_and_a_wrench_in_the_tool_lead_to_the_elasticity(tmp_path):
     """The force is along the skin's normal; the sensor's frame is the tool's, whose orientation the joints give."""

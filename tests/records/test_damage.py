@@ -10,7 +10,7 @@ from palpate import LogError
 from palpate_devices.mcap_replay import McapReplay
 from palpate_records.mcap.mcap_file import McapFile
 
-from tests.logs import damage
+from tests.records import damage
 
 SIGNALS = {"force": {"topic": "/ft/wrench", "field": "wrench.force.z", "unit": "N"}}
 

@@ -12,7 +12,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 from palpate_devices.messages import WRENCH
 
-from tests.logs.bags import wrench_message
+from tests.records.bags import wrench_message
 
 WRITERS = {
     "zstd": {"compression": CompressionType.ZSTD},

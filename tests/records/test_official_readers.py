@@ -9,7 +9,7 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap_ros2.writer import Writer as Ros2Writer
 
-from tests.logs.official import STYLES, assert_agreement, json_topic, log_of, ours, ros_topic
+from tests.records.official import STYLES, assert_agreement, json_topic, log_of, ours, ros_topic
 
 mcap_protobuf = pytest.importorskip("mcap_protobuf.writer")
 ROSBAGS = pytest.importorskip("rosbags.rosbag2")

@@ -20,7 +20,7 @@ from palpate_records.messages.definitions import parse_definitions
 from palpate_records.messages.readings import FieldReading
 from palpate_records.messages.topics import Topic
 
-from tests.logs.bags import wrench_message
+from tests.records.bags import wrench_message
 
 COUNT = 300
 STEP = 1_000_000  # [ns]

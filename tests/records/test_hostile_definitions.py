@@ -11,7 +11,7 @@ from palpate_records.messages.decoders import decoder_of
 from palpate_records.messages.readings import FieldReading
 from palpate_records.messages.topics import Messages
 
-from tests.logs.hostile_definitions import MEGABYTE, hostile
+from tests.records.hostile_definitions import MEGABYTE, hostile
 
 KINDS = ("ros2msg", "ros2idl", "ros1msg", "json", "protobuf")
 CALLS = 2_000_000  # of Python and C functions, which take about a second of a processor

@@ -25,7 +25,7 @@ from palpate_records.messages.protobuf_messages import bounded_parser
 from palpate_records.messages.readings import FieldReading
 from palpate_records.messages.topics import Messages, Topic
 
-from tests.logs.bags import write_bag
+from tests.records.bags import write_bag
 from tests.processes import run
 
 HEAD = b"\0\1\0\0"

@@ -15,7 +15,7 @@ from palpate_engine.pipeline.backlog import Backlog
 from palpate_engine.pipeline.latency import Latency
 from palpate_engine.pipeline.tracks import Tracks, start_tracks
 
-from tests.core.live import LISTENERS
+from tests.engine.live import LISTENERS
 
 TIP = Stream("tip", (Channel("z", "m"),), 500.0)
 PORT = Ports.of(AlignmentSettings.model_validate({"force": "r.tip.z", "position": "r.tip.z"}), {"r": (TIP,)})[

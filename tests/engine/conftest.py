@@ -4,7 +4,7 @@ import pytest
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline import run_pipeline
 
-from tests.core import live
+from tests.engine import live
 
 
 @pytest.fixture
@@ -13,7 +13,7 @@ def stage(tmp_path):
     for heard in (live.LINKS, live.LISTENERS, live.EVENTS):
         heard.clear()
     (tmp_path / "live_parts.py").write_text(
-        "from palpate import plugin\nfrom tests.core import live\n"
+        "from palpate import plugin\nfrom tests.engine import live\n"
         "palpate_devices, palpate_sinks = live.palpate_devices, live.palpate_sinks\n"
     )
     (tmp_path / "live.toml").write_text(live.PIPELINE.format(plugin="live_parts.py"))

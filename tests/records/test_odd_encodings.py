@@ -13,7 +13,7 @@ from palpate_records.messages.decoders import decoder_of
 from palpate_records.messages.readings import FieldReading
 from palpate_records.messages.topics import Messages, Topic
 
-from tests.logs.bags import Cdr, wrench_message
+from tests.records.bags import Cdr, wrench_message
 
 NUMBERS = [1.5, -2.0, 3.25, 0.0, 1e-300, 7.0]
 FORCE = {"force": {"topic": "/odd", "field": "wrench.force.z", "unit": "N"}}
