@@ -16,7 +16,7 @@ from palpate_engine.alignment.signal_reader import SignalReader, ToolReport, Too
 from palpate_engine.alignment.signal_series import Series
 from palpate_engine.alignment.surface_lookup import SurfaceLookup
 from palpate_engine.alignment.tool_frame import Load, ToolFrame, Vector
-from palpate_engine.alignment.turned_tool import ToolWatch
+from palpate_engine.alignment.tool_watch import ToolWatch
 
 
 class TurningToolReader(SignalReader):
