@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, fit_curves
 from scipy.optimize import curve_fit
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats, ForceLaw
-from palpate_kit.force_control import ForceLead
 
+from palpate_arms.force_control import ForceLead
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_arms.setpoint_rows import PLAN, SETPOINT
 from palpate_arms.station_plane import LEVEL, StationPlane

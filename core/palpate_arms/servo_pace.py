@@ -14,9 +14,9 @@ from collections.abc import Callable
 from typing import NoReturn
 
 from palpate import clock
-from palpate_kit.acquisition.lateness import Lateness
 from palpate_kit.acquisition.ring import Ring
 
+from palpate_arms.lateness import Lateness
 from palpate_arms.setpoint_buffer import PERIOD
 
 _TICK = round(PERIOD * 1e9)  # [ns]

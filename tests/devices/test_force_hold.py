@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import ConfigurationError, DeviceError, ForceLaw, ForceWatch, Repeats
+from palpate_arms.force_control import ForceLead, refusal
 from palpate_arms.servo import Commander, ServoLaw
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_devices.bota.device import BotaSensor
@@ -13,7 +14,6 @@ from palpate_devices.ur.device import UR
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline import run_pipeline
 from palpate_engine.safety import SafetySettings
-from palpate_kit.force_control import ForceLead, refusal
 from palpate_trajectories.force_hold import ForceHold
 
 from tests.devices.simulated_bench import SHORT

@@ -8,7 +8,7 @@ import palpate as python
 import pytest
 from palpate_engine import Source, build_pipeline, has_no_number, run_pipeline
 from palpate_fits.estimator import CasadiFit
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, fit_curves
 from palpate_models import DimensionalityReduction, Sphere
 

@@ -25,8 +25,8 @@ from palpate_records.messages.protobuf_messages import bounded_parser
 from palpate_records.messages.readings import FieldReading
 from palpate_records.messages.topics import Messages, Topic
 
-from tests.records.bags import write_bag
 from tests.processes import run
+from tests.records.bags import write_bag
 
 HEAD = b"\0\1\0\0"
 PART = "\n" + "=" * 80 + "\nMSG: "

@@ -14,9 +14,9 @@ from palpate.vectors import Floats
 
 from palpate_engine.alignment.contact_detector import ContactDetector
 from palpate_engine.alignment.intake import Intake
-from palpate_engine.alignment.turning_tool import TurningToolReader
 from palpate_engine.alignment.ports import Ports
 from palpate_engine.alignment.signal_reader import FixedToolReader, SignalReader, ToolSignals
+from palpate_engine.alignment.turning_tool import TurningToolReader
 from palpate_engine.alignment.velocity_lag import VelocityCheck
 
 _SECOND = 1_000_000_000  # [ns]

@@ -23,7 +23,7 @@ from palpate_engine import (
     inherited_approval,
 )
 
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.runs.shared_tips import name_tips
 
 Row = dict[str, str]

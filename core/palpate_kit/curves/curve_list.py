@@ -10,7 +10,7 @@ from pathlib import Path
 from palpate import LogError, suggest
 from palpate_engine import write_whole
 
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 
 LIST = "curves.csv"
 CURVE, FILE, PIPELINE_FILE = "curve", "file", "pipeline"

@@ -14,7 +14,7 @@ from palpate import ADVICE, Floats, LogError, OutputError, is_number
 from palpate_engine import Pipeline, bounded_text, file_in_place, has_no_number, resolved_text, write_whole
 from palpate_records.log_files import readable, regular
 
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
 from palpate_kit.runs.pipeline_diff import differences
 

@@ -23,7 +23,7 @@ from palpate_engine import (
     trusted_plugins,
 )
 
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, row_conditions, settings_key, value_units
 from palpate_kit.curves.curve_list import FILE, LIST, PIPELINE_FILE, PLACES, Entries, columns_of, read_list
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_in, demand_columns, latest_rows, settings_text

@@ -13,7 +13,7 @@ from palpate_kit.kernel.llvm import CompiledStep
 from palpate_kit.kernel.translation import Untranslatable
 from palpate_kit.kernel.virtual_machine import VirtualMachine
 
-__all__ = ["Kernel", "LazyKernel", "Step", "compile_step", "kernel_choice", "step_function"]
+__all__ = ["Kernel", "Step", "compile_step", "kernel_choice", "step_function"]
 
 
 @dataclass(frozen=True)
@@ -55,28 +55,6 @@ def compile_step(step: Step) -> Kernel:
             if os.environ.get(VARIABLE) == "llvm":
                 raise
     return VirtualMachine(function)
-
-
-class LazyKernel:
-    """A kernel that is compiled once it has run over so many samples that this pays; the same bits before and after."""
-
-    _PAYS = 20_000  # samples, which the virtual machine takes longer over than LLVM over what it finds compiled
-
-    def __init__(self, step: Step) -> None:
-        self._step, self._samples = step, 0
-        self._kernel: Kernel = VirtualMachine(step_function(step))
-
-    @property
-    def name(self) -> str:
-        """Of the kernel that is used now."""
-        return self._kernel.name
-
-    def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
-        """See `Kernel.run`."""
-        before, self._samples = self._samples, self._samples + len(samples)
-        if before < self._PAYS <= self._samples:
-            self._kernel = compile_step(self._step)
-        return self._kernel.run(state, samples, settings)
 
 
 def kernel_description() -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import ctypes.util
+import sys
 import threading
 from collections.abc import Callable
 from functools import cache
@@ -15,14 +16,11 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
-from palpate_kit.kernel import column_translation, translation
 from palpate_kit.kernel.code_cache import cached_code
-from palpate_kit.kernel.column_table import LANES, ColumnTable
-from palpate_kit.kernel.column_translation import ColumnTranslation
 from palpate_kit.kernel.translation import LIBRARY, Translation
 
 _ENGINES: list[Any] = []
-_COMPILING = threading.Lock()
+COMPILING = threading.Lock()
 
 
 class CompiledStep:
@@ -32,7 +30,7 @@ class CompiledStep:
 
     def __init__(self, function: Any) -> None:
         self.outputs = int(function.numel_out(1))
-        with _COMPILING:
+        with COMPILING:
             self._scalar, self._single = _compiled(function.serialize())
         # One sample at a time, passing the arrays' addresses takes longest: these stay where they are.
         widths = [function.numel_in(i) for i in range(3)]
@@ -54,63 +52,23 @@ class CompiledStep:
         return arrays[0], arrays[3]
 
 
-class CompiledColumns:
-    """A function over columns as machine code; see `columns.Kernel`."""
-
-    def __init__(self, function: Any) -> None:
-        self._width = int(function.numel_out(1))
-        self._each = np.arange(self._width, dtype=np.uintp)
-        with _COMPILING:
-            self._values, self._products = _compiled_columns(function.serialize())
-
-    def values(self, table: ColumnTable, settings: Floats) -> Floats:
-        """See `columns.Kernel`."""
-        count = len(table)
-        found = np.empty((self._width, count))
-        if count:
-            columns = found.ctypes.data + self._each * np.uintp(8 * count)
-            ((_, _, places),) = table.addresses(count)
-            self._values(count, places, settings.ctypes.data, columns.ctypes.data)
-        return found
-
-    def lanes(self, table: ColumnTable, settings: Floats, length: int) -> Floats:
-        """See `columns.Kernel`."""
-        blocks = table.addresses(length)
-        sums = np.zeros((len(settings), len(blocks), self._width * (self._width + 1) // 2, LANES))
-        out, step = sums.ctypes.data, 8 * sums.shape[2] * LANES
-        first, width = settings.ctypes.data, 8 * settings.shape[1]
-        for one in range(first, first + width * len(settings), width):
-            for count, _, places in blocks:
-                self._products(count, places, one, out)
-                out += step
-        return sums
-
-
 @cache
 def _compiled(text: str) -> tuple[Callable[..., None], Callable[[int], None]]:
     """Machine code of a serialised step, over a block and of one sample; one for each step in a process."""
-    address = _addresses("step", text, Translation)
+    address = code_addresses("step", text, Translation)
     pointer = ctypes.c_void_p
     block = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([pointer] * 4))
     single = ctypes.PYFUNCTYPE(None, pointer)  # over before another thread could make use of the interpreter
     return block(address("run")), single(address("single"))
 
 
-@cache
-def _compiled_columns(text: str) -> tuple[Callable[..., None], Callable[..., None]]:
-    """Machine code of a serialised function over columns: its values, and the sums of their products."""
-    address = _addresses("columns", text, ColumnTranslation)
-    kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([ctypes.c_void_p] * 3))
-    return kind(address("values")), kind(address("products"))
-
-
-def _addresses(kind: str, text: str, translator: type[Translation]) -> Callable[[str], int]:
+def code_addresses(kind: str, text: str, translator: type[Translation]) -> Callable[[str], int]:
     """Where the functions of a serialised function's machine code are, whether it was made now or kept."""
     import llvmlite.binding as binding
 
     machine = _machine()
     processor = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), machine.triple
-    causes = (kind, text, version("llvmlite"), _translator(), *processor)
+    causes = (kind, text, version("llvmlite"), _sources(translator), *processor)
     code = cached_code(causes, lambda: _translated(text, machine, translator))
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
@@ -133,12 +91,11 @@ def _translated(text: str, machine: Any, translator: type[Translation]) -> bytes
     return bytes(machine.emit_object(module))
 
 
-@cache
-def _translator() -> str:
-    """What stands for the way from a step to its code."""
-    return sha256(
-        b"".join(Path(file).read_bytes() for file in (__file__, translation.__file__, column_translation.__file__))
-    ).hexdigest()
+def _sources(translator: type[Translation]) -> str:
+    """What stands for the way from a function to its code: this file, and those of the translation."""
+    modules = (sys.modules[kind.__module__] for kind in translator.__mro__ if kind is not object)
+    files = (__file__, *(module.__file__ for module in modules))
+    return sha256(b"".join(Path(file).read_bytes() for file in files if file)).hexdigest()
 
 
 def _machine() -> Any:

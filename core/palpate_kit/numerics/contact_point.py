@@ -1,25 +1,18 @@
-"""Where the surface is, by methods that look at the force alone; and where it may be by the paper's constraint."""
+"""Where the surface is, by methods that look at the force alone."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from palpate import Floats, Samples
-from palpate_engine import change_point
-
-from palpate_kit.numerics.segments import RecordCourse
-from palpate_kit.numerics.tip_travel import median, third_differences
+from palpate import Floats
 
 CONTACT_METHODS = ("threshold", "deviation-from-baseline", "gradient")
 _SMOOTH = 0.03  # [s] that the force is averaged over for the baseline method
 _BINS = 150  # of height on the way down
 _DEVIATION = 3.0  # standard deviations of the averaged force
 _GRADIENT = 0.1  # of the steepest rise
-_LEAST_AIR = 20  # samples
-_NEAR = 15.0  # standard deviations of the force
-_IN_ALL = 3  # samples beyond, which one alone may be by chance
 _SIGMAS = 5.0  # of the threshold, where none is given
 
 
@@ -44,38 +37,6 @@ class Approach:
     def noise(self) -> float:
         """Standard deviation [N] of one sample in the air."""
         return float(self.force[: self.air].std(ddof=1))
-
-
-def first_approach(samples: Samples, course: RecordCourse) -> Approach | None:
-    """The first approach with enough air before it; None where the record has no such thing."""
-    known = np.isfinite(samples.force) & (course.cycle <= 1)
-    touched = int(np.argmax(samples.contact))
-    deepest = np.where(known[touched:] & samples.contact[touched:], samples.position[touched:], np.inf).argmin()
-    known[touched + int(deepest) + 1 :] = False
-    near = samples.position < course.touch + max(2.0 * course.travel, 1e-12)
-    rows = np.flatnonzero(known & near)
-    air = int(np.count_nonzero(rows < touched))
-    if air < _LEAST_AIR or len(rows) - air < 5:
-        return None
-    interval = median(np.diff(samples.time[rows]))
-    return _ended(Approach(samples.position[rows], samples.force[rows], air, interval))
-
-
-def _ended(approach: Approach) -> Approach:
-    """The approach with its air ending where contact begins, which a threshold passes later.
-
-    A slow ramp is in contact long before its force shows in a single sample; contact is looked for where the force is
-    still near its noise, as only there the law of a change point is good for every tip.
-    """
-    noise = float(np.sqrt(np.mean(third_differences(approach.force) ** 2) / 20.0))
-    beyond = np.flatnonzero(approach.force[approach.air :] - median(approach.force[: approach.air]) > _NEAR * noise)
-    end = approach.air + (int(beyond[_IN_ALL - 1]) if len(beyond) >= _IN_ALL else len(approach.force))
-    found = change_point(approach.height[:end], approach.force[:end])
-    if found is None:
-        return approach
-    below = approach.height[: approach.air] < found.surface
-    air = approach.air - (int(np.argmin(below[::-1])) if not below.all() else 0)
-    return replace(approach, air=air) if air >= _LEAST_AIR else approach
 
 
 def contact_point(method: str, approach: Approach, threshold: float | None) -> ContactPoint | None:
@@ -141,16 +102,3 @@ def bin_force(approach: Approach) -> tuple[Floats, Floats]:
     sums = np.bincount(place, approach.force, minlength=_BINS)
     filled = np.flatnonzero(counts)
     return np.concatenate([edges[filled], [bottom]]), sums[filled] / counts[filled]
-
-
-def constrained_surface(approach: Approach, force_uncertainty: float) -> float:
-    """The lowest height [m] at which the measured force on the way down is still within the sensor's uncertainty.
-
-    The paper's constraint -F_unc <= F(z_surf) <= F_unc (eq. minprob): as F is measured, it depends on z_surf alone, and
-    what it allows is an interval of heights from here upwards.
-    """
-    edges, means = bin_force(approach)
-    beyond = np.abs(means) > force_uncertainty
-    # From the bottom up: the contact is the last stretch of heights that are all beyond.
-    last = len(beyond) - int(np.argmin(beyond[::-1])) if not beyond.all() else 0
-    return float(edges[min(last, len(edges) - 1)])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Floats, PalpateError, Samples
 from palpate_engine import RecordOutcome, Source, build_pipeline, finite_tree, inherited_approval, resolved_text
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import (
     CurveReader,
     Row,

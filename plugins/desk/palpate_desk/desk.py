@@ -14,7 +14,7 @@ from typing import IO, Any
 import typer
 from palpate import ConfigurationError, OutputError, printable, suggest
 from palpate_engine import analysis, file_in_place, inherited_approval, registry
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline
 from palpate_kit.curves.curve_table import FitTable

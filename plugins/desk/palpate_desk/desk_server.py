@@ -14,7 +14,7 @@ from typing import Any
 
 from palpate import ConfigurationError, OutputError, UserError
 from palpate_engine import error_text
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.page.datagrams import pack, pack_rows
 from palpate_kit.page.gate import GREETING, GuardedConnection, answer_request, page_files

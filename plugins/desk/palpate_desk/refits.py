@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves
 from palpate_kit.jobs.process_pool import process_pool
 

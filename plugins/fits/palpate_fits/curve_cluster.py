@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves
 from palpate_kit.jobs.cluster import connect_scheduler, loss_reason, spread
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from palpate import ConfigurationError, Problem, Tracker
-from palpate_kit.numerics.segments import parse_segment
 
 from palpate_fits.budget import sources_of
 from palpate_fits.fit_settings import FitSettings
+from palpate_fits.segments import parse_segment
 from palpate_fits.unknowns import unknowns_of
 
 

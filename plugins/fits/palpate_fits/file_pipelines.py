@@ -12,7 +12,7 @@ import tomli_w
 from palpate import ConfigurationError, to_si
 from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry
 from palpate_kit.curves.alike_logs import alike_logs
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
 from palpate_kit.runs.tip_words import tip_table
 from palpate_records.recording import Suggestion

@@ -12,7 +12,6 @@ from typing import Annotated
 import typer
 from palpate import ConfigurationError
 from palpate_engine import approved_plugins, load_pipeline, make_folder
-from palpate_kit.curves.curve_files import curve_files, curves_by
 from palpate_kit.curves.curve_fits import CurveReader, offline
 from palpate_kit.curves.fit_folder import is_fit_folder
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_no_jobs, demand_scheduler
@@ -20,6 +19,7 @@ from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides,
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
 
+from palpate_fits.curve_files import curve_files, curves_by
 from palpate_fits.fit_sources import log_device
 from palpate_fits.fit_tables import each_table
 from palpate_fits.folder_fits import fit_each

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from palpate import Flag, Problem, Samples
 from palpate_kit.numerics.contact_point import Approach, ContactPoint
-from palpate_kit.numerics.segments import RecordCourse, Rows
 from palpate_kit.numerics.tip_travel import TipTravel
 
 from palpate_fits.budget import BudgetSource
@@ -14,6 +13,7 @@ from palpate_fits.fit_settings import FitSettings
 from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import Residual
+from palpate_fits.segments import RecordCourse, Rows
 from palpate_fits.solvers import Solution
 from palpate_fits.unknowns import Unknowns
 

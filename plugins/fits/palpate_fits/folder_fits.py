@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from palpate_engine import Pipeline
-from palpate_kit.curves.curve_files import Curve
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline, record_tracks
 from palpate_kit.curves.curve_list import add_curves
 from palpate_kit.curves.curve_table import SETTINGS, FitTable

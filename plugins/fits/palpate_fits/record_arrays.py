@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
-from palpate_kit.kernel.column_table import ColumnTable
 from palpate_kit.numerics.local_cubic import local_cubic
 from palpate_kit.numerics.tip_travel import noise_of
+
+from palpate_fits.columns.column_table import ColumnTable
 
 PARTS = ("height", "rate", "acceleration", "force", "time", "weight")
 COLUMNS = len(PARTS) + 4

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats, contact_force
-from palpate_kit.kernel import LazyKernel, Step
-from palpate_kit.kernel.columns import ColumnFunction
+from palpate_kit.kernel import Step
 
+from palpate_fits.columns.column_function import ColumnFunction
 from palpate_fits.fading_states import fade_states
+from palpate_fits.lazy_kernel import LazyKernel
 from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import COLUMNS, PARTS, FitRecord
 from palpate_fits.unknowns import EXTRAS

@@ -11,12 +11,9 @@ from palpate_kit.numerics.contact_point import (
     CONTACT_METHODS,
     Approach,
     ContactPoint,
-    constrained_surface,
     contact_point,
-    first_approach,
 )
 from palpate_kit.numerics.refusal import NotFitted
-from palpate_kit.numerics.segments import RecordCourse, Rows, Window, passage, segment_rows
 from palpate_kit.numerics.tip_travel import (
     TipTravel,
     cubic_window,
@@ -26,6 +23,7 @@ from palpate_kit.numerics.tip_travel import (
     zero_phase_motion,
 )
 
+from palpate_fits.approach import constrained_surface, first_approach
 from palpate_fits.arm_order import in_order
 from palpate_fits.budget import BudgetSource
 from palpate_fits.first_guess import first_guess, linear_places
@@ -36,6 +34,7 @@ from palpate_fits.loss import LossFunction
 from palpate_fits.multistart import solve_from_many, solve_or_try_others, times_of, with_times_that_show
 from palpate_fits.record_arrays import FitRecord, make_record
 from palpate_fits.residual import Residual
+from palpate_fits.segments import RecordCourse, Rows, Window, passage, segment_rows
 from palpate_fits.solvers import Solution, solve_lm, solve_trf
 from palpate_fits.unknowns import Unknowns
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from palpate import DeviceError, Floats, ForceLaw, Setpoint, contact_force
-from palpate_kit.force_control import ForceLead
+from palpate_arms.force_control import ForceLead
 
 from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
 from palpate_simulation.skin_under_tip import SkinUnderTip

@@ -35,7 +35,6 @@ from palpate import (
     host_time_ns,
     setpoints_at,
 )
-from palpate_kit.force_control import refusal
 from palpate_kit.kinematics.ur_arm import rotation_vector
 from palpate_records.prefetch import ahead
 from pydantic import Field
@@ -43,7 +42,6 @@ from pydantic import Field
 from palpate_simulation.sensor_wrench import sensed_wrench
 from palpate_simulation.series_compliance import motion_behind_spring
 from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
-from palpate_simulation.simulated_force_control import force_controlled_motion
 from palpate_simulation.simulated_tool import SimulatedTool
 from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.skin_under_tip import SkinUnderTip
@@ -189,6 +187,8 @@ class _RigLink:
 
     def refuse_law(self, law: ForceLaw) -> None:
         """Whether a force may lead; see `palpate.SupportsForceControl`."""
+        from palpate_arms.force_control import refusal
+
         settings = self._settings
         text = refusal(law, math.inf, math.inf, math.inf, law.end)
         if settings.specimen.unloading == "ting" or settings.series_stiffness is not None:
@@ -218,6 +218,8 @@ class _RigLink:
         setpoint = setpoints_at(self._trajectory, ticks)
         loop = PositionLoop(settings.gain, settings.damping, settings.lag, 1.0 / settings.rate)
         if isinstance(self._trajectory, ForceControlled):
+            from palpate_simulation.simulated_force_control import force_controlled_motion
+
             noise = self._led_noise.standard_normal(len(ticks)) * settings.force_std
             law = self._trajectory.force_law
             motion, setpoint = force_controlled_motion(settings.specimen, loop, ticks, setpoint, law, noise)

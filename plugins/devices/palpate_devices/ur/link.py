@@ -26,6 +26,8 @@ from palpate import (
     surface_of,
 )
 from palpate_arms.fence import SINGULAR, is_singular
+from palpate_arms.force_control import refusal
+from palpate_arms.lateness import lateness_table
 from palpate_arms.reach import ArmReach
 from palpate_arms.servo import ServoLaw, straight_path
 from palpate_arms.setpoint_buffer import PERIOD, write_setpoints
@@ -33,9 +35,7 @@ from palpate_arms.start_path import FirstStation, start_path
 from palpate_arms.station_plane import LEVEL
 from palpate_kit.acquisition.child import Child
 from palpate_kit.acquisition.device_clock import ClockMap
-from palpate_kit.acquisition.lateness import lateness_table
 from palpate_kit.acquisition.ring import integers
-from palpate_kit.force_control import refusal
 from palpate_kit.kinematics.ur_arm import MODELS, UR3E, matrix_of, quaternion, tip
 from palpate_kit.kinematics.work_frame import agreement
 

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 from palpate import DeviceError, Floats, ForceLaw, clock
 from palpate_arms.fence import ArmState, Fence, Verdict
+from palpate_arms.force_control import refusal
 from palpate_arms.force_watch import ForceEye
 from palpate_arms.servo import Commander, ServoLaw
 from palpate_arms.servo_pace import Beat, Pace
@@ -22,7 +23,6 @@ from palpate_kit.acquisition.child import Parent
 from palpate_kit.acquisition.computer import host
 from palpate_kit.acquisition.device_lock import network_device
 from palpate_kit.acquisition.ring import Ring
-from palpate_kit.force_control import refusal
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_devices.ur.client_library import missing_library

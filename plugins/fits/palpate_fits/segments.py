@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, Samples, is_number, to_si
-
 from palpate_kit.numerics.holds import hold_rows
 from palpate_kit.numerics.refusal import NotFitted
 

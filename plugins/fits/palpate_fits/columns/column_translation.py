@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from palpate_kit.kernel.column_table import LANES
 from palpate_kit.kernel.translation import Translation
+
+from palpate_fits.columns.column_table import LANES
 
 
 class ColumnTranslation(Translation):

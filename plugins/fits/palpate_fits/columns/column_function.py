@@ -12,16 +12,16 @@ from typing import Any, Protocol
 
 import numpy as np
 from palpate import Floats
-
 from palpate_kit.kernel.choice import VARIABLE, kernel_choice
-from palpate_kit.kernel.column_table import LANES, ColumnTable
-from palpate_kit.kernel.half_powers import with_roots
-from palpate_kit.kernel.llvm import CompiledColumns
 from palpate_kit.kernel.translation import Untranslatable
 from palpate_kit.kernel.virtual_machine import VirtualMachine
 
+from palpate_fits.columns.column_table import LANES, ColumnTable
+from palpate_fits.columns.compiled_columns import CompiledColumns
+from palpate_fits.columns.half_powers import with_roots
+
 _BLOCK = 8192  # samples in one sum; sums of sums keep the rounding small
-_PAYS = 20_000  # samples, which the virtual machine takes longer over than LLVM over what it finds compiled
+PAYS = 20_000  # samples, which the virtual machine takes longer over than LLVM over what it finds compiled
 
 
 class ColumnKernel(Protocol):
@@ -66,7 +66,7 @@ class ColumnFunction:
 
     def _used_for(self, samples: int) -> ColumnKernel:
         before, self._used = self._used, self._used + samples
-        if before < _PAYS <= self._used:
+        if before < PAYS <= self._used:
             self._kernel = _compiled(self._function) or self._kernel
         return self._kernel
 

@@ -1,24 +1,14 @@
-"""Curves: files, or parts of a log."""
+"""Curves of files, and of parts of a log."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from palpate import Batch, ConfigurationError, Device
-
-
-@dataclass(frozen=True)
-class Curve:
-    """One curve: a file, or its readings."""
-
-    name: str
-    file: str = ""
-    batches: tuple[Batch, ...] = ()
-    own: tuple[str, ...] = ()  # settings of this curve alone, as of ``--set``
+from palpate_kit.curves.curve import Curve
 
 
 def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve]:

@@ -1,0 +1,1 @@
+"""Functions over columns of samples: values, or sums of products, as fast code."""
