@@ -1,7 +1,7 @@
 """Sound and saturated rigs before the detector of a force that does not rise: false stops, and forces reached.
 
 ``python benchmarks/force_rise.py 1000 [first seed]``: so many sound rigs, each drawn from its seed, feed
-`palpate.force_rise.RiseWatch` alone, as the servo process does; then each again with a sensor that saturates, at a
+`palpate_engine.RiseWatch` alone, as the servo process does; then each again with a sensor that saturates, at a
 level of its own and with noise on top. Sound are materials of 1 kPa to 5 MPa that relax or not, under a flat end, a
 sphere or a cone, sensors coarse or fine with 5 to 50 mN of noise, white or filtered, the inertia of the tip, motions of
 quintic approaches, sines and ramps with holds.
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from palpate.force_rise import RiseWatch, SoundForce
+from palpate_engine import RiseWatch, SoundForce
 
 _TICK = 0.002  # [s]
 _RADIUS = 5e-3  # [m]

@@ -9,8 +9,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from palpate.force_rise import SoundForce
 from palpate.repeated_readings import Repeats
+from palpate.sound_force import SoundForce
 from palpate.vectors import Floats
 
 NO_DEPTH = 1e3  # [m]; the box alone counts

@@ -48,9 +48,7 @@ from .core_names import (
     Enclosure as Enclosure,
     FlagEntry as FlagEntry,
     Quantity as Quantity,
-    ReadingAge as ReadingAge,
     Registry as Registry,
-    RiseWatch as RiseWatch,
     SoundForce as SoundForce,
     StoppedError as StoppedError,
     advice_on as advice_on,
@@ -127,4 +125,6 @@ from .safety import (
     check_own_motion as check_own_motion,
     demand_safe as demand_safe,
 )
+from .safety.force_rise import RiseWatch as RiseWatch
+from .safety.reading_age import ReadingAge as ReadingAge
 from .track_name import TrackName as TrackName

@@ -10,13 +10,12 @@ from palpate.discovery import import_plugin_file, plugin_file_of
 from palpate.errors import ConsentError, StoppedError, error_text
 from palpate.evidence.condition import FORMER_FLAGS
 from palpate.flags import SEVERITIES, advice_on, has_no_number, verdict, verdict_rank, verdict_word
-from palpate.force_rise import RiseWatch, SoundForce
 from palpate.hooks import KINDS
 from palpate.input_file import Enclosure, bounded_text, json_document, toml_tables
 from palpate.offers import function_of
 from palpate.parts import input_files, nested_settings, numbers_of, part_kind
-from palpate.reading_age import ReadingAge
 from palpate.registry import FlagEntry, Registry, analysis
 from palpate.safe_path import safe_processes
+from palpate.sound_force import SoundForce
 from palpate.trust import announce, approved_files, approved_plugins, inherited_approval, trust_plugin, trusted_plugins
 from palpate.units import Quantity, dimension, display_unit

@@ -6,10 +6,11 @@ import math
 from dataclasses import replace
 
 from palpate.device import Batch
-from palpate.force_rise import RiseWatch, SoundForce
+from palpate.sound_force import SoundForce
 from palpate.vectors import Floats
 
 from palpate_engine.alignment import Port
+from palpate_engine.safety.force_rise import RiseWatch
 
 
 class RiseCheck:

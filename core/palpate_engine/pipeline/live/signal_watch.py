@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from palpate.device import Batch
 from palpate.errors import DeviceError
-from palpate.reading_age import DRIFT, ReadingAge
 from palpate.vectors import Floats
 
 from palpate_engine.alignment import Port
+from palpate_engine.safety.reading_age import DRIFT, ReadingAge
 
 AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from palpate.clocks import clock
 from palpate.device import ReportsHealth
 from palpate.errors import ConfigurationError, DeviceError, error_text
-from palpate.force_rise import NO_SET_FORCE
+from palpate.sound_force import NO_SET_FORCE
 from palpate.trajectory import ForceControlled, Trajectory, surface_of
 
 from palpate_engine.alignment import GRAVITY

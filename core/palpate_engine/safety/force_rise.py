@@ -6,18 +6,14 @@ import math
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-
+from palpate.sound_force import LONGEST, POSE, SoundForce
 from palpate.vectors import Floats
 
-NO_SET_FORCE = 1e9  # [N]; no law holds a force
-LONGEST = 1e-3  # [m] of a window
 _SHARE = 0.2  # of F w/depth: a law F ~ d^n rises by n/2 of it from the mean of one half to that of the other
 _SIGNIFICANT = 5.0  # standard errors
-_POSE = 10.0  # times the noise of the pose, which a window is long at least
 _STEPS = 20  # of a window
 _SLOWER = 0.9  # of the speed from half to half, which falls by a fifth within the window then
 _STANDS = 0.5  # of the speed at the begin of a window: a hold, in which the force relaxes
@@ -26,40 +22,6 @@ _AT_SET_FORCE = 0.9  # of the force that a law holds
 _READINGS = 20  # over which contact is looked for
 _FEW = 4  # readings of half a window
 _QUIET, _BLOCK = 0.2, 100  # of the noise at standstill; readings
-_BLOCKS, _SHORTEST = 40, 8  # of a standstill; readings of one
-
-
-@dataclass(frozen=True)
-class SoundForce:
-    """A sound force at standstill, in free air, and over which ways it has to rise in contact."""
-
-    name: str
-    windows: tuple[float, ...]  # [m]
-    std: float  # [N] of one reading
-    correlation: float  # by so much the variance of a mean is larger than that of independent readings
-    roughness: float  # [N] rms of second differences; 0 where the resolution hides it
-    inertia: float  # [N] of the tip's mass, at most
-    position_std: float  # [m]
-    set_force: float = NO_SET_FORCE  # [N] that a law of the motion holds: there it does not rise
-
-    @classmethod
-    def of(cls, name: str, force: Floats, position: Floats, window: float, inertia: float) -> SoundForce:
-        """From readings (n,) [N] and positions (m,) [m] at standstill, both finite; `window` [m] beside 1 mm."""
-        size = max(len(force) // _BLOCKS, _SHORTEST)
-        means = force[: len(force) // size * size].reshape(-1, size).mean(axis=1)
-        std = float(force.std())
-        of_means = size * float(means.var()) / std**2 if len(means) > 2 and std > 0.0 else 1.0
-        steps = np.diff(np.unique(force))
-        fine = len(steps) > 0 and std >= float(steps.min())
-        roughness = float(np.sqrt(np.mean(np.diff(force, 2) ** 2))) if fine and len(force) > 2 else 0.0
-        position_std = float(position.std())
-        windows = {min(window, LONGEST), LONGEST}
-        judged = tuple(sorted(w for w in windows if w >= _POSE * position_std))
-        return cls(name, judged, std, max(of_means, 1.0), roughness, inertia, position_std)
-
-    def standard_error(self, count: float) -> float:
-        """Of the mean of so many readings [N]."""
-        return self.std * math.sqrt(self.correlation / count)
 
 
 class RiseWatch:
@@ -142,7 +104,7 @@ class RiseWatch:
             return None
         step = windows[0] / _STEPS
         if self._ways and way < self._ways[-1] + step:
-            if way < self._ways[-1] - max(_POSE * self._sound.position_std, step):  # it goes out
+            if way < self._ways[-1] - max(POSE * self._sound.position_std, step):  # it goes out
                 self._ways.clear()
                 self._rows.clear()
             return None
