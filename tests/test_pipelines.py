@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
-from palpate_engine import registry
+from palpate_engine import check_motion, load_pipeline, registry
 
 FOLDER = Path(__file__).parent.parent / "pipelines"
 LONG = (
@@ -34,6 +34,20 @@ def test_there_are_some():
 def test_it_is_in_order(palpate, pipeline):
     done = palpate("check", pipeline)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem.startswith("breast") else [])
+        for path in PIPELINES
+        if "[safety]" in path.read_text()
+    ],
+)
+def test_its_motion_keeps_its_limits(path):
+    pipeline = load_pipeline(path)
+    problems = [check_motion(one, pipeline.safety).problems for one in pipeline.trajectories.values()]
+    assert not any(problems)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from palpate_devices.bota.device import BotaSensor
 from palpate_devices.ur.command_echo import Echo
 from palpate_devices.ur.device import UR
 from palpate_engine.safety import SafetySettings
+from palpate_simulation.twins.direct_client import DirectCommands
 from palpate_trajectories.point import Point
 
 from tests.devices.conftest import need_arm
@@ -407,9 +408,21 @@ def test_it_waits_while_the_sensor_says_nothing(simulated):
     assert twin.state()["low"][2] == pytest.approx(-0.005, abs=3e-4)
 
 
+def already_open(*_):
+    """What the client library says of a link that was reset while it connects again."""
+    raise RuntimeError("open: Already open")
+
+
 @pytest.mark.gate
 @pytest.mark.slow
-def test_an_error_in_the_servo_loop_stops_the_arm_and_is_told(simulated, monkeypatch):
+@pytest.mark.parametrize(
+    ("where", "name", "answer", "words"),
+    [
+        (Echo, "number", lambda *_: 40.001, r"its servo loop failed: ValueError: The value is not within \[0;40\]"),
+        (DirectCommands, "servoL", already_open, r"the control link is lost: .*\(open: Already open\)"),
+    ],
+)
+def test_an_error_in_the_servo_loop_stops_the_arm_and_is_told(simulated, monkeypatch, where, name, answer, words):
     """Whatever the client library, or we, did not expect."""
     twin = simulated(*SHORT)
     slow = Point(bias=0.004, amplitude=0.001, clearance=0.003, standstill=0.0, duration=0.5, speed=0.01)
@@ -418,8 +431,8 @@ def test_an_error_in_the_servo_loop_stops_the_arm_and_is_told(simulated, monkeyp
         link.limit(LIMITS.of_an_arm, print)
         link.follow(slow)
         twin.wait(lambda state: state["height"] < 0.001)
-        monkeypatch.setattr(Echo, "number", lambda *_: 40.001)
-        with pytest.raises(DeviceError, match=r"its servo loop failed: ValueError: The value is not within \[0;40\]"):
+        monkeypatch.setattr(where, name, answer)
+        with pytest.raises(DeviceError, match=words):
             list(batches)
     clock().sleep(0.1)
     before = twin.state()["height"]

@@ -112,9 +112,9 @@ ROBOT = {
     "pause-program": "program was paused",
     "freeze": "silent",
     "half": "silent",
-    "close": "closed the link|program|silent|loses the link|no sign of life",
-    "reset": "closed the link|program|silent|loses the link|no sign of life",
-    "gone": "closed the link|program|silent|loses the link|no sign of life",
+    "close": "closed the link|link is lost|program|silent|loses the link|no sign of life",
+    "reset": "closed the link|link is lost|program|silent|loses the link|no sign of life",
+    "gone": "closed the link|link is lost|program|silent|loses the link|no sign of life",
     "stall 1.5": "silent",
 }
 SENSOR = {

@@ -78,7 +78,7 @@ def test_what_says_which_device_it_is():
 @pytest.mark.slow
 def test_the_noise_at_standstill_and_the_devices_are_found(simulated, tmp_path):
     text = PIPELINE.read_text()
-    others, after = text.index("[calibration.orientations]"), text.index("[trajectory.press]")
+    others, after = text.index("[calibration.orientations]"), text.index("[alignment]")
     (tmp_path / "standstill.toml").write_text(text[:others] + text[after:])
     simulated(*HIDDEN)
     sets = ["calibration.standstill.trajectory.duration=2.5 s", "calibration.repeats=1"]
@@ -92,7 +92,7 @@ def test_the_noise_at_standstill_and_the_devices_are_found(simulated, tmp_path):
 def test_how_the_sensor_is_mounted_is_found_where_the_arm_itself_is_turned(simulated, tmp_path):
     """The sensor is turned by 30 degrees about the flange, and the arm leads it to four orientations."""
     text = PIPELINE.read_text()
-    begin, end, after = (text.index(f"[{name}") for name in ("calibration]", "calibration.shake", "trajectory.press"))
+    begin, end, after = (text.index(f"[{name}") for name in ("calibration]", "calibration.shake", "alignment]"))
     step = text[begin:end].partition("[calibration.orientations]")[2]
     steps = f"[calibration]\n[calibration.orientations]{step}"
     near = (text[:begin] + steps + text[after:]).replace('origin = ["-300 mm"', 'origin = ["-220 mm"')

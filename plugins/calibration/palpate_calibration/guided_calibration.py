@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, KnowsGravity, LogError
+from palpate import ConfigurationError, KnowsGravity, LogError, duration_of
 from palpate_engine import Reach, is_live, mounting_of, plain_settings
 from palpate_kit.runs.calibration_file import Calibration
 
@@ -145,7 +145,7 @@ def _repeated(
     """So many records that can be used; a live rig, where things happen, gets some more attempts than repeats."""
     done: list[CalibrationRecord] = []
     live = is_live(plan.devices)
-    length = sum(trajectory.total_duration for trajectory in plan.trajectories.values())
+    length = sum(map(duration_of, plan.trajectories.values()))
     refused = 0
     while len(done) < repeats:
         guide.say(f"  repeat {len(done) + 1} of {repeats}: {length:.0f} s of motion")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from palpate import ConfigurationError, Floats, Resumable, Trajectory
+from palpate import ConfigurationError, Floats, Resumable, Trajectory, duration_of
 from palpate_engine import Pipeline, is_live
 from palpate_kit.runs.continuation import continue_pipeline, recorded_pipeline
 from palpate_kit.runs.run_folder import RunFolder
@@ -52,7 +52,7 @@ def remaining_pipeline(folder: Path, overrides: Sequence[str] = ()) -> Pipeline 
 def _remaining(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> Trajectory | None:
     """The part of a motion left undone: all of it where it cannot be divided."""
     elapsed = _elapsed(part, pipeline, trajectory)
-    if elapsed >= trajectory.total_duration - _CAUTION:
+    if elapsed >= duration_of(trajectory) - _CAUTION:
         return None
     return trajectory.after(elapsed - _CAUTION) if isinstance(trajectory, Resumable) else trajectory
 
@@ -70,7 +70,7 @@ def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> flo
     standstill = pipeline.safety.standstill if pipeline.safety else 0.0
     known = np.isfinite(place).all(axis=1)
     if not known.any():  # of a motion that was cut it is not known how far it came
-        return end - standstill if end - standstill >= trajectory.total_duration else 0.0
+        return end - standstill if end - standstill >= duration_of(trajectory) else 0.0
     every = max(int(known.sum()) // _ROWS, 1)
     time, place = time[known], place[known]
     delay = _delay(time[::every], place[::every], trajectory, standstill)

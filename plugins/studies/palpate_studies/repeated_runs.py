@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import typer
-from palpate import ConfigurationError, Device, Length, PalpateError, Settings, Time, UserError, clock
+from palpate import ConfigurationError, Device, Length, PalpateError, Settings, Time, UserError, clock, duration_of
 from palpate_engine import Pipeline, check_motion, load_pipeline, make_folder, run_pipeline
 from palpate_kit.jobs.engines import demand_scheduler
 from palpate_kit.jobs.job import Job
@@ -63,7 +63,7 @@ def palpations(pipeline: Pipeline) -> Iterator[Pipeline]:
             f"{pipeline.path}: [repeat] wants one trajectory, and there are {len(pipeline.trajectories)}"
         )
     ((name, motion),) = pipeline.trajectories.items()
-    way, pause = math.hypot(*settings.step), motion.total_duration + settings.wait
+    way, pause = math.hypot(*settings.step), duration_of(motion) + settings.wait
     moved: Any = pipeline.registry.find("trajectory", "moved")
     for k in range(settings.count):
         run = pipeline.run.model_copy(

@@ -119,7 +119,7 @@ class Guard:
         if self._over.is_set():
             return
         if self.reason is None:
-            self.trip(self._tip.standing(text) if device in self._moving else text)
+            self.trip(self._tip.standing(text, self.peak.latest) if device in self._moving else text)
         elif device in self._moving:
             self._strand(text)
 
@@ -130,7 +130,7 @@ class Guard:
 
     def _strand(self, text: str) -> None:
         self.is_stranded = True
-        self._add(self._tip.stranded(text))
+        self._add(self._tip.stranded(text, self.peak.latest))
 
     def _ended_early(self, device: str) -> None:
         needed = [watch.name for watch in (self._force, self._position) if watch.port.device == device]
@@ -252,7 +252,6 @@ class Guard:
 
     def _check_size(self, values: Floats, tare: Floats, limits: SafetySettings) -> None:
         largest = self.peak.note(values, tare)
-        self._tip.felt = self.peak.latest
         if largest > limits.stop_force:
             pushed = self._force.port.signal.sign * float(values[-1, self._named] - tare[self._named])
             self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")

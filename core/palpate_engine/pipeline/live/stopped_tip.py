@@ -10,11 +10,10 @@ _MORE = 1e-3  # [m] that a tip may go on beyond what reaction and braking take
 
 
 class StoppedTip:
-    """Height and force of the tip by the latest readings, and where it was when its arm was to stop."""
+    """Height of the tip by the latest readings, and where it was when its arm was to stop."""
 
     def __init__(self) -> None:
         self.height = math.inf  # [m]
-        self.felt = 0.0  # [N] largest component, tared
         self._at_stop = math.inf  # [m]
         self._is_disobeyed = False
 
@@ -22,16 +21,16 @@ class StoppedTip:
         """The arm is to stop now."""
         self._at_stop = self.height
 
-    def standing(self, text: str) -> str:
-        """The sentence of a failed arm, and where the tip is."""
-        where = f" The tip stands at a height of {1e3 * self.height:.1f} mm and feels {self.felt:.1f} N."
+    def standing(self, text: str, felt: float) -> str:
+        """The sentence of a failed arm, where the tip is, and the force [N] that it feels."""
+        where = f" The tip stands at a height of {1e3 * self.height:.1f} mm and feels {felt:.1f} N."
         return text.rstrip(".") + "." + (where if math.isfinite(self.height) else "")
 
-    def stranded(self, text: str) -> str:
-        """What is added to the reason of a stop after which the arm did not leave, by a second fault."""
+    def stranded(self, text: str, felt: float) -> str:
+        """What is added to the reason of a stop after which the arm did not leave, by a second fault; `felt` [N]."""
         return (
-            f"; the arm was to leave, and that has failed: {self.standing(text)} Nothing moves it any more: keep the "
-            "emergency stop at hand, find the cause at the pendant, and lift the tip in freedrive"
+            f"; the arm was to leave, and that has failed: {self.standing(text, felt)} Nothing moves it any more: keep "
+            "the emergency stop at hand, find the cause at the pendant, and lift the tip in freedrive"
         )
 
     def disobedience(self, limits: SafetySettings) -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any
 
@@ -40,6 +41,10 @@ _NEAR = 5e-3  # [m] between the controller's pose and that of the nominal kinema
 _SWING, _FASTEST = 5e-3, 3.0  # [m], [m/s] of a tip: the largest arm of the series reaches 2 m/s
 _ENOUGH, _SELDOM = 10, 0.01  # states that tell their rate; [s] between states at the most
 _TAKES = 0.2  # [s] until the controller's states show a new TCP or payload
+
+
+class RobotFaultError(Exception):
+    """Why the servo process ends at once, in words for the person at the robot."""
 
 
 class Robot:
@@ -245,14 +250,33 @@ class Robot:
         """Rotation vector (3,) of the tool from where the work frame wants it."""
         return tool_turn(self._work, rotation_matrix(self.state[STATE["rotation"]]))
 
+    def feed_watchdog(self) -> None:
+        """No command, in time; raises RobotFaultError where the link is lost."""
+        if self.control is not None:
+            _sent(self.control.kickWatchdog)
+
     def servo(self, position: Floats, turn: Floats) -> bool:
-        """Send the arm to a position in the work frame and a turn of the tool; True means sent, not done."""
+        """Send the arm to a position in the work frame and a turn of the tool; True means sent, not done.
+
+        Raises RobotFaultError where the link is lost.
+        """
         target = (self._origin + self._out @ position).tolist()
         if self._turned is None or not np.array_equal(self._turned[0], turn):
             rotation = rotation_vector(self._work.tool @ rotation_matrix(turn.tolist()))
             self._turned = turn.copy(), rotation.tolist()
         number = self._echo.number(self.stamp, position)
-        return bool(self.control.servoL([*target, *self._turned[1]], 0.5, number, *self._servo))
+        return _sent(self.control.servoL, [*target, *self._turned[1]], 0.5, number, *self._servo)
+
+
+def _sent(command: Callable[..., bool], *arguments: Any) -> bool:
+    """Whether a command was sent; of a link that was reset the library says it in words of its sockets."""
+    try:
+        return bool(command(*arguments))
+    except RuntimeError as error:
+        raise RobotFaultError(
+            "the control link is lost: the client library can neither send nor connect again "
+            f"({' '.join(str(error).split())}), and the controller's watchdog stops the arm. Check cable and switch"
+        ) from error
 
 
 def by_joints(state: list[float], tool: Floats, model: Model) -> list[float]:

@@ -10,7 +10,7 @@ from palpate_arms.setpoint_buffer import PERIOD
 from palpate_engine import ReadingAge
 
 from palpate_devices.ur.controller_states import NORMAL, RUNNING, STOPPED, complaint, slowdown
-from palpate_devices.ur.robot import Robot
+from palpate_devices.ur.robot import Robot, RobotFaultError
 
 _LOST = 0.1  # [s] without a command taken: the link is lost
 _MUTE = 25  # periods in which a stop has to reach the other connection, too
@@ -18,10 +18,6 @@ _HEARD = 0.25  # [s] for a stop to be carried out
 _AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
 _SAFETY_MODES = range(1, 14)  # that a controller has
 _LEAP = "no arm does that; was another TCP set meanwhile?"
-
-
-class RobotFaultError(Exception):
-    """Why the servo process ends at once, in words for the person at the robot."""
 
 
 class RobotWatch:

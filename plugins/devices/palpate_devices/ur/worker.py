@@ -28,8 +28,8 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 from palpate_devices.ur.client_library import missing_library
 from palpate_devices.ur.command_echo import RTDE_PORT
 from palpate_devices.ur.layout import RETRACT, ROW, STOP
-from palpate_devices.ur.robot import Robot, by_joints
-from palpate_devices.ur.robot_watch import RobotFaultError, RobotWatch
+from palpate_devices.ur.robot import Robot, RobotFaultError, by_joints
+from palpate_devices.ur.robot_watch import RobotWatch
 
 _BLIND = 1.15e9  # [ns] without a new state, of a second between two: of more commands only the last would count
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
@@ -118,8 +118,7 @@ class _Loop:
             self._finish()
         self._setpoint = commander.setpoint
         if commander.mode == "hold":
-            if robot.control is not None:
-                robot.control.kickWatchdog()
+            robot.feed_watchdog()
             return
         self._command(commander, now)
 

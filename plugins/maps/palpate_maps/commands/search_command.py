@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
-from palpate import ConfigurationError
+from palpate import ConfigurationError, duration_of
 from palpate_kit.figures import save_figure
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.json_output import print_aside, print_json
@@ -240,8 +240,7 @@ def visit(run: Path, motion: SearchMotion, places: list[Proposal]) -> float:
         part = continue_pipeline(motion.pipeline, trajectory, len(folder.parts))
         result = run_pipeline(part, folder.next_part, report_progress)
     result.demand_whole()
-    duration: Any = trajectory.total_duration
-    return float(duration)
+    return duration_of(trajectory)
 
 
 def _show(places: list[Proposal]) -> None:

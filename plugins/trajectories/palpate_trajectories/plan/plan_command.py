@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from palpate import ConfigurationError, Floats, Setpoint, Trajectory, contact_force, duration_of, setpoints_at, to_si
+from palpate import ConfigurationError, Floats, Setpoint, contact_force, duration_of, setpoints_at, to_si
 from palpate_engine import Pipeline, ask_devices, check_motion, load_pipeline, truth_of
 from palpate_kit.figures import save_figure
 from palpate_kit.terminal.json_output import print_aside, print_json
@@ -47,7 +47,7 @@ def plan(
         end = duration_of(trajectory)
         time = np.arange(0.0, end + _STEP, max(_STEP, end / _MOST))
         setpoint = setpoints_at(trajectory, time)
-        facts = answer[name] = _facts(pipeline, trajectory, time, setpoint, expect or [])
+        facts = answer[name] = _facts(pipeline, end, time, setpoint, expect or [])
         ask_devices(pipeline.devices, setpoint)
         report = check_motion(trajectory, pipeline.safety) if pipeline.safety else None
         if report is not None:
@@ -55,7 +55,7 @@ def plan(
             problems += [f"trajectory {name}: {problem}" for problem in report.problems]
         with print_aside(as_json):
             typer.echo(f"[trajectory.{name}], height of the tip in the work frame:")
-            typer.echo("\n".join(draw_height(trajectory)))
+            typer.echo("\n".join(draw_height(trajectory, end)))
             for line in (*fact_lines(pipeline, facts), *safety_lines(report, pipeline.safety)):
                 typer.echo(f"  {line}")
             if out is not None:
@@ -79,10 +79,8 @@ def _draw(time: Floats, setpoint: Setpoint, name: str, path: Path) -> None:
     save_figure(image, path)
 
 
-def _facts(
-    pipeline: Pipeline, trajectory: Trajectory, time: Any, setpoint: Setpoint, expect: list[str]
-) -> dict[str, Any]:
-    """What the motion is and asks for [SI]."""
+def _facts(pipeline: Pipeline, end: float, time: Any, setpoint: Setpoint, expect: list[str]) -> dict[str, Any]:
+    """What a motion that ends at a time [s] is and asks for [SI]."""
     place, velocity = setpoint.position, setpoint.velocity
     forces: dict[str, float | None] = {}
     for name, model in pipeline.models.items():
@@ -97,8 +95,8 @@ def _facts(
         for name, device in pipeline.devices.items()
     }
     return {
-        "duration": trajectory.total_duration,
-        "measured": float(np.count_nonzero(setpoint.measuring)) / len(time) * trajectory.total_duration,
+        "duration": end,
+        "measured": float(np.count_nonzero(setpoint.measuring)) / len(time) * end,
         "speed": float(np.linalg.norm(velocity, axis=1).max()),
         "acceleration": float((np.linalg.norm(np.diff(velocity, axis=0), axis=1) / np.diff(time)).max()),
         "low": place.min(axis=0).tolist(),

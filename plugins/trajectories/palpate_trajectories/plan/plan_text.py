@@ -12,9 +12,9 @@ from palpate_engine import MotionReport, Pipeline, SafetySettings, check_own_mot
 _WIDTH, _HEIGHT = 72, 14  # characters of the drawing
 
 
-def draw_height(trajectory: Trajectory) -> Iterator[str]:
-    """Height over time, in characters; ``#`` where it is meant for estimation."""
-    times = np.linspace(0.0, trajectory.total_duration, 8 * _WIDTH)
+def draw_height(trajectory: Trajectory, end: float) -> Iterator[str]:
+    """Height over the time until its end [s], in characters; ``#`` where it is meant for estimation."""
+    times = np.linspace(0.0, end, 8 * _WIDTH)
     setpoint = setpoints_at(trajectory, times)
     height = setpoint.position[:, 2]
     low, high = float(height.min()), float(height.max())
