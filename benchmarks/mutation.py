@@ -31,45 +31,45 @@ from cosmic_ray.plugins import get_operator
 ROOT = Path(__file__).parents[1]
 _QUIET: dict = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "timeout": 600}
 _UNCERTAINTY = "plugins/uncertainty/palpate_uncertainty"
-_ALIGNMENT, _FITS = "core/palpate_engine/alignment", "plugins/filters/palpate_filters/fit"
-_KERNEL, _LOGS = "plugins/filters/palpate_filters/kernel", "plugins/devices/palpate_devices/logs"
+_ALIGNMENT, _FITS = "core/palpate_engine/alignment", "plugins/fits/palpate_fits"
+_KERNEL, _COLUMNS = "core/palpate_kit/kernel", "plugins/fits/palpate_fits/columns"
 _LACK = "uncertainty/test_lack_of_fit.py uncertainty/test_lack_of_fit_of_sweeps.py uncertainty/test_whitening.py"
-_BUDGET = "uncertainty/test_budget.py uncertainty/test_budget_command.py uncertainty/test_geometry.py"
+_BUDGET = "uncertainty/test_budget.py uncertainty/test_budget_command.py"
 _SPREAD = "uncertainty/test_settling.py uncertainty/test_stretches.py uncertainty/test_timing.py"
 _READ = (
-    "logs/test_mcap_reader.py logs/test_mcap_index.py logs/test_recovery.py logs/test_damage.py "
-    "logs/test_mcap.py logs/test_corpus.py"
+    "records/test_mcap_reader.py records/test_recovery.py records/test_damage.py devices/test_mcap.py "
+    "logs/test_corpus.py"
 )
 AREAS = {  # by area: modules and the tests that hold them; of several patterns that match, the first counts
     "alignment": {
-        f"{_ALIGNMENT}/c*.py {_ALIGNMENT}/rise.py {_ALIGNMENT}/held_samples.py {_ALIGNMENT}/load_compensation.py":
-            "core/test_contact_detector.py core/test_alignment.py",
-        f"{_ALIGNMENT}/*.py": "core/test_alignment.py core/test_ports.py core/test_contact_detector.py",
+        f"{_ALIGNMENT}/c*.py {_ALIGNMENT}/slow_rise.py {_ALIGNMENT}/held_samples.py {_ALIGNMENT}/load_compensation.py":
+            "engine/test_contact_detector.py engine/test_alignment.py",
+        f"{_ALIGNMENT}/*.py": "engine/test_alignment.py engine/test_ports.py engine/test_contact_detector.py",
     },
     "guard": {
         "core/palpate_engine/pipeline/live/guard.py core/palpate_engine/pipeline/live/*_watch.py "
         "core/palpate_engine/safety/*.py core/palpate/arm_limits.py":
-            "core/test_safety.py devices/test_fence.py",
+            "engine/test_safety.py devices/test_fence.py",
     },
-    "fence": {"plugins/devices/palpate_devices/ur3e/f[eo][nl]*.py": "devices/test_fence.py"},
+    "fence": {"core/palpate_arms/f[eo][nr]*.py": "devices/test_fence.py"},
     "uncertainty": {
         f"{_UNCERTAINTY}/[lwa]*.py {_UNCERTAINTY}/unloading.py": f"{_LACK} uncertainty/test_late_force.py",
-        f"{_UNCERTAINTY}/self_timed.py {_UNCERTAINTY}/timed_record.py {_UNCERTAINTY}/telling.py":
+        f"{_UNCERTAINTY}/delay/timed_record.py {_UNCERTAINTY}/delay/delay_from_motion.py":
             "uncertainty/test_self_timed.py",
-        f"{_UNCERTAINTY}/choice.py": "uncertainty/test_choice.py",
-        f"{_UNCERTAINTY}/choose.py {_UNCERTAINTY}/held_out.py": "uncertainty/test_choose.py",
+        f"{_UNCERTAINTY}/model_choice.py": "uncertainty/test_choice.py",
+        f"{_UNCERTAINTY}/choose_command.py {_UNCERTAINTY}/held_out.py": "uncertainty/test_choose.py",
         f"{_UNCERTAINTY}/monte_carlo.py": "uncertainty/test_monte_carlo.py",
-        f"{_UNCERTAINTY}/one_frequency.py": "uncertainty/test_one_frequency.py",
+        f"{_UNCERTAINTY}/delay/one_frequency.py": "uncertainty/test_one_frequency.py",
         f"{_UNCERTAINTY}/plausibility.py {_UNCERTAINTY}/outliers.py": "uncertainty/test_implausible.py",
         f"{_UNCERTAINTY}/*.py": f"{_BUDGET} {_SPREAD}",
         f"{_FITS}/uncertainty.py {_FITS}/identifiability.py": "fits/test_fit.py",
     },
     "kernel": {
-        f"{_KERNEL}/c_source.py": "filters/test_export_filter.py",
-        f"{_KERNEL}/*.py": "filters/test_kernel.py filters/test_columns.py filters/test_kept_code.py",
+        "plugins/filters/palpate_filters/c_export/c_source.py": "filters/test_export_filter.py",
+        f"{_KERNEL}/*.py {_COLUMNS}/*.py": "filters/test_kernel.py fits/test_columns.py filters/test_code_cache.py",
     },
     "readers": {
-        f"plugins/devices/palpate_devices/mcap_replay.py {_LOGS}/mcap_*.py {_LOGS}/recovery.py": _READ,
+        "plugins/devices/palpate_devices/mcap_replay.py core/palpate_records/mcap/*.py": _READ,
         "core/palpate_records/tables/*.py plugins/logs/palpate_logs/csv_replay.py":
             "logs/test_csv_replay.py logs/test_csv_plain.py",
     },

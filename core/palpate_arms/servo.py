@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from palpate import Floats, ForceLaw
@@ -17,6 +18,7 @@ from palpate_arms.tool_turns import turn_after, turn_from_to
 _Z, _VZ = SETPOINT["position"].start + 2, SETPOINT["velocity"].start + 2
 _SHORTEST = 0.15  # [s] of a way, however short
 _MOST_BEHIND = 25.0  # periods; what is later is not made up for
+_OWN = 0.85  # of the speed limit: two steps of that in one tick are still below 1.2 of it
 _HASTE = 0.1  # by so large a part a motion may be faster than planned, to make up for what the host held up
 
 
@@ -38,6 +40,27 @@ class ServoLaw:
     angular_speed: float = math.radians(10.0)  # [rad/s] at most, on the way to the start
     lever: float = 0.0  # [m] from the tip to the flange, which swings when the tool turns about the tip
     most: float = math.inf  # [m/s] that the law may ask for
+
+    def within(self, limits: dict[str, Any]) -> ServoLaw:
+        """The law whose own motions and commands keep the limits of a motion."""
+        return replace(
+            self,
+            approach_speed=min(self.approach_speed, _OWN * limits["speed"]),
+            retract_speed=min(self.retract_speed, _OWN * limits["speed"]),
+            angular_speed=limits["angular_speed"],
+            most=limits["speed"],
+        )
+
+
+def tick_room(limits: dict[str, Any] | None, state_period: float, ahead: float) -> float:
+    """How far [m] a command may go on, so that all which one tick might take at once is no more than is expected.
+
+    That is two of its own steps, and what comes between two states that come more seldom, every `state_period` [s]; the
+    latest command is `ahead` [m] of what the controller has taken.
+    """
+    if limits is None or ahead == 0.0:
+        return math.inf
+    return float(max(_OWN * limits["speed"] * (PERIOD + state_period) - ahead, 0.0))
 
 
 @dataclass(frozen=True)

@@ -5,20 +5,19 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import numpy as np
-from palpate import DeviceError, Floats, ForceLaw, clock
+from palpate import DeviceError, ForceLaw, clock
 from palpate_arms.fence import ArmState, Fence, Verdict
-from palpate_arms.force_control import refusal
 from palpate_arms.force_watch import ForceEye
-from palpate_arms.servo import Commander, ServoLaw
+from palpate_arms.motion_offer import MotionOffer
+from palpate_arms.servo import Commander, ServoLaw, tick_room
 from palpate_arms.servo_pace import Beat, Pace
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_arms.setpoint_rows import SETPOINT
-from palpate_arms.station_plane import StationPlane, pressed_in_at_the_end
+from palpate_arms.station_plane import StationPlane
 from palpate_kit.acquisition.child import Parent
 from palpate_kit.acquisition.computer import host
 from palpate_kit.acquisition.device_lock import network_device
@@ -33,7 +32,6 @@ from palpate_devices.ur.robot_watch import RobotWatch
 
 _BLIND = 1.15e9  # [ns] without a new state, of a second between two: of more commands only the last would count
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
-_OWN = 0.85  # of the speed limit: two steps of that in one tick are still below 1.2 of it
 _EXPLAIN = 10  # periods
 _LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
 _MOVING = ("retreat", "stay", "approach", "follow")
@@ -65,15 +63,6 @@ def _serve(parent: Parent, ring: Ring, settings: dict[str, Any], scheduling: str
     _Loop(parent, ring, robot, settings).run()
 
 
-@dataclass(frozen=True)
-class _Offer:
-    """A motion that is being looked over: nothing of it is done yet."""
-
-    plan: Plan
-    pieces: Iterator[Floats]
-    law: ForceLaw | None
-
-
 class _Loop:
     def __init__(self, parent: Parent, ring: Ring, robot: Robot, settings: dict[str, Any]) -> None:
         self._parent, self._ring, self._robot = parent, ring, robot
@@ -84,7 +73,7 @@ class _Loop:
         self._commander: Commander | None = None
         self._eye: ForceEye | None = None
         self._setpoint = np.zeros(SETPOINT.size)
-        self._offered: _Offer | None = None
+        self._offered: MotionOffer | None = None
         self._cycles = 0
         self._watch = RobotWatch(robot, settings["controller_timeout"], lambda: ring.beat(clock().now_ns()))
         self._beat = Beat()
@@ -139,7 +128,8 @@ class _Loop:
 
     def _advance(self, commander: Commander, seen: ArmState) -> None:
         before, leaving = (commander.command, commander.turn), commander.mode == "retract"
-        commander.next(seen.position, seen.velocity, self._room())
+        room = tick_room(self._fence.limits, self._robot.state_period, self._robot.ahead)
+        commander.next(seen.position, seen.velocity, room)
         self._fence.plane = commander.plane
         verdict = self._fence.command(commander.command, commander.turn, before, seen, leaving)
         if verdict is not None:
@@ -151,16 +141,6 @@ class _Loop:
                 verdict = Verdict(text)
         if verdict is not None:
             self._stop_for(verdict, commander)
-
-    def _room(self) -> float:
-        """How far [m] a command may go on, so that all which one tick might take at once is no more than is expected.
-
-        That is two of its own steps, and what comes between two states that come more seldom.
-        """
-        limits, ahead = self._fence.limits, self._robot.ahead
-        if limits is None or ahead == 0.0:
-            return math.inf
-        return float(max(_OWN * limits["speed"] * (PERIOD + self._robot.state_period) - ahead, 0.0))
 
     @property
     def _unheard(self) -> float:
@@ -236,7 +216,7 @@ class _Loop:
                 if not all(np.isfinite(value).all() for key, value in message.items() if key != "say"):
                     self._fail("a limit is not a finite number")
                 self._fence.limits = message
-                self._law = ServoLaw(**{**self._law.__dict__, **_slower(self._law, message)})
+                self._law = self._law.within(message)
                 commander.law = self._law
             case "watch":
                 self._eye = ForceEye(self._parent.descriptors.pop(0), message)
@@ -251,38 +231,25 @@ class _Loop:
             case "follow":
                 plan = Plan.in_file(self._parent.descriptors.pop(0), message["rows"])
                 law = None if message.get("law") is None else ForceLaw(**message["law"])
-                self._offered = _Offer(plan, plan.pieces(), law)
+                self._offered = MotionOffer(plan, law)
 
     def _begin(self, commander: Commander) -> None:
         commander.settle(self._robot.look().position, self._robot.turn())
         self._fence.begin(commander.command)
 
-    def _look_over(self, offer: _Offer, commander: Commander) -> None:
+    def _look_over(self, offer: MotionOffer, commander: Commander) -> None:
         """A piece of a plan in each period; the motion begins when all of it keeps the limits."""
         if commander.mode in ("retract", "done"):
             self._offered = None
             return
-        rows = next(offer.pieces, None)
-        if rows is not None:
-            verdict = self._fence.table(rows)
-            text = None if verdict is None else verdict.text
-        else:
-            text = pressed_in_at_the_end(offer.plan.ends) or self._refusal(offer.law, len(offer.plan) * PERIOD)
+        text = offer.fault(self._fence, None if self._eye is None else self._eye.stop)
         if text is not None:
             self._offered = None
             self._refuse(text, commander)
-        elif rows is None:
+        elif offer.is_whole:
             self._offered = None
             self._begin(commander)
             commander.follow(offer.plan, offer.law)
-
-    def _refusal(self, law: ForceLaw | None, duration: float) -> str | None:
-        """Why a force must not lead; None where it may, or none does."""
-        limits = self._fence.limits
-        if law is None or limits is None:  # without limits nothing moves at all
-            return None
-        stop = None if self._eye is None else self._eye.stop
-        return refusal(law, stop, limits["speed"], limits["acceleration"], duration)
 
     def _refuse(self, text: str, commander: Commander) -> None:
         """Nothing of a motion is done."""
@@ -309,16 +276,6 @@ class _Loop:
         """Say why and go at once: the library's destructors and reconnecting threads are what hangs and crashes."""
         self._parent.tell("fault", text=text)
         host().leave(1)
-
-
-def _slower(law: ServoLaw, limits: dict[str, Any]) -> dict[str, float]:
-    """The arm's own motions, and the law's commands, keep the limits of the motion."""
-    return {
-        "approach_speed": min(law.approach_speed, _OWN * limits["speed"]),
-        "retract_speed": min(law.retract_speed, _OWN * limits["speed"]),
-        "angular_speed": limits["angular_speed"],
-        "most": limits["speed"],
-    }
 
 
 if __name__ == "__main__":
