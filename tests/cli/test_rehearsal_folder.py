@@ -23,6 +23,7 @@ MORE = {  # what a command takes besides, to come as far as it can
     "calibrate": ["--yes", "--set", "calibration.lowest=-9 mm", "--set", "calibration.top_acceleration=9"],
     "repeat": ["--set", "repeat.count=2"],
     "resume": ["--yes"],
+    "fit compare": ["rehearsed"],
 }
 SERVERS = ("twin", "desk", "watch")  # which go on until they are ended, and move nothing
 # Those by which a measured folder, or its pipeline, reaches devices; that of simulated time simulates, or is refused.

@@ -10,7 +10,7 @@ from palpate_kit.runs.run_folder import RunFolder, pipeline_among
 
 SHORT = [
     "--set",
-    "trajectory.press.duration=2 s",
+    "trajectory.press.duration=6 s",
     "--set",
     "indenter.tip.radius=2.5 mm",
     "--set",

@@ -68,7 +68,7 @@ with scheduling.real_time_section(said.append) as text:
     thread.start()
     deadline = time.monotonic() + 20
     while not said and time.monotonic() < deadline:
-        time.sleep(0.01)
+        time.sleep(1.0)  # the thread that takes over the interpreter is a pause of the other
     over.append(None)
     thread.join()
 print(text, said, over)

@@ -299,9 +299,9 @@ def test_repeats_compare_and_reproduction_are_those_of_this_machine(
 ):
     text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "1 s"')
     file = tmp_path / "own.toml"
-    file.write_text(text.replace("seed = 1\n", 'seed = 1\ntracks = ["dr/ekf"]\n', 1) + "[repeat]\ncount = 2\n")
+    file.write_text(text.replace("seed = 1\n", 'seed = 1\ntracks = ["dr/kinematic"]\n', 1) + "[repeat]\ncount = 2\n")
     commands = {
-        "repeat": ("repeat", file, "--track", "dr/ekf"),
+        "repeat": ("repeat", file, "--track", "dr/kinematic"),
         "compare": ("compare", file, "--estimators", "ekf"),
         "reproduce": ("reproduce", "loadcycle"),
     }

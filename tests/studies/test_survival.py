@@ -16,6 +16,7 @@ from palpate_maps.path_reader import demand_one_pipeline
 
 SWEEP = '[sweep]\n"run.seed" = [1, 2]\n'
 SHORT = ("--set", "trajectory.press.duration=1 s")
+KINEMATIC = ("trajectory.press.duration=1 s", 'run.tracks=["dr/kinematic"]')  # which determines E in a second
 
 
 @pytest.fixture
@@ -107,10 +108,10 @@ def test_a_file_is_whole_or_as_it_was(tmp_path):
 
 @pytest.mark.slow
 def test_a_batch_goes_on_after_a_bad_one(palpate, point_pipeline, run_point, tmp_path):
-    good = [run_point("trajectory.press.duration=1 s", f"run.seed={seed}", name=f"run{seed}") for seed in (1, 2)]
+    good = [run_point(*KINEMATIC, f"run.seed={seed}", name=f"run{seed}") for seed in (1, 2)]
     (tmp_path / "bad").mkdir()
     (tmp_path / "bad" / "result.json").write_text('{"half": ')
-    done = palpate("repeat", *(run.folder for run in good), tmp_path / "bad", "--track", "dr/ekf", "--json")
+    done = palpate("repeat", *(run.folder for run in good), tmp_path / "bad", "--track", "dr/kinematic", "--json")
     assert done.returncode == 1
     assert json.loads(done.stdout)["groups"]["runs"]["count"] == 2
     assert "bad is left out" in done.stderr
@@ -127,19 +128,19 @@ def test_a_batch_goes_on_after_a_bad_one(palpate, point_pipeline, run_point, tmp
 
 @pytest.mark.slow
 def test_sites_are_counted_by_place_and_points_without_one_are_sites(palpate, run_point, tmp_path):
-    runs = [run_point("trajectory.press.duration=1 s", f"run.seed={n}", name=f"r{n}").folder for n in (1, 2)]
+    runs = [run_point(*KINEMATIC, f"run.seed={n}", name=f"r{n}").folder for n in (1, 2)]
     more = []
     for number in range(3):
         shutil.copytree(runs[0], tmp_path / f"copy{number}")
         more.append(tmp_path / f"copy{number}")
     baseline = [part for run in (runs[0], *more) for part in ("--baseline", run)]
-    done = palpate("map", "compare", *baseline, "--suspect", runs[1], "--track", "dr/ekf")
+    done = palpate("map", "compare", *baseline, "--suspect", runs[1], "--track", "dr/kinematic")
     assert done.returncode == 0, done.stderr
     assert "4 baseline" in done.stdout
-    done = palpate("map", "compare", *baseline, "--suspect", runs[0], "--track", "dr/ekf")
+    done = palpate("map", "compare", *baseline, "--suspect", runs[0], "--track", "dr/kinematic")
     assert done.returncode == 2
     assert "is also a --baseline" in done.stderr
-    done = palpate("map", "compare", *baseline, "--baseline", runs[0], "--suspect", runs[1], "--track", "dr/ekf")
+    done = palpate("map", "compare", *baseline, "--baseline", runs[0], "--suspect", runs[1], "--track", "dr/kinematic")
     assert done.returncode == 2
     assert "given twice" in done.stderr
     near = [((0.0, 0.0), 1.0), ((1e-4, 0.0), 4.0), ((0.01, 0.0), 3.0)]
