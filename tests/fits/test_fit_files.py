@@ -224,7 +224,7 @@ def test_one_of_several_presses_in_one_table_is_asked_for(tmp_path, palpate):
 @pytest.mark.parametrize(
     ("stated", "words"),
     [
-        ([], 'state how late the force is: --set alignment.force.uncertainty="1 ms"'),
+        ([], "--tip 'sphere 3 mm' --delay \"0 ms +- 1 ms\""),
         (["force"], "position"),
     ],
 )

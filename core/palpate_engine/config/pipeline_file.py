@@ -28,6 +28,7 @@ from palpate_engine.config.mistakes import raise_mistakes
 from palpate_engine.config.part_builder import Builder, unknown_tables
 from palpate_engine.config.pipeline import Pipeline, RunSettings, Track
 from palpate_engine.config.pipeline_source import Source
+from palpate_engine.config.rig_settings import apply_rig
 from palpate_engine.config.safety_wiring import contradictions, wire_safety
 from palpate_engine.config.signal_wiring import check_wiring, ports_of, with_gravity, wrong_channels
 from palpate_engine.safety import SafetySettings
@@ -114,6 +115,9 @@ def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple
     run = first.settings(RunSettings, ("run",))
     registry = _registry(source) if run else registries.load()
     renamed += migrate(source, registry.migrations)
+    if apply_rig(source, run and run.rig, registry):
+        first = Builder(source, Registry({}))
+        run = first.settings(RunSettings, ("run",))
     builder = Builder(source, registry)
     builder.mistakes += first.mistakes + unknown_tables(tables, registry)
     return builder, registry, run, renamed
@@ -194,6 +198,8 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
         raise_mistakes(first.mistakes, source)
         registry = _registry(source)
     migrate(source, (*MIGRATIONS, *registry.migrations))
+    run = Builder(source, Registry({})).settings(RunSettings, ("run",))
+    apply_rig(source, run and run.rig, registry)
     builder = Builder(source, registry)
     found = builder.parts(kind)
     raise_mistakes(builder.mistakes, source)

@@ -39,7 +39,7 @@ class Source:
         if _deeper(self.tables, _DEEPEST):
             raise ConfigurationError(f"{path}: tables and lists are nested more than {_DEEPEST} deep")
         self._lines = _lines(text)
-        self._overridden: set[Location] = set()
+        self._stated: dict[Location, str] = {}  # keys that the command line or a rig's facts have set, and by what
         self._plugins_named = False  # by the person at work
 
     @classmethod
@@ -63,27 +63,35 @@ class Source:
     def override(self, assignment: str) -> None:
         """Apply one ``table.key=value`` of the command line; the value is TOML, or a text where it is not."""
         keys, value = parsed_assignment(assignment)
+        self.state(keys, value, f"--set {'.'.join(keys)}")
+        if keys == _PLUGINS:
+            self._plugins_named = is_argument(assignment)
+
+    def state(self, keys: Location, value: Any, by: str) -> None:
+        """Set a key, which messages call what it is stated `by`; raises ConfigurationError."""
         table: Any = self.tables
         for i, key in enumerate(keys[:-1]):
             if keys[0] == "alignment" and isinstance(table.get(key), str):  # a signal in its short form
                 table[key] = {"channel": table[key]}
             table = table.setdefault(key, {})
             if not isinstance(table, dict):
-                raise ConfigurationError(f"--set {assignment}: {'.'.join(keys[: i + 1])} is no table")
+                raise ConfigurationError(f"{by}: {'.'.join(keys[: i + 1])} is no table")
         table[keys[-1]] = value
-        self._overridden.add(keys)
-        if keys == _PLUGINS:
-            self._plugins_named = is_argument(assignment)
+        self._stated[keys] = by
+
+    def is_stated(self, location: Location) -> bool:
+        """Whether the command line has set a key, or a table around it."""
+        return any(location[:length] in self._stated for length in range(1, len(location) + 1))
 
     @property
     def has_chosen_plugins(self) -> bool:
         """Whether a person has chosen its plugin files: by naming the file, or by setting them on the command line."""
-        return self._plugins_named if _PLUGINS in self._overridden else self.named
+        return self._plugins_named if _PLUGINS in self._stated else self.named
 
     @property
     def overridden(self) -> list[str]:
-        """Keys that the command line has set."""
-        return sorted(".".join(keys) for keys in self._overridden)
+        """Keys that the command line, or the facts of a rig, have set."""
+        return sorted(".".join(keys) for keys in self._stated)
 
     def table(self, location: Location) -> dict[str, Any]:
         """The table at a location."""
@@ -105,15 +113,15 @@ class Source:
         inner[new[-1]] = table.pop(old[-1])
         n = len(old)
         self._lines = {new + at[n:] if at[:n] == old else at: line for at, line in self._lines.items()}
-        self._overridden = {new + at[n:] if at[:n] == old else at for at in self._overridden}
+        self._stated = {new + at[n:] if at[:n] == old else at: by for at, by in self._stated.items()}
         return True
 
     def where(self, location: Location) -> str:
         """``file:line`` of a location, of the nearest table around it, or the command line that set it."""
         for length in range(len(location), 0, -1):
             head = location[:length]
-            if head in self._overridden:
-                return f"--set {'.'.join(head)}"
+            if head in self._stated:
+                return self._stated[head]
             if head in self._lines:
                 return f"{self.path}:{self._lines[head]}"
         return str(self.path)

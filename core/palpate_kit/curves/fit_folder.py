@@ -25,7 +25,16 @@ from palpate_engine import (
 
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.curves.curve_fits import CurveReader, row_conditions, settings_key, value_units
-from palpate_kit.curves.curve_list import FILE, LIST, PIPELINE_FILE, PLACES, Entries, columns_of, read_list
+from palpate_kit.curves.curve_list import (
+    FILE,
+    LIST,
+    PIPELINE_FILE,
+    PLACES,
+    Entries,
+    columns_of,
+    fact_assignments,
+    read_list,
+)
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_in, demand_columns, latest_rows, settings_text
 from palpate_kit.curves.own_settings import Own, read_own
 from palpate_kit.runs.review_file import Marks, read_marks
@@ -169,6 +178,10 @@ class FitFolder:
         """``own.toml``; raises LogError where it names a curve that there is not."""
         return read_own(self.path, self.names)
 
+    def settings_of(self, curve: str) -> tuple[str, ...]:
+        """The settings of one curve: the facts in ``curves.csv``, then ``own.toml``."""
+        return (*fact_assignments(self.entries.get(curve, {})), *self.own.get(curve, ()))
+
     @cached_property
     def marks(self) -> Marks:
         """``review.json``; raises LogError."""
@@ -189,7 +202,7 @@ class FitFolder:
 
     def key(self, curve: str) -> str:
         """What the present settings of a curve are called."""
-        kind = self.pipeline_of(curve), self.own.get(curve, ())
+        kind = self.pipeline_of(curve), self.settings_of(curve)
         if kind not in self.keys:
             self.keys[kind] = settings_key(self.settings_text(kind[0]), kind[1])
         return self.keys[kind]
@@ -221,7 +234,7 @@ class FitFolder:
     def curves(self) -> list[Curve]:
         """The curves whose files are known, with their own settings."""
         known = [(name, self.entries.get(name, {}).get(FILE, "")) for name in self.names]
-        return [Curve(name, file, own=self.own.get(name, ())) for name, file in known if file]
+        return [Curve(name, file, own=self.settings_of(name)) for name, file in known if file]
 
     @property
     def approved(self) -> frozenset[str]:

@@ -104,7 +104,7 @@ class Desk:
         file = self.folder.entries.get(name, {}).get("file", "")
         if not file:
             raise ConfigurationError(f"{name}: its file is not known: curves.csv has no column file")
-        return Curve(name, file, own=self.folder.own.get(name, ()))
+        return Curve(name, file, own=self.folder.settings_of(name))
 
     def demand_file(self, name: str) -> None:
         """Raise ConfigurationError where the file of a curve has gone, so that its row stays."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -10,13 +11,16 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, printable
-from palpate_engine import Registry, approved_plugins, make_folder, registry
+from palpate_engine import Registry, approved_plugins, make_folder, option_of, registry
 from palpate_kit.curves.alike_logs import logs_among
 from palpate_kit.curves.curve_fits import CurveReader, Row
+from palpate_kit.curves.curve_list import FACTS, Entries, cells_beside
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
+from palpate_kit.terminal.fact_line import fact_line
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
 
+from palpate_fits.file_facts import StatedFacts
 from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups
 from palpate_fits.file_tables import count_line, is_usable, show_rows
 from palpate_fits.folder_fits import FEW, fit_each
@@ -28,10 +32,8 @@ _GUESSES = 6  # that are printed
 class FileFit:
     """What is asked of files that bring no pipeline."""
 
-    tip: str
-    model: str
+    stated: StatedFacts
     choices: Mapping[str, str]  # columns by role
-    overrides: tuple[str, ...]
     out: Path | None
     jobs: int | None
     as_json: bool
@@ -46,7 +48,9 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     with progress("look at the files"):
         known = registry.load()
         files = logs_among(sources, known)
-        groups = list(file_groups(files, wanted.tip, wanted.model, wanted.choices, wanted.overrides, refused, notes))
+        groups = list(file_groups(files, wanted.stated, wanted.choices, refused, notes))
+    if wanted.stated.is_read:
+        notes.insert(0, f"facts of the rig: {wanted.stated.path}")
     for note in notes:
         typer.echo(note, err=True)
     if not groups:
@@ -54,8 +58,9 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         others = f" ({len(refused) - 1} more files cannot be read either)" if len(refused) > 1 else ""
         raise ConfigurationError(f"{name}: {error}{others}")
     folder = wanted.out or make_folder("fit", None, datetime.now(UTC).astimezone())
+    cells = _cells(sources, groups, wanted.stated)
     order = {str(file): place for place, file in enumerate(files)}
-    rows = [row for row in _fitted(groups, folder, wanted, len(files)) if row["curve"] in order]
+    rows = [row for row in _fitted(groups, folder, wanted, cells) if row["curve"] in order]
     if not wanted.fitting:
         for name, error in refused.items():
             typer.echo(f"{name}: {error}", err=True)
@@ -66,29 +71,60 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     if wanted.as_json:
         print_json({"table": str(folder / TABLE), "files": rows})
     else:
-        _show(rows, groups, folder, known, wanted)
+        _show(rows, groups, folder, known, wanted, _command(sources, wanted))
     if not all(map(is_usable, rows)):
         raise typer.Exit(1)
 
 
-def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, count: int) -> list[Row]:
+def _cells(sources: Sequence[Path], groups: Sequence[FileGroup], stated: StatedFacts) -> Entries:
+    """What ``curves.csv`` beside the files says of each, but for the facts of the command line, which go before it."""
+    curves = [curve for group in groups for curve in group.curves]
+    found = {
+        name: {key: cell for key, cell in cells.items() if key not in stated.of_options}
+        for name, cells in cells_beside(sources, curves).items()
+    }
+    counts = Counter(key for cells in found.values() for key in FACTS if cells.get(key))
+    if counts:
+        facts = ", ".join(f"{key} of {count}" for key, count in counts.items())
+        typer.echo(f"curves.csv states {facts} of {len(curves)} curves", err=True)
+    return found
+
+
+def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, cells: Entries) -> list[Row]:
     """The rows of the table, those of every group that had none yet added."""
     table: FitTable | None = None
-    with progress("fit", "files", count):
+    with progress("fit", "files", sum(len(group.curves) for group in groups)):
         done = 0
         for number, group in enumerate(groups, start=1):
             settings = SETTINGS if number == 1 else f"pipeline-{number}.toml"
-            reader = CurveReader(group.text, str(group.path), wanted.overrides, DEVICE, approved_plugins())
+            reader = CurveReader(group.text, str(group.path), wanted.stated.overrides, DEVICE, approved_plugins())
             workers = wanted.jobs or (1 if len(group.curves) < FEW else None)
-            table = fit_each(group.pipeline, reader, group.curves, folder, workers, settings, wanted.fitting)
+            table = fit_each(
+                group.pipeline, reader, group.curves, folder, workers, settings, wanted.fitting, cells=cells
+            )
             done += len(group.curves)
             report_progress(done)
     assert table is not None
     return table.rows
 
 
-def _show(rows: Sequence[Row], groups: Sequence[FileGroup], folder: Path, known: Registry, wanted: FileFit) -> None:
-    show_rows(rows, groups[0].pipeline, known, wanted.details)
+def _command(sources: Sequence[Path], wanted: FileFit) -> str:
+    """The command line that fits the same files, but for its folder."""
+    stated = wanted.stated
+    facts = stated.facts.model_dump(include=set(stated.of_options))
+    words = ["palpate", "fit", *(_no_option(str(source)) for source in sources)]
+    words += [word for key, text in facts.items() for word in (option_of(key), str(text))]
+    words += [word for role, text in wanted.choices.items() for word in (f"--{role}", text)]
+    words += [word for text in stated.settings for word in ("--set", text)]
+    words += ["--rig", str(stated.path)] if stated.is_named else []
+    return shlex.join(words)
+
+
+def _show(
+    rows: Sequence[Row], groups: Sequence[FileGroup], folder: Path, known: Registry, wanted: FileFit, command: str
+) -> None:
+    typer.echo(fact_line(groups[0].pipeline))
+    show_rows(rows, groups[0].pipeline, known, command, wanted.details)
     _show_guesses(groups, wanted.details)
     typer.echo(f"{folder / TABLE}: every number; {SETTINGS} beside it: how the files were read")
     first = next((row["curve"] for row in rows if is_usable(row)), None)

@@ -10,12 +10,13 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, to_si
-from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry
+from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry, tip_table
 from palpate_kit.curves.alike_logs import alike_logs
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
-from palpate_kit.runs.tip_words import tip_table
 from palpate_records.recording import Suggestion
+
+from palpate_fits.file_facts import StatedFacts
 
 DEVICE = "log"
 _READER = f"device.{DEVICE}."
@@ -38,10 +39,8 @@ class FileGroup:
 
 def file_groups(
     files: Iterable[Path],
-    tip: str,
-    model: str,
+    told: StatedFacts,
     choices: Mapping[str, str],
-    overrides: Sequence[str],
     refused: dict[str, str],
     notes: list[str],
 ) -> Iterator[FileGroup]:
@@ -52,8 +51,12 @@ def file_groups(
     Raises ConfigurationError for a tip, a model or an override that is none.
     """
     known = registry.load()
-    parts = _parts(tip_table(tip, known, "--tip"), known.named("model", model), known)
-    stated = {key.strip(): value.strip().strip("\"'") for key, _, value in (text.partition("=") for text in overrides)}
+    overrides = told.overrides
+    tip, model = tip_table(told.facts.tip or "", known, "--tip"), known.named("model", told.facts.model or "dr")
+    parts = _parts(tip, model, known)
+    stated = {
+        key.strip(): value.strip().strip("\"'") for key, _, value in (text.partition("=") for text in told.settings)
+    }
     facts: dict[Path, Suggestion] = {}
 
     def suggested(file: Path) -> Suggestion:

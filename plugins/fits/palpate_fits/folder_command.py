@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import typer
 from palpate import ConfigurationError
-from palpate_engine import Pipeline, Source, build_pipeline, registry, resolved_text, start_tracks, write_whole
+from palpate_engine import (
+    Pipeline,
+    Source,
+    build_pipeline,
+    registry,
+    resolved_text,
+    start_tracks,
+    tip_table,
+    write_whole,
+)
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import offline
 from palpate_kit.curves.curve_list import FILE, LIST, add_groups
@@ -16,7 +26,6 @@ from palpate_kit.curves.curve_table import TABLE, FitTable, columns_of_fits, rep
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import change_assignments, write_own
 from palpate_kit.runs.replay_source import added_table
-from palpate_kit.runs.tip_words import tip_table
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.table import console
@@ -70,7 +79,12 @@ def _show(path: Path, count: int, change: FolderChange) -> None:
     if change.as_json:
         print_json({"table": str(path / TABLE), "fitted": count, "tracks": found})
     elif len(folder.names) <= FEW:
-        show_rows(sorted(table.rows, key=lambda row: row["curve"]), pipeline, registry.load())
+        show_rows(
+            sorted(table.rows, key=lambda row: row["curve"]),
+            pipeline,
+            registry.load(),
+            shlex.join(["palpate", "fit", str(path)]),
+        )
     else:
         console().print(each_table(found, pipeline).view())
     if not change.as_json:

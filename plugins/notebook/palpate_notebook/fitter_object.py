@@ -11,8 +11,7 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, ContactModel, Device, Estimator, Indenter, PalpateError, Stream
-from palpate_engine import Pipeline, RecordTracks, build_pipeline, registry
-from palpate_kit.runs.tip_words import tip_table
+from palpate_engine import Pipeline, RecordTracks, build_pipeline, registry, tip_table
 
 from palpate_notebook.fit_object import Fit
 from palpate_notebook.part_tables import part_tables, source_of, table_of
