@@ -107,7 +107,7 @@ class RigFacts(Settings):
 
     tip: str | None = _fact(
         'the tip: "sphere 3 mm" (its radius), "sphere diameter 6 mm", "flat 2 mm", "cone 45 deg"',
-        question="Which tip? A sphere by its radius", example="sphere 3 mm",
+        question="Which tip, a sphere by its radius?", example="sphere 3 mm",
     )  # fmt: skip
     tip_uncertainty: _Length | None = _fact('standard uncertainty of the tip\'s radius, as in "20 um"')
     model: str | None = _fact("the contact model, by name or initials")

@@ -21,6 +21,7 @@ class StatedFacts:
     path: Path  # of the file of facts, that there is or that answers are written to
     settings: tuple[str, ...] = ()  # ``--set`` that are no facts
     is_named: bool = False  # by --rig, and not found beside the files
+    answers: frozenset[str] = frozenset()  # keys of the facts that were asked
     of_options: frozenset[str] = frozenset()  # keys of the facts that the command line states
 
     @property
@@ -32,6 +33,10 @@ class StatedFacts:
     def overrides(self) -> tuple[str, ...]:
         """The facts as ``--set`` of a pipeline that lacks them, then those that are none, which go before them."""
         return (*rig_assignments(self.facts, self.path), *self.settings)
+
+    def answered(self, **more: Any) -> StatedFacts:
+        """With answers, which are to be kept; raises ConfigurationError."""
+        return replace(self.with_facts(**more), answers=self.answers.union(more))
 
     def with_facts(self, **more: Any) -> StatedFacts:
         """With more facts; raises ConfigurationError."""
@@ -56,7 +61,7 @@ def stated_facts(sources: Sequence[Path], overrides: Iterable[str], **given: str
     named_file = path is not None
     path = path or _beside(sources)
     found = read_rig(path) if named_file or path.is_file() else RigFacts()
-    stated = StatedFacts(found, path, tuple(settings), named_file, frozenset(table))
+    stated = StatedFacts(found, path, tuple(settings), named_file, of_options=frozenset(table))
     return stated.with_facts(**options.model_dump(exclude_defaults=True)) if table else stated
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -19,11 +19,14 @@ from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
 from palpate_kit.terminal.fact_line import fact_line
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
+from palpate_records.recording import Suggestion
 
 from palpate_fits.file_facts import StatedFacts
-from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups
+from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, with_overrides
+from palpate_fits.file_questions import FileQuestion
 from palpate_fits.file_tables import count_line, is_usable, show_rows
 from palpate_fits.folder_fits import FEW, fit_each
+from palpate_fits.sitting import ask_of_files, ask_of_rig, is_asking, keep_answers, prompt
 
 _GUESSES = 6  # that are printed
 
@@ -48,7 +51,7 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     with progress("look at the files"):
         known = registry.load()
         files = logs_among(sources, known)
-        groups = list(file_groups(files, wanted.stated, wanted.choices, refused, notes))
+    groups, wanted = _groups(files, wanted, refused, notes)
     if wanted.stated.is_read:
         notes.insert(0, f"facts of the rig: {wanted.stated.path}")
     for note in notes:
@@ -74,6 +77,31 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         _show(rows, groups, folder, known, wanted, _command(sources, wanted))
     if not all(map(is_usable, rows)):
         raise typer.Exit(1)
+
+
+def _groups(
+    files: Sequence[Path], wanted: FileFit, refused: dict[str, str], notes: list[str]
+) -> tuple[list[FileGroup], FileFit]:
+    """The files by how they are read; on a terminal with what was answered to all questions about them."""
+    asking = is_asking() and not wanted.as_json
+    seen: set[FileQuestion] = set()
+    certain: dict[Path, Suggestion] = {}
+    while True:
+        refused.clear()
+        notes.clear()
+        questions: dict[str, FileQuestion] = {}
+        with progress("look at the files"):
+            groups = list(file_groups(files, wanted.stated, wanted.choices, refused, notes, questions, certain))
+        new = {file: question for file, question in questions.items() if question not in seen}
+        if not asking or not new:
+            break
+        seen |= {*new.values()}
+        wanted = replace(wanted, stated=ask_of_files(wanted.stated, new, prompt))
+    if asking and groups:
+        wanted = replace(wanted, stated=ask_of_rig(wanted.stated, groups, prompt))
+        keep_answers(wanted.stated)
+        groups = [with_overrides(group, wanted.stated.overrides) for group in groups]
+    return groups, wanted
 
 
 def _cells(sources: Sequence[Path], groups: Sequence[FileGroup], stated: StatedFacts) -> Entries:

@@ -37,7 +37,7 @@ def fit_each(
     """Fit every curve that has no row by its present settings yet, and append its rows.
 
     Curves that are known by their files are listed in ``curves.csv`` with `cells` of some; ``own.toml`` adds settings
-    of single ones. Without `fitting` that is all. They are fitted by the `pool`, or by so many processes of this machine.
+    of single ones. Without `fitting` that is all. They are fitted by the `pool`, or by so many processes.
     Raises LogError, OutputError.
     """
     table = FitTable(folder, pipeline, reader.device, settings)
