@@ -5,6 +5,7 @@ import json
 from typing import get_args
 
 import numpy as np
+import palpate as python
 import palpate_engine as engine
 import pytest
 from palpate import ConfigurationError
@@ -181,3 +182,19 @@ def test_run_and_indentation_read_the_same_file(curves, palpate):
     assert pressed.returncode == 0, pressed.stderr
     contradicted = palpate("fit", "curves/0.csv", "--pipeline", "p.toml", "--set", "model.dr.thickness=half-space")
     assert contradicted.returncode == 0, contradicted.stderr  # the command line goes before the file
+
+
+@pytest.mark.slow
+def test_python_reads_the_same_file_and_refuses_what_contradicts_the_record(curves):
+    (curves / "rig.toml").write_text('tip = "sphere 3 mm"\nthickness = "5 mm"\ntip_mass = "0 g"\n')
+    record = python.read("curves/0.csv", timing="0.1 ms")
+    thin = python.fit(record, rig="rig.toml")
+    assert thin.elasticity.value < 0.9e5
+    keys = python.fit(record, rig={"tip": "sphere 3 mm", "thickness": "5 mm", "tip_mass": "0 g"})
+    assert keys.elasticity.value == thin.elasticity.value
+    (curves / "rig.toml").write_text('tip = "sphere 3 mm"\nthickness = "half-space"\ntip_mass = "0 g"\n')
+    thick = python.fit(record, rig="rig.toml")  # another content is another fit
+    assert thick.elasticity.value == pytest.approx(1e5, rel=0.01)
+    weighed = python.read("curves/0.csv", tip_mass="140 g")
+    with pytest.raises(ConfigurationError, match="tip_mass contradicts"):
+        python.fit(weighed, rig="rig.toml")

@@ -189,6 +189,8 @@ def read_rig(path: Path) -> RigFacts:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise ConfigurationError(f"{path}: cannot read the facts of the rig: {reason}") from error
+    if "device" in source.tables:
+        raise ConfigurationError(f"{path}: is a pipeline, and no file of facts of a rig; name that with --rig FILE")
     return _validated(source.tables, source.where)
 
 

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -68,16 +69,23 @@ def apply_rig(source: Source, path: Path | None, known: Registry) -> bool:
     return True
 
 
+def plain_facts(facts: RigFacts) -> dict[str, Any]:
+    """The facts that are settings of a pipeline, as its table `rig`."""
+    return facts.model_dump(exclude_defaults=True, exclude={*OF_FILES, "model", MEASURED, MEASUREMENT})
+
+
 def rig_assignments(facts: RigFacts, path: Path) -> list[str]:
     """The facts that are settings of a pipeline, and what a file of facts has measured, as ``table.key=value``."""
-    stated = facts.model_dump(exclude_defaults=True, exclude={*OF_FILES, "model", MEASURED, MEASUREMENT})
-    found = [f"{TABLE}.{key}={json.dumps(value)}" for key, value in stated.items()]
+    found = [f"{TABLE}.{key}={json.dumps(value)}" for key, value in plain_facts(facts).items()]
     return found + ([f"run.calibration={json.dumps(str(path.absolute()))}"] if facts.measured else [])
 
 
 def _agree(source: Source, at: Location, value: Any, by: str) -> None:
-    """Raise ConfigurationError where a source states another value."""
+    """Raise ConfigurationError where a source states another value; one that it assumes is no statement."""
     table: Any = source.tables
+    assumed = _tables(source.tables, "run").get("assumed", ())
+    if any(fnmatchcase(".".join(at), str(pattern)) for pattern in assumed):
+        return
     for key in at:
         if not isinstance(table, dict) or key not in table:
             return

@@ -18,7 +18,7 @@ def write_rig(path: Path, changes: Mapping[str, Any]) -> None:
     """Set keys of a file of facts, which is made where there is none; raises OutputError, ConfigurationError."""
     document = tomlkit.document()
     if path.is_file():
-        read_rig(path)  # a file with mistakes is told, not changed
+        read_rig(path)  # of one with mistakes it is said, and nothing is changed
         try:
             document = tomlkit.parse(bounded_text(path))
         except (OSError, TOMLKitError) as error:
