@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -80,7 +81,8 @@ def add_curves(
     for curve in curves:
         if curve.file:
             cells = entries.setdefault(curve.name, {})
-            cells |= {FILE: curve.file, PIPELINE_FILE: pipeline, **more.get(curve.name, {})}
+            file = os.path.relpath(Path(curve.file).resolve(), folder.resolve())  # so that both can be moved together
+            cells |= {FILE: file, PIPELINE_FILE: pipeline, **more.get(curve.name, {})}
     if entries != before:
         write_list(folder / LIST, entries)
 

@@ -42,7 +42,7 @@ class FitTable:
 
     def _settle(self, folder: Path, pipeline: Pipeline, device: str, settings: Path) -> None:
         """Begin a folder, or go on with one that was begun with the same settings; raises OutputError."""
-        text = resolved_text(pipeline)
+        text = resolved_text(pipeline, folder)
         ignored = {*pipeline.registry.tables, f"device.{device}.file"}
         if not settings.exists():
             more = settings.name != SETTINGS and self.path.exists()  # of files that are read in another way

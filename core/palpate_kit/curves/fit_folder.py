@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
@@ -12,11 +13,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from palpate import LogError, PalpateError, suggest
+from palpate import ContactModel, LogError, PalpateError, suggest
 from palpate_engine import (
     Pipeline,
     Source,
     approved_plugins,
+    build_parts,
     build_pipeline,
     inherited_approval,
     toml_tables,
@@ -233,8 +235,13 @@ class FitFolder:
 
     def curves(self) -> list[Curve]:
         """The curves whose files are known, with their own settings."""
-        known = [(name, self.entries.get(name, {}).get(FILE, "")) for name in self.names]
+        known = ((name, self.file_of(name)) for name in self.names)
         return [Curve(name, file, own=self.settings_of(name)) for name, file in known if file]
+
+    def file_of(self, curve: str) -> str:
+        """The file of a curve, which ``curves.csv`` names as seen from the folder; "" where it is not known."""
+        file = self.entries.get(curve, {}).get(FILE, "")
+        return os.path.normpath(self.path.resolve() / file) if file else ""
 
     @property
     def approved(self) -> frozenset[str]:
@@ -251,10 +258,10 @@ class FitFolder:
             raise LogError(f"{self.path / name}: has {len(devices)} devices with a file; one is needed")
         ((device, file),) = devices.items()
         overrides: tuple[str, ...] = ()
-        if not Path(str(file)).is_file():  # of a curve that has gone since
+        if not (self.path / str(file)).is_file():  # of a curve that has gone since
             files = [c.file for c in self.curves() if self.pipeline_of(c.name) == name and Path(c.file).is_file()]
             overrides = tuple(f"device.{device}.file={json.dumps(file)}" for file in files[:1])
-        return CurveReader(text, str(self.path / name), overrides, device, self.approved, text)
+        return CurveReader(text, str((self.path / name).resolve()), overrides, device, self.approved, text)
 
     def _tables(self, name: str) -> dict[str, Any]:
         try:
@@ -276,18 +283,23 @@ class FitFolder:
         return self.entries.get(curve, {}).get(PIPELINE_FILE) or SETTINGS
 
     @cached_property
+    def _models(self) -> tuple[ContactModel, ...]:
+        """The models, whether the files of curves are there or not; none where they cannot be built again."""
+        with suppress(PalpateError), inherited_approval(self.approved):
+            return tuple(build_parts(Source(self.settings_text(), self.path / SETTINGS), "model").values())
+        return ()
+
+    @cached_property
     def units(self) -> dict[str, str]:
-        """SI unit of each value; none where the pipeline cannot be built again."""
+        """SI unit of each value; none where the models cannot be built again."""
         found = {"surface": "m"}
-        with suppress(PalpateError):
-            for track in self.pipeline().tracks:
-                found |= value_units(track.model)
+        for model in self._models:
+            found |= value_units(model)
         return found
 
     @cached_property
     def symbols(self) -> dict[str, str]:
         """Name of each value by its symbol."""
         found = {"E": "elasticity", "eta": "viscosity"}
-        with suppress(PalpateError):
-            found |= {p.symbol: p.name for track in self.pipeline().tracks for p in track.model.parameters}
+        found |= {parameter.symbol: parameter.name for model in self._models for parameter in model.parameters}
         return {symbol: name for symbol, name in found.items() if name in self.values}

@@ -150,7 +150,7 @@ def _change_all(folder: FitFolder, change: FolderChange) -> None:
         for assignment in change.overrides:
             source.override(assignment)
         pipeline = _demand_fits(source)
-        texts[name], columns = resolved_text(pipeline), columns_of_fits(offline(pipeline))
+        texts[name], columns = resolved_text(pipeline, folder.path), columns_of_fits(offline(pipeline))
     for name, text in texts.items():
         write_whole(folder.path / name, text)
     if folder.cells and tuple(folder.cells[0]) != columns:
