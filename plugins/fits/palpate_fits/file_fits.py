@@ -48,7 +48,7 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     """Fit files that bring no pipeline, and print what was found of each; exit 1 where one was not usable."""
     refused: dict[str, str] = {}
     notes: list[str] = []
-    with progress("look at the files"):
+    with progress("look for files"):
         known = registry.load()
         files = logs_among(sources, known)
     groups, wanted = _groups(files, wanted, refused, notes)
@@ -90,7 +90,7 @@ def _groups(
         refused.clear()
         notes.clear()
         questions: dict[str, FileQuestion] = {}
-        with progress("look at the files"):
+        with progress("look at", "files", len(files)):
             groups = list(file_groups(files, wanted.stated, wanted.choices, refused, notes, questions, certain))
         new = {file: question for file, question in questions.items() if question not in seen}
         if not asking or not new:

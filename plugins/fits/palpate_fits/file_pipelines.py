@@ -16,6 +16,7 @@ from palpate_kit.curves.alike_logs import alike_logs
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
 from palpate_kit.logs.suggestion import TIP, UNITS
+from palpate_kit.terminal.progress import report_progress
 from palpate_records.recording import Suggestion
 
 from palpate_fits.file_facts import StatedFacts
@@ -77,6 +78,7 @@ def file_groups(
             if question.needed:
                 raise ConfigurationError(question.advice)
         found_of[file] = found
+        report_progress(len(found_of) + len(refused))
         return found
 
     groups = alike_logs(files, suggested, refused)

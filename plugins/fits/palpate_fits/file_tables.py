@@ -17,9 +17,13 @@ from palpate_engine import (
     words_that_state,
 )
 from palpate_kit.curves.curve_fits import Row, row_conditions, value_units
+from palpate_kit.curves.curve_table import summary_of
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
 
+from palpate_fits.fit_tables import each_table
+
+MOST = 40  # rows of a table on the terminal
 _NAME = 28  # characters of a file's name
 _SHOWN = ("elasticity", "viscosity")
 _DETAILS = {"rms": ("RMS\nN", ".3g"), "samples": ("samples", ".0f")}
@@ -32,7 +36,12 @@ def is_usable(row: Row) -> bool:
 
 def show_rows(rows: Sequence[Row], pipeline: Pipeline, known: Registry, command: str, details: bool = False) -> None:
     """Print a row for each file, why files were not read, which flags make values doubtful, and what to type."""
-    (console(160) if details else console()).print(file_table(rows, pipeline, details).view())
+    shown = rows if details else rows[:MOST]
+    (console(160) if details else console()).print(file_table(shown, pipeline, details).view())
+    if len(shown) < len(rows):
+        typer.echo(f"and {len(rows) - len(shown)} more: --details shows all")
+        names = list(value_units(pipeline.tracks[0].model))
+        console().print(each_table(summary_of([row for row in rows if row.get("track")], names), pipeline).view())
     alike: dict[str, list[str]] = {}
     for row in rows:
         if row.get("error"):

@@ -96,7 +96,7 @@ def fit(
         if pipeline is not None or out is not None or by is not None:
             raise ConfigurationError(f"{sources[0]}: is a folder of fits, which has its pipeline; change it with --set")
         change = FolderChange(
-            where, tuple(overrides or ()), tuple(unset or ()), tip, model, groups, not no_refit, jobs, as_json
+            where, tuple(overrides or ()), tuple(unset or ()), tip, model, groups, not no_refit, jobs, as_json, details
         )
         fit_folder(sources[0], change)
         return

@@ -28,11 +28,9 @@ from palpate_kit.curves.own_settings import change_assignments, write_own
 from palpate_kit.runs.replay_source import added_table
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
-from palpate_kit.terminal.table import console
 
 from palpate_fits.file_tables import show_rows
-from palpate_fits.fit_tables import each_table
-from palpate_fits.folder_fits import FEW, refit
+from palpate_fits.folder_fits import refit
 
 
 @dataclass(frozen=True)
@@ -48,6 +46,7 @@ class FolderChange:
     fitting: bool = True
     jobs: int | None = None
     as_json: bool = False
+    details: bool = False
 
 
 def fit_folder(path: Path, change: FolderChange) -> None:
@@ -60,7 +59,7 @@ def fit_folder(path: Path, change: FolderChange) -> None:
         return
     if not folder.curves():
         raise ConfigurationError(f"{path / LIST}: has no column {FILE!r}: the files of the curves are not known")
-    with progress("fit", "curves", len(names)):
+    with progress("fit", "curves", len({row.curve for row in folder.rows if row.state != "current"} & {*names})):
         seen: list[str] = []
 
         def done(name: str) -> None:
@@ -78,15 +77,9 @@ def _show(path: Path, count: int, change: FolderChange) -> None:
     found = table.summary()
     if change.as_json:
         print_json({"table": str(path / TABLE), "fitted": count, "tracks": found})
-    elif len(folder.names) <= FEW:
-        show_rows(
-            sorted(table.rows, key=lambda row: row["curve"]),
-            pipeline,
-            registry.load(),
-            shlex.join(["palpate", "fit", str(path)]),
-        )
     else:
-        console().print(each_table(found, pipeline).view())
+        rows = sorted(table.rows, key=lambda row: row["curve"])
+        show_rows(rows, pipeline, registry.load(), shlex.join(["palpate", "fit", str(path)]), change.details)
     if not change.as_json:
         typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted anew; every number: {path / TABLE}")
     if failed := sum(track["failed"] for track in found.values()):
