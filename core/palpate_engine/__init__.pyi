@@ -42,6 +42,11 @@ from .config.declared_uncertainties import (
     READINGS as READINGS,
     declared_std as declared_std,
 )
+from .config.dialects import (
+    DIALECT as DIALECT,
+    dialect_tables as dialect_tables,
+    with_dialect as with_dialect,
+)
 from .config.migrations import FORMAT as FORMAT, KEY as KEY
 from .config.rig_facts import (
     MEASURED as MEASURED,

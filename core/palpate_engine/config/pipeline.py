@@ -41,6 +41,9 @@ class RunSettings(Settings):
         description="file of facts of rig and specimens (`rig.toml`): what this file leaves open of tip, delay, mass, "
         "tare, thickness and Poisson's ratio, and what `palpate calibrate` has measured",
     )
+    dialect: str | None = Field(
+        default=None, description="which [dialect.NAME] stands in place of the file's own tables, to read other files"
+    )
     calibration: InputFile | None = Field(
         default=None, description="calibration file: mass, tare, timing and noise that this file leaves open"
     )

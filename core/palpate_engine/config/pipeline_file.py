@@ -23,6 +23,7 @@ from palpate_engine.config.assumed_values import assumed_keys
 from palpate_engine.config.calibration import calibration_of
 from palpate_engine.config.control import control_of
 from palpate_engine.config.declared_uncertainties import unknown_sources
+from palpate_engine.config.dialects import choose_dialect
 from palpate_engine.config.migrations import MIGRATIONS, migrate
 from palpate_engine.config.mistakes import raise_mistakes
 from palpate_engine.config.part_builder import Builder, unknown_tables
@@ -109,6 +110,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
 def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple[Flag, ...]]:
     """A source in the names of today, with the plugins that it asks for; its builder, and what was renamed."""
     tables = source.tables
+    choose_dialect(source)
     renamed = migrate(source, MIGRATIONS)
     _add_plugins_at_hand(source)
     first = Builder(source, Registry({}))
@@ -192,6 +194,7 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
 
     Without a registry it is that of the installed plugins and of those that the source names.
     """
+    choose_dialect(source)
     if registry is None:
         first = Builder(source, Registry({}))
         first.settings(RunSettings, ("run",))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,15 @@ class Source:
         table[keys[-1]] = value
         self._stated[keys] = by
 
+    def exchange(self, tables: dict[str, Any]) -> None:
+        """Put other tables in place, with what the command line has set."""
+        kept = [(keys, _value_at(self.tables, keys), by) for keys, by in self._stated.items()]
+        self.tables.clear()
+        self.tables.update(deepcopy(tables))
+        for keys, value, by in kept:
+            if value is not None:
+                self.state(keys, value, by)
+
     def is_stated(self, location: Location) -> bool:
         """Whether the command line has set a key, or a table around it."""
         return any(location[:length] in self._stated for length in range(1, len(location) + 1))
@@ -129,6 +139,12 @@ class Source:
     def line(self, location: Location) -> int:
         """The line of a location, for sorting; 0 where it has none."""
         return next((self._lines[location[:n]] for n in range(len(location), 0, -1) if location[:n] in self._lines), 0)
+
+
+def _value_at(tables: Any, keys: Location) -> Any:
+    for key in keys:
+        tables = tables.get(key) if isinstance(tables, dict) else None
+    return tables
 
 
 def parsed_assignment(text: str) -> tuple[Location, Any]:

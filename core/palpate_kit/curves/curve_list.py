@@ -10,15 +10,15 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from palpate import LogError, suggest
-from palpate_engine import write_whole
+from palpate_engine import DIALECT, write_whole
 
 from palpate_kit.curves.curve_files import Curve
 
 LIST = "curves.csv"
-CURVE, FILE, PIPELINE_FILE = "curve", "file", "pipeline"
+CURVE, FILE = "curve", "file"
 _LINE = 1 << 16  # [characters] of the head
 PLACES = ("x_m", "y_m")
-_OWN = (CURVE, FILE, PIPELINE_FILE)
+_OWN = (CURVE, FILE, DIALECT)
 FACTS = ("tip", "tip_uncertainty", "thickness", "delay", "tare", "tip_mass", "poisson", "inclination", "mount")
 Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
 
@@ -53,8 +53,6 @@ def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
             raise LogError(f"{path}:{number}: the curve {name!r} is there twice")
         if known is not None and name not in known and not cells.get(FILE):
             raise LogError(f"{path}:{number}: there is no curve {name!r}{suggest(name, known)}")
-        if "/" in (pipeline := cells.get(PIPELINE_FILE, "")):
-            raise LogError(f"{path}:{number}: {pipeline!r} is no pipeline of the folder: name a file in it")
         found[name] = cells
     return found
 
@@ -69,9 +67,7 @@ def write_list(path: Path, entries: Mapping[str, Mapping[str, str]]) -> None:
     write_whole(path, text.getvalue())
 
 
-def add_curves(
-    folder: Path, curves: Sequence[Curve], pipeline: str, more: Mapping[str, Mapping[str, str]] = {}
-) -> None:
+def add_curves(folder: Path, curves: Sequence[Curve], dialect: str, more: Mapping[str, Mapping[str, str]] = {}) -> None:
     """List curves that are known by their files, with `more` of some; what else is known of them is kept.
 
     Raises LogError, OutputError.
@@ -82,7 +78,7 @@ def add_curves(
         if curve.file:
             cells = entries.setdefault(curve.name, {})
             file = os.path.relpath(Path(curve.file).resolve(), folder.resolve())  # so that both can be moved together
-            cells |= {FILE: file, PIPELINE_FILE: pipeline, **more.get(curve.name, {})}
+            cells |= {FILE: file, DIALECT: dialect, **more.get(curve.name, {})}
     if entries != before:
         write_list(folder / LIST, entries)
 

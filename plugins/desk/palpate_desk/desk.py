@@ -83,7 +83,7 @@ class Desk:
         return []
 
     def _table(self, curve: str) -> FitTable:
-        name = self.folder.pipeline_of(curve)
+        name = self.folder.dialect_of(curve)
         if name not in self._tables:
             self._tables[name] = FitTable(
                 self.path, offline(self.folder.pipeline(name)), self.reader(curve).device, name
@@ -92,7 +92,7 @@ class Desk:
 
     def reader(self, curve: str) -> CurveReader:
         """How a curve is read."""
-        name = self.folder.pipeline_of(curve)
+        name = self.folder.dialect_of(curve)
         if name not in self._readers:
             self._readers[name] = self.folder.reader(name)
         return self._readers[name]

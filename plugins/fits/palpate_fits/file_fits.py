@@ -124,11 +124,11 @@ def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, cells: E
     with progress("fit", "files", sum(len(group.curves) for group in groups)):
         done = 0
         for number, group in enumerate(groups, start=1):
-            settings = SETTINGS if number == 1 else f"pipeline-{number}.toml"
+            dialect = "" if number == 1 else str(number)
             reader = CurveReader(group.text, str(group.path), wanted.stated.overrides, DEVICE, approved_plugins())
             workers = wanted.jobs or (1 if len(group.curves) < FEW else None)
             table = fit_each(
-                group.pipeline, reader, group.curves, folder, workers, settings, wanted.fitting, cells=cells
+                group.pipeline, reader, group.curves, folder, workers, dialect, wanted.fitting, cells=cells
             )
             done += len(group.curves)
             report_progress(done)
@@ -158,7 +158,9 @@ def _show(
     first = next((row["curve"] for row in rows if is_usable(row)), None)
     if first is not None:
         page = folder / "page"
-        words = ["palpate", "fit", _no_option(first), "--pipeline", str(folder / SETTINGS), "-o", str(page)]
+        numbers = [n for n, group in enumerate(groups, 1) if first in {curve.name for curve in group.curves}]
+        chosen = ["--set", f"run.dialect={numbers[0]}"] if numbers[0] > 1 else []
+        words = ["palpate", "fit", _no_option(first), "--pipeline", str(folder / SETTINGS), *chosen, "-o", str(page)]
         report = shlex.join(["palpate", "report", str(page / Path(first).name.split(".")[0])])
         typer.echo(f"a page on one: {shlex.join(words)} && {report}")
     typer.echo(count_line(rows, known))

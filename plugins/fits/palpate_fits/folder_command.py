@@ -17,12 +17,11 @@ from palpate_engine import (
     resolved_text,
     start_tracks,
     tip_table,
-    write_whole,
 )
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import offline
 from palpate_kit.curves.curve_list import FILE, LIST, add_groups
-from palpate_kit.curves.curve_table import TABLE, FitTable, columns_of_fits, replace_columns
+from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable, columns_of_fits, replace_columns, write_dialects
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import change_assignments, write_own
 from palpate_kit.runs.replay_source import added_table
@@ -101,7 +100,7 @@ def stale_count(folder: FitFolder) -> int:
 
 
 def change_folder(path: Path, change: FolderChange) -> None:
-    """Write the settings that are asked for: of some curves into own.toml, of all into every pipeline.
+    """Write the settings that are asked for: of some curves into own.toml, of all into the pipeline of every dialect.
 
     Whatever is no setting is refused before anything is written. Raises ConfigurationError, LogError, OutputError.
     """
@@ -120,7 +119,7 @@ def change_folder(path: Path, change: FolderChange) -> None:
     if change.overrides or change.unset:
         own = dict(folder.own)
         own |= {name: change_assignments(own.get(name, ()), change.overrides, change.unset) for name in names}
-        for kind in {(folder.pipeline_of(name), own[name]) for name in names}:
+        for kind in {(folder.dialect_of(name), own[name]) for name in names}:
             source = _source(folder, kind[0])
             for assignment in kind[1]:
                 source.override(assignment)
@@ -133,7 +132,7 @@ def _change_all(folder: FitFolder, change: FolderChange) -> None:
         return
     texts: dict[str, str] = {}
     columns: tuple[str, ...] = ()
-    for name in folder.settings_files:
+    for name in folder.dialects:
         source = _source(folder, name)
         if change.tip is not None:
             tip = tip_table(change.tip, registry.load(), "--tip")
@@ -144,15 +143,14 @@ def _change_all(folder: FitFolder, change: FolderChange) -> None:
             source.override(assignment)
         pipeline = _demand_fits(source)
         texts[name], columns = resolved_text(pipeline, folder.path), columns_of_fits(offline(pipeline))
-    for name, text in texts.items():
-        write_whole(folder.path / name, text)
+    write_dialects(folder.path / SETTINGS, texts)
     if folder.cells and tuple(folder.cells[0]) != columns:
         replace_columns(folder.path / TABLE, columns)
 
 
-def _source(folder: FitFolder, name: str) -> Source:
-    """A pipeline of the folder, to change."""
-    return Source(folder.settings_text(name), folder.path / name)
+def _source(folder: FitFolder, dialect: str) -> Source:
+    """The pipeline of a dialect of the folder, to change."""
+    return Source(folder.settings_text(dialect), folder.path / SETTINGS)
 
 
 def _replace_model(source: Source, wanted: str) -> None:
