@@ -40,7 +40,7 @@ class Source:
         if _deeper(self.tables, _DEEPEST):
             raise ConfigurationError(f"{path}: tables and lists are nested more than {_DEEPEST} deep")
         self._lines = _lines(text)
-        self._stated: dict[Location, str] = {}  # keys that the command line or a rig's facts have set, and by what
+        self._stated: dict[Location, str] = {}  # keys that are set, and by which facts; "": by the command line
         self._plugins_named = False  # by the person at work
 
     @classmethod
@@ -64,19 +64,20 @@ class Source:
     def override(self, assignment: str) -> None:
         """Apply one ``table.key=value`` of the command line; the value is TOML, or a text where it is not."""
         keys, value = parsed_assignment(assignment)
-        self.state(keys, value, f"--set {'.'.join(keys)}")
+        self.state(keys, value)
         if keys == _PLUGINS:
             self._plugins_named = is_argument(assignment)
 
-    def state(self, keys: Location, value: Any, by: str) -> None:
-        """Set a key, which messages call what it is stated `by`; raises ConfigurationError."""
+    def state(self, keys: Location, value: Any, by: str = "") -> None:
+        """Set a key, stated `by` the command line or what messages are to name; raises ConfigurationError."""
         table: Any = self.tables
         for i, key in enumerate(keys[:-1]):
             if keys[0] == "alignment" and isinstance(table.get(key), str):  # a signal in its short form
                 table[key] = {"channel": table[key]}
             table = table.setdefault(key, {})
             if not isinstance(table, dict):
-                raise ConfigurationError(f"{by}: {'.'.join(keys[: i + 1])} is no table")
+                said = by or f"--set {'.'.join(keys)}"
+                raise ConfigurationError(f"{said}: {'.'.join(keys[: i + 1])} is no table")
         table[keys[-1]] = value
         self._stated[keys] = by
 
@@ -131,7 +132,7 @@ class Source:
         for length in range(len(location), 0, -1):
             head = location[:length]
             if head in self._stated:
-                return self._stated[head]
+                return self._stated[head] or f"--set {'.'.join(head)}"
             if head in self._lines:
                 return f"{self.path}:{self._lines[head]}"
         return str(self.path)
