@@ -183,6 +183,18 @@ def test_comments_of_a_person_stay_where_answers_are_added(tmp_path):
     assert read_rig(rig).measured == {"mass": {"value": 0.1}}
 
 
+def test_a_pipeline_that_is_called_rig_is_no_file_of_facts_and_stays_as_it_is(tmp_path, capsys):
+    text = '[device.arm]\ntype = "sim"\n'
+    (tmp_path / "rig.toml").write_text(text)
+    stated = stated_facts([tmp_path], ())
+    assert not stated.is_read
+    keep_answers(stated.answered(thickness="22 mm"))
+    assert "are not kept" in capsys.readouterr().err
+    assert (tmp_path / "rig.toml").read_text() == text
+    with pytest.raises(ConfigurationError, match="is a pipeline"):
+        stated_facts([tmp_path], [f"run.rig={tmp_path / 'rig.toml'}"])
+
+
 def test_two_files_of_facts_are_no_choice_of_the_program(tmp_path):
     for name in ("a", "b"):
         (tmp_path / name).mkdir()

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError
-from palpate_engine import RIG, RigFacts, facts_of, parsed_assignment, read_rig, rig_assignments
+from palpate_engine import (
+    RIG,
+    RigFacts,
+    bounded_text,
+    facts_of,
+    parsed_assignment,
+    read_rig,
+    rig_assignments,
+    toml_tables,
+)
 
 _RIG = ("run", "rig")
 
@@ -20,14 +30,10 @@ class StatedFacts:
     facts: RigFacts
     path: Path  # of the file of facts, that there is or that answers are written to
     settings: tuple[str, ...] = ()  # ``--set`` that are no facts
+    is_read: bool = False  # there is such a file
     is_named: bool = False  # by --rig, and not found beside the files
     answers: frozenset[str] = frozenset()  # keys of the facts that were asked
     of_options: frozenset[str] = frozenset()  # keys of the facts that the command line states
-
-    @property
-    def is_read(self) -> bool:
-        """Whether there is such a file."""
-        return self.path.is_file()
 
     @property
     def overrides(self) -> tuple[str, ...]:
@@ -60,22 +66,30 @@ def stated_facts(sources: Sequence[Path], overrides: Iterable[str], **given: str
     options = facts_of(table)
     named_file = path is not None
     path = path or _beside(sources)
-    found = read_rig(path) if named_file or path.is_file() else RigFacts()
-    stated = StatedFacts(found, path, tuple(settings), named_file, of_options=frozenset(table))
+    is_there = named_file or (path.is_file() and not _is_pipeline(path))
+    found = read_rig(path) if is_there else RigFacts()
+    stated = StatedFacts(found, path, tuple(settings), is_there, named_file, of_options=frozenset(table))
     return stated.with_facts(**options.model_dump(exclude_defaults=True)) if table else stated
 
 
 def rig_beside(sources: Sequence[Path]) -> Path | None:
     """The file of facts beside files, where there is one; raises ConfigurationError for several."""
     path = _beside(sources)
-    return path if path.is_file() else None
+    return path if path.is_file() and not _is_pipeline(path) else None
 
 
 def _beside(sources: Sequence[Path]) -> Path:
     """Where the file of facts of files is, or would be; raises ConfigurationError for several that there are."""
     folders = dict.fromkeys(source if source.is_dir() else source.parent for source in sources)
     paths = [folder / RIG for folder in folders]
-    there = [path for path in paths if path.is_file()]
+    there = [path for path in paths if path.is_file() and not _is_pipeline(path)]
     if len(there) > 1:
         raise ConfigurationError(f"{there[0]} and {there[1]}: which holds the facts? Name it with --rig FILE")
     return next(iter(there), paths[0])
+
+
+def _is_pipeline(path: Path) -> bool:
+    """Whether a file that is called like one of facts is a pipeline; one with mistakes is none yet."""
+    with suppress(OSError, ValueError):
+        return "device" in toml_tables(bounded_text(path))
+    return False

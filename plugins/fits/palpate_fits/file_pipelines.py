@@ -108,6 +108,7 @@ def _suggestion(
     keys |= {f"{UNITS}{name}": unit for name, unit in (facts.units or {}).items()}
     given = {**keys, **choices}
     named = {role: names for role, names in (facts.columns or {}).items() if role not in choices}
+    found: Suggestion | None = None
     try:
         found = suggestion_of(file, given, known)
         named = {role: names for role, names in named.items() if role in found.rivals}
@@ -120,7 +121,7 @@ def _suggestion(
                 suggestion_of(file, {**given, role: str(name)}, known)
                 given[role] = str(name)
                 break
-    return suggestion_of(file, given, known) if named else found
+    return suggestion_of(file, given, known) if named or found is None else found
 
 
 def _other_tips(suggestion: Suggestion, pipeline: Pipeline) -> list[str]:

@@ -151,7 +151,7 @@ def keep_answers(stated: StatedFacts) -> None:
     try:
         write_rig(stated.path, {key: _plain(value) for key, value in facts.items()})
         typer.echo(f"the answers are kept in {stated.path}", err=True)
-    except OutputError as error:
+    except (OutputError, ConfigurationError) as error:
         typer.echo(f"the answers are not kept: {error}", err=True)
 
 
