@@ -30,10 +30,10 @@ from palpate_engine import Source, build_pipeline, run_pipeline
 from palpate_kit.runs.sample_observer import SampleObserver
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.logs.bags import press, write_bag
 from tests.logs.damage import cut_out, cut_short, many_bits, no_ends, one_bit, overwritten, put_in
 
 from tests.logs import damage
+from tests.records.bags import press, write_bag
 
 
 def recover(options: argparse.Namespace) -> None:

@@ -24,7 +24,7 @@ from palpate_kit.logs.draft_pipeline import recording_of, suggestion_of
 from palpate_records.messages.readings import si_unit
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.logs.bags import array_message, write_bag
+from tests.records.bags import array_message, write_bag
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
 

@@ -6,6 +6,7 @@ The blocks of plugins/*/README.md are run by test_plugin_readmes, those of docs/
 import re
 import shlex
 import tomllib
+from itertools import filterfalse
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import jsonschema
 import pytest
 import typer
 from palpate_commands.schema import pipeline_schema
-from palpate_engine import function_of, registry
+from palpate_engine import RigFacts, facts_of, function_of, registry
 from palpate_engine.cli.commands import call_of, parse_arguments
 
 ROOT = Path(__file__).parent.parent
@@ -42,7 +43,21 @@ def validator():
     return jsonschema.Draft202012Validator(without_required(pipeline_schema(registry.load())))
 
 
-@pytest.mark.parametrize("text", blocks("toml"))
+def of_rig(block):
+    return block.id.startswith("rig-facts")
+
+
+@pytest.mark.parametrize("text", list(filter(of_rig, blocks("toml"))))
+def test_facts_of_a_rig_are_read(text):
+    assert facts_of(tomllib.loads(text)).tip
+
+
+def test_every_key_of_a_rig_has_its_line_on_the_page_of_them():
+    page = (ROOT / "docs" / "rig-facts.md").read_text()
+    assert [key for key in RigFacts.model_fields if f"`{key}`" not in page] == []
+
+
+@pytest.mark.parametrize("text", list(filterfalse(of_rig, blocks("toml"))))
 def test_pipelines_are_what_the_schema_allows(text, validator):
     mistakes = [f"{list(error.absolute_path)}: {error.message}" for error in validator.iter_errors(tomllib.loads(text))]
     assert not mistakes

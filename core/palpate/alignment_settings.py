@@ -26,6 +26,7 @@ class Signal(Settings):
     uncertainty: Delay | None = Field(
         default=None, ge=0, description="standard uncertainty of the delay; undeclared: unknown"
     )
+    measured: bool = Field(default=False, description="of a position: it is stated to be measured, and no command")
     time: Literal["stamp", "received"] = Field(
         default="stamp", description="the stream's own time-stamps, or host arrival"
     )

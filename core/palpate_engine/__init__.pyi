@@ -37,8 +37,32 @@ from .config import (
     values_on_trust as values_on_trust,
     wrong_channels as wrong_channels,
 )
-from .config.declared_uncertainties import READINGS as READINGS, declared_std as declared_std
+from .config.declared_uncertainties import (
+    POISSON_STD as POISSON_STD,
+    READINGS as READINGS,
+    declared_std as declared_std,
+)
+from .config.dialects import (
+    DIALECT as DIALECT,
+    dialect_tables as dialect_tables,
+    with_dialect as with_dialect,
+)
 from .config.migrations import FORMAT as FORMAT, KEY as KEY
+from .config.rig_facts import (
+    MEASURED as MEASURED,
+    MEASUREMENT as MEASUREMENT,
+    OF_FILES as OF_FILES,
+    RIG as RIG,
+    RigFacts as RigFacts,
+    facts_of as facts_of,
+    facts_stated as facts_stated,
+    option_of as option_of,
+    question_of as question_of,
+    read_rig as read_rig,
+    words_that_state as words_that_state,
+)
+from .config.rig_settings import plain_facts as plain_facts, rig_assignments as rig_assignments
+from .config.tip_words import tip_table as tip_table, tip_values as tip_values
 from .config.unit_plausibility import UNCHECKED as UNCHECKED
 from .core_names import (
     FORMER_FLAGS as FORMER_FLAGS,

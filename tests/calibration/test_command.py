@@ -4,7 +4,9 @@ import json
 import tomllib
 from datetime import UTC, datetime, timedelta
 
+import palpate_engine as engine
 import pytest
+from palpate_kit.runs.calibration_file import read_calibration
 
 QUICK = ("--set", "calibration.trajectory.duration=4 s", "--set", "calibration.trajectory.standstill=1 s")
 
@@ -42,9 +44,9 @@ def test_calibration_turns_a_delay_into_a_viscosity(palpate, late, tmp_path):
     assert found["viscosity"]["verdict"] == "not determined"
     done = palpate("calibrate", late)
     assert done.returncode == 0, done.stderr
-    for text in ("mass", "163.", "delay", "95 % interval", "3 shakes of 5 Hz", 'calibration = "late.calibration.toml"'):
+    for text in ("mass", "163.", "delay", "95 % interval", "3 shakes of 5 Hz", '[run] rig = "rig.toml"'):
         assert text in " ".join(done.stdout.split())
-    after, flags = viscosity(palpate, late, tmp_path / "after", "--set", "run.calibration=late.calibration.toml")
+    after, flags = viscosity(palpate, late, tmp_path / "after", "--set", "run.rig=rig.toml")
     assert after["viscosity"]["value"] == pytest.approx(truth, rel=0.02)
     assert after["elasticity"]["value"] == pytest.approx(112.5e3, rel=0.01)
     assert "delay" not in flags
@@ -59,20 +61,22 @@ def test_calibration_turns_a_delay_into_a_viscosity(palpate, late, tmp_path):
 def test_the_file_says_what_it_takes_to_trust_it(palpate, late, tmp_path):
     target = tmp_path / "rig.toml"
     assert palpate("calibrate", late, *QUICK, "--out", target).returncode == 0
-    table = tomllib.loads(target.read_text())
-    mass = table["values"]["mass"]
+    tables = tomllib.loads(target.read_text())
+    table, values = tables["measurement"], tables["measured"]
+    mass = values["mass"]
     assert mass["unit"] == "kg"
     assert mass["interval"][0] < 0.163 < mass["interval"][1]
     assert len(mass["repeats"]) == 3
     assert {"fit", "type_a", "type_b", "std"} <= set(mass)
     assert datetime.now(UTC) - table["created"] < timedelta(hours=1)
-    assert {value["unit"] for value in table["values"].values()} == {"kg", "s", "N", "N/s", "m", "m/s"}
+    assert {value["unit"] for value in values.values()} == {"kg", "s", "N", "N/s", "m", "m/s"}
     assert table["devices"]["rig"] == {"serial_number": "SIM-0001", "type": "sim"}
     assert table["tip"] == {"type": "sphere", "radius": 0.005}
     assert table["channels"]["force"] == "rig.wrench.z"
     assert table["shake"]["frequencies"] == [pytest.approx(5.0, abs=1e-3)]
     assert "palpate" in table["versions"]
-    assert {"offset", "bias", "drift", "force_std", "velocity_std", "paper_velocity_std"} <= set(table["values"])
+    assert {"offset", "bias", "drift", "force_std", "velocity_std", "paper_velocity_std"} <= set(values)
+    assert table["command"].startswith("palpate calibrate ")
 
 
 @pytest.mark.slow
@@ -92,11 +96,11 @@ def test_a_recorded_log_calibrates_like_the_rig_that_made_it(palpate, late, tmp_
     )
     done = palpate("calibrate", replay)
     assert done.returncode == 0, done.stderr
-    table = tomllib.loads((tmp_path / "replay.calibration.toml").read_text())
-    assert table["values"]["mass"]["value"] == pytest.approx(0.163, abs=2e-3)
-    assert table["values"]["delay"]["value"] == pytest.approx(0.007, abs=3e-4)
-    assert "type_a" not in table["values"]["mass"]
-    assert len(table["devices"]["rig"]["sha256"]) == 64
+    table = tomllib.loads((tmp_path / "rig.toml").read_text())
+    assert table["measured"]["mass"]["value"] == pytest.approx(0.163, abs=2e-3)
+    assert table["measured"]["delay"]["value"] == pytest.approx(0.007, abs=3e-4)
+    assert "type_a" not in table["measured"]["mass"]
+    assert len(table["measurement"]["devices"]["rig"]["sha256"]) == 64
 
 
 @pytest.mark.parametrize(
@@ -118,7 +122,7 @@ def test_what_cannot_be_calibrated_is_refused_with_the_reason(palpate, late, tmp
     assert done.returncode == 2, done.stdout + done.stderr
     assert message in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
-    assert not (tmp_path / "late.calibration.toml").exists()
+    assert not (tmp_path / "rig.toml").exists()
 
 
 def test_a_sensor_that_is_stuck_is_refused(palpate, late):
@@ -134,7 +138,7 @@ def test_a_tip_that_touches_is_refused(palpate, late, tmp_path):
     done = palpate("calibrate", late, *QUICK, *(word for override in low for word in ("--set", override)))
     assert done.returncode == 2, done.stdout
     assert "contact" in done.stderr
-    assert not (tmp_path / "late.calibration.toml").exists()
+    assert not (tmp_path / "rig.toml").exists()
 
 
 def test_a_folder_that_is_not_there_is_told_before_anything_moves(palpate, late, tmp_path):
@@ -144,12 +148,31 @@ def test_a_folder_that_is_not_there_is_told_before_anything_moves(palpate, late,
     assert "repeat" not in done.stderr
 
 
-def test_an_older_file_stays_unless_told_otherwise(palpate, late, tmp_path):
-    target = tmp_path / "late.calibration.toml"
-    target.write_text("precious")
+def test_facts_that_a_person_wrote_stay_and_an_older_calibration_too_unless_told_otherwise(palpate, late, tmp_path):
+    target = tmp_path / "rig.toml"
+    target.write_text('# the blue stand\nmount = "200 N/mm"\n')
+    assert palpate("calibrate", late, *QUICK).returncode == 0
+    text = target.read_text()
+    assert text.startswith('# the blue stand\nmount = "200 N/mm"\n')
+    assert "[measured.mass]" in text
     done = palpate("calibrate", late, *QUICK)
     assert done.returncode == 2
-    assert "exists already" in done.stderr
-    assert target.read_text() == "precious"
+    assert "holds a calibration already" in done.stderr
+    assert target.read_text() == text
     assert palpate("calibrate", late, *QUICK, "--force").returncode == 0
-    assert "[values.mass]" in target.read_text()
+    assert target.read_text().count("[measured.mass]") == 1
+    (tmp_path / "pipeline.toml").write_text(late.read_text())
+    refused = palpate("calibrate", late, *QUICK, "--out", "pipeline.toml")
+    assert refused.returncode == 2
+    assert "is a pipeline" in refused.stderr
+    loaded = engine.load_pipeline(late, ["run.rig=rig.toml"])  # without the mass that the file states
+    assert loaded.alignment.tip_mass == pytest.approx(0.163, abs=2e-3)
+    assert loaded.alignment.series_stiffness == 200e3
+
+
+def test_a_calibration_file_of_an_older_version_is_read(palpate, late, tmp_path):
+    assert palpate("calibrate", late, *QUICK).returncode == 0
+    old = read_calibration(tmp_path / "rig.toml")
+    (tmp_path / "old.toml").write_text(old.text())
+    assert "[values.mass]" in (tmp_path / "old.toml").read_text()
+    assert read_calibration(tmp_path / "old.toml") == old

@@ -45,7 +45,7 @@ def test_every_step_finds_what_the_rig_hides(palpate, root, tmp_path):
     sets = [word for override in QUICK for word in ("--set", override)]
     done = palpate("calibrate", root / "pipelines" / "guided.toml", "--out", target, *sets)
     assert done.returncode == 0, done.stderr
-    values = tomllib.loads(target.read_text())["values"]
+    values = tomllib.loads(target.read_text())["measured"]
     mass, weight = 0.163, 0.163 * 9.80665
     truth = {
         "mass": mass,
@@ -81,7 +81,7 @@ def test_every_step_finds_what_the_rig_hides(palpate, root, tmp_path):
         "  delay: 11.",
     ):
         assert text in done.stderr
-    spectrum = tomllib.loads(target.read_text())["spectra"]["force"]
+    spectrum = tomllib.loads(target.read_text())["measurement"]["spectra"]["force"]
     assert spectrum["unit"] == "N/sqrt(Hz)"
     # White noise of 0.05 N at 800 Hz: 0.05 sqrt(2/800).
     assert spectrum["densities"][-1] == pytest.approx(0.05 * (2 / 800) ** 0.5, rel=0.1)
@@ -173,9 +173,10 @@ def test_steps_read_logs(palpate, guided, tmp_path):
     file = guided(LOG.format(step="standstill", file=still) + LOG.format(step="shake", file=shake))
     done = palpate("calibrate", file)
     assert done.returncode == 0, done.stderr
-    table = tomllib.loads((tmp_path / "guided.calibration.toml").read_text())
-    assert table["values"]["delay"]["value"] == pytest.approx(0.0117, abs=3e-4)
-    assert table["values"]["offset"]["value"] == pytest.approx(0.8 - 0.163 * 9.80665, abs=0.01)
+    tables = tomllib.loads((tmp_path / "rig.toml").read_text())
+    table, values = tables["measurement"], tables["measured"]
+    assert values["delay"]["value"] == pytest.approx(0.0117, abs=3e-4)
+    assert values["offset"]["value"] == pytest.approx(0.8 - 0.163 * 9.80665, abs=0.01)
     assert {len(facts["sha256"]) for facts in table["logs"].values()} == {64}
     assert set(table["logs"]) == {"standstill.rig", "shake.rig"}
 

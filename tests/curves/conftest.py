@@ -41,7 +41,5 @@ def fits_once(tmp_path_factory):
 def folder(fits_once, tmp_path, monkeypatch):
     """A copy of it, with the table `groups.csv`, as the current folder."""
     shutil.copytree(fits_once, tmp_path, dirs_exist_ok=True)
-    table = tmp_path / "fits" / "curves.csv"
-    table.write_text(table.read_text().replace(str(fits_once), str(tmp_path)))
     monkeypatch.chdir(tmp_path)
     return tmp_path

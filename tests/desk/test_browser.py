@@ -4,6 +4,7 @@ With the variable PICTURES the walk writes the pictures of the tutorial into tha
 """
 
 import os
+import shutil
 import time
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from palpate_kit.curves.fit_folder import FitFolder
 
-from tests.curves.conftest import press
+from tests.curves.conftest import fits_once, folder, press  # noqa: F401
 from tests.desk.conftest import served
 from tests.live_page.browser import CHROMIUM, browser
 
@@ -98,6 +99,17 @@ def test_a_laboratory_walks_through(curves):
         tab.call("Page.reload")
         tab.until("window.palpate?.drawn > 0", _PATIENCE)
         assert "3 rejected" in walk.text("counts")
+
+
+def test_a_page_whose_curves_have_gone_says_so_and_shows_their_values(folder):  # noqa: F811
+    shutil.rmtree("curves")
+    with served("fits") as process, browser(1280, 800) as chromium:
+        tab = chromium.open(process.address)
+        walk = Walk(tab)
+        walk.shows("curve-note", "there is no such file")
+        assert "kPa" in walk.text("curve-values")
+        assert tab.ask("window.palpate.errors") == []
+        assert tab.ask("Array.from(document.querySelectorAll('.pale')).length") == 0
 
 
 def _compare_models(walk):

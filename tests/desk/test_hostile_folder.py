@@ -278,10 +278,12 @@ def test_what_is_written_does_not_leave_the_folder_by_a_link(folder, tmp_path, n
 
 
 @pytest.mark.parametrize("place", ["/dev/zero", "../lab.toml", "./pipeline.toml"])
-def test_a_curve_is_read_by_a_pipeline_of_the_folder(folder, place):
+def test_a_curve_is_read_by_a_dialect_of_the_folder(folder, place):
     table = folder / "fits" / "curves.csv"
-    table.write_text(table.read_text().replace(",pipeline.toml", f",{place}"))
-    with pytest.raises(PalpateError, match=r"is no pipeline of the folder"):
+    head, first, *rest = table.read_text().splitlines()
+    assert head == "curve,file,dialect"
+    table.write_text("\n".join([head, first.removesuffix(",") + f",{place}", *rest]))
+    with pytest.raises(PalpateError, match=r"there is no dialect"):
         Desk(folder / "fits")
 
 

@@ -1,7 +1,9 @@
 """``palpate fit FILES --tip``: files of several dialects without a pipeline, one table with a verdict for each."""
 
 import csv
+import json
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +49,7 @@ def test_a_folder_in_two_dialects_is_one_table_and_what_was_done_stands_beside_i
     assert max(len(line) for line in lines if "│" in line) <= 80
     assert lines[-1].startswith("3 usable, 1 not: not read (1)")
     assert {path.name for path in (files / "out").iterdir()} == {
-        "fits.csv", "curves.csv", "pipeline.toml", "pipeline-2.toml",
+        "fits.csv", "curves.csv", "pipeline.toml",
     }  # fmt: skip
     with (files / "out" / "fits.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -56,6 +58,15 @@ def test_a_folder_in_two_dialects_is_one_table_and_what_was_done_stands_beside_i
         assert abs(float(row["elasticity"]) - 1e5 * (1 + 0.1 * seed)) < 3 * float(row["elasticity_combined"])
     again = palpate("fit", "curves", *TIP, "--out", "out")
     assert again.stdout == done.stdout
+    tables = tomllib.loads((files / "out" / "pipeline.toml").read_text())
+    assert set(tables["dialect"]["2"]) <= {"device", "alignment", "run"}  # what the other kind of file has otherwise
+    words = ["--pipeline", "out/pipeline.toml", "--set", "run.dialect=2", "--out", "alone"]
+    alone = palpate("fit", "curves/2.csv", *words, "--json")
+    assert alone.returncode == 0, alone.stderr
+    (track,) = json.loads(alone.stdout)["logs"]["2"]["tracks"].values()
+    assert repr(track["parameters"]["elasticity"]["value"]) in {row["elasticity"] for row in rows}
+    refused = palpate("fit", "curves/2.csv", "--pipeline", "out/pipeline.toml", "--set", "run.dialect=3")
+    assert "there is no [dialect.3]" in refused.stderr
 
 
 @pytest.mark.slow
@@ -224,7 +235,7 @@ def test_one_of_several_presses_in_one_table_is_asked_for(tmp_path, palpate):
 @pytest.mark.parametrize(
     ("stated", "words"),
     [
-        ([], 'state how late the force is: --set alignment.force.uncertainty="1 ms"'),
+        ([], "--tip 'sphere 3 mm' --delay \"0 ms +- 1 ms\""),
         (["force"], "position"),
     ],
 )

@@ -10,6 +10,7 @@ from palpate.contact import ContactModel
 from palpate.parts import numbers_of
 from palpate.units import to_si
 
+POISSON_STD = 0.02 / math.sqrt(3)  # of a Poisson's ratio: a rectangular distribution that ends at the value
 READINGS = {"force_scale": "1", "position_scale": "1"}
 
 

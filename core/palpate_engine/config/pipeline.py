@@ -36,6 +36,14 @@ class RunSettings(Settings):
         default=("*",), description='which model/estimator pairs run, as patterns: "dr/*", "*/ekf"'
     )
     plugins: tuple[File, ...] = Field(default=(), description="Python files beside the pipeline with parts of your own")
+    rig: InputFile | None = Field(
+        default=None,
+        description="file of facts of rig and specimens (`rig.toml`): what this file leaves open of tip, delay, mass, "
+        "tare, thickness and Poisson's ratio, and what `palpate calibrate` has measured",
+    )
+    dialect: str | None = Field(
+        default=None, description="which [dialect.NAME] stands in place of the file's own tables, to read other files"
+    )
     calibration: InputFile | None = Field(
         default=None, description="calibration file: mass, tare, timing and noise that this file leaves open"
     )

@@ -23,11 +23,13 @@ from palpate_engine.config.assumed_values import assumed_keys
 from palpate_engine.config.calibration import calibration_of
 from palpate_engine.config.control import control_of
 from palpate_engine.config.declared_uncertainties import unknown_sources
+from palpate_engine.config.dialects import choose_dialect
 from palpate_engine.config.migrations import MIGRATIONS, migrate
 from palpate_engine.config.mistakes import raise_mistakes
 from palpate_engine.config.part_builder import Builder, unknown_tables
 from palpate_engine.config.pipeline import Pipeline, RunSettings, Track
 from palpate_engine.config.pipeline_source import Source
+from palpate_engine.config.rig_settings import apply_rig
 from palpate_engine.config.safety_wiring import contradictions, wire_safety
 from palpate_engine.config.signal_wiring import check_wiring, ports_of, with_gravity, wrong_channels
 from palpate_engine.safety import SafetySettings
@@ -108,12 +110,16 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
 def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple[Flag, ...]]:
     """A source in the names of today, with the plugins that it asks for; its builder, and what was renamed."""
     tables = source.tables
+    choose_dialect(source)
     renamed = migrate(source, MIGRATIONS)
     _add_plugins_at_hand(source)
     first = Builder(source, Registry({}))
     run = first.settings(RunSettings, ("run",))
     registry = _registry(source) if run else registries.load()
     renamed += migrate(source, registry.migrations)
+    if apply_rig(source, run and run.rig, registry):
+        first = Builder(source, Registry({}))
+        run = first.settings(RunSettings, ("run",))
     builder = Builder(source, registry)
     builder.mistakes += first.mistakes + unknown_tables(tables, registry)
     return builder, registry, run, renamed
@@ -188,12 +194,15 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
 
     Without a registry it is that of the installed plugins and of those that the source names.
     """
+    choose_dialect(source)
     if registry is None:
         first = Builder(source, Registry({}))
         first.settings(RunSettings, ("run",))
         raise_mistakes(first.mistakes, source)
         registry = _registry(source)
     migrate(source, (*MIGRATIONS, *registry.migrations))
+    run = Builder(source, Registry({})).settings(RunSettings, ("run",))
+    apply_rig(source, run and run.rig, registry)
     builder = Builder(source, registry)
     found = builder.parts(kind)
     raise_mistakes(builder.mistakes, source)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ class Source:
         if _deeper(self.tables, _DEEPEST):
             raise ConfigurationError(f"{path}: tables and lists are nested more than {_DEEPEST} deep")
         self._lines = _lines(text)
-        self._overridden: set[Location] = set()
+        self._stated: dict[Location, str] = {}  # keys that are set, and by which facts; "": by the command line
         self._plugins_named = False  # by the person at work
 
     @classmethod
@@ -63,27 +64,45 @@ class Source:
     def override(self, assignment: str) -> None:
         """Apply one ``table.key=value`` of the command line; the value is TOML, or a text where it is not."""
         keys, value = parsed_assignment(assignment)
+        self.state(keys, value)
+        if keys == _PLUGINS:
+            self._plugins_named = is_argument(assignment)
+
+    def state(self, keys: Location, value: Any, by: str = "") -> None:
+        """Set a key, stated `by` the command line or what messages are to name; raises ConfigurationError."""
         table: Any = self.tables
         for i, key in enumerate(keys[:-1]):
             if keys[0] == "alignment" and isinstance(table.get(key), str):  # a signal in its short form
                 table[key] = {"channel": table[key]}
             table = table.setdefault(key, {})
             if not isinstance(table, dict):
-                raise ConfigurationError(f"--set {assignment}: {'.'.join(keys[: i + 1])} is no table")
+                said = by or f"--set {'.'.join(keys)}"
+                raise ConfigurationError(f"{said}: {'.'.join(keys[: i + 1])} is no table")
         table[keys[-1]] = value
-        self._overridden.add(keys)
-        if keys == _PLUGINS:
-            self._plugins_named = is_argument(assignment)
+        self._stated[keys] = by
+
+    def exchange(self, tables: dict[str, Any]) -> None:
+        """Put other tables in place, with what the command line has set."""
+        kept = [(keys, _value_at(self.tables, keys), by) for keys, by in self._stated.items()]
+        self.tables.clear()
+        self.tables.update(deepcopy(tables))
+        for keys, value, by in kept:
+            if value is not None:
+                self.state(keys, value, by)
+
+    def is_stated(self, location: Location) -> bool:
+        """Whether the command line has set a key, or a table around it."""
+        return any(location[:length] in self._stated for length in range(1, len(location) + 1))
 
     @property
     def has_chosen_plugins(self) -> bool:
         """Whether a person has chosen its plugin files: by naming the file, or by setting them on the command line."""
-        return self._plugins_named if _PLUGINS in self._overridden else self.named
+        return self._plugins_named if _PLUGINS in self._stated else self.named
 
     @property
     def overridden(self) -> list[str]:
-        """Keys that the command line has set."""
-        return sorted(".".join(keys) for keys in self._overridden)
+        """Keys that the command line, or the facts of a rig, have set."""
+        return sorted(".".join(keys) for keys in self._stated)
 
     def table(self, location: Location) -> dict[str, Any]:
         """The table at a location."""
@@ -105,15 +124,15 @@ class Source:
         inner[new[-1]] = table.pop(old[-1])
         n = len(old)
         self._lines = {new + at[n:] if at[:n] == old else at: line for at, line in self._lines.items()}
-        self._overridden = {new + at[n:] if at[:n] == old else at for at in self._overridden}
+        self._stated = {new + at[n:] if at[:n] == old else at: by for at, by in self._stated.items()}
         return True
 
     def where(self, location: Location) -> str:
         """``file:line`` of a location, of the nearest table around it, or the command line that set it."""
         for length in range(len(location), 0, -1):
             head = location[:length]
-            if head in self._overridden:
-                return f"--set {'.'.join(head)}"
+            if head in self._stated:
+                return self._stated[head] or f"--set {'.'.join(head)}"
             if head in self._lines:
                 return f"{self.path}:{self._lines[head]}"
         return str(self.path)
@@ -121,6 +140,12 @@ class Source:
     def line(self, location: Location) -> int:
         """The line of a location, for sorting; 0 where it has none."""
         return next((self._lines[location[:n]] for n in range(len(location), 0, -1) if location[:n] in self._lines), 0)
+
+
+def _value_at(tables: Any, keys: Location) -> Any:
+    for key in keys:
+        tables = tables.get(key) if isinstance(tables, dict) else None
+    return tables
 
 
 def parsed_assignment(text: str) -> tuple[Location, Any]:

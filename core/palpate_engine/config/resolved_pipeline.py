@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,12 +17,15 @@ from palpate_engine.config.pipeline import Pipeline
 from palpate_engine.config.unit_plausibility import UNCHECKED, implausible_units
 
 
-def resolved_text(pipeline: Pipeline) -> str:
+def resolved_text(pipeline: Pipeline, beside: Path | None = None) -> str:
     """The pipeline as a TOML text in SI units, with every default spelled out.
 
     Tips, models and surfaces are named where they are used, so that what changes one changes all that is made of it.
-    Paths are absolute, so that the text means the same wherever it is kept.
+    Paths are absolute, so that the text means the same wherever it is kept; those `beside` a folder are as seen from
+    it, so that the text and its files can be moved together.
     """
+    if beside is not None:
+        return tomli_w.dumps(_as_seen_from(beside.resolve(), tomllib.loads(resolved_text(pipeline))))
     tables: dict[str, Any] = {
         KEY: FORMAT,
         "run": plain_settings(pipeline.run, pipeline.registry),
@@ -47,6 +52,16 @@ def resolved_text(pipeline: Pipeline) -> str:
     tables["alignment"] = {key: _by_name(item, named) for key, item in tables["alignment"].items()}
     tables |= {name: plain_settings(table, pipeline.registry) for name, table in pipeline.tables.items()}
     return tomli_w.dumps({name: table for name, table in tables.items() if table})
+
+
+def _as_seen_from(folder: Path, value: Any) -> Any:
+    """The same with every absolute path of a file that there is as seen from a folder."""
+    if isinstance(value, dict):
+        return {key: _as_seen_from(folder, item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_as_seen_from(folder, item) for item in value]
+    is_file = isinstance(value, str) and value.startswith(os.sep) and Path(value).is_file()
+    return os.path.relpath(Path(value).resolve(), folder) if is_file else value
 
 
 def _by_name(value: Any, named: Mapping[str, Mapping[str, Any]]) -> Any:

@@ -11,6 +11,7 @@ from palpate import ConfigurationError, UserError
 from palpate_engine import Registry
 from palpate_records.recording import Suggestion
 
+from palpate_kit.curves.curve_list import is_list
 from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.logs.draft_pipeline import readers_of
 
@@ -47,6 +48,7 @@ def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
         if source.is_dir():
             own = {settings.parent for settings in source.rglob(SETTINGS)}
             files = [path for path in sorted(source.rglob("*")) if path.is_file() and not own & {*path.parents}]
+            files = [path for path in files if not is_list(path)]
             found += [path for path in files if any(reader.recognises(path) for reader in readers)]
         else:
             found.append(source)

@@ -146,11 +146,11 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
     if found.usable:
         table = dict(_values(found)) | dict(zip(("x", "y"), _place(outcome, name), strict=True))
     told = {key: repr(float(value)) for key, value in table.items() if np.isfinite(value)}
-    for name, value in _named(found).items():
+    for name, value in named_values(found).items():
         if has_no_number(value.verdict or ""):
             told.pop(name, None)  # its uncertainties stay
-    told |= {f"{name}_verdict": value.verdict or "" for name, value in _named(found).items()}
-    said = (f"{one.fact}: {one.sentence(_named(found)).replace('; ', ', ')}" for one in found.conditions)
+    told |= {f"{name}_verdict": value.verdict or "" for name, value in named_values(found).items()}
+    said = (f"{one.fact}: {one.sentence(named_values(found)).replace('; ', ', ')}" for one in found.conditions)
     told |= {"conditions": "; ".join(said), "needs": " ".join(_needed(found))}
     flags: tuple[Flag, ...] = (*outcome.result.flags, *found.flags)
     failed = next((flag.message for flag in found.flags if flag.code == "failed"), "")
@@ -158,7 +158,7 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
     return told | {"verdict": found.verdict, "samples": str(found.samples), "flags": codes, "error": failed}
 
 
-def _named(found: TrackResult) -> dict[str, UncertainValue]:
+def named_values(found: TrackResult) -> dict[str, UncertainValue]:
     """The values by name, those that follow from the parameters first."""
     return {**{value.name: value.found for value in found.derived}, **found.parameters}
 
@@ -171,12 +171,12 @@ def row_conditions(row: Mapping[str, str]) -> dict[str, str]:
 
 def _needed(found: TrackResult) -> list[str]:
     """The facts that values of a track need, each once."""
-    words = [value.verdict or "" for value in _named(found).values()]
+    words = [value.verdict or "" for value in named_values(found).values()]
     return list(dict.fromkeys(word.removeprefix("needs ") for word in words if word.startswith("needs ")))
 
 
 def _values(found: TrackResult) -> Iterator[tuple[str, float]]:
-    for name, value in {**_named(found), "surface": found.surface}.items():
+    for name, value in {**named_values(found), "surface": found.surface}.items():
         if value.verdict == "invalid":
             continue
         yield name, value.value

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import csv
 import io
+import json
+import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from palpate import LogError, suggest
-from palpate_engine import write_whole
+from palpate_engine import DIALECT, write_whole
 
 from palpate_kit.curves.curve import Curve
 
 LIST = "curves.csv"
-CURVE, FILE, PIPELINE_FILE = "curve", "file", "pipeline"
+CURVE, FILE = "curve", "file"
+_LINE = 1 << 16  # [characters] of the head
 PLACES = ("x_m", "y_m")
-_OWN = (CURVE, FILE, PIPELINE_FILE)
+_OWN = (CURVE, FILE, DIALECT)
+FACTS = ("tip", "tip_uncertainty", "thickness", "delay", "tare", "tip_mass", "poisson", "inclination", "mount")
 Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
 
 
@@ -49,8 +53,6 @@ def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
             raise LogError(f"{path}:{number}: the curve {name!r} is there twice")
         if known is not None and name not in known and not cells.get(FILE):
             raise LogError(f"{path}:{number}: there is no curve {name!r}{suggest(name, known)}")
-        if "/" in (pipeline := cells.get(PIPELINE_FILE, "")):
-            raise LogError(f"{path}:{number}: {pipeline!r} is no pipeline of the folder: name a file in it")
         found[name] = cells
     return found
 
@@ -65,16 +67,50 @@ def write_list(path: Path, entries: Mapping[str, Mapping[str, str]]) -> None:
     write_whole(path, text.getvalue())
 
 
-def add_curves(folder: Path, curves: Sequence[Curve], pipeline: str) -> None:
-    """List curves that are known by their files, what else is known of them kept; raises LogError, OutputError."""
+def add_curves(folder: Path, curves: Sequence[Curve], dialect: str, more: Mapping[str, Mapping[str, str]] = {}) -> None:
+    """List curves that are known by their files, with `more` of some; what else is known of them is kept.
+
+    Raises LogError, OutputError.
+    """
     entries = read_list(folder / LIST)
     before = {name: dict(cells) for name, cells in entries.items()}
     for curve in curves:
         if curve.file:
             cells = entries.setdefault(curve.name, {})
-            cells |= {FILE: curve.file, PIPELINE_FILE: pipeline}
+            file = os.path.relpath(Path(curve.file).resolve(), folder.resolve())  # so that both can be moved together
+            cells |= {FILE: file, DIALECT: dialect, **more.get(curve.name, {})}
     if entries != before:
         write_list(folder / LIST, entries)
+
+
+def fact_assignments(cells: Mapping[str, str]) -> tuple[str, ...]:
+    """The facts that the cells of a curve state, as settings of this curve alone."""
+    return tuple(f"rig.{key}={json.dumps(cells[key])}" for key in FACTS if cells.get(key))
+
+
+def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:
+    """What ``curves.csv`` beside the files of curves says of them, called by their files as seen from its folder.
+
+    Raises LogError.
+    """
+    places = dict.fromkeys(source if source.is_dir() else source.parent for source in sources)
+    lists = {place.resolve(): read_list(place / LIST) for place in places if is_list(place / LIST)}
+    found: Entries = {}
+    for curve in curves:
+        for place, stated in lists.items():
+            file = Path(curve.file)
+            name = file.relative_to(place) if file.is_relative_to(place) else file
+            cells = stated.get(str(name)) or stated.get(name.stem) or {}
+            found.setdefault(curve.name, {}).update((key, cell) for key, cell in cells.items() if key not in _OWN)
+    return found
+
+
+def is_list(path: Path) -> bool:
+    """Whether a file says of other files what they are, and is no curve."""
+    if path.name != LIST or not path.is_file():
+        return False
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        return CURVE in [cell.strip() for cell in file.readline(_LINE).split(",")]
 
 
 def add_groups(folder: Path, table: Path, known: Collection[str]) -> None:

@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import csv
 import io
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from palpate import ADVICE, Floats, LogError, OutputError, is_number
-from palpate_engine import Pipeline, bounded_text, file_in_place, has_no_number, resolved_text, write_whole
+import tomli_w
+from palpate import ADVICE, ConfigurationError, Floats, LogError, OutputError, is_number
+from palpate_engine import (
+    DIALECT,
+    Pipeline,
+    bounded_text,
+    dialect_tables,
+    file_in_place,
+    has_no_number,
+    resolved_text,
+    toml_tables,
+    with_dialect,
+    write_whole,
+)
 from palpate_records.log_files import readable, regular
 
 from palpate_kit.curves.curve import Curve
@@ -29,31 +42,33 @@ _LATER = ("conditions", "needs")  # columns that tables before schema 5 lack, as
 class FitTable:
     """``fits.csv``: written curve by curve, and gone on with where it ends; the latest rows of a curve count."""
 
-    def __init__(self, folder: Path, pipeline: Pipeline, device: str, settings: str = SETTINGS) -> None:
+    def __init__(self, folder: Path, pipeline: Pipeline, device: str, dialect: str = "") -> None:
         self.columns = columns_of_fits(pipeline)
         self.names = tuple(name.removesuffix("_std") for name in self.columns if name.endswith("_std"))
         self._tracks = len(pipeline.tracks)
         self.path = folder / TABLE
-        self._settle(folder, pipeline, device, folder / settings)
-        self.settings = settings_text(folder / settings)
+        self._settle(folder, pipeline, device, dialect)
+        self.settings = settings_text(folder / SETTINGS, dialect)
         self.done = self._whole() if self.path.exists() else dict[str, str]()
         if not self.path.exists():
             write_whole(self.path, self._text([dict(zip(self.columns, self.columns, strict=True))]))
 
-    def _settle(self, folder: Path, pipeline: Pipeline, device: str, settings: Path) -> None:
+    def _settle(self, folder: Path, pipeline: Pipeline, device: str, dialect: str) -> None:
         """Begin a folder, or go on with one that was begun with the same settings; raises OutputError."""
-        text = resolved_text(pipeline)
+        text = resolved_text(pipeline, folder)
         ignored = {*pipeline.registry.tables, f"device.{device}.file"}
-        if not settings.exists():
-            more = settings.name != SETTINGS and self.path.exists()  # of files that are read in another way
-            if not more and folder.exists() and any(folder.iterdir()):
+        settings = folder / SETTINGS
+        if dialect and settings.exists() and dialect not in dialects_in(settings):  # files that are read in another way
+            write_dialects(settings, {dialect: text})
+        elif not settings.exists():
+            if folder.exists() and any(folder.iterdir()):
                 raise OutputError(f"{folder}: is not empty, and holds no fits to go on with")
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise OutputError(f"{folder}: cannot write: {error.strerror}") from error
             write_whole(settings, text)
-        elif told := differences(text, settings_text(settings), ignored):
+        elif told := differences(text, settings_text(settings, dialect), ignored):
             raise OutputError(f"{folder}: was begun with other settings: {told}; nothing is mixed: give --out another")
 
     def _whole(self) -> dict[str, str]:
@@ -106,19 +121,25 @@ class FitTable:
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """By track: curves, those that failed or are flagged, and median and quartiles of each parameter."""
-        found: dict[str, dict[str, Any]] = {}
-        numbers: dict[str, dict[str, list[float]]] = {}
-        for row in self.rows:
-            told = found.setdefault(row["track"], {"curves": 0, "failed": 0, "flagged": 0})
-            told["curves"] += 1
-            told["failed"] += bool(row["error"]) or not row["surface"]
-            told["flagged"] += row["verdict"] in ("doubtful", "invalid")
-            for name in self.names[:-1]:
-                if row[name]:
-                    numbers.setdefault(row["track"], {}).setdefault(name, []).append(float(row[name]))
-        for track, columns in numbers.items():
-            found[track]["quartiles"] = {name: _quartiles(np.array(values)) for name, values in columns.items()}
-        return found
+        return summary_of(self.rows, self.names[:-1])
+
+
+def summary_of(rows: Iterable[Mapping[str, str]], names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """By track of rows: curves, those that failed or are flagged, and median and quartiles of each named value."""
+    found: dict[str, dict[str, Any]] = {}
+    numbers: dict[str, dict[str, list[float]]] = {}
+    for row in rows:
+        track = row.get("track", "")
+        told = found.setdefault(track, {"curves": 0, "failed": 0, "flagged": 0})
+        told["curves"] += 1
+        told["failed"] += bool(row.get("error")) or not row.get("surface")
+        told["flagged"] += row.get("verdict") in ("doubtful", "invalid")
+        for name in names:
+            if row.get(name):
+                numbers.setdefault(track, {}).setdefault(name, []).append(float(row[name]))
+    for track, columns in numbers.items():
+        found[track]["quartiles"] = {name: _quartiles(np.array(values)) for name, values in columns.items()}
+    return found
 
 
 def _quartiles(values: Floats) -> list[float]:
@@ -157,12 +178,34 @@ def demand_columns(path: Path) -> None:
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
 
 
-def settings_text(path: Path) -> str:
-    """The text of a pipeline of a folder of fits; raises LogError."""
+def settings_text(path: Path, dialect: str = "") -> str:
+    """The pipeline of a folder of fits by which files of a dialect are read; raises LogError."""
     try:
-        return bounded_text(path)
+        return tomli_w.dumps(dialect_tables(_settings(path), dialect))
+    except ConfigurationError as error:
+        raise LogError(f"{path}: {error}") from error
+
+
+def dialects_in(path: Path) -> list[str]:
+    """The dialects of the pipeline of a folder of fits, its own tables first, which have no name; raises LogError."""
+    return ["", *_settings(path).get(DIALECT, {})]
+
+
+def write_dialects(path: Path, texts: Mapping[str, str]) -> None:
+    """Write pipelines by dialect into the one file of a folder of fits; raises LogError, OutputError."""
+    tables = toml_tables(texts[""]) if "" in texts else _settings(path)
+    for name, text in texts.items():
+        tables = with_dialect(tables, name, toml_tables(text)) if name else tables
+    write_whole(path, tomli_w.dumps(tables))
+
+
+def _settings(path: Path) -> dict[str, Any]:
+    try:
+        return toml_tables(bounded_text(path))
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"{path}: cannot be read: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise LogError(f"{path}: is a damaged pipeline: {error}") from error
 
 
 def columns_in(path: Path) -> tuple[str, ...]:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
+import os
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
-from palpate import LogError, PalpateError, suggest
+from palpate import ContactModel, LogError, PalpateError, suggest
 from palpate_engine import (
+    DIALECT,
     Pipeline,
     Source,
     approved_plugins,
+    build_parts,
     build_pipeline,
     inherited_approval,
     toml_tables,
@@ -25,8 +26,24 @@ from palpate_engine import (
 
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, row_conditions, settings_key, value_units
-from palpate_kit.curves.curve_list import FILE, LIST, PIPELINE_FILE, PLACES, Entries, columns_of, read_list
-from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_in, demand_columns, latest_rows, settings_text
+from palpate_kit.curves.curve_list import (
+    FILE,
+    LIST,
+    PLACES,
+    Entries,
+    columns_of,
+    fact_assignments,
+    read_list,
+)
+from palpate_kit.curves.curve_table import (
+    SETTINGS,
+    TABLE,
+    columns_in,
+    demand_columns,
+    dialects_in,
+    latest_rows,
+    settings_text,
+)
 from palpate_kit.curves.own_settings import Own, read_own
 from palpate_kit.runs.review_file import Marks, read_marks
 
@@ -126,14 +143,13 @@ class FitFolder:
     path: Path
 
     @property
-    def settings_files(self) -> list[str]:
-        """Names of the pipelines by which its curves are read."""
-        others = sorted(path.name for path in self.path.glob("pipeline-*.toml"))
-        return [SETTINGS, *others]
+    def dialects(self) -> list[str]:
+        """The dialects in which its curves are written, that of the pipeline's own tables, which has no name, first."""
+        return dialects_in(self.path / SETTINGS)
 
-    def settings_text(self, name: str = SETTINGS) -> str:
-        """The text of a pipeline; raises LogError."""
-        return settings_text(self.path / name)
+    def settings_text(self, dialect: str = "") -> str:
+        """The text of the pipeline of a dialect; raises LogError."""
+        return settings_text(self.path / SETTINGS, dialect)
 
     @cached_property
     def cells(self) -> list[dict[str, str]]:
@@ -146,12 +162,12 @@ class FitFolder:
 
     @cached_property
     def entries(self) -> Entries:
-        """``curves.csv``; raises LogError where it names a curve or a pipeline that there is not."""
+        """``curves.csv``; raises LogError where it names a curve or a dialect that there is not."""
         found = read_list(self.path / LIST, {row["curve"] for row in self.cells})
-        known = self.settings_files
+        known = self.dialects if any(cells.get(DIALECT) for cells in found.values()) else [""]
         for curve, cells in found.items():
-            if (name := cells.get(PIPELINE_FILE, "")) and name not in known:  # never another file
-                raise LogError(f"{self.path / LIST}: {curve}: there is no pipeline {name!r}{suggest(name, known)}")
+            if (name := cells.get(DIALECT, "")) not in known:
+                raise LogError(f"{self.path / LIST}: {curve}: there is no dialect {name!r}{suggest(name, known)}")
         return found
 
     @property
@@ -168,6 +184,10 @@ class FitFolder:
     def own(self) -> Own:
         """``own.toml``; raises LogError where it names a curve that there is not."""
         return read_own(self.path, self.names)
+
+    def settings_of(self, curve: str) -> tuple[str, ...]:
+        """The settings of one curve: the facts in ``curves.csv``, then ``own.toml``."""
+        return (*fact_assignments(self.entries.get(curve, {})), *self.own.get(curve, ()))
 
     @cached_property
     def marks(self) -> Marks:
@@ -189,7 +209,7 @@ class FitFolder:
 
     def key(self, curve: str) -> str:
         """What the present settings of a curve are called."""
-        kind = self.pipeline_of(curve), self.own.get(curve, ())
+        kind = self.dialect_of(curve), self.settings_of(curve)
         if kind not in self.keys:
             self.keys[kind] = settings_key(self.settings_text(kind[0]), kind[1])
         return self.keys[kind]
@@ -220,61 +240,65 @@ class FitFolder:
 
     def curves(self) -> list[Curve]:
         """The curves whose files are known, with their own settings."""
-        known = [(name, self.entries.get(name, {}).get(FILE, "")) for name in self.names]
-        return [Curve(name, file, own=self.own.get(name, ())) for name, file in known if file]
+        known = ((name, self.file_of(name)) for name in self.names)
+        return [Curve(name, file, own=self.settings_of(name)) for name, file in known if file]
+
+    def file_of(self, curve: str) -> str:
+        """The file of a curve, which ``curves.csv`` names as seen from the folder; "" where it is not known."""
+        file = self.entries.get(curve, {}).get(FILE, "")
+        return os.path.normpath(self.path.resolve() / file) if file else ""
 
     @property
     def approved(self) -> frozenset[str]:
         """SHA-256 of the plugin files that its pipelines may name: nothing in the folder is consent to one."""
         return approved_plugins().union(trusted_plugins())
 
-    def reader(self, name: str = SETTINGS) -> CurveReader:
-        """How the curves of a pipeline are read and fitted; raises LogError where it has no device with a file."""
-        text = self.settings_text(name)
-        tables = self._tables(name).get("device")
+    def reader(self, dialect: str = "") -> CurveReader:
+        """How the curves of a dialect are read and fitted; raises LogError where it has no device with a file."""
+        path, text = self.path / SETTINGS, self.settings_text(dialect)
+        tables = toml_tables(text).get("device")
         found = tables.items() if isinstance(tables, dict) else ()
         devices = {key: table["file"] for key, table in found if isinstance(table, dict) and "file" in table}
         if len(devices) != 1:
-            raise LogError(f"{self.path / name}: has {len(devices)} devices with a file; one is needed")
+            raise LogError(f"{path}: has {len(devices)} devices with a file; one is needed")
         ((device, file),) = devices.items()
         overrides: tuple[str, ...] = ()
-        if not Path(str(file)).is_file():  # of a curve that has gone since
-            files = [c.file for c in self.curves() if self.pipeline_of(c.name) == name and Path(c.file).is_file()]
+        if not (self.path / str(file)).is_file():  # of a curve that has gone since
+            files = [c.file for c in self.curves() if self.dialect_of(c.name) == dialect and Path(c.file).is_file()]
             overrides = tuple(f"device.{device}.file={json.dumps(file)}" for file in files[:1])
-        return CurveReader(text, str(self.path / name), overrides, device, self.approved, text)
+        return CurveReader(text, str(path.resolve()), overrides, device, self.approved, text)
 
-    def _tables(self, name: str) -> dict[str, Any]:
-        try:
-            return toml_tables(self.settings_text(name))
-        except tomllib.TOMLDecodeError as error:
-            raise LogError(f"{self.path / name}: is a damaged pipeline: {error}") from error
-
-    def pipeline(self, name: str = SETTINGS) -> Pipeline:
-        """A pipeline with the file of a curve that is there; raises UserError."""
-        reader = self.reader(name)
-        source = Source(reader.text, self.path / name)
+    def pipeline(self, dialect: str = "") -> Pipeline:
+        """The pipeline of a dialect with the file of a curve that is there; raises UserError."""
+        reader = self.reader(dialect)
+        source = Source(reader.text, self.path / SETTINGS)
         for assignment in reader.overrides:
             source.override(assignment)
         with inherited_approval(reader.approved):
             return build_pipeline(source)
 
-    def pipeline_of(self, curve: str) -> str:
-        """The name of the pipeline by which a curve is read."""
-        return self.entries.get(curve, {}).get(PIPELINE_FILE) or SETTINGS
+    def dialect_of(self, curve: str) -> str:
+        """The dialect in which a curve is written; "" for that of the pipeline's own tables."""
+        return self.entries.get(curve, {}).get(DIALECT, "")
+
+    @cached_property
+    def _models(self) -> tuple[ContactModel, ...]:
+        """The models, whether the files of curves are there or not; none where they cannot be built again."""
+        with suppress(PalpateError), inherited_approval(self.approved):
+            return tuple(build_parts(Source(self.settings_text(), self.path / SETTINGS), "model").values())
+        return ()
 
     @cached_property
     def units(self) -> dict[str, str]:
-        """SI unit of each value; none where the pipeline cannot be built again."""
+        """SI unit of each value; none where the models cannot be built again."""
         found = {"surface": "m"}
-        with suppress(PalpateError):
-            for track in self.pipeline().tracks:
-                found |= value_units(track.model)
+        for model in self._models:
+            found |= value_units(model)
         return found
 
     @cached_property
     def symbols(self) -> dict[str, str]:
         """Name of each value by its symbol."""
         found = {"E": "elasticity", "eta": "viscosity"}
-        with suppress(PalpateError):
-            found |= {p.symbol: p.name for track in self.pipeline().tracks for p in track.model.parameters}
+        found |= {parameter.symbol: parameter.name for model in self._models for parameter in model.parameters}
         return {symbol: name for symbol, name in found.items() if name in self.values}

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from palpate import Floats
+from palpate import Floats, Indenter
+from palpate_engine import registry, tip_table
 from palpate_records.messages.readings import LARGEST
 from palpate_records.recording import Suggestion
 
@@ -17,7 +18,10 @@ from palpate_kit.logs.role_guess import ROLES, NumberColumn, Pick, RoleGuess, Se
 _TARE = 0.9  # [s]
 _FREE = 0.05  # of the force's range by which its rest may be away from where it touches nothing
 _RADIUS = 0.005  # [m] of the tip by which a unit's plausibility is judged
-_LENGTHS = (("um", 200.0), ("mm", 0.2), ("m", 0.0))  # unit, and the least way of a palpation in it
+_LEAST = 0.04  # of that radius, the least way of a palpation
+_LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("m", 1.0))  # a factor of 1000 apart
+_FORCES = (("N", 1.0), ("mN", 1e-3), ("uN", 1e-6), ("nN", 1e-9))
+TIP, UNITS = "tip", "units."  # choices that are no role: the tip in words, the unit of a column
 _STIFFEST, _SOFTEST = 5e7, 50.0  # [Pa] beyond which another unit of force is likelier
 
 
@@ -82,17 +86,42 @@ def no_tare(time: Floats, force: Floats) -> str | None:
     return None
 
 
-def length_unit(span: float) -> str:
-    """The likeliest unit of a position by how far it moves, which is some millimetres in a palpation."""
-    return next(unit for unit, least in _LENGTHS if span > least or unit == "m")
+def tip_of(choices: Mapping[str, str]) -> Indenter | None:
+    """The tip among choices, by which units are guessed; None where there is none."""
+    if TIP not in choices:
+        return None
+    known = registry.load()
+    table = tip_table(choices[TIP], known)
+    found: Indenter = known.find("indenter", table.pop("type"))(**table)  # type: ignore[assignment]
+    return found
 
 
-def force_unit(force: float, way: float) -> tuple[str, float]:
-    """The likeliest unit of a force by its range and the way [m], and the elasticity [Pa] that it would mean."""
-    elasticity = 9.0 / 16.0 * force / (_RADIUS**0.5 * max(way, 1e-6) ** 1.5)
-    if elasticity > _STIFFEST:
-        return "mN", elasticity * 1e-3
-    return ("kN", elasticity * 1e3) if elasticity < _SOFTEST else ("N", elasticity)
+def length_unit(span: float, tip: Indenter | None = None) -> str:
+    """The likeliest unit of a position by how far it moves, which is more than a twenty-fifth of the tip's radius."""
+    least = _LEAST * _radius(tip)
+    return next((unit for unit, factor in _LENGTHS if span * factor > least), "m")
+
+
+def force_unit(force: float, way: float, tip: Indenter | None = None) -> tuple[str, float]:
+    """The likeliest unit of a force by its range and the way [m], and the elasticity [Pa] that it would mean.
+
+    F = 2 E A/(1 - nu^2) with the area A of the tip's profile at that depth, and nu = 0.5.
+    """
+    depth = max(way, 2e-4 * _radius(tip))
+    area = 2 / 3 * _RADIUS**0.5 * depth**1.5 if tip is None else float(tip.profile_area(depth))
+    elasticity = 0.375 * force / area
+    if elasticity < _SOFTEST:
+        return "kN", elasticity * 1e3
+    for unit, factor in _FORCES:
+        if elasticity * factor <= _STIFFEST:
+            return unit, elasticity * factor
+    return "N", elasticity
+
+
+def _radius(tip: Indenter | None) -> float:
+    """The size of a tip [m]: its radius, 5 mm where it has none."""
+    found = getattr(tip, "radius", None) if tip is not None else _RADIUS
+    return float(found if isinstance(found, float) else _RADIUS)
 
 
 def assemble_suggestion(

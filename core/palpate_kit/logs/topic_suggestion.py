@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Floats, LogError, printable
+from palpate import Floats, Indenter, LogError, printable
 from palpate_records.log_tables import tables_of
 from palpate_records.messages.feeds import stream_names
 from palpate_records.messages.readings import LARGEST, SECOND, FieldReading, si_unit
@@ -18,7 +18,7 @@ from palpate_records.recording import Suggestion
 from palpate_kit.logs import stated_roles as roles
 from palpate_kit.logs.log_link import join_batches
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
-from palpate_kit.logs.suggestion import assemble_suggestion, find_roles, force_unit, length_unit
+from palpate_kit.logs.suggestion import assemble_suggestion, find_roles, force_unit, length_unit, tip_of
 
 _TAIL = 0.5  # [s]
 _ROWS = 400_000  # of one topic that are looked into
@@ -44,7 +44,7 @@ def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping
     names = dict(zip(*_streams([topic for topic, _ in keys.values()]), strict=True))
     units = {role: pick.series.unit or roles.UNITS[role] for role, pick in found.picks.items()}
     extra: dict[str, list[str]] = {"reasons": [], "doubts": []}
-    _guess_units(found, units, extra["doubts"])
+    _guess_units(found, units, extra["doubts"], tip_of(choices))
     signals = {role: {"topic": topic, **_field(name), "unit": units[role]} for role, (topic, name) in keys.items()}
     device: dict[str, Any] = {"type": kind, "file": str(path), "signals": signals}
     device |= dict(_times(found, keys, looked, extra["reasons"]))
@@ -74,16 +74,16 @@ def _times(
         yield "time", {**_field(clock), "unit": "s"}
 
 
-def _guess_units(found: RoleGuess, units: dict[str, str], doubts: list[str]) -> None:
+def _guess_units(found: RoleGuess, units: dict[str, str], doubts: list[str], tip: Indenter | None) -> None:
     """Units of numbers whose type gives none: SI by the convention of ROS, doubted where unlikely."""
     if all(pick.series.unit for role, pick in found.picks.items() if role != "velocity"):
         return
     spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in found.picks.items()}
     if not found.picks["position"].series.unit:
-        units["position"] = length_unit(spans["position"])
+        units["position"] = length_unit(spans["position"], tip)
     way = spans["position"] * si_unit(units["position"])[1]
     if not found.picks["force"].series.unit:
-        units["force"], _ = force_unit(spans["force"], way)
+        units["force"], _ = force_unit(spans["force"], way, tip)
     if "velocity" in units and found.gain and not found.picks["velocity"].series.unit:
         scale = si_unit(units["position"])[1]
         units["velocity"] = min(

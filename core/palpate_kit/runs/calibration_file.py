@@ -1,4 +1,4 @@
-"""The calibration file: small, in TOML, SI inside, read by pipelines and by people."""
+"""What a calibration has measured: tables of a rig's file of facts, in SI; files of older versions have them alone."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, Settings
-from palpate_engine import bounded_text, toml_tables
+from palpate_engine import MEASURED, MEASUREMENT, bounded_text, toml_tables
 from pydantic import Field, ValidationError
 
 _FORMAT = 1
@@ -52,6 +52,12 @@ class Calibration(Settings):
     logs: dict[str, dict[str, str]] = Field(default={}, description="file and hash of each log, by step and device")
     notes: tuple[str, ...] = Field(default=(), description="notes for the user")
     versions: dict[str, str] = Field(default={}, description="of palpate and its libraries")
+    command: str = Field(default="", description="that made it")
+
+    def tables(self) -> dict[str, Any]:
+        """The tables of a file of facts: what was measured, and how."""
+        plain = _plain(self.model_dump(mode="python", exclude_none=True))
+        return {MEASURED: plain.pop("values"), MEASUREMENT: plain}
 
     def text(self) -> str:
         """The file's text."""
@@ -69,7 +75,7 @@ def _plain(value: Any) -> Any:
 
 
 def read_calibration(path: Path) -> Calibration:
-    """The calibration in a file; raises ConfigurationError where it cannot be read or is none."""
+    """The calibration in a file of facts, or in one of its own; raises ConfigurationError where there is none."""
     try:
         tables = toml_tables(bounded_text(path))
     except (OSError, UnicodeDecodeError) as error:
@@ -77,6 +83,8 @@ def read_calibration(path: Path) -> Calibration:
         raise ConfigurationError(f"{path}: cannot read the calibration file: {reason}") from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{path}: not TOML: {error}") from error
+    if MEASURED in tables:
+        tables = {"values": tables[MEASURED], **tables.get(MEASUREMENT, {})}
     try:
         calibration = Calibration.model_validate(tables)
     except ValidationError as error:

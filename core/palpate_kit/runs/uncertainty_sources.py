@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from palpate import ContactModel
-from palpate_engine import READINGS, declared_std, numbers_of
+from palpate_engine import POISSON_STD, READINGS, declared_std, numbers_of
 
 _RADII = ("radius", "curvature_radius")
 _RADIUS = 0.005  # of itself
-_POISSON = 0.02  # half-width of a rectangular distribution that ends at the value
 _INCLINATION = math.radians(2.0)
 _SKIN_RADIUS = 0.05  # of itself
 _STICK = 0.5  # between a tip that slides and one that sticks, and half of the way from one to the other
@@ -52,7 +51,7 @@ def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[Uncert
         elif path[-1] in _RADII:
             found.append(UncertaintySource(path[-1], path, value, _RADIUS * abs(value), unit, False))
         elif path == ("poisson",):
-            found.append(UncertaintySource("poisson", path, value, _POISSON / math.sqrt(3), unit, False))
+            found.append(UncertaintySource("poisson", path, value, POISSON_STD, unit, False))
         elif path[0] == "skin":
             defaults = {"inclination": _INCLINATION, "stick": _STICK}
             std = defaults.get(path[-1], _SKIN_RADIUS * abs(value))

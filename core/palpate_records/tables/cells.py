@@ -10,12 +10,24 @@ from palpate import is_number
 
 POINTS = 'state decimal = ","'  # the advice where numbers have decimal commas
 
+_DOUBLE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))[dD]([+-]?\d+)")
+_OVERLOAD = re.compile(r"\*{2,}|#+|#nv|#n/a|#wert!|#value!|over|ovf|ovld|over ?flow|over ?load|over ?range|ol", re.I)
+
+
+def is_overload(cell: str) -> bool:
+    """Whether a cell holds the mark of an instrument for a reading that it could not make.
+
+    >>> is_overload("OVER"), is_overload("#NV"), is_overload("***"), is_overload("load")
+    (True, True, True, False)
+    """
+    return _OVERLOAD.fullmatch(cell.strip()) is not None
+
 
 def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
     """The number in a cell; raises ValueError. ``1_5`` is none: Python alone takes it for 15.
 
-    >>> number("1.234,5", ",", ".")
-    1234.5
+    >>> number("1.234,5", ",", "."), number("1.5D-03")
+    (1234.5, 0.0015)
     """
     text = cell.strip()
     if "_" in text:
@@ -28,7 +40,12 @@ def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
         if "." in text:
             raise ValueError(cell)
         text = text.replace(",", ".", 1)
-    return float(text)
+    try:
+        return float(text)
+    except ValueError:  # of Fortran, 1.0D-05
+        if (match := _DOUBLE.fullmatch(text)) is None:
+            raise
+        return float(f"{match[1]}e{match[2]}")
 
 
 def number_or_nan(cell: str, decimal: str = ".", thousands: str = "") -> float:

@@ -77,7 +77,8 @@ def _clock_column(sheet: Sheet, values: Floats, choices: Mapping[str, str], take
             continue
         seconds = values[:, k] * si_unit(unit)[1]
         reason = f"taken as {unit}: {1.0 / (usual * si_unit(unit)[1]):.4g} Hz" if usual > 0 else f"in {unit}"
-        return TimeColumn(seconds, {"time": {"column": sheet.column(k), "unit": unit}}, reason, k, i < named)
+        is_stated = i < named or sheet.unit(k) is not None
+        return TimeColumn(seconds, {"time": {"column": sheet.column(k), "unit": unit}}, reason, k, is_stated)
     return None
 
 

@@ -21,6 +21,7 @@ _MANY = 50  # rows that are certainly those of the table
 _FEW = 3  # rows that are numbers by chance: results of a test above its readings
 _OTHER_UNITS = re.compile(r"%|-|°?C|[kMG]?Pa|mm/mm|mJ|J|deg|#|hh:mm:ss.*", re.IGNORECASE)
 _BETWEEN = re.compile(r"[:=\t;,]")
+_COLUMNS, _UNITS = "columns|fields|names|column names", "units"  # what begins a comment with names, and with units
 _LONGEST = 40, 60  # characters of a name and of its value
 
 
@@ -74,14 +75,20 @@ def layout_of(
         rows = list(dialect.rows(lines))
     skipped = [i for i, line in enumerate(lines) if not line.strip() or dialect.is_comment(line)]
     skipped += range(max(header or 0, units or 0))
+    stated: tuple[str, ...] | None = None
     run = _rows_of_numbers(rows, {*skipped}, dialect)
     _refuse_numbers_above(path, rows, {*skipped}, run, dialect)
     if run is None:
         raise LogError(f"{path}: the file contains no rows of numbers")
     names_at, units_at = _lines_above(path, lines, rows, run, dialect, header, units)
     names = None if names_at is None else _names(lines, rows, names_at, units_at, run, dialect)
+    if header is None and (named := _stated_cells(lines[: run.begin], _COLUMNS, run.width)) is not None:
+        names, names_at, units_at = named, None, None
+    if names_at is None and units is None:
+        stated = _stated_cells(lines[: run.begin], _UNITS, run.width)
     below = _cells(lines[units_at], dialect, run.width) if units_at is not None else []
     below = [*names] if names and units_at is None and _are_units(names) else below
+    below = [*stated] if stated else below
     top = min((at for at in (names_at, units_at) if at is not None), default=run.begin)
     first = rows[run.begin]
     return TableLayout(
@@ -180,6 +187,18 @@ def _lines_above(
     if units is not None:
         units_at = units - 1 if units else None
     return names_at, units_at
+
+
+def _stated_cells(lines: Sequence[str], words: str, width: int) -> tuple[str, ...] | None:
+    """The cells behind a word in one of the comments above the rows, as in "# units: m N s"; None where none fits."""
+    wanted = re.compile(rf"[\s{''.join(MARKS)}]+(?:{words})\s*[:=]\s*(.+)", re.IGNORECASE)
+    for line in reversed(lines):
+        if (match := wanted.fullmatch(line.rstrip("\r\n"))) is None:
+            continue
+        for cells in (re.findall(r'"[^"]*"|[^\s,;]+', match[1]), re.split(r"\s*[,;\t]\s*", match[1].strip())):
+            if len(cells) == width:
+                return tuple(cell.strip().strip('"') for cell in cells)
+    return None
 
 
 def _fits(line: str, dialect: Dialect, run: _RowBlock) -> bool:

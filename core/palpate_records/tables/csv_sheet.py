@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from palpate import Floats, LogError, printable
 
+from palpate_records.messages.readings import si_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number_or_nan
 from palpate_records.tables.clock_times import Days, seconds_or_nan
 from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_lines, layout_of
@@ -23,6 +24,7 @@ from palpate_records.tables.workbook import WORKBOOKS
 KEYS = ("delimiter", "decimal", "thousands", "comment", "encoding", "sheet", "header", "units")  # that can be stated
 _BLOCK = 4096  # rows at once
 _NAME, _NAMED = 40, 12  # characters of a column's name, and columns, that are shown
+_OWN_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?\s*(\D.*?)\s*")
 _PADDED = re.compile(r"0\d+")  # what is behind a comma, and no number of its own
 _LEAST = 10  # numbers of a column that is to be something
 _SURE = 3  # such cells that are no coincidence
@@ -38,6 +40,7 @@ class Sheet:
     dialect: Dialect = field(default_factory=Dialect)
     layout: TableLayout = field(default_factory=lambda: TableLayout(0, 0))
     stated: Mapping[str, str | int] = field(default_factory=dict)  # keys of the device that the user gave
+    own_units: Mapping[str, str] = field(default_factory=dict)  # that a person states, by column: "mN", "10 N" for one
 
     @classmethod
     def of(cls, path: Path, stated: Mapping[str, str] | None = None) -> Sheet:
@@ -98,9 +101,39 @@ class Sheet:
                 yield block[[bool(cells) for cells in part]]
 
     def unit(self, column: int) -> str | None:
-        """The unit that the name of a column or the row of units states, for a load in grams gf; None for none."""
+        """The unit that the name of a column, the row of units, or else a person states; None for none.
+
+        A load in grams is in gf.
+        """
+        return self._own_unit(column)[1] if self._is_own(column) else self._unit_there(column)
+
+    def _unit_there(self, column: int) -> str | None:
         below = self.layout.units[column] if column < len(self.layout.units) else ""
         return unit_of(self.names[column], below)
+
+    def _is_own(self, column: int) -> bool:
+        """Whether the unit of a column is that which a person states, since the file does not."""
+        if self.names[column] not in self.own_units:
+            return False
+        return self._unit_there(column) is None or is_electrical(self.written_unit(column))
+
+    def scale(self, column: int) -> float:
+        """How many of its unit one number of a column is."""
+        return self._own_unit(column)[0] if self._is_own(column) else 1.0
+
+    def _own_unit(self, column: int) -> tuple[float, str]:
+        """How many of which unit a person has stated one to be; raises LogError for what is none."""
+        text = self.own_units[self.names[column]]
+        match = _OWN_UNIT.fullmatch(text)
+        try:
+            if match is None or not si_unit(match[2]):
+                raise ValueError(text)
+            return float(match[1] or 1.0), match[2]
+        except ValueError as error:
+            name = column_text(self.column(column))
+            raise LogError(
+                f'{self.path}: unit of column {name}: {text!r} is none; write "mN", or "10 N" for one'
+            ) from error
 
     def written_unit(self, column: int) -> str:
         """What is written as the unit of a column, whether it is one or not."""
@@ -109,6 +142,8 @@ class Sheet:
 
     def needs_scale(self, column: int) -> bool:
         """Whether a column is in volts, counts or an unknown unit, so that only a person knows how much one is."""
+        if self._is_own(column):
+            return False
         written = self.written_unit(column)
         return is_electrical(written) or (self.unit(column) is None and looks_like_unit(written, self.names[column]))
 

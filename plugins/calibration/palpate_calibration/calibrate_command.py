@@ -1,14 +1,16 @@
-"""``palpate calibrate``: mass, timing, tare and noise of a rig, into a small file."""
+"""``palpate calibrate``: mass, timing, tare and noise of a rig, into the file of facts of the rig."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, OutputError
-from palpate_engine import write_whole
+from palpate_engine import RIG, read_rig, write_whole
+from palpate_kit.runs.rig_file import write_rig
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
@@ -67,13 +69,13 @@ def calibrate(
     file: Annotated[Path, typer.Argument(help="A pipeline file, or one with devices and [alignment] only.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="The calibration file; must be new. [default: FILE.calibration.toml]"),
+        typer.Option("--out", "-o", help="File of facts that takes it. [default: rig.toml beside FILE]"),
     ] = None,
     overrides: Overrides = None,
     picture: Annotated[
         Path | None, typer.Option(help="Draw force and inertia into this file (.png, .svg or .pdf).")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Write over an older calibration file.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace what an older calibration has measured.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: the rig has been prepared.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -85,12 +87,13 @@ def calibrate(
     """
     from palpate_calibration.guided_calibration import run_calibration
 
-    target = out if out is not None else file.with_suffix(".calibration.toml")
+    target = out if out is not None else file.with_name(RIG)
     plan = load_plan(file, overrides or [])
     _refuse_target(target, force)
     part = target.with_suffix(".part.toml")
     calibration, session, records = run_calibration(plan, _guide(part, yes))
-    write_whole(target, calibration.text())
+    words = ["palpate", "calibrate", str(file), *(word for text in overrides or () for word in ("--set", text))]
+    write_rig(target, calibration.model_copy(update={"command": shlex.join(words)}).tables())
     part.unlink(missing_ok=True)
     with print_aside(as_json):
         terminal = console(120)
@@ -130,8 +133,8 @@ def _guide(part: Path, yes: bool) -> Guide:
 
 def _refuse_target(target: Path, force: bool) -> None:
     """Before anybody has spent time at the rig."""
-    if target.exists() and not force:
-        raise OutputError(f"{target}: exists already; --force writes over it, --out writes elsewhere")
+    if target.exists() and read_rig(target).measured and not force:
+        raise OutputError(f"{target}: holds a calibration already; --force replaces it, --out writes elsewhere")
     if not target.parent.is_dir():
         raise OutputError(f"{target}: there is no folder {target.parent}")
 
@@ -189,7 +192,7 @@ def _lines(calibration: Calibration, target: Path, file: Path) -> Iterator[str]:
         yield _shaken(shake)
     yield from calibration.notes
     named = target.name if target.resolve().parent == file.resolve().parent else target.resolve()
-    yield f'written to {target}; a pipeline takes it by [run] calibration = "{named}"'
+    yield f'written to {target}; a pipeline takes it by [run] rig = "{named}"'
 
 
 def _shaken(shake: Mapping[str, Any]) -> str:

@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 from palpate import ConfigurationError
 from palpate_engine import Pipeline, analysis, function_of, load_pipeline, run_pipeline
+from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, Overrides
 from palpate_kit.terminal.progress import progress
@@ -24,6 +25,7 @@ from palpate_commands.lifted_run import lifted
 _LOGS = (".mcap", ".db3", ".csv", ".gz")
 
 
+@with_facts
 def run(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
     out: FolderOption = None,

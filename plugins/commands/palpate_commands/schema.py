@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import typer
 from palpate import OutputError, Settings
 from palpate_engine import (
+    DIALECT,
     FORMAT,
     KEY,
     KINDS,
@@ -71,6 +72,8 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
         properties[kind] = {"type": "object", "additionalProperties": {"oneOf": choices}}
         # A part in a field is the name of a table, or the table itself.
         definitions[kind] = {"anyOf": [{"type": "string", "description": f"the NAME of a [{kind}.NAME]"}, *choices]}
+    tables = {"type": "object", "properties": dict(properties), "additionalProperties": False}
+    properties[DIALECT] = {"type": "object", "additionalProperties": tables}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "palpate pipeline",

@@ -9,8 +9,7 @@ from pathlib import PurePath
 from typing import Any, get_args
 
 from palpate import ConfigurationError, Settings
-from palpate_engine import AlignmentSettings, parsed_assignment, registry
-from palpate_kit.runs.tip_words import tip_values
+from palpate_engine import AlignmentSettings, parsed_assignment, registry, tip_values
 
 from palpate_desk.action import OUT, Action
 

@@ -83,7 +83,7 @@ class Desk:
         return []
 
     def _table(self, curve: str) -> FitTable:
-        name = self.folder.pipeline_of(curve)
+        name = self.folder.dialect_of(curve)
         if name not in self._tables:
             self._tables[name] = FitTable(
                 self.path, offline(self.folder.pipeline(name)), self.reader(curve).device, name
@@ -92,7 +92,7 @@ class Desk:
 
     def reader(self, curve: str) -> CurveReader:
         """How a curve is read."""
-        name = self.folder.pipeline_of(curve)
+        name = self.folder.dialect_of(curve)
         if name not in self._readers:
             self._readers[name] = self.folder.reader(name)
         return self._readers[name]
@@ -101,10 +101,9 @@ class Desk:
         """A curve with its settings, by its name; raises ConfigurationError where there is none, or no file of it."""
         if name not in self.folder.by_curve:
             raise ConfigurationError(f"there is no curve {name!r}{suggest(name, self.folder.names)}")
-        file = self.folder.entries.get(name, {}).get("file", "")
-        if not file:
+        if not (file := self.folder.file_of(name)):
             raise ConfigurationError(f"{name}: its file is not known: curves.csv has no column file")
-        return Curve(name, file, own=self.folder.own.get(name, ()))
+        return Curve(name, file, own=self.folder.settings_of(name))
 
     def demand_file(self, name: str) -> None:
         """Raise ConfigurationError where the file of a curve has gone, so that its row stays."""

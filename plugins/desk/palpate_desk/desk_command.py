@@ -10,15 +10,17 @@ import shlex
 import signal
 import socket
 import webbrowser
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from palpate import ConfigurationError, OutputError
-from palpate_engine import analysis, make_folder
+from palpate_engine import RIG, analysis, make_folder, parsed_assignment, read_rig
 from palpate_kit.curves.fit_folder import is_fit_folder
 from palpate_kit.page.listening_socket import listening_socket
+from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.json_output import print_aside
 from palpate_kit.terminal.options import Overrides
 
@@ -26,6 +28,7 @@ from palpate_desk.action import OUT, Action
 from palpate_desk.history_file import ActionHistory
 
 
+@with_facts
 def desk(
     source: Annotated[Path, typer.Argument(metavar="FOLDER", help="A folder of fits, or of curves to fit.")],
     tip: Annotated[str | None, typer.Option(help='Of curves: their tip, such as "sphere 3 mm" (its radius).')] = None,
@@ -85,7 +88,7 @@ def _begin(
         raise ConfigurationError(f"{source}: there is no such file or folder")
     if read_only:
         raise ConfigurationError(f"{source}: has no fits yet, and --read-only makes none")
-    if tip is None and pipeline is None:
+    if tip is None and pipeline is None and not _states_tip(source, overrides or ()):
         raise ConfigurationError(
             f'{source}: is no folder of fits; say the tip of its curves, as in --tip "sphere 3 mm", or --pipeline FILE'
         )
@@ -93,16 +96,23 @@ def _begin(
     options = [("--tip", tip), ("--model", model), ("--pipeline", str(pipeline) if pipeline else None)]
     told = [(option, text) for option, text in options if text is not None]
     told += [("--set", text) for text in overrides or ()]
-    each = () if tip else (("--each", ""),)
+    each = (("--each", ""),) if pipeline else ()
     with print_aside(True):
         analysis("fit")(
-            [source], pipeline=pipeline, tip=tip, model=model, overrides=overrides, out=folder, each=tip is None,
+            [source], pipeline=pipeline, tip=tip, model=model, overrides=overrides, out=folder, each=bool(each),
             no_refit=True,
         )  # fmt: skip
     if not ActionHistory(folder).commands:
         action = Action("fit", (*each, *told, ("--no-refit", ""), ("--out", OUT)), str(source))
         ActionHistory(folder).append(action)
     return folder
+
+
+def _states_tip(source: Path, overrides: Sequence[str]) -> bool:
+    """Whether the file of facts beside curves, or the one that is named, states their tip."""
+    named = (str(value) for keys, value in map(parsed_assignment, overrides) if keys == ("run", "rig"))
+    path = Path(next(named, str((source if source.is_dir() else source.parent) / RIG)))
+    return path.is_file() and read_rig(path).tip is not None
 
 
 def _open(folder: Path, port: int, no_browser: bool, read_only: bool, workers: int | None) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 
 from palpate import ConfigurationError
 from palpate_engine import display_unit, registry, write_whole
+from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
@@ -116,7 +117,9 @@ def _export(desk: Desk, message: asked.ExportOrder) -> Action:
         return Action("repeat", (*by, *parameter, ("--picture", f"{OUT}/groups.svg")))
     curve = desk.curve(message.curve)
     name = Path(curve.name.replace("/", "_")).stem.strip(".") or "curve"
-    options = [("--pipeline", f"{OUT}/{desk.folder.pipeline_of(curve.name)}"), ("--out", f"{OUT}/figures/{name}")]
+    dialect = desk.folder.dialect_of(curve.name)
+    chosen = [("--set", f"run.dialect={dialect}")] if dialect else []
+    options = [("--pipeline", f"{OUT}/{SETTINGS}"), *chosen, ("--out", f"{OUT}/figures/{name}")]
     return Action("fit", (*options, *(("--set", text) for text in curve.own)), curve.file)
 
 

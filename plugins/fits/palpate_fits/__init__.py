@@ -49,7 +49,7 @@ def palpate_commands() -> dict[str, Command]:
             "Fit models to logs and folders of curves.",
             "run",
             first_options=(
-                *("--tip", "--model", "--force", "--position", "--time", "--rate"),
+                *("--tip", "--model", "--thickness", "--delay", "--tip-mass", "--rig"),
                 *("--pipeline", "--set", "--out", "--details"),
             ),
             former_options={

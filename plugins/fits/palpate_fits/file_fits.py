@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, printable
-from palpate_engine import Registry, approved_plugins, make_folder, registry
+from palpate_engine import Registry, approved_plugins, make_folder, option_of, registry
 from palpate_kit.curves.alike_logs import logs_among
 from palpate_kit.curves.curve_fits import CurveReader, Row
+from palpate_kit.curves.curve_list import FACTS, Entries, cells_beside
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
+from palpate_kit.terminal.fact_line import fact_line
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
+from palpate_records.recording import Suggestion
 
-from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups
+from palpate_fits.file_facts import StatedFacts
+from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, with_overrides
+from palpate_fits.file_questions import FileQuestion
 from palpate_fits.file_tables import count_line, is_usable, show_rows
 from palpate_fits.folder_fits import FEW, fit_each
+from palpate_fits.sitting import ask_of_files, ask_of_rig, is_asking, keep_answers, prompt
 
 _GUESSES = 6  # that are printed
 
@@ -28,10 +35,8 @@ _GUESSES = 6  # that are printed
 class FileFit:
     """What is asked of files that bring no pipeline."""
 
-    tip: str
-    model: str
+    stated: StatedFacts
     choices: Mapping[str, str]  # columns by role
-    overrides: tuple[str, ...]
     out: Path | None
     jobs: int | None
     as_json: bool
@@ -43,10 +48,12 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     """Fit files that bring no pipeline, and print what was found of each; exit 1 where one was not usable."""
     refused: dict[str, str] = {}
     notes: list[str] = []
-    with progress("look at the files"):
+    with progress("look for files"):
         known = registry.load()
         files = logs_among(sources, known)
-        groups = list(file_groups(files, wanted.tip, wanted.model, wanted.choices, wanted.overrides, refused, notes))
+    groups, wanted = _groups(files, wanted, refused, notes)
+    if wanted.stated.is_read:
+        notes.insert(0, f"facts of the rig: {wanted.stated.path}")
     for note in notes:
         typer.echo(note, err=True)
     if not groups:
@@ -54,8 +61,9 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         others = f" ({len(refused) - 1} more files cannot be read either)" if len(refused) > 1 else ""
         raise ConfigurationError(f"{name}: {error}{others}")
     folder = wanted.out or make_folder("fit", None, datetime.now(UTC).astimezone())
+    cells = _cells(sources, groups, wanted.stated)
     order = {str(file): place for place, file in enumerate(files)}
-    rows = [row for row in _fitted(groups, folder, wanted, len(files)) if row["curve"] in order]
+    rows = [row for row in _fitted(groups, folder, wanted, cells) if row["curve"] in order]
     if not wanted.fitting:
         for name, error in refused.items():
             typer.echo(f"{name}: {error}", err=True)
@@ -66,35 +74,93 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     if wanted.as_json:
         print_json({"table": str(folder / TABLE), "files": rows})
     else:
-        _show(rows, groups, folder, known, wanted)
+        _show(rows, groups, folder, known, wanted, _command(sources, wanted))
     if not all(map(is_usable, rows)):
         raise typer.Exit(1)
 
 
-def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, count: int) -> list[Row]:
+def _groups(
+    files: Sequence[Path], wanted: FileFit, refused: dict[str, str], notes: list[str]
+) -> tuple[list[FileGroup], FileFit]:
+    """The files by how they are read; on a terminal with what was answered to all questions about them."""
+    asking = is_asking() and not wanted.as_json
+    seen: set[FileQuestion] = set()
+    certain: dict[Path, Suggestion] = {}
+    while True:
+        refused.clear()
+        notes.clear()
+        questions: dict[str, FileQuestion] = {}
+        with progress("look at", "files", len(files)):
+            groups = list(file_groups(files, wanted.stated, wanted.choices, refused, notes, questions, certain))
+        new = {file: question for file, question in questions.items() if question not in seen}
+        if not asking or not new:
+            break
+        seen |= {*new.values()}
+        wanted = replace(wanted, stated=ask_of_files(wanted.stated, new, prompt))
+    if asking and groups:
+        wanted = replace(wanted, stated=ask_of_rig(wanted.stated, groups, prompt))
+        keep_answers(wanted.stated)
+        groups = [with_overrides(group, wanted.stated.overrides) for group in groups]
+    return groups, wanted
+
+
+def _cells(sources: Sequence[Path], groups: Sequence[FileGroup], stated: StatedFacts) -> Entries:
+    """What ``curves.csv`` beside the files says of each, but for the facts of the command line, which go before it."""
+    curves = [curve for group in groups for curve in group.curves]
+    found = {
+        name: {key: cell for key, cell in cells.items() if key not in stated.of_options}
+        for name, cells in cells_beside(sources, curves).items()
+    }
+    counts = Counter(key for cells in found.values() for key in FACTS if cells.get(key))
+    if counts:
+        facts = ", ".join(f"{key} of {count}" for key, count in counts.items())
+        typer.echo(f"curves.csv states {facts} of {len(curves)} curves", err=True)
+    return found
+
+
+def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, cells: Entries) -> list[Row]:
     """The rows of the table, those of every group that had none yet added."""
     table: FitTable | None = None
-    with progress("fit", "files", count):
+    with progress("fit", "files", sum(len(group.curves) for group in groups)):
         done = 0
         for number, group in enumerate(groups, start=1):
-            settings = SETTINGS if number == 1 else f"pipeline-{number}.toml"
-            reader = CurveReader(group.text, str(group.path), wanted.overrides, DEVICE, approved_plugins())
+            dialect = "" if number == 1 else str(number)
+            reader = CurveReader(group.text, str(group.path), wanted.stated.overrides, DEVICE, approved_plugins())
             workers = wanted.jobs or (1 if len(group.curves) < FEW else None)
-            table = fit_each(group.pipeline, reader, group.curves, folder, workers, settings, wanted.fitting)
+            table = fit_each(
+                group.pipeline, reader, group.curves, folder, workers, dialect, wanted.fitting, cells=cells
+            )
             done += len(group.curves)
             report_progress(done)
     assert table is not None
     return table.rows
 
 
-def _show(rows: Sequence[Row], groups: Sequence[FileGroup], folder: Path, known: Registry, wanted: FileFit) -> None:
-    show_rows(rows, groups[0].pipeline, known, wanted.details)
+def _command(sources: Sequence[Path], wanted: FileFit) -> str:
+    """The command line that fits the same files, but for its folder."""
+    stated = wanted.stated
+    facts = stated.facts.model_dump(include=set(stated.of_options))
+    words = ["palpate", "fit", *(_no_option(str(source)) for source in sources)]
+    words += [word for key, text in facts.items() for word in (option_of(key), str(text))]
+    words += [word for role, text in wanted.choices.items() for word in (f"--{role}", text)]
+    words += [word for text in stated.settings for word in ("--set", text)]
+    words += ["--rig", str(stated.path)] if stated.is_named else []
+    return shlex.join(words)
+
+
+def _show(
+    rows: Sequence[Row], groups: Sequence[FileGroup], folder: Path, known: Registry, wanted: FileFit, command: str
+) -> None:
+    typer.echo(fact_line(groups[0].pipeline))
+    show_rows(rows, groups[0].pipeline, known, command, wanted.details)
     _show_guesses(groups, wanted.details)
     typer.echo(f"{folder / TABLE}: every number; {SETTINGS} beside it: how the files were read")
     first = next((row["curve"] for row in rows if is_usable(row)), None)
     if first is not None:
         page = folder / "page"
-        words = ["palpate", "fit", _no_option(first), "--pipeline", str(folder / SETTINGS), "-o", str(page)]
+        numbers = [n for n, group in enumerate(groups, 1) if first in {curve.name for curve in group.curves}]
+        chosen = ["--set", f"run.dialect={numbers[0]}"] if numbers[0] > 1 else []
+        words = ["palpate", "fit", _no_option(first), "--pipeline", str(folder / SETTINGS), *chosen, "-o", str(page)]
         report = shlex.join(["palpate", "report", str(page / Path(first).name.split(".")[0])])
         typer.echo(f"a page on one: {shlex.join(words)} && {report}")
     typer.echo(count_line(rows, known))

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import tomli_w
-from palpate import ConfigurationError, to_si
-from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry
+from palpate import ConfigurationError, LogError, to_si
+from palpate_engine import Pipeline, Registry, RigFacts, Source, build_pipeline, registry, tip_table
 from palpate_kit.curves.alike_logs import alike_logs
 from palpate_kit.curves.curve import Curve
 from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
-from palpate_kit.runs.tip_words import tip_table
+from palpate_kit.logs.suggestion import TIP, UNITS
+from palpate_kit.terminal.progress import report_progress
 from palpate_records.recording import Suggestion
+
+from palpate_fits.file_facts import StatedFacts
+from palpate_fits.file_questions import FileQuestion, question_of_file
 
 DEVICE = "log"
 _READER = f"device.{DEVICE}."
@@ -38,58 +43,85 @@ class FileGroup:
 
 def file_groups(
     files: Iterable[Path],
-    tip: str,
-    model: str,
+    told: StatedFacts,
     choices: Mapping[str, str],
-    overrides: Sequence[str],
     refused: dict[str, str],
     notes: list[str],
+    questions: dict[str, FileQuestion] | None = None,
+    certain: dict[Path, Suggestion] | None = None,
 ) -> Iterator[FileGroup]:
     """Files by how they are read, the most first; `refused` takes the others and why, `notes` what is ignored.
 
-    `choices` name the columns of roles, as of ``palpate info --suggest``.
+    `choices` name the columns of roles, as of ``palpate info --suggest``. `questions` takes what would make a file
+    readable, or a guess of it certain, by the file, and `certain` how files without questions are read, which it keeps
+    from call to call.
 
     Raises ConfigurationError for a tip, a model or an override that is none.
     """
     known = registry.load()
-    parts = _parts(tip_table(tip, known, "--tip"), known.named("model", model), known)
-    stated = {key.strip(): value.strip().strip("\"'") for key, _, value in (text.partition("=") for text in overrides)}
-    facts: dict[Path, Suggestion] = {}
+    overrides, facts = told.overrides, told.facts
+    tip, model = tip_table(facts.tip or "", known, "--tip"), known.named("model", facts.model or "dr")
+    parts = _parts(tip, model, known)
+    stated = {
+        key.strip(): value.strip().strip("\"'") for key, _, value in (text.partition("=") for text in told.settings)
+    }
+    found_of: dict[Path, Suggestion] = {}
+    asked: dict[str, FileQuestion] = {} if questions is None else questions
+    read: dict[Path, Suggestion] = {} if certain is None else certain
 
     def suggested(file: Path) -> Suggestion:
-        found = _suggestion(file, choices, stated, known)
-        facts[file] = replace(found, views={})  # without its numbers
+        found = read.get(file) or replace(_suggestion(file, facts, choices, stated, known), views={})  # no numbers
+        if (question := question_of_file(found, stated)) is None:
+            read[file] = found
+        else:
+            asked[str(file)] = question
+            if question.needed:
+                raise ConfigurationError(question.advice)
+        found_of[file] = found
+        report_progress(len(found_of) + len(refused))
         return found
 
     groups = alike_logs(files, suggested, refused)
-    if note := rate_note(choices, facts.values()):
+    if note := rate_note(choices, found_of.values()):
         notes.append(note)
     for group in groups:
         first, suggestion = group.logs[0], group.suggestion
         tables = _tables(suggestion, first, parts, stated)
         path = Path(f"pipeline of {first.name}")
-        pipeline = _built(tables, path, overrides)
+        text = tomli_w.dumps(tables)
+        pipeline = _built(text, path, overrides)
         known_now = [text for key, text in suggestion.guesses.items() if f"{_READER}{key}" in stated]
         others = f" and {len(group.logs) - 1} more" if len(group.logs) > 1 else ""
-        doubts = [f"{file.name}: {text}" for file in group.logs for text in _other_tips(facts[file], pipeline)]
+        doubts = [f"{file.name}: {text}" for file in group.logs for text in _other_tips(found_of[file], pipeline)]
         doubts += [f"{first.name}{others}: {text}" for text in suggestion.doubts if text not in known_now]
         curves = [Curve(str(file), str(file.resolve())) for file in group.logs]
-        yield FileGroup(tomli_w.dumps(tables), path, pipeline, tuple(doubts), curves)
+        yield FileGroup(text, path, pipeline, tuple(doubts), curves)
 
 
-def _suggestion(file: Path, choices: Mapping[str, str], stated: Mapping[str, str], known: Registry) -> Suggestion:
-    """How a file is read; raises ConfigurationError with what only the user can say."""
+def _suggestion(
+    file: Path, facts: RigFacts, choices: Mapping[str, str], stated: Mapping[str, str], known: Registry
+) -> Suggestion:
+    """How a file is read, by the columns of the facts that it has; raises ConfigurationError."""
     keys = {key.removeprefix(_READER): value for key, value in stated.items() if key.startswith(_READER)}
     keys.pop("time", None)  # a table, which no choice is
-    suggestion = suggestion_of(file, {**keys, **choices}, known)
-    asked = [text for text in suggestion.blanks if f"{_READER}{text.partition(':')[0]}" not in stated]
-    if asked:
-        key = asked[0].partition(":")[0]
-        option = f"--{key}" if key in ("force", "position", "time", "rate") else f"--set {_READER}{key}=NUMBER"
-        raise ConfigurationError(f"{asked[0]}; say it with {option}")
-    for role, columns in suggestion.rivals.items():
-        raise ConfigurationError(f"the {role} can be {', '.join(columns)}; say which with --{role}")
-    return suggestion
+    keys |= {TIP: facts.tip or ""} | ({"rate": str(facts.rate)} if facts.rate is not None else {})
+    keys |= {f"{UNITS}{name}": unit for name, unit in (facts.units or {}).items()}
+    given = {**keys, **choices}
+    named = {role: names for role, names in (facts.columns or {}).items() if role not in choices}
+    found: Suggestion | None = None
+    try:
+        found = suggestion_of(file, given, known)
+        named = {role: names for role, names in named.items() if role in found.rivals}
+    except LogError:
+        if not named:
+            raise
+    for role, names in named.items():  # of what cannot be recognised, the first column that the file has
+        for name in names:
+            with suppress(LogError):
+                suggestion_of(file, {**given, role: str(name)}, known)
+                given[role] = str(name)
+                break
+    return suggestion_of(file, given, known) if named or found is None else found
 
 
 def _other_tips(suggestion: Suggestion, pipeline: Pipeline) -> list[str]:
@@ -132,8 +164,13 @@ def _tables(suggestion: Suggestion, file: Path, parts: Mapping[str, Any], stated
     }
 
 
-def _built(tables: Mapping[str, Any], path: Path, overrides: Sequence[str]) -> Pipeline:
-    source = Source(tomli_w.dumps(tables), path)
+def with_overrides(group: FileGroup, overrides: Sequence[str]) -> FileGroup:
+    """The group with other overrides of its pipeline; raises ConfigurationError."""
+    return replace(group, pipeline=_built(group.text, group.path, overrides))
+
+
+def _built(text: str, path: Path, overrides: Sequence[str]) -> Pipeline:
+    source = Source(text, path)
     for assignment in overrides:
         source.override(assignment)
     return build_pipeline(source)

@@ -7,17 +7,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import typer
-from palpate_engine import Pipeline, Registry, display_unit, has_no_number, verdict_word
+from palpate_engine import (
+    Pipeline,
+    Registry,
+    display_unit,
+    facts_stated,
+    has_no_number,
+    verdict_word,
+    words_that_state,
+)
 from palpate_kit.curves.curve_fits import Row, row_conditions, value_units
+from palpate_kit.curves.curve_table import summary_of
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
 
+from palpate_fits.fit_tables import each_table
+
+MOST = 40  # rows of a table on the terminal
 _NAME = 28  # characters of a file's name
-_WORDS = {  # that state what a value needs
-    "delay": 'how late the force is: --set alignment.force.uncertainty="1 ms", or its delay',
-    "mass": 'the mass behind the sensor: --set alignment.tip_mass="0 g"',
-    "tare": 'the zero of the force: --set alignment.tare="free-air"',
-}
 _SHOWN = ("elasticity", "viscosity")
 _DETAILS = {"rms": ("RMS\nN", ".3g"), "samples": ("samples", ".0f")}
 
@@ -29,9 +36,14 @@ def is_usable(row: Row) -> bool:
     return not row.get("error") and "invalid" not in (row.get("verdict"), row.get(first))
 
 
-def show_rows(rows: Sequence[Row], pipeline: Pipeline, known: Registry, details: bool = False) -> None:
-    """Print a row for each file, why files were not read, and which flags make values doubtful."""
-    (console(160) if details else console()).print(file_table(rows, pipeline, details).view())
+def show_rows(rows: Sequence[Row], pipeline: Pipeline, known: Registry, command: str, details: bool = False) -> None:
+    """Print a row for each file, why files were not read, which flags make values doubtful, and what to type."""
+    shown = rows if details else rows[:MOST]
+    (console(160) if details else console()).print(file_table(shown, pipeline, details).view())
+    if len(shown) < len(rows):
+        typer.echo(f"and {len(rows) - len(shown)} more: --details shows all")
+        names = list(value_units(pipeline.tracks[0].model))
+        console().print(each_table(summary_of([row for row in rows if row.get("track")], names), pipeline).view())
     alike: dict[str, list[str]] = {}
     for row in rows:
         if row.get("error"):
@@ -39,19 +51,19 @@ def show_rows(rows: Sequence[Row], pipeline: Pipeline, known: Registry, details:
     for error, names in alike.items():
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
         typer.echo(f"{names[0]}{others}: {error}", err=True)
-    for line in verdict_lines(rows, known):
+    for line in verdict_lines(rows, known, command):
         typer.echo(line)
 
 
-def verdict_lines(rows: Sequence[Row], known: Registry) -> Iterator[str]:
-    """At most three lines: what the values hold for, what was found, and what to type."""
+def verdict_lines(rows: Sequence[Row], known: Registry, command: str) -> Iterator[str]:
+    """At most three lines: what the values hold for, what was found, and the command that states what is open."""
     counts: Counter[str] = Counter()
     said: dict[str, str] = {}  # with the effect in the first file that has the condition
     for row in rows:
         facts = row_conditions(row)
         counts.update(facts.keys())
         said = facts | said
-    needed = {fact for row in rows for fact in row.get("needs", "").split()}
+    needed = Counter(fact for row in rows for fact in row.get("needs", "").split())
     if said:
         fitted = sum(not row.get("error") for row in rows)
         yield "holds if: " + "; ".join(
@@ -60,8 +72,9 @@ def verdict_lines(rows: Sequence[Row], known: Registry) -> Iterator[str]:
     doubtful = [row for row in rows if row.get("verdict") == "doubtful"]
     if doubtful:
         yield f"doubtful: {_causes(doubtful, known, 'doubtful')}; palpate describe CODE says what to do"
-    if words := [_WORDS[fact] for fact in sorted(needed) if fact in _WORDS]:
-        yield f"state {' and '.join(words)}"
+    ordered = dict.fromkeys(fact for count in (needed, counts) for fact, _ in count.most_common())
+    if words := [words_that_state(fact) for fact in ordered if fact in facts_stated()]:
+        yield f"state them, with your values: {command} {' '.join(words)}"
 
 
 def count_line(rows: Sequence[Row], known: Registry) -> str:

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError
-from palpate_engine import approved_plugins, load_pipeline, make_folder
+from palpate import ConfigurationError, UserError
+from palpate_engine import approved_plugins, load_pipeline, make_folder, parsed_assignment
 from palpate_kit.curves.curve_fits import CurveReader, offline
 from palpate_kit.curves.fit_folder import is_fit_folder
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_no_jobs, demand_scheduler
+from palpate_kit.runs.replay_source import read_run_log
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, WhereOption
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
 
 from palpate_fits.curve_files import curve_files, curves_by
+from palpate_fits.file_facts import StatedFacts, rig_beside, stated_facts
 from palpate_fits.fit_sources import log_device
 from palpate_fits.fit_tables import each_table
 from palpate_fits.folder_fits import fit_each
@@ -33,6 +38,7 @@ from palpate_fits.whole_logs import (
 )
 
 
+@with_facts
 def fit(
     sources: Annotated[
         list[Path],
@@ -90,18 +96,17 @@ def fit(
         if pipeline is not None or out is not None or by is not None:
             raise ConfigurationError(f"{sources[0]}: is a folder of fits, which has its pipeline; change it with --set")
         change = FolderChange(
-            where, tuple(overrides or ()), tuple(unset or ()), tip, model, groups, not no_refit, jobs, as_json
+            where, tuple(overrides or ()), tuple(unset or ()), tip, model, groups, not no_refit, jobs, as_json, details
         )
         fit_folder(sources[0], change)
         return
     for option, value in (("--where", where), ("--unset", unset), ("--groups", groups)):
         if value:
             raise ConfigurationError(f"{option}: is for one folder of fits, that --each or --tip has made")
-    if no_refit and not (tip or each):
-        raise ConfigurationError("--no-refit: is for many curves, with --each or --tip")
-    if tip is not None:
-        if pipeline is not None or any(source.suffix == ".toml" for source in sources):
-            raise ConfigurationError("--tip is for files without a pipeline, which has a tip of its own")
+    has_pipeline = pipeline is not None or any(source.suffix == ".toml" for source in sources)
+    if tip is not None and has_pipeline:
+        raise ConfigurationError("--tip is for files without a pipeline, which has a tip of its own")
+    if not has_pipeline and not each and (stated := _files_facts(sources, overrides or (), tip, model)) is not None:
         from palpate_fits.file_fits import FileFit, fit_files
 
         for option, asked in (("--by", by), ("--scheduler", scheduler)):
@@ -109,17 +114,45 @@ def fit(
                 raise ConfigurationError(f"{option}: wants a pipeline; --tip writes one beside its table")
         given = {"force": force, "position": position, "time": time, "rate": rate}
         choices = {role: text for role, text in given.items() if text is not None}
-        fit_files(
-            sources,
-            FileFit(tip, model or "dr", choices, tuple(overrides or ()), out, jobs, as_json, not no_refit, details),
-        )
+        fit_files(sources, FileFit(stated, choices, out, jobs, as_json, not no_refit, details))
         return
+    if no_refit and not each:
+        raise ConfigurationError("--no-refit: is for many curves, with --each or --tip")
+    if (rig := rig_beside(sources)) is not None and pipeline is not None and not _names_rig(overrides or ()):
+        overrides = [f"run.rig={json.dumps(str(rig.absolute()))}", *(overrides or ())]
+        typer.echo(f"facts of the rig: {rig}", err=True)
     if each or by:
         if scheduler is not None:
             _demand_seen_files(by, stage, jobs)
         _each(sources, pipeline, overrides or [], out, by, scheduler, jobs, as_json, not no_refit)
         return
     fit_logs(WholeLogs(sources, pipeline, overrides, out, scheduler, stage, pictures, details, as_json))
+
+
+def _files_facts(
+    sources: Sequence[Path], overrides: Sequence[str], tip: str | None, model: str | None
+) -> StatedFacts | None:
+    """The facts of files without a pipeline, their tip asked for; None where they bring one, or nobody answers."""
+    stated = stated_facts(sources, overrides, tip=tip, model=model)
+    if stated.facts.tip is None and all(source.exists() for source in sources) and not any(map(_has_run, sources)):
+        from palpate_fits.sitting import ask_fact, is_asking, prompt
+
+        if is_asking():
+            stated = ask_fact(stated, "tip", "nothing is fitted", prompt)
+    return stated if stated.facts.tip is not None else None
+
+
+def _has_run(source: Path) -> bool:
+    """Whether a source brings the pipeline by which it was made."""
+    if source.is_dir():
+        return RunFolder(source).began
+    with suppress(UserError):
+        return read_run_log(source) is not None
+    return False
+
+
+def _names_rig(overrides: Sequence[str]) -> bool:
+    return any(parsed_assignment(text)[0] == ("run", "rig") for text in overrides)
 
 
 def _demand_seen_files(by: str | None, stage: str | None, jobs: int | None) -> None:

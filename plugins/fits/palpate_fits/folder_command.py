@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import typer
 from palpate import ConfigurationError
-from palpate_engine import Pipeline, Source, build_pipeline, registry, resolved_text, start_tracks, write_whole
+from palpate_engine import (
+    Pipeline,
+    Source,
+    build_pipeline,
+    registry,
+    resolved_text,
+    start_tracks,
+    tip_table,
+)
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import offline
 from palpate_kit.curves.curve_list import FILE, LIST, add_groups
-from palpate_kit.curves.curve_table import TABLE, FitTable, columns_of_fits, replace_columns
+from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable, columns_of_fits, replace_columns, write_dialects
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import change_assignments, write_own
 from palpate_kit.runs.replay_source import added_table
-from palpate_kit.runs.tip_words import tip_table
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
-from palpate_kit.terminal.table import console
 
 from palpate_fits.file_tables import show_rows
-from palpate_fits.fit_tables import each_table
-from palpate_fits.folder_fits import FEW, refit
+from palpate_fits.folder_fits import refit
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,7 @@ class FolderChange:
     fitting: bool = True
     jobs: int | None = None
     as_json: bool = False
+    details: bool = False
 
 
 def fit_folder(path: Path, change: FolderChange) -> None:
@@ -51,7 +58,7 @@ def fit_folder(path: Path, change: FolderChange) -> None:
         return
     if not folder.curves():
         raise ConfigurationError(f"{path / LIST}: has no column {FILE!r}: the files of the curves are not known")
-    with progress("fit", "curves", len(names)):
+    with progress("fit", "curves", len({row.curve for row in folder.rows if row.state != "current"} & {*names})):
         seen: list[str] = []
 
         def done(name: str) -> None:
@@ -69,10 +76,9 @@ def _show(path: Path, count: int, change: FolderChange) -> None:
     found = table.summary()
     if change.as_json:
         print_json({"table": str(path / TABLE), "fitted": count, "tracks": found})
-    elif len(folder.names) <= FEW:
-        show_rows(sorted(table.rows, key=lambda row: row["curve"]), pipeline, registry.load())
     else:
-        console().print(each_table(found, pipeline).view())
+        rows = sorted(table.rows, key=lambda row: row["curve"])
+        show_rows(rows, pipeline, registry.load(), shlex.join(["palpate", "fit", str(path)]), change.details)
     if not change.as_json:
         typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted anew; every number: {path / TABLE}")
     if failed := sum(track["failed"] for track in found.values()):
@@ -94,7 +100,7 @@ def stale_count(folder: FitFolder) -> int:
 
 
 def change_folder(path: Path, change: FolderChange) -> None:
-    """Write the settings that are asked for: of some curves into own.toml, of all into every pipeline.
+    """Write the settings that are asked for: of some curves into own.toml, of all into the pipeline of every dialect.
 
     Whatever is no setting is refused before anything is written. Raises ConfigurationError, LogError, OutputError.
     """
@@ -113,7 +119,7 @@ def change_folder(path: Path, change: FolderChange) -> None:
     if change.overrides or change.unset:
         own = dict(folder.own)
         own |= {name: change_assignments(own.get(name, ()), change.overrides, change.unset) for name in names}
-        for kind in {(folder.pipeline_of(name), own[name]) for name in names}:
+        for kind in {(folder.dialect_of(name), own[name]) for name in names}:
             source = _source(folder, kind[0])
             for assignment in kind[1]:
                 source.override(assignment)
@@ -126,7 +132,7 @@ def _change_all(folder: FitFolder, change: FolderChange) -> None:
         return
     texts: dict[str, str] = {}
     columns: tuple[str, ...] = ()
-    for name in folder.settings_files:
+    for name in folder.dialects:
         source = _source(folder, name)
         if change.tip is not None:
             tip = tip_table(change.tip, registry.load(), "--tip")
@@ -136,16 +142,15 @@ def _change_all(folder: FitFolder, change: FolderChange) -> None:
         for assignment in change.overrides:
             source.override(assignment)
         pipeline = _demand_fits(source)
-        texts[name], columns = resolved_text(pipeline), columns_of_fits(offline(pipeline))
-    for name, text in texts.items():
-        write_whole(folder.path / name, text)
+        texts[name], columns = resolved_text(pipeline, folder.path), columns_of_fits(offline(pipeline))
+    write_dialects(folder.path / SETTINGS, texts)
     if folder.cells and tuple(folder.cells[0]) != columns:
         replace_columns(folder.path / TABLE, columns)
 
 
-def _source(folder: FitFolder, name: str) -> Source:
-    """A pipeline of the folder, to change."""
-    return Source(folder.settings_text(name), folder.path / name)
+def _source(folder: FitFolder, dialect: str) -> Source:
+    """The pipeline of a dialect of the folder, to change."""
+    return Source(folder.settings_text(dialect), folder.path / SETTINGS)
 
 
 def _replace_model(source: Source, wanted: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ from palpate_engine import Pipeline
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline, record_tracks
 from palpate_kit.curves.curve_list import add_curves
-from palpate_kit.curves.curve_table import SETTINGS, FitTable
+from palpate_kit.curves.curve_table import FitTable
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import read_own
 from palpate_kit.terminal.progress import report_progress
@@ -29,24 +29,27 @@ def fit_each(
     curves: Iterable[Curve],
     folder: Path,
     workers: int | None = None,
-    settings: str = SETTINGS,
+    dialect: str = "",
     fitting: bool = True,
     pool: Pool | None = None,
+    cells: Mapping[str, Mapping[str, str]] = {},
 ) -> FitTable:
     """Fit every curve that has no row by its present settings yet, and append its rows.
 
-    Curves that are known by their files are listed in ``curves.csv``; ``own.toml`` adds settings of single ones.
-    Without `fitting` that is all. They are fitted by the `pool`, or by so many processes of this machine. Raises
-    LogError, OutputError.
+    Curves that are known by their files are listed in ``curves.csv`` with `cells` of some; ``own.toml`` adds settings
+    of single ones. Without `fitting` that is all. They are fitted by the `pool`, or by so many processes.
+    Raises LogError, OutputError.
     """
-    table = FitTable(folder, pipeline, reader.device, settings)
+    table = FitTable(folder, pipeline, reader.device, dialect)
     reader = replace(reader, settings=table.settings)
     if isinstance(curves, Sequence):
-        add_curves(folder, curves, settings)
-        own = FitFolder(folder).own  # a curve that it names and that there is not is refused
+        add_curves(folder, curves, dialect, cells)
+        known = FitFolder(folder)  # a curve that own.toml names and that there is not is refused
+        own = {curve.name: known.settings_of(curve.name) for curve in curves}
     else:
         own = read_own(folder)
-    curves = [replace(curve, own=own.get(curve.name, ())) for curve in curves] if own else curves
+    if any(own.values()):
+        curves = [replace(curve, own=own.get(curve.name, ())) for curve in curves]
     left = table.left(curves, reader) if fitting else ()
     found = len(table.done)
     pool = pool or partial(on_cores, workers=workers or len(os.sched_getaffinity(0)))
@@ -68,8 +71,8 @@ def refit(
     Each is told to `done`. Raises LogError, OutputError, ConfigurationError.
     """
     count = 0
-    for name in folder.settings_files:
-        curves = [curve for curve in folder.curves() if curve.name in names and folder.pipeline_of(curve.name) == name]
+    for name in folder.dialects:
+        curves = [curve for curve in folder.curves() if curve.name in names and folder.dialect_of(curve.name) == name]
         if not curves:
             continue
         reader = folder.reader(name)

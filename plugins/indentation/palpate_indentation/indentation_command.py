@@ -13,6 +13,7 @@ import numpy as np
 import typer
 from palpate import ConfigurationError, to_si
 from palpate_engine import display_unit, make_folder, withdraw_folder, write_new
+from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, JsonOption, Overrides
 from palpate_kit.terminal.quantities import value_with_uncertainty
@@ -32,6 +33,7 @@ _DECISIVE = 10.0  # of BIC
 _NOT_PARAMETER = "write NAME=VALUE, such as viscosity='362 Pa*s'"
 
 
+@with_facts
 def indentation(
     source: Annotated[
         Path, typer.Argument(metavar="SOURCE", help="A run folder, a log that palpate wrote, or a pipeline file.")

@@ -11,7 +11,7 @@ from itertools import chain, islice
 import numpy as np
 from palpate import Batch, Floats, LogError, to_si
 from palpate_records.messages.readings import LATEST, nanoseconds, sensible, si_unit
-from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number
+from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, is_overload, number
 from palpate_records.tables.clock_times import CLOCK, Days, seconds_of_day
 from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_of
 from palpate_records.tables.csv_names import weight_of
@@ -47,7 +47,7 @@ class CsvLink:
     def batches(self) -> Iterator[Batch]:
         """The rows of the file in order, some thousand at a time."""
         row, day = 0, Days()
-        self._log.tally.timeless, self._log.tally.cut = 0, None
+        self._log.tally.timeless, self._log.tally.overload, self._log.tally.cut = 0, 0, None
         for numbers in self._whole():
             with np.errstate(over="ignore"):  # what is not finite counts as invalid
                 values = numbers * self._scales
@@ -223,6 +223,9 @@ class CsvLink:
                 return seconds_of_day(text) if text else np.nan
             return number(text, self._dialect.decimal, self._dialect.thousands) if text else np.nan
         except ValueError as error:
+            if is_overload(text):
+                self._log.tally.overload += 1
+                return np.nan
             comma = not clock and self._dialect.decimal == "." and has_decimal_comma(text)
             advice = f"; a decimal comma? {POINTS}" if comma else ""
             kind = "time of day" if clock else "number"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from palpate import Floats, LogError, suggest
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
-from palpate_kit.logs.suggestion import assemble_suggestion, find_roles
+from palpate_kit.logs.suggestion import TIP, UNITS, assemble_suggestion, find_roles, tip_of
 from palpate_records.messages.readings import si_unit
 from palpate_records.recording import Suggestion
 from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of
@@ -75,6 +75,8 @@ def _counts(values: Floats) -> bool:
 def look(path: Path, choices: Mapping[str, str]) -> SheetRoles:
     """A file with its numbers and its time; raises LogError."""
     sheet = Sheet.of(path, {key: choices[key] for key in KEYS if key in choices})
+    units = {key.removeprefix(UNITS): text for key, text in choices.items() if key.startswith(UNITS)}
+    sheet = replace(sheet, own_units=units) if units else sheet
     values = together(sheet.blocks(), _ROWS)
     taken = [sheet.index_of(role, choices[role].removeprefix(":")) for role in ROLES if role in choices]
     clock = clock_of(sheet, values, choices, taken)
@@ -87,7 +89,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     """Tables that read a CSV file; raises LogError where nothing in it can be a force or a position."""
     known = [*ROLES, "time", "rate", *KEYS]
     for key in choices:
-        if key not in (*known, "file", "type") and not key.startswith("columns."):
+        if key not in (*known, TIP, "file", "type") and not key.startswith(("columns.", UNITS)):
             raise LogError(f"{path}: a table has no {key!r}{suggest(key, known)} (there are: {', '.join(known)})")
     looked = look(path, choices)
     sheet, clock = looked.sheet, looked.clock
@@ -97,9 +99,10 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     if found is None:
         there = sheet.columns
         raise LogError(f"{path}: no two columns can be force and position; choose with --force, --position ({there})")
-    units, guesses = units_of(found, sheet, clock is not None)
+    units, guesses = units_of(found, sheet, clock is not None, tip_of(choices))
     doubts = list(guesses.values())
-    factors = {role: si_unit(unit)[1] for role, unit in units.items()}
+    scales = {role: sheet.scale(int(pick.series.key[1])) for role, pick in found.picks.items()}
+    factors = {role: si_unit(unit)[1] * scales[role] for role, unit in units.items()}
     device: dict[str, Any] = {"type": "csv-replay", "file": str(path)}
     extra: dict[str, list[str]] = {"reasons": [], "doubts": doubts, "blanks": [], "hints": []}
     rate = None
@@ -151,6 +154,8 @@ def _columns(
     for role, pick in found.picks.items():
         k = int(pick.series.key[1])
         columns[role] = {"column": sheet.column(k), "unit": units[role]}
+        if (scale := sheet.scale(k)) != 1.0:
+            columns[role]["scale"] = scale
         if not sheet.needs_scale(k):
             continue
         key = f"columns.{role}.scale"

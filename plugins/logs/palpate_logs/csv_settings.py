@@ -34,6 +34,7 @@ class Tally:
     """What was left out of a file."""
 
     timeless: int = 0  # rows
+    overload: int = 0  # readings that the instrument could not make
     cut: str | None = None  # the last number, where the file ends within it
 
 
@@ -93,6 +94,8 @@ class CsvSettings(Recording):
         tally, found = self.tally, []
         if tally.timeless:
             found.append(f"{self.file.name}: {tally.timeless} rows have no finite time, and were left out")
+        if tally.overload:
+            found.append(f"{self.file.name}: {tally.overload} cells hold a mark of overload, and no reading")
         if tally.cut is not None:
             found.append(
                 f"{self.file.name}: the last line has no end, and its last number, {tally.cut}, fewer digits than all "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from palpate import Indenter
 from palpate_kit.logs.role_guess import RoleGuess
 from palpate_kit.logs.suggestion import force_unit, length_unit
 from palpate_records.messages.readings import si_unit
@@ -14,8 +15,13 @@ _SCALED = {"force": "N", "position": "mm", "velocity": "mm/s"}  # what volts and
 _LIKE = 0.25  # by which a velocity may miss the slope of the position, of their units' ratio
 
 
-def units_of(found: RoleGuess, sheet: Sheet, clocked: bool) -> tuple[dict[str, str], dict[str, str]]:
-    """Units by role from the header, else the likeliest; and what is said of those; `clocked`: its time is known."""
+def units_of(
+    found: RoleGuess, sheet: Sheet, clocked: bool, tip: Indenter | None = None
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Units by role from the header, else the likeliest under a tip; and what is said of those.
+
+    `clocked`: its time is known.
+    """
     picks = found.picks
     columns = {role: int(pick.series.key[1]) for role, pick in picks.items()}
     units = {r: u for r, k in columns.items() if (u := sheet.unit(k)) and DIMENSIONS.get(si_unit(u)[0]) == r}
@@ -30,16 +36,16 @@ def units_of(found: RoleGuess, sheet: Sheet, clocked: bool) -> tuple[dict[str, s
         written = sheet.written_unit(columns["force"])
         guesses["force"] = f"unit of the force: {weight} is a guess: a load in {written} is taken for its weight"
     if "position" not in units:
-        units["position"] = length_unit(spans["position"])
+        units["position"] = length_unit(spans["position"], tip)
         guesses["position"] = (
             f"unit of the position: {units['position']} is a guess from its range: {spans['position']:.3g}"
         )
-    way = spans["position"] * si_unit(units["position"])[1]
+    way = spans["position"] * si_unit(units["position"])[1] * sheet.scale(columns["position"])
     if "force" not in units:
-        units["force"], elasticity = force_unit(spans["force"], way)
+        units["force"], elasticity = force_unit(spans["force"], way, tip)
+        by = "the tip" if tip is not None else "a tip of 5 mm"
         guesses["force"] = (
-            f"unit of the force: {units['force']} is a guess: a tip of 5 mm would then measure some "
-            f"{elasticity / 1e3:.3g} kPa"
+            f"unit of the force: {units['force']} is a guess: {by} would then measure some {elasticity / 1e3:.3g} kPa"
         )
     if "velocity" in picks and "velocity" not in units:
         units["velocity"], guesses["velocity"] = _speed_unit(found, units["position"], clocked)

@@ -10,7 +10,7 @@ from palpate import ContactModel, Estimator, Indenter, Part
 from palpate_engine import input_files
 
 from palpate_notebook.fit_object import Fit
-from palpate_notebook.fitter_object import Fitter, RecordEstimator
+from palpate_notebook.fitter_object import Fitter, RecordEstimator, Rig, facts_in
 from palpate_notebook.record_object import Record
 from palpate_notebook.run_object import FinishedRun
 
@@ -24,6 +24,7 @@ def fit(
     model: str | ContactModel = "dr",
     estimator: str | Estimator = "casadi-fit",
     uncertainties: Mapping[str, str | float] | None = None,
+    rig: Rig = None,
     name: str | None = None,
 ) -> Fit:
     """Fit a model to a record, all of it at once.
@@ -31,11 +32,13 @@ def fit(
     `model` and `estimator` are parts, as in ``DimensionalityReduction(indenter=Sphere(radius="5 mm"), poisson=0.49)``,
     or names of parts with their defaults, in full or by their initials: "dr" is "dimensionality-reduction", on the
     `tip`, which is a part or words such as "sphere 3 mm". `uncertainties` are the standard uncertainties of what is
-    taken for known: ``{"radius": "20 um"}``.
+    taken for known: ``{"radius": "20 um"}``. `rig` are the facts of the rig and its specimens, a file such as
+    "rig.toml" or its keys: ``{"thickness": "22 mm", "delay": "0 ms +- 1 ms"}``; what the record states otherwise is
+    refused.
 
     Raises ConfigurationError for what does not fit together, LogError for a record that cannot be read.
     """
-    return Fit(_estimator([model], [estimator], tip, uncertainties).estimate(record, name))
+    return Fit(_estimator([model], [estimator], tip, uncertainties, rig).estimate(record, name))
 
 
 def prepare(
@@ -44,12 +47,13 @@ def prepare(
     model: str | ContactModel = "dr",
     estimator: str | Estimator = "casadi-fit",
     uncertainties: Mapping[str, str | float] | None = None,
+    rig: Rig = None,
 ) -> Fitter:
     """A fitter for any number of records: what `fit` does of each, with all that they share done once.
 
-    Parts, names and `uncertainties` as in `fit`. Raises ConfigurationError for a part that no plugin has.
+    Parts, names, `uncertainties` and `rig` as in `fit`. Raises ConfigurationError for a part that no plugin has.
     """
-    return Fitter(RecordEstimator([model], [estimator], tip, uncertainties))
+    return Fitter(RecordEstimator([model], [estimator], tip, uncertainties, rig))
 
 
 def compare(
@@ -59,10 +63,11 @@ def compare(
     estimators: Sequence[str | Estimator] = ("ekf", "kinematic-ekf"),
     tip: Indenter | str | None = None,
     uncertainties: Mapping[str, str | float] | None = None,
+    rig: Rig = None,
     name: str | None = None,
 ) -> FinishedRun:
     """Every model with every estimator on one record, read once; parts and names as in `fit`, which raises the same."""
-    return _estimator(models, estimators, tip, uncertainties).estimate(record, name)
+    return _estimator(models, estimators, tip, uncertainties, rig).estimate(record, name)
 
 
 def _estimator(
@@ -70,14 +75,16 @@ def _estimator(
     estimators: Sequence[str | Estimator],
     tip: Indenter | str | None,
     uncertainties: Mapping[str, str | float] | None,
+    rig: Rig,
 ) -> RecordEstimator:
     """The latest estimator of this thread where it is of the same parts, and of files that have not changed since."""
     parts = [part for part in (*models, *estimators, tip) if isinstance(part, Part)]
     states = [(path, path.stat().st_mtime_ns) for part in parts for path in input_files(part) if path.exists()]
-    made_of: tuple[Any, ...] = (tuple(models), tuple(estimators), tip, dict(uncertainties or {}), states)
+    facts = facts_in(rig)
+    made_of: tuple[Any, ...] = (tuple(models), tuple(estimators), tip, dict(uncertainties or {}), states, facts)
     known: tuple[tuple[Any, ...], RecordEstimator] | None = getattr(_latest, "known", None)
     if known is not None and known[0] == made_of:
         return known[1]
-    found = RecordEstimator(models, estimators, tip, uncertainties)
+    found = RecordEstimator(models, estimators, tip, uncertainties, rig)
     _latest.known = made_of, found
     return found

@@ -11,8 +11,17 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, ContactModel, Device, Estimator, Indenter, PalpateError, Stream
-from palpate_engine import Pipeline, RecordTracks, build_pipeline, registry
-from palpate_kit.runs.tip_words import tip_table
+from palpate_engine import (
+    Pipeline,
+    RecordTracks,
+    RigFacts,
+    build_pipeline,
+    facts_of,
+    plain_facts,
+    read_rig,
+    registry,
+    tip_table,
+)
 
 from palpate_notebook.fit_object import Fit
 from palpate_notebook.part_tables import part_tables, source_of, table_of
@@ -21,7 +30,15 @@ from palpate_notebook.run_data import finished_run
 from palpate_notebook.run_functions import quietly
 from palpate_notebook.run_object import FinishedRun
 
+Rig = str | Path | Mapping[str, Any] | None
 _NAMES = ("file", "sha256")  # keys of a device that name a record; all others say how it is read
+
+
+def facts_in(rig: Rig) -> RigFacts:
+    """The facts in a file, or of its keys; none of None. Raises ConfigurationError."""
+    if rig is None:
+        return RigFacts()
+    return facts_of(rig) if isinstance(rig, Mapping) else read_rig(Path(rig))
 
 
 class RecordEstimator:
@@ -33,11 +50,17 @@ class RecordEstimator:
         estimators: Sequence[str | Estimator],
         tip: Indenter | str | None,
         uncertainties: Mapping[str, str | float] | None,
+        rig: Rig = None,
     ) -> None:
         for part, kind in ((models, "models"), (estimators, "estimators")):
             if isinstance(part, str) or not part:
                 raise ConfigurationError(f'{kind}: must be a list of parts or of their names, such as ["dr"]')
         known = registry.load()
+        self._facts, self._rig = facts_in(rig), rig
+        if tip is None:
+            tip = self._facts.tip
+        else:  # it goes before that of the file
+            self._facts = self._facts.model_copy(update={"tip": None})
         self._uncertainties = dict(uncertainties or {})
         tables: dict[str, Any] = {}
         if tip is not None:
@@ -73,7 +96,13 @@ class RecordEstimator:
             "uncertainties": self._uncertainties,
             "assumed": list(record.assumed),
         }
-        return {"run": run, "device": dict(record.devices), "alignment": dict(record.alignment), **self._parts}
+        facts: dict[str, Any] = {}
+        if self._rig is not None:
+            facts["rig"] = plain_facts(self._facts)
+            if self._facts.measured and isinstance(self._rig, str | Path):
+                run["calibration"] = str(Path(self._rig).absolute())
+        tables = {"run": run, "device": dict(record.devices), "alignment": dict(record.alignment), **facts}
+        return {**tables, **self._parts}
 
     def _tracks(self, record: Record, name: str | None) -> RecordTracks:
         """The tracks of records that are read like this one; those of the latest kind are kept."""

@@ -13,6 +13,7 @@ import typer
 from palpate import ConfigurationError, Floats, LogError, Problem, Samples, suggest
 from palpate_engine import Pipeline, Source, TrackResult, build_pipeline, display_unit, is_live, registry
 from palpate_kit.curves.curve_filter import curve_filter
+from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.runs.replay_source import added_table, read_run_log, replay_source
 from palpate_kit.runs.sample_observer import SampleObserver
@@ -76,9 +77,9 @@ def _of_source(path: Path, wanted: Sequence[str], where: str | None) -> Iterator
             f"{path}: has no curves{f' of {where!r}' if where else ''} that are not rejected and whose files are known"
         )
     for curve in curves:
-        settings = path / folder.pipeline_of(curve.name)
-        source = Source.read(settings, named=False)
-        device = folder.reader(settings.name).device
+        dialect, settings = folder.dialect_of(curve.name), path / SETTINGS
+        source = Source(folder.settings_text(dialect), settings)
+        device = folder.reader(dialect).device
         for assignment in (f"device.{device}.file={json.dumps(curve.file)}", *curve.own):
             source.override(assignment)
         yield from candidates(Path(curve.name), with_candidates(source, settings, wanted))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Condition, Diagnosed, Floats, Indenter, TrackEnd, TrackEvidence
+from palpate_engine import words_that_state
 
 from palpate_uncertainty.delay.commanded_motion import position_noise, share_of_command
 from palpate_uncertainty.delay.one_frequency import one_frequency_text
@@ -57,11 +58,6 @@ class _OpenTrack:
         return {p.name: share * v for p, v in zip(model.parameters, values, strict=True) if p.role}
 
     @property
-    def key(self) -> str:
-        """The table of the model in a pipeline."""
-        return f"model.{self.evidence.name.partition('/')[0]}"
-
-    @property
     def is_small(self) -> bool:
         radius = getattr(getattr(self.evidence.model, "indenter", None), "radius", None)
         return radius is not None and radius < SMALL
@@ -89,7 +85,7 @@ def _thickness(track: _OpenTrack) -> Iterator[Condition]:
     height = RADII * radius if track.is_small else HEIGHT
     share = 1.0 / (1.0 + stiffer_by(radius, height)) - 1.0
     yield Condition(
-        "thickness", f"specimen thicker than {_length(needed)}", f'--set {track.key}.thickness={{height="22 mm"}}',
+        "thickness", f"specimen thicker than {_length(needed)}", words_that_state("thickness"),
         f"{_length(height)}", track.scaled(share), "thickness-undeclared",
     )  # fmt: skip
 
@@ -106,7 +102,7 @@ def _delay(track: _OpenTrack) -> Iterator[Condition]:
     text = f"force and motion simultaneous ({', '.join(per_ms)})" if per_ms else "force and motion simultaneous"
     moved = {name: DELAY * shift for name, shift in track.table(shifts).items() if name not in track.end.held}
     yield Condition(
-        "delay", text, '--set alignment.force.uncertainty="1 ms", and alignment.force.delay', f"{1e3 * DELAY:g} ms",
+        "delay", text, words_that_state("delay"), f"{1e3 * DELAY:g} ms",
         moved, "timing-undeclared",
     )  # fmt: skip
 
@@ -117,7 +113,7 @@ def _tare(track: _OpenTrack) -> Iterator[Condition]:
         return
     zero = TARE * float(np.max(np.abs(found.force)))
     yield Condition(
-        "tare", "no force without contact", "--set alignment.tare=free-air, or alignment.tare_uncertainty",
+        "tare", "no force without contact", words_that_state("tare"),
         f"{zero:.2g} N", track.against(np.full(len(found.force), zero)), "tare-undeclared",
     )  # fmt: skip
 
@@ -127,9 +123,7 @@ def _mass(track: _OpenTrack) -> Iterator[Condition]:
         return
     if not track.is_small:
         shifts = track.against(-MASS * track.found.acceleration)
-        yield Condition(
-            "mass", "no mass behind the sensor", '--set alignment.tip_mass="0 g"', f"{1e3 * MASS:g} g", shifts
-        )
+        yield Condition("mass", "no mass behind the sensor", words_that_state("mass"), f"{1e3 * MASS:g} g", shifts)
 
 
 def _poisson(track: _OpenTrack) -> Iterator[Condition]:
@@ -144,8 +138,7 @@ def _poisson(track: _OpenTrack) -> Iterator[Condition]:
     change = POISSON - value
     if change:
         shifts = track.against(change * found.by_number(("poisson",), value, change))
-        text, words = f"Poisson's ratio {value:g}", "--set run.uncertainties.poisson=0.01"
-        yield Condition("poisson", text, words, f"{POISSON:g}", shifts)
+        yield Condition("poisson", f"Poisson's ratio {value:g}", words_that_state("poisson"), f"{POISSON:g}", shifts)
 
 
 def _level(track: _OpenTrack) -> Iterator[Condition]:
@@ -162,7 +155,7 @@ def _level(track: _OpenTrack) -> Iterator[Condition]:
     power = mean * float(tip.contact_radius(mean)) / float(tip.profile_area(mean))
     share = math.cos(TILT) ** -(1.0 + power) - 1.0
     yield Condition(
-        "level", "level skin", f'--set {track.key}.skin={{inclination="0 deg"}}', f"{math.degrees(TILT):.0f} deg",
+        "level", "level skin", words_that_state("level"), f"{math.degrees(TILT):.0f} deg",
         track.scaled(share),
     )  # fmt: skip
 
@@ -171,17 +164,16 @@ def _mount(track: _OpenTrack) -> Iterator[Condition]:
     found = track.found
     if found is not None and found.given_way is not None and track.end.settings.series_stiffness is None:
         shifts = track.against(-found.given_way / MOUNT)
-        yield Condition(
-            "mount", "rigid mount", '--set alignment.series_stiffness="200 N/mm"', f"{1e-3 * MOUNT:g} N/mm", shifts
-        )
+        yield Condition("mount", "rigid mount", words_that_state("mount"), f"{1e-3 * MOUNT:g} N/mm", shifts)
 
 
 def _position(track: _OpenTrack) -> Iterator[Condition]:
-    if track.end.settings.position.uncertainty is not None or track.evidence.estimator.motion == "velocity":
+    position = track.end.settings.position
+    if position.measured or position.uncertainty is not None or track.evidence.estimator.motion == "velocity":
         return
     if share_of_command(*position_noise(track.evidence)):
         text = "the position is of the tip, and no command"
-        yield Condition("position", text, '--set alignment.position.uncertainty="1 ms"', code="commanded-motion")
+        yield Condition("position", text, words_that_state("position"), code="commanded-motion")
 
 
 def _frequency(track: _OpenTrack) -> Iterator[Condition]:

@@ -25,7 +25,8 @@ export class CurveView {
   show(answer, second = null) {
     Object.assign(this, { answer, second });
     for (const plot of this.plots) plot.destroy();
-    const { header, time, columns } = answer, [height, force, model] = columns.map(known);
+    const { header, time, columns } = answer;
+    const [height, force, model] = header.columns.map((_, k) => known(columns[k] ?? [])); // of a file that has gone, none
     const surface = header.raw ? null : header.surface, depth = height.map((z) => (z === null ? null : 1e3 * (surface === null ? z : surface - z)));
     const seconds = Array.from(time), less = (modelled) => force.map((f, i) => (f === null || modelled[i] === null ? null : f - modelled[i]));
     this.points = seconds.length;

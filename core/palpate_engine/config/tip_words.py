@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from palpate import ConfigurationError, suggest, to_si
-from palpate_engine import Registry
+from palpate.errors import ConfigurationError, suggest
+from palpate.registry import Registry
+from palpate.units import to_si
 
 
 def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:

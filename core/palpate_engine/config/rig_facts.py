@@ -1,0 +1,213 @@
+"""Facts of a rig and its specimens, as ``rig.toml``, the command line and Python state them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from palpate.errors import ConfigurationError, suggest
+from palpate.input_file import bounded_text
+from palpate.key_mistakes import Location, mistakes_of
+from palpate.parts import Settings
+from palpate.units import to_si
+from pydantic import BeforeValidator, Field, ValidationError
+from pydantic_core import PydanticCustomError
+
+from palpate_engine.config.pipeline_source import Source
+
+RIG = "rig.toml"
+OF_FILES = ("columns", "units", "rate", "not_known")  # keys that concern the reading and asking of files alone
+MEASURED, MEASUREMENT = "measured", "measurement"  # tables that `palpate calibrate` writes
+_PLUS_MINUS = re.compile(r"\s*(?:\+-|\+/-|±)\s*")
+ROLES = ("force", "position", "velocity", "time")
+
+
+def value_and_std(text: object, unit: str) -> tuple[object, str | None]:
+    """A quantity and its standard uncertainty, both as they are written; None where none is stated.
+
+    Raises ValueError for what is none.
+
+    >>> value_and_std("0 ms +- 0.2 ms", "s")
+    ('0 ms', '0.2 ms')
+    """
+    value: object = text
+    rest: list[str] = []
+    if isinstance(text, str):
+        value, *rest = _PLUS_MINUS.split(text)
+    if len(rest) > 1:
+        raise ValueError(f"{text!r} has more than one uncertainty")
+    if isinstance(value, str) and unit == "1":
+        value = to_si(value, unit)
+    to_si(value, unit)
+    if rest and to_si(rest[0], unit) < 0:
+        raise ValueError(f"{text!r}: an uncertainty is not negative")
+    return value, rest[0] if rest else None
+
+
+@dataclass(frozen=True)
+class _Words:
+    """Checks a quantity in words, with its standard uncertainty, or one of some words."""
+
+    unit: str
+    words: tuple[str, ...] = ()
+    wants_std: bool = False
+    least: float | None = None
+
+    def __call__(self, text: object) -> object:
+        if isinstance(text, str) and " ".join(text.split()[:1]) in {word.split()[0] for word in self.words}:
+            return self._of_words(" ".join(text.split()))
+        try:
+            value, std = value_and_std(text, self.unit)
+            if self.wants_std and std is None:
+                raise ValueError(f'{text!r}: how certain is that? Write its standard uncertainty, as "{text} +- ..."')
+            if self.least is not None and not to_si(value, self.unit) > self.least:
+                raise ValueError(f"{text!r} must be above {self.least:g}")
+        except ValueError as error:
+            allowed = f" (or {', '.join(map(repr, self.words))})" if self.words else ""
+            raise PydanticCustomError("quantity", "{reason}", {"reason": f"{error}{allowed}"}) from error
+        return text
+
+    def _of_words(self, text: str) -> str:
+        if text in self.words:
+            return text
+        try:
+            if not text.startswith(FREE_AIR) or to_si(text.removeprefix(FREE_AIR).strip(), "s") <= 0:
+                raise ValueError(f"{text!r} is none of {', '.join(map(repr, self.words))}")
+        except ValueError as error:
+            raise PydanticCustomError("quantity", "{reason}", {"reason": str(error)}) from error
+        return text
+
+
+HALF_SPACE, FREE_AIR, ZEROED = "half-space", "free-air", "zeroed before contact"
+
+
+def _columns(value: object) -> object:
+    """One column, or several of which a file has one, by role; raises ValueError for a role that there is not."""
+    if not isinstance(value, dict):
+        return value
+    if wrong := next((role for role in value if role not in ROLES), None):
+        raise ValueError(f"there is no role {wrong!r}{suggest(wrong, ROLES)} (there are: {', '.join(ROLES)})")
+    return {role: tuple(names) if isinstance(names, list | tuple) else (names,) for role, names in value.items()}
+
+
+_Length = Annotated[Any, BeforeValidator(_Words("m", least=0.0))]
+
+
+def _fact(description: str, fact: str = "", question: str = "", example: str = "", **more: str) -> Any:
+    """A field: its documentation, the fact that it states, what is asked for it, and an answer as an example."""
+    extra = {"fact": fact, "question": question, "example": example, **more}
+    return Field(default=None, description=description, json_schema_extra={k: v for k, v in extra.items() if v})
+
+
+class RigFacts(Settings):
+    """What a person states of a rig and its specimens; what is left out is not known."""
+
+    tip: str | None = _fact(
+        'the tip: "sphere 3 mm" (its radius), "sphere diameter 6 mm", "flat 2 mm", "cone 45 deg"',
+        question="Which tip, a sphere by its radius?", example="sphere 3 mm",
+    )  # fmt: skip
+    tip_uncertainty: _Length | None = _fact('standard uncertainty of the tip\'s radius, as in "20 um"')
+    model: str | None = _fact("the contact model, by name or initials")
+    thickness: Annotated[Any, BeforeValidator(_Words("m", (HALF_SPACE,), least=0.0))] | None = _fact(
+        'height of the specimen on its base, as in "22 mm", or "half-space"',
+        "thickness", "How thick is the specimen?", "22 mm",
+    )  # fmt: skip
+    delay: Annotated[Any, BeforeValidator(_Words("s", wants_std=True))] | None = _fact(
+        'how late the force is behind the position, as in "0 ms +- 1 ms"',
+        "delay", "How late is the force behind the position?", "0 ms +- 1 ms",
+    )  # fmt: skip
+    tare: Annotated[Any, BeforeValidator(_Words("N", (FREE_AIR, ZEROED, "none", "calibrated"), True))] | None = _fact(
+        '"free-air": the record begins in air, which is the zero, "free-air 0.25 s": so long; '
+        '"zeroed before contact"; "none"; "calibrated"; or the reading without contact, as in "1.8 N +- 10 mN"',
+        "tare", "Where is the zero of the force?", "free-air",
+    )  # fmt: skip
+    tip_mass: Annotated[Any, BeforeValidator(_Words("kg"))] | None = _fact(
+        'mass behind the force sensor, as in "140 g +- 2 g", or "0 g"',
+        "mass", "What mass hangs behind the force sensor?", "0 g",
+    )  # fmt: skip
+    poisson: Annotated[Any, BeforeValidator(_Words("1"))] | None = _fact(
+        'Poisson\'s ratio of the specimen, as in 0.5 or "0.45 +- 0.01"',
+        "poisson", "Which Poisson's ratio has the specimen?", "0.5",
+    )  # fmt: skip
+    inclination: Annotated[Any, BeforeValidator(_Words("rad"))] | None = _fact(
+        'of the skin under the tip, as in "0 deg"', "level", "How inclined is the skin?", "0 deg"
+    )
+    mount: Annotated[Any, BeforeValidator(_Words("N/m", least=0.0))] | None = _fact(
+        'stiffness of robot and sensor, which yield before the specimen, as in "200 N/mm"',
+        "mount", "How stiff are robot and sensor?", "200 N/mm",
+    )  # fmt: skip
+    position: Literal["tip"] | None = _fact(
+        '"tip": the position is measured, and that of the tip', "position",
+        "Is the position measured at the tip?", "tip", option="position-of",
+    )  # fmt: skip
+    columns: Annotated[dict[str, tuple[str | int, ...]], BeforeValidator(_columns)] | None = _fact(
+        "of files without a pipeline, the columns that cannot be recognised: "
+        '{ force = "Load", position = ["Ext", "z"], time = "t" }; a file takes the first that it has'
+    )
+    units: dict[str, str] | None = _fact("of files without a pipeline, units that are not stated, by column")
+    rate: str | float | None = _fact('of files without a time, as in "500 Hz"')
+    not_known: tuple[str, ...] = Field(default=(), description="keys that were asked and not answered")
+    measured: dict[str, Any] = Field(default={}, description="what `palpate calibrate` has measured, by name")
+    measurement: dict[str, Any] = Field(default={}, description="when, with which devices and by which record")
+
+
+def facts_stated() -> dict[str, str]:
+    """The key that states each fact of a condition."""
+    fields = RigFacts.model_fields
+    return {fact: name for name in fields if (fact := _extra(name).get("fact"))}
+
+
+def _extra(name: str) -> Mapping[str, str]:
+    found: Any = RigFacts.model_fields[name].json_schema_extra
+    return found if isinstance(found, dict) else {}
+
+
+def question_of(name: str) -> tuple[str, str]:
+    """What is asked for a key, and an answer as an example."""
+    return _extra(name).get("question", ""), _extra(name).get("example", "")
+
+
+def option_of(name: str) -> str:
+    """The option of a key."""
+    return f"--{_extra(name).get('option', name.replace('_', '-'))}"
+
+
+def words_that_state(fact: str) -> str:
+    """The option that states a fact of a condition, with an example."""
+    name = facts_stated()[fact]
+    example = question_of(name)[1]
+    return f'{option_of(name)} "{example}"' if " " in example else f"{option_of(name)} {example}"
+
+
+def read_rig(path: Path) -> RigFacts:
+    """The facts in a file; raises ConfigurationError with every mistake at once."""
+    try:
+        source = Source(bounded_text(path), path)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ConfigurationError(f"{path}: cannot read the facts of the rig: {reason}") from error
+    if "device" in source.tables:
+        raise ConfigurationError(f"{path}: is a pipeline, and no file of facts of a rig; name that with --rig FILE")
+    return _validated(source.tables, source.where)
+
+
+def facts_of(table: Mapping[str, Any]) -> RigFacts:
+    """The facts that options or Python state; raises ConfigurationError with every mistake at once."""
+    return _validated(table, lambda place: option_of(place[0]) if place[0] in RigFacts.model_fields else "rig")
+
+
+def _validated(table: Mapping[str, Any], where: Callable[[Location], str]) -> RigFacts:
+    try:
+        return RigFacts.model_validate(dict(table))
+    except ValidationError as error:
+        unknown = [key for key in table if key not in RigFacts.model_fields]
+        lines = [f"{where((key,))}: unknown key {key!r}{suggest(key, RigFacts.model_fields)}" for key in unknown]
+        for mistake in mistakes_of(error, RigFacts, ()):
+            if mistake.location:
+                place = where(mistake.location)
+                key = "" if place.startswith("--") else f"{'.'.join(mistake.location)}: "
+                lines.append(f"{place}: {key}{mistake.problem}")
+        raise ConfigurationError("\n".join(dict.fromkeys(lines))) from error

@@ -1,0 +1,214 @@
+"""The one place where the facts of a rig become settings of a pipeline."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from palpate.errors import ConfigurationError
+from palpate.key_mistakes import Location
+from palpate.registry import Registry
+from palpate.unit_symbols import UnknownUnitError, read_unit
+
+from palpate_engine.config.declared_uncertainties import POISSON_STD
+from palpate_engine.config.pipeline_source import Source
+from palpate_engine.config.rig_facts import (
+    FREE_AIR,
+    HALF_SPACE,
+    MEASURED,
+    MEASUREMENT,
+    OF_FILES,
+    ZEROED,
+    RigFacts,
+    facts_of,
+    read_rig,
+    value_and_std,
+)
+from palpate_engine.config.tip_words import tip_table
+
+TABLE = "rig"  # of a source: facts of the command line, as in ``--set rig.thickness="22 mm"``
+_NUMBER = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)")
+_ALIGNMENT = ("alignment",)
+_LAW = "garcia"  # of a layer on its base, for spheres, flats and cones
+
+
+def apply_rig(source: Source, path: Path | None, known: Registry) -> bool:
+    """Set what the facts in a file, and those of the command line, state of a source, and take both out of it.
+
+    Whether there were any.
+
+    What the command line states goes before the file of facts, which goes before what a pipeline leaves open. Raises
+    ConfigurationError where the pipeline states another value than the file of facts.
+    """
+    if path is None and TABLE not in source.tables:
+        return False
+    stated = source.tables.pop(TABLE, {})
+    if not isinstance(stated, dict):
+        raise ConfigurationError(f"{source.where((TABLE,))}: is no table of facts")
+    options = facts_of({key: value for key, value in stated.items() if source.is_stated((TABLE, key))})
+    own = facts_of({key: value for key, value in stated.items() if not source.is_stated((TABLE, key))})
+    for key, at, value in _settings(options, source.tables, known):
+        if not source.is_stated(at):
+            source.state(at, value, f"{TABLE}.{key}")
+    of_files = [(own, str(source.path))]
+    if path is not None:
+        source.tables["run"].pop("rig")
+        of_files.append((facts := read_rig(path), str(path)))
+        if facts.measured and "calibration" not in source.tables["run"]:
+            source.state(("run", "calibration"), str(path.absolute()), str(path))
+    for facts, name in of_files:
+        for key, at, value in _settings(facts, source.tables, known):
+            if not source.is_stated(at):
+                _agree(source, at, value, f"{name}: {key}")
+                source.state(at, value, f"{name}: {key}")
+    return True
+
+
+def plain_facts(facts: RigFacts) -> dict[str, Any]:
+    """The facts that are settings of a pipeline, as its table `rig`."""
+    return facts.model_dump(exclude_defaults=True, exclude={*OF_FILES, "model", MEASURED, MEASUREMENT})
+
+
+def rig_assignments(facts: RigFacts, path: Path) -> list[str]:
+    """The facts that are settings of a pipeline, and what a file of facts has measured, as ``table.key=value``."""
+    found = [f"{TABLE}.{key}={json.dumps(value)}" for key, value in plain_facts(facts).items()]
+    return found + ([f"run.calibration={json.dumps(str(path.absolute()))}"] if facts.measured else [])
+
+
+def _agree(source: Source, at: Location, value: Any, by: str) -> None:
+    """Raise ConfigurationError where a source states another value; one that it assumes is no statement."""
+    table: Any = source.tables
+    assumed = _tables(source.tables, "run").get("assumed", ())
+    if any(fnmatchcase(".".join(at), str(pattern)) for pattern in assumed):
+        return
+    for key in at:
+        if not isinstance(table, dict) or key not in table:
+            return
+        table = table[key]
+    if not _same(value, table):
+        there, here = _word(table), _word(value)
+        raise ConfigurationError(
+            f"{by} contradicts {source.where(at)}: {'.'.join(at)} is {there} there, {here} here; correct one of them"
+        )
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two settings are the same in other units; of tables, as far as both have a key."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return all(_same(one[key], other[key]) for key in one.keys() & other.keys())
+    sizes = [_size(value) for value in (one, other)]
+    if sizes[0] is None or sizes[1] is None:
+        return bool(one == other)
+    return math.isclose(*sizes, rel_tol=1e-9)  # type: ignore[arg-type]
+
+
+def _size(value: Any) -> float | None:
+    """A quantity in SI, whatever its unit; None where a value is none."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
+    try:
+        return None if match is None else float(match[1]) * (read_unit(match[2]).factor if match[2] else 1.0)
+    except (ValueError, UnknownUnitError):
+        return None
+
+
+def _word(value: Any) -> str:
+    if isinstance(value, dict):
+        return " ".join(_word(item) if key == "type" else f"{key} {_word(item)}" for key, item in value.items())
+    return str(value)
+
+
+def _settings(facts: RigFacts, tables: Mapping[str, Any], known: Registry) -> Iterator[tuple[str, Location, Any]]:
+    """Key of the facts, key of the pipeline, value."""
+    models = {name: table for name, table in _tables(tables, "model").items() if isinstance(table, dict)}
+    if facts.tip is not None:
+        for at in _tips(models, known):
+            yield "tip", at, tip_table(facts.tip, known, "tip")
+    if facts.tip_uncertainty is not None:
+        yield "tip_uncertainty", ("run", "uncertainties", "radius"), facts.tip_uncertainty
+    if facts.thickness is not None:
+        value, std = (HALF_SPACE, None) if facts.thickness == HALF_SPACE else value_and_std(facts.thickness, "m")
+        for name in _with_key(models, "thickness", known):
+            at, layer = ("model", name, "thickness"), isinstance(models[name].get("thickness"), dict)
+            if value == HALF_SPACE:
+                yield "thickness", at, value
+            else:  # of a layer the law stays
+                yield "thickness", (*at, "height") if layer else at, value if layer else {"law": _LAW, "height": value}
+        if std is not None:
+            yield "thickness", ("run", "uncertainties", "height"), std
+    if facts.poisson is not None:
+        value, std = value_and_std(facts.poisson, "1")
+        for name in _with_key(models, "poisson", known):
+            yield "poisson", ("model", name, "poisson"), value
+            yield "poisson", ("run", "uncertainties", "poisson"), std if std is not None else POISSON_STD
+    if facts.inclination is not None:
+        value, std = value_and_std(facts.inclination, "rad")
+        for name in _with_key(models, "skin", known):
+            yield "inclination", ("model", name, "skin", "inclination"), value
+        if std is not None:
+            yield "inclination", ("run", "uncertainties", "inclination"), std
+    yield from _alignment(facts, tables)
+
+
+def _alignment(facts: RigFacts, tables: Mapping[str, Any]) -> Iterator[tuple[str, Location, Any]]:
+    if facts.delay is not None:
+        value, std = value_and_std(facts.delay, "s")
+        yield "delay", (*_ALIGNMENT, "force", "delay"), value
+        yield "delay", (*_ALIGNMENT, "force", "uncertainty"), std
+        for role in ("position", "velocity"):
+            if role in _tables(tables, "alignment"):
+                yield "delay", (*_ALIGNMENT, role, "delay"), "0 s"
+    if facts.tare is not None:
+        for name, text in _tare(facts.tare).items():
+            yield "tare", (*_ALIGNMENT, name), text
+    if facts.tip_mass is not None:
+        value, std = value_and_std(facts.tip_mass, "kg")
+        yield "tip_mass", (*_ALIGNMENT, "tip_mass"), value
+        if std is not None:
+            yield "tip_mass", (*_ALIGNMENT, "tip_mass_uncertainty"), std
+    if facts.mount is not None:
+        yield "mount", (*_ALIGNMENT, "series_stiffness"), value_and_std(facts.mount, "N/m")[0]
+    if facts.position == "tip":
+        yield "position", (*_ALIGNMENT, "position", "measured"), True
+
+
+def _tare(text: Any) -> dict[str, Any]:
+    """The keys of a tare in words."""
+    if text == ZEROED:
+        return {"tare": "0 N", "tare_uncertainty": "0 N"}
+    if text in (FREE_AIR, "none", "calibrated"):
+        return {"tare": text}
+    if isinstance(text, str) and text.startswith(FREE_AIR):
+        return {"tare": FREE_AIR, "tare_duration": text.removeprefix(FREE_AIR).strip()}
+    value, std = value_and_std(text, "N")
+    return {"tare": value, "tare_uncertainty": std}
+
+
+def _tables(tables: Mapping[str, Any], kind: str) -> dict[str, Any]:
+    found = tables.get(kind, {})
+    return found if isinstance(found, dict) else {}
+
+
+def _tips(models: Mapping[str, Mapping[str, Any]], known: Registry) -> Iterator[Location]:
+    """Where the tips of the models stand, each once."""
+    found: dict[Location, None] = {}
+    for name in _with_key(models, "indenter", known):
+        given = models[name].get("indenter")
+        found[("indenter", given) if isinstance(given, str) else ("model", name, "indenter")] = None
+    yield from found
+
+
+def _with_key(models: Mapping[str, Mapping[str, Any]], key: str, known: Registry) -> list[str]:
+    """The models that have a key."""
+    entries = {name: known.parts["model"].get(str(table.get("type"))) for name, table in models.items()}
+    return [
+        name
+        for name, entry in entries.items()
+        if entry is not None and entry.problem is None and key in entry.part.model_fields
+    ]

@@ -1,0 +1,61 @@
+"""What a fit takes for the tip, the material and the force, in one line: a diameter that was meant is seen at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from palpate import ContactModel, Indenter
+from palpate_engine import AlignmentSettings, Pipeline, numbers_of
+
+_TARES = {"free-air": "force zeroed in air", "none": "force as recorded", "calibrated": "force zeroed by calibration"}
+
+
+def fact_line(pipeline: Pipeline) -> str:
+    """Tip, model and force of the first track of a pipeline.
+
+    As in "tip: sphere, radius 6 mm (diameter 12 mm); dr, nu 0.5, thick; force zeroed in air".
+    """
+    model = pipeline.tracks[0].model
+    tip = getattr(model, "indenter", None)
+    words = [f"tip: {', '.join(_tip(tip, pipeline))}"] if isinstance(tip, Indenter) else []
+    return "; ".join([*words, ", ".join(_model(model, pipeline)), ", ".join(_force(pipeline.alignment))])
+
+
+def _tip(tip: Indenter, pipeline: Pipeline) -> Iterator[str]:
+    yield pipeline.registry.name_of(type(tip))
+    for path, value, unit in numbers_of(tip):
+        across = f" (diameter {_quantity(2 * value, unit)})" if path == ("radius",) else ""
+        yield f"{' '.join(path).replace('_', ' ')} {_quantity(value, unit)}{across}"
+
+
+def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[str]:
+    name = pipeline.registry.name_of(type(model))
+    yield "".join(word[0] for word in name.split("-")) if "-" in name else name
+    if isinstance(nu := getattr(model, "poisson", None), float):
+        yield f"nu {nu:g}"
+    if "thickness" in type(model).model_fields:
+        height = getattr(getattr(model, "thickness", None), "height", None)
+        yield "thick" if height is None else f"{_quantity(height, 'm')} thick"
+
+
+def _force(alignment: AlignmentSettings) -> Iterator[str]:
+    tare = alignment.tare
+    if isinstance(tare, str):
+        yield _TARES[tare]
+    else:
+        yield f"zero of the force {tare:g} N" if tare else "force zeroed before contact"
+    if alignment.timing_uncertainty is not None:
+        late, std = 1e3 * (alignment.force.delay - alignment.position.delay), 1e3 * alignment.timing_uncertainty
+        yield f"{late:g} ± {std:.2g} ms late"
+    if alignment.tip_mass is not None:
+        yield f"{1e3 * alignment.tip_mass:g} g behind the sensor"
+
+
+def _quantity(value: float, unit: str) -> str:
+    if unit == "rad":
+        return f"{math.degrees(value):.4g} deg"
+    if unit != "m":
+        return f"{value:.4g}" + ("" if unit == "1" else f" {unit}")
+    word, factor = ("mm", 1e3) if abs(value) >= 1e-4 or not value else ("um", 1e6)
+    return f"{value * factor:.4g} {word}"

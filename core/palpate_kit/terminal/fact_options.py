@@ -1,0 +1,56 @@
+"""The facts of a rig as options of a command, one for each key of ``rig.toml``."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from palpate_engine import MEASURED, MEASUREMENT, OF_FILES, RigFacts, option_of
+
+_NONE = (*OF_FILES, "model", MEASURED, MEASUREMENT)  # keys that are no options of every command
+_PANEL = "Facts of rig and specimen"
+
+
+def with_facts(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with an option for each fact, which is one more of its `overrides`; and --rig for a file of them."""
+    signature = inspect.signature(command, eval_str=True)
+    names = [
+        name for name in RigFacts.model_fields if name not in (*_NONE, *signature.parameters) or name == "position"
+    ]
+    parameters = {f"fact_{name}": _option(name) for name in names}
+    rig = Annotated[
+        Path | None,
+        typer.Option("--rig", help="File of facts. [default: rig.toml beside the curves]", rich_help_panel=_PANEL),
+    ]
+    parameters["rig"] = inspect.Parameter("rig", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=rig)
+
+    @functools.wraps(command)
+    def with_options(*arguments: Any, **options: Any) -> None:
+        given = {name: options.pop(f"fact_{name}", None) for name in names}
+        stated = [f"rig.{name}={json.dumps(text)}" for name, text in given.items() if text is not None]
+        rig = options.pop("rig", None)
+        stated += [f"run.rig={json.dumps(str(rig.absolute()))}"] if rig is not None else []
+        if stated:
+            bound = signature.bind_partial(*arguments, **options)
+            bound.arguments["overrides"] = [*(bound.arguments.get("overrides") or ()), *stated]
+            arguments, options = bound.args, bound.kwargs
+        command(*arguments, **options)
+
+    every = [*signature.parameters.values(), *parameters.values()]
+    with_options.__signature__ = signature.replace(parameters=every)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {one.name: one.annotation for one in every}
+    return with_options
+
+
+def _option(name: str) -> inspect.Parameter:
+    described = RigFacts.model_fields[name].description or ""
+    option = typer.Option(
+        option_of(name), metavar="TEXT", help=f"{described[:1].upper()}{described[1:]}.", rich_help_panel=_PANEL
+    )
+    kind = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(f"fact_{name}", kind, default=None, annotation=Annotated[str | None, option])

@@ -1,0 +1,52 @@
+"""What only a person can say of the reading of a file: a column, a unit, a rate."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from palpate_records.recording import Suggestion
+
+_READER = "device.log."
+_OPTIONS = ("force", "position", "time", "rate")
+_SCALE = re.compile(r"columns\.(\w+)\.scale")
+_UNIT = re.compile(r"columns\.(\w+)\.unit")
+
+
+@dataclass(frozen=True)
+class FileQuestion:
+    """One thing that makes a file readable, or a guess of it certain."""
+
+    key: str  # of the facts: "columns", "units" or "rate"
+    name: str  # within it: a role, or a column
+    text: str = field(compare=False)  # what is not known, of the first file
+    advice: str = field(compare=False)  # with the option that states it
+    needed: bool  # without an answer the file is not read
+    choices: tuple[str, ...] = ()
+    guess: str = ""  # what is taken without an answer
+
+
+def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQuestion | None:
+    """The first thing that only a person knows of a file; None where there is none."""
+    for text in suggestion.blanks:
+        key, _, about = text.partition(": ")
+        if f"{_READER}{key}" in stated:
+            continue
+        option = f"--{key}" if key in _OPTIONS else f"--set {_READER}{key}=NUMBER"
+        advice = f"{text}; say it with {option}"
+        if (scale := _SCALE.fullmatch(key)) is not None:
+            return FileQuestion("units", _column(suggestion, scale[1]), about, advice, True)
+        return FileQuestion(key, "", about, advice, True)
+    for role, columns in suggestion.rivals.items():
+        words = f"the {role} can be {', '.join(columns)}"
+        return FileQuestion("columns", role, words, f"{words}; say which with --{role}", True, columns)
+    for key, text in suggestion.guesses.items():
+        if f"{_READER}{key}" not in stated and (unit := _UNIT.fullmatch(key)) is not None:
+            guess = str(suggestion.device["columns"][unit[1]]["unit"])
+            return FileQuestion("units", _column(suggestion, unit[1]), text, text, False, (), guess)
+    return None
+
+
+def _column(suggestion: Suggestion, role: str) -> str:
+    return str(suggestion.device["columns"][role]["column"])

@@ -1,0 +1,164 @@
+"""All questions about files and their rig in one go, and the answers in the file of facts."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import typer
+from palpate import Condition, ConfigurationError, OutputError, PalpateError, printable
+from palpate_engine import UncertainValue, approved_plugins, facts_stated, question_of
+from palpate_kit.curves.curve_fits import CurveReader, curve_outcome, named_values, record_tracks
+from palpate_kit.runs.rig_file import write_rig
+
+from palpate_fits.file_facts import StatedFacts
+from palpate_fits.file_pipelines import DEVICE, FileGroup
+from palpate_fits.file_questions import FileQuestion
+
+_MOST = 6  # questions about the rig
+_TRIALS = 3  # curves that are fitted for the size of the effects
+_ATTEMPTS = 3  # answers to one question
+Ask = Callable[[str], str]
+
+
+def is_asking() -> bool:
+    """Whether a person can answer."""
+    return sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def prompt(text: str) -> str:
+    """The answer to a question on the terminal; raises ConfigurationError where there is none."""
+    try:
+        answer = typer.prompt(printable(text), default="", show_default=False, prompt_suffix=" ", err=True)
+    except (EOFError, typer.Abort) as error:
+        raise ConfigurationError("the questions were not answered, and nothing was fitted") from error
+    return str(answer).strip()
+
+
+def ask_fact(stated: StatedFacts, key: str, effect: str, ask: Ask) -> StatedFacts:
+    """A fact asked until the answer is one; an empty one leaves it open."""
+    question, example = question_of(key)
+    for _ in range(_ATTEMPTS):
+        answer = ask(f'{question} As in "{example}" [Enter: {effect}]')
+        if not answer:
+            break
+        try:
+            return stated.answered(**{key: answer})
+        except ConfigurationError as error:
+            typer.echo(str(error), err=True)
+    return stated
+
+
+def ask_of_files(stated: StatedFacts, questions: Mapping[str, FileQuestion], ask: Ask) -> StatedFacts:
+    """What only a person knows of files, one question for all files that it concerns."""
+    files: dict[FileQuestion, list[str]] = {}
+    for file, question in questions.items():
+        files.setdefault(question, []).append(Path(file).name)
+    answered: set[tuple[str, str]] = set()
+    for question, names in sorted(files.items(), key=lambda item: (not item[0].needed, -len(item[1]))):
+        if (question.key, question.name) in answered:  # one column of two dialects, which mean it in different units
+            continue
+        answered.add((question.key, question.name))
+        others = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        empty = question.guess or "they are not read" if others else question.guess or "it is not read"
+        for _ in range(_ATTEMPTS):
+            answer = ask(f"{names[0]}{others}: {question.text}. Which is it? [Enter: {empty}]") or question.guess
+            if not answer:
+                break
+            if question.choices and answer not in question.choices:
+                typer.echo(f"{answer}: is none of {', '.join(question.choices)}", err=True)
+                continue
+            try:
+                stated = stated.answered(**_answered(stated, question, answer))
+                break
+            except ConfigurationError as error:
+                typer.echo(str(error), err=True)
+    return stated
+
+
+def _answered(stated: StatedFacts, question: FileQuestion, answer: str) -> dict[str, Any]:
+    if question.key == "columns":
+        columns = dict(stated.facts.columns or {})
+        return {"columns": {**columns, question.name: (*columns.get(question.name, ()), answer)}}
+    if question.key == "units":
+        return {"units": {**(stated.facts.units or {}), question.name: answer}}
+    return {question.key: answer}
+
+
+@dataclass(frozen=True)
+class _OpenFact:
+    key: str
+    text: str
+    size: float  # of the effect of its alternative, as a part of the value that it moves most
+
+
+def ask_of_rig(stated: StatedFacts, groups: Sequence[FileGroup], ask: Ask) -> StatedFacts:
+    """The facts that nobody has stated, most effective first, at most six; the others count as asked."""
+    left = [key for key in facts_stated().values() if _is_open(stated, key)]
+    if not left:
+        return stated
+    found = {fact.key: fact for fact in _open_facts(stated, groups)}
+    asked = sorted((fact for fact in found.values() if fact.key in left), key=lambda fact: -fact.size)[:_MOST]
+    for fact in asked:
+        stated = ask_fact(stated, fact.key, f"not known; {fact.text}", ask)
+    open_keys = [key for key in left if getattr(stated.facts, key) is None]
+    return stated.answered(not_known=(*stated.facts.not_known, *open_keys)) if open_keys else stated
+
+
+def _is_open(stated: StatedFacts, key: str) -> bool:
+    return getattr(stated.facts, key) is None and key not in stated.facts.not_known
+
+
+def _open_facts(stated: StatedFacts, groups: Sequence[FileGroup]) -> Iterator[_OpenFact]:
+    """The conditions of a curve that can be fitted; of none, what a contact is found by."""
+    curves = [(group, curve) for group in groups for curve in group.curves[:_TRIALS]][:_TRIALS]
+    for group, curve in curves:
+        reader = CurveReader(group.text, str(group.path), stated.overrides, DEVICE, approved_plugins())
+        try:
+            outcome = curve_outcome(record_tracks(reader), DEVICE, curve)
+        except PalpateError:
+            continue
+        track = next(iter(outcome.result.tracks.values()))
+        if track.usable:
+            values = named_values(track)
+            stating = facts_stated()
+            for one in track.conditions:
+                if one.fact in stating:
+                    yield _OpenFact(stating[one.fact], one.sentence(values), _size(one, values))
+            return
+    yield from (_OpenFact(key, "it counts as open", 0.0) for key in ("tip_mass", "tare", "delay", "thickness"))
+
+
+def _size(condition: Condition, values: Mapping[str, UncertainValue]) -> float:
+    """How far an alternative moves a value, over the value or two of its uncertainties; the largest."""
+    sizes: Iterable[float] = (
+        abs(shift) / max(abs(value.value), 2 * value.combined, 1e-300)
+        for name, shift in condition.shifts.items()
+        if (value := values.get(name)) is not None
+    )
+    return max(sizes, default=0.0)
+
+
+def keep_answers(stated: StatedFacts) -> None:
+    """Write what was answered into the file of facts, a new one with what the command line states; and say so."""
+    keys = stated.answers | (frozenset() if stated.is_read else stated.of_options)
+    if not stated.answers:
+        return
+    facts = stated.facts.model_dump(include={*keys}, exclude_defaults=True)
+    try:
+        write_rig(stated.path, {key: _plain(value) for key, value in facts.items()})
+        typer.echo(f"the answers are kept in {stated.path}", err=True)
+    except (OutputError, ConfigurationError) as error:
+        typer.echo(f"the answers are not kept: {error}", err=True)
+
+
+def _plain(value: Any) -> Any:
+    """A value as TOML holds it; a list of one is the one, within a table."""
+    if isinstance(value, dict):
+        return {
+            key: item[0] if isinstance(item, tuple) and len(item) == 1 else _plain(item) for key, item in value.items()
+        }
+    return list(value) if isinstance(value, tuple) else value
