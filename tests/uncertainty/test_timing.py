@@ -24,10 +24,11 @@ from palpate_models import (
 )
 from palpate_uncertainty.delay.timing_shift import delay_shifts
 from palpate_uncertainty.flags import compliance_flags
-from palpate_uncertainty.force_sensitivity import along
-from palpate_uncertainty.influence import answer
+from palpate_kit.budget.force_sensitivity import along
+from palpate_kit.budget.influence import answer
 from palpate_uncertainty.reading_faults import velocity_flags
-from palpate_uncertainty.uncertainty_budget import delays, systematic_terms
+from palpate_kit.budget.systematic_terms import systematic_terms
+from palpate_uncertainty.uncertainty_budget import delays
 
 SPHERE = Sphere(radius=0.005)
 TIME = np.arange(0.0, 2.0, 0.002)

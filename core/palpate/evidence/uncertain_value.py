@@ -88,7 +88,7 @@ class UncertainValue:
 
     def effect(self, contribution: float, sensitivity: float | None = None) -> Effect:
         """What a source does to the value by a standard uncertainty [SI]."""
-        return Effect(sensitivity, contribution, 100.0 * contribution / abs(self.value) if self.value else None)
+        return Effect.of(self.value, contribution, sensitivity)
 
     def diagnosed(
         self, cause: str, share: float, unknown: bool = False, bias: Bias | None = None, left: float | None = None

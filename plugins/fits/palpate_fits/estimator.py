@@ -8,7 +8,7 @@ from typing import Any
 from palpate import ConfigurationError, Problem, Tracker
 from palpate_kit.numerics.segments import parse_segment
 
-from palpate_fits.budget import sources_of
+from palpate_fits.budget import stated_sources
 from palpate_fits.fit_settings import FitSettings
 from palpate_fits.unknowns import unknowns_of
 
@@ -36,7 +36,7 @@ class CasadiFit(FitSettings):
         if "tip_mass" not in fixed and "tip_mass" not in wanted:
             fixed["tip_mass"] = problem.tip_mass or 0.0
         unknowns = unknowns_of(problem.model, wanted, fixed, self.start_at, self.bounds)
-        sources = sources_of(problem.model, self.systematic)
+        sources = stated_sources(problem.model, self.systematic)
         for source in sources:
             if source.name in wanted:
                 known = f"systematic: {source.name} is an unknown of the fit, which finds its uncertainty itself"
