@@ -36,8 +36,8 @@ def verdict_rank(verdict: str) -> int:
 
 
 def advice_on(verdict: str) -> str:
-    """A verdict in words, of which there are three: what gives no number is to be looked at."""
-    return ADVICE[verdict] if verdict in ADVICE else ADVICE["doubtful"]
+    """A verdict in words: of what gives a number with what to do, else why there is none."""
+    return dict[str, str](ADVICE).get(verdict, verdict)
 
 
 def verdict_word(verdict: str) -> str:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, Settings
-from palpate_engine import bounded_text, toml_tables
-from pydantic import Field, ValidationError
+from pydantic import Field
+
+from palpate_kit.runs.toml_file import read_settings
 
 _FORMAT = 1
 
@@ -70,19 +70,7 @@ def _plain(value: Any) -> Any:
 
 def read_calibration(path: Path) -> Calibration:
     """The calibration in a file; raises ConfigurationError where it cannot be read or is none."""
-    try:
-        tables = toml_tables(bounded_text(path))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ConfigurationError(f"{path}: cannot read the calibration file: {reason}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path}: not TOML: {error}") from error
-    try:
-        calibration = Calibration.model_validate(tables)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(step) for step in first["loc"])
-        raise ConfigurationError(f"{path}: no calibration file: {where}: {first['msg']}") from error
+    calibration = read_settings(path, Calibration, "calibration file")
     if calibration.created.tzinfo is None:
-        raise ConfigurationError(f"{path}: no calibration file: created has no time zone")
+        raise ConfigurationError(f"{path}: is no calibration file: created has no time zone")
     return calibration
