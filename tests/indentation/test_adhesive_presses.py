@@ -46,9 +46,11 @@ def press(theory, modulus, work, seed, *, sticks_coming=True, count=1500):
         law(-down, modulus, work if sticks_coming else 0.0, True), law(-down[::-1], modulus, work, False)
     ])  # fmt: skip
     force = force + NOISE * np.random.default_rng(seed).standard_normal(len(force))
-    time, no = np.arange(2 * count) / RATE, np.zeros(2 * count, bool)
+    time, touches = np.arange(2 * count) / RATE, height < 0
     stamp = np.rint(1e9 * time).astype(np.int64)
-    return Samples(stamp, time, np.full(2 * count, 1 / RATE), force, height, np.gradient(height, time), no, no)
+    return Samples(
+        stamp, time, np.full(2 * count, 1 / RATE), force, height, np.gradient(height, time), touches, touches
+    )
 
 
 def looked_at(samples):
@@ -80,7 +82,7 @@ def test_a_fit_of_the_theory_has_the_same_answer(theory, modulus, work):
     found = looked_at(samples)
     way_in = samples[np.arange(len(samples)) < len(samples) // 2]
     model = THEORIES[theory](radius=RADIUS)
-    fit = CasadiFit(unknowns=("bias",), profile=False).start(Problem(model, 0.0, None)).run(way_in)
+    fit = CasadiFit(unknowns=(), profile=False).start(Problem(model, 0.0, None)).run(way_in)
     value, std = fit.values[-1, 0], fit.std[-1, 0]
     assert abs(value - modulus) < 0.01 * modulus
     assert abs(value - found.fit.modulus) < 3 * np.hypot(std, own_std(found))

@@ -21,6 +21,9 @@ _SAMPLES = 500
 _LINEAR_EXTRAS = ("bias", "slope", "tip_mass")
 _INSIDE = np.linspace(0.0, 1.0, 41)[1:]  # heights within the record, as shares of its range from the bottom
 _ABOVE = np.geomspace(0.01, 12.0, 36)  # heights above it
+_RATIOS = np.geomspace(1e-12, 1e-2, 21)  # [m] of work of adhesion over modulus
+_WHOLE = 20_000  # samples
+_FINER = 6  # grids, each about the best place of the one before
 _SINGULAR, _ROUNDING = 1e-7, 1e-7  # of scaled squares; their sums are exact to some 1e-13 over the first of both
 _GRIDS = {"1": (1.0, 1.5, 2.0, 3.0), "s": (0.03, 0.1, 0.3, 1.0)}  # of what is not linear, by unit
 _DECLARED = ("Pa", "m^2/s")  # where what is not linear begins as the model says, unless its material flows
@@ -70,6 +73,8 @@ def first_guess(
     thin = record.thinned(_SAMPLES)
     if not thin.used.all():
         thin = thin.selected(thin.used)
+    if model.adhesive and not set(range(len(model.parameters))) <= set(linear):
+        return _of_adhesion(model, unknowns, record)
     solid = bool(model.memory) and all(parameter.unit != "Pa*s" for parameter in model.parameters)
     told = (one for one in model.parameters if solid and one.unit in _DECLARED)
     starts_of = {one.name: one.start for one in told if one.start is not None}
@@ -101,6 +106,53 @@ def first_guess(
     if not found:
         raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
     return min(found, key=lambda one: one[:2])[2]
+
+
+def _of_adhesion(model: ContactModel, unknowns: Unknowns, whole: FitRecord) -> Floats:
+    """Values (P,) of a model whose force is in proportion to modulus and work of adhesion w together, not to each.
+
+    At every height of the surface and every w/E of a grid the force of E = 1 Pa is a column, beside what else is
+    linear; the grid gets finer about its best place, at last on the whole record: the force jumps where the tip
+    touches, so that the solvers cannot pass a sample.
+    """
+    height = whole.height
+    low, reach = float(height.min()), float(np.ptp(height))
+    extras = [unknowns.index(name) for name in ("bias", "slope") if unknowns.items[unknowns.index(name)].free]
+    base = np.array([0.0 if item.value is None else item.value for item in unknowns.items])
+    surface = unknowns.index("surface")
+
+    def tried(record: FitRecord, ratio: float, at: float) -> Guess:
+        x = base.copy()
+        x[: len(model.parameters)], x[surface] = (1.0, ratio), at
+        x[extras] = 0.0
+        force = np.asarray(reading(model, x.tolist(), list(record.parts), record.transition), float)
+        others = {"bias": np.ones(len(record)), "slope": record.time}
+        columns = [force, *(others[unknowns.names[place]] for place in extras)]
+        matrix = record.weight[:, None] * np.column_stack(columns)
+        scale = np.sqrt(np.sum(matrix**2, axis=0))
+        if not np.isfinite(scale).all() or scale[0] <= 0:
+            return Guess(x, np.inf)
+        scale[scale == 0] = 1.0
+        found = np.linalg.lstsq(matrix / scale, record.weight * record.force, rcond=None)[0] / scale
+        left = record.weight * record.force - matrix @ found
+        x[: len(model.parameters)] *= found[0]
+        x[extras] = found[1:]
+        return Guess(x, float(left @ left) if found[0] > 0 else np.inf)
+
+    ratios, heights, width = _RATIOS, low + reach * _INSIDE, reach / len(_INSIDE)
+    factor = float(_RATIOS[1] / _RATIOS[0])
+    for finer in range(_FINER):
+        record = whole.thinned(_SAMPLES if finer < _FINER - 2 else _WHOLE)
+        found = min(
+            ((tried(record, ratio, at), ratio, at) for ratio in ratios.tolist() for at in heights.tolist()),
+            key=lambda one: one[0].cost,
+        )
+        best, ratio, at = found
+        ratios, heights = ratio * factor ** np.linspace(-1.0, 1.0, 7), at + width * np.linspace(-1.0, 1.0, 13)
+        factor, width = factor ** (1 / 3), width / 6.0
+    if not np.isfinite(best.cost):
+        raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
+    return np.array([item.inside(value) for item, value in zip(unknowns.items, best.x.tolist(), strict=True)])
 
 
 def _least(squares: Floats) -> tuple[Floats, NDArray[np.bool_]]:
