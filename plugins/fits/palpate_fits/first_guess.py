@@ -73,7 +73,8 @@ def first_guess(
     thin = record.thinned(_SAMPLES)
     if not thin.used.all():
         thin = thin.selected(thin.used)
-    if model.adhesive and not set(range(len(model.parameters))) <= set(linear):
+    own = unknowns.items[: len(model.parameters)]
+    if model.adhesive and all(item.free for item in own) and not set(range(len(own))) <= set(linear):
         return _of_adhesion(model, unknowns, record)
     solid = bool(model.memory) and all(parameter.unit != "Pa*s" for parameter in model.parameters)
     told = (one for one in model.parameters if solid and one.unit in _DECLARED)
@@ -125,21 +126,26 @@ def _of_adhesion(model: ContactModel, unknowns: Unknowns, whole: FitRecord) -> F
         x = base.copy()
         x[: len(model.parameters)], x[surface] = (1.0, ratio), at
         x[extras] = 0.0
-        force = np.asarray(reading(model, x.tolist(), list(record.parts), record.transition), float)
+        away = x.copy()
+        away[surface] = low - reach  # what is read without contact
+        rows = list(record.parts)
+        rest, force = (np.asarray(reading(model, y.tolist(), rows, record.transition), float) for y in (away, x))
         others = {"bias": np.ones(len(record)), "slope": record.time}
-        columns = [force, *(others[unknowns.names[place]] for place in extras)]
+        columns = [force - rest, *(others[unknowns.names[place]] for place in extras)]
         matrix = record.weight[:, None] * np.column_stack(columns)
         scale = np.sqrt(np.sum(matrix**2, axis=0))
         if not np.isfinite(scale).all() or scale[0] <= 0:
             return Guess(x, np.inf)
         scale[scale == 0] = 1.0
-        found = np.linalg.lstsq(matrix / scale, record.weight * record.force, rcond=None)[0] / scale
-        left = record.weight * record.force - matrix @ found
+        contact = record.weight * (record.force - rest)
+        found = np.linalg.lstsq(matrix / scale, contact, rcond=None)[0] / scale
+        left = contact - matrix @ found
         x[: len(model.parameters)] *= found[0]
         x[extras] = found[1:]
         return Guess(x, float(left @ left) if found[0] > 0 else np.inf)
 
-    ratios, heights, width = _RATIOS, low + reach * _INSIDE, reach / len(_INSIDE)
+    skin, ratios, width = unknowns.items[surface], _RATIOS, reach / len(_INSIDE)
+    heights = low + reach * _INSIDE if skin.value is None else np.array([skin.value])
     factor = float(_RATIOS[1] / _RATIOS[0])
     for finer in range(_FINER):
         record = whole.thinned(_SAMPLES if finer < _FINER - 2 else _WHOLE)
@@ -148,7 +154,9 @@ def _of_adhesion(model: ContactModel, unknowns: Unknowns, whole: FitRecord) -> F
             key=lambda one: one[0].cost,
         )
         best, ratio, at = found
-        ratios, heights = ratio * factor ** np.linspace(-1.0, 1.0, 7), at + width * np.linspace(-1.0, 1.0, 13)
+        ratios = ratio * factor ** np.linspace(-1.0, 1.0, 7)
+        if skin.value is None:
+            heights = np.clip(at + width * np.linspace(-1.0, 1.0, 13), skin.lower, skin.upper)
         factor, width = factor ** (1 / 3), width / 6.0
     if not np.isfinite(best.cost):
         raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
