@@ -17,7 +17,7 @@ SEVERITIES: dict[Severity, str] = {
     "note": "for information",
 }
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)  # from the best to the worst
-ADVICE: dict[Verdict, str] = {  # a verdict in words, and what a person is to do with a track of that verdict
+ADVICE: dict[str, str] = {  # a verdict in words, and what a person is to do with a track of that verdict
     "good": "good: trust it",
     "note": "good: trust it",
     "doubtful": "doubtful: look at it",
@@ -37,7 +37,7 @@ def verdict_rank(verdict: str) -> int:
 
 def advice_on(verdict: str) -> str:
     """A verdict in words: of what gives a number with what to do, else why there is none."""
-    return dict[str, str](ADVICE).get(verdict, verdict)
+    return ADVICE.get(verdict, verdict)
 
 
 def verdict_word(verdict: str) -> str:

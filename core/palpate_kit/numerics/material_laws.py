@@ -40,7 +40,7 @@ class LinearLaw:
 
     def shear_modulus(self, omega: Floats, values: Sequence[float] | Floats, poisson: float) -> Complexes:
         """G' + i G'' (n,) [Pa] at angular frequencies (n,) [rad/s]."""
-        return np.asarray(self.modulus(1j * omega, values, poisson) / (2.0 * (1.0 + poisson)), np.complex128)
+        return self.complex_modulus(omega / (2.0 * np.pi), list(values), poisson) / (2.0 * (1.0 + poisson))
 
     @property
     def uppers(self) -> tuple[float, ...]:
