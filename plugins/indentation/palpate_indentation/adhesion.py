@@ -72,8 +72,8 @@ def law_that_sticks(
     for model in _theories(radius, poisson).values():
         own = ElasticLaw(model, law.name, law.unit, 0, (0.0, 0.0), adhesion=pull * np.sqrt(max(top, 1.0)))
         fit = fit_curve(own, branch, noise, tilt=tilt)
-        if np.isfinite([fit.modulus, fit.modulus_std]).all() and fit.adhesion > _SURE * fit.adhesion_std:
-            found.append(StickingLaw(replace(own, adhesion=fit.adhesion), fit, 0.0))
+        if np.isfinite([fit.modulus, fit.modulus_std]).all() and fit.work > _SURE * fit.work_std:
+            found.append(StickingLaw(replace(own, adhesion=fit.work / fit.modulus), fit, 0.0))
     if not found:
         return None
     best, *others = sorted(found, key=lambda one: one.fit.rms)

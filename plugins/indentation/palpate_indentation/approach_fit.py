@@ -36,8 +36,8 @@ class CurveFit:
     tilt_std: float  # [N/m]
     viscosity: float  # [SI] beyond what the law holds; 0 where it is not looked for
     viscosity_std: float
-    adhesion: float = 0.0  # work of adhesion over modulus [m]; 0 of a law that does not stick
-    adhesion_std: float = 0.0
+    work: float = 0.0  # [J/m^2] of adhesion; 0 of a law that does not stick
+    work_std: float = 0.0
 
     def baseline(self, height: Floats) -> Floats:
         """(n,) [N]."""
@@ -152,7 +152,7 @@ def _refined(columns: _Columns, noise: float, robust: bool, linear: Floats, surf
     reach, scale = float(np.ptp(columns.branch.height)), columns.scales(float(linear[0]))
     sticks, count = columns.law.adhesion > 0, len(linear)
     if sticks:  # a force that jumps where the tip touches would leave least squares without a slope
-        columns = replace(columns, touching=columns.branch.height < surface)
+        columns = replace(columns, touching=columns.law.geometry(surface - columns.branch.height) != 0)
 
     def residual(x: Floats) -> Floats:
         factor = float(np.exp(np.clip(x[count], -9.0, 9.0))) if sticks else 1.0
@@ -171,11 +171,15 @@ def _refined(columns: _Columns, noise: float, robust: bool, linear: Floats, surf
     names = ["modulus", "offset", *(["tilt"] * columns.tilt), *(["viscosity"] * columns.viscous)]
     found = {"tilt": 0.0, "viscosity": 0.0, **dict(zip(names, values.tolist(), strict=True))}
     stds = {"tilt": 0.0, "viscosity": 0.0, **dict(zip(names, errors.tolist(), strict=True))}
-    adhesion = columns.law.adhesion * (float(np.exp(x[count])) if sticks else 1.0)
+    work, work_std = 0.0, 0.0
+    if sticks:  # the product of modulus and what it sticks
+        work = columns.law.adhesion * float(np.exp(x[count])) * found["modulus"]
+        share = covariance[0, 0] / x[0] ** 2 + covariance[count, count] + 2 * covariance[0, count] / x[0]
+        work_std = work * float(np.sqrt(max(share, 0.0)))
     return CurveFit(
         found["modulus"], stds["modulus"], surface + float(x[-1]) * reach, float(std[-1] * reach), found["offset"],
         found["tilt"], noise * left, time, noise * float(np.sqrt(np.mean(left**2))), stds["offset"], stds["tilt"],
-        found["viscosity"], stds["viscosity"], adhesion, adhesion * float(std[count]) if sticks else 0.0,
+        found["viscosity"], stds["viscosity"], work, work_std,
     )  # fmt: skip
 
 

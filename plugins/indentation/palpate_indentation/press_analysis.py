@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from palpate import BudgetRow, Flag, LogError
@@ -15,7 +15,7 @@ from palpate_indentation.contact_points import ContactPointResult, contact_point
 from palpate_indentation.elastic_law import ElasticLaw
 from palpate_indentation.modulus_over_depth import ModulusProfile, change_over_depth, secant_profile, tangent_profile
 from palpate_indentation.press import Branch, Press
-from palpate_indentation.press_budget import Declared, declared_rows, modulus_row
+from palpate_indentation.press_budget import Declared, bound_of_viscosity, declared_rows, modulus_row
 from palpate_indentation.sphere_laws import SphereLawFit, sphere_laws, sphere_radius
 from palpate_indentation.viscosity import PressViscosity, viscosity_of_press
 
@@ -100,17 +100,20 @@ def analyse_press(
         law = law.with_viscosity(viscosity.value)
     fitted = fit_press(law, branch, press.noise, name, tilt=settings.tilt, robust=settings.robust)
     fit, tilt = fitted.fit, settings.tilt and fitted.untold is None
+    shapes = sphere_laws(law, branch, press.noise, viscosity, tilt=tilt, robust=settings.robust)
     doubts = _of_viscosity(law, press, branch, fit, viscosity, tilt=tilt, robust=settings.robust)
     if fitted.untold is not None:
         doubts.append(("tilt", None, "", fitted.by_tilt))
-    shapes = sphere_laws(law, branch, press.noise, viscosity, tilt=tilt, robust=settings.robust)
     radius = sphere_radius(law.model)
     without, told = None, viscosity is not None and viscosity.source != "bound"
-    sticking = None if settings.retract or told else law_that_sticks(law, branch, press.noise, fit, tilt=tilt)
+    sticking = None if settings.retract or told else law_that_sticks(law, branch, press.noise, fit, tilt=settings.tilt)
     if sticking is not None:
-        without, doubts = fit, [*doubts, ("theory of adhesion", None, "", sticking.apart)]
+        without, doubts = fit, [("theory of adhesion", None, "", sticking.apart)]
+        if viscosity is not None:
+            bound = bound_of_viscosity(sticking.law, law, branch, sticking.fit)
+            doubts.append(("viscosity", bound[0], viscosity.unit, min(bound[1], sticking.fit.modulus)))
         law, fit = sticking.law, sticking.fit
-        fitted = replace(fitted, fit=fit)
+        fitted = BaselineFit(fit, None)
     budget = (
         *(
             modulus_row(*row, law, fit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -51,12 +52,28 @@ def declared_rows(law: ElasticLaw, branch: Branch, fit: CurveFit, declared: Decl
         yield replace(term, shifts=term.shifts[:1]).row({law.name: fit.modulus})
 
 
+def bound_of_viscosity(law: ElasticLaw, viscous: ElasticLaw, branch: Branch, fit: CurveFit) -> tuple[float, float]:
+    """The viscosity that a law without one leaves open, by another law's damping, and how far it moves the modulus.
+
+    By one step of least squares: what it would choose, and its standard uncertainty; infinite where indistinct.
+    """
+    found, damping = _sensitivity(law, branch, fit), viscous.damping(fit.surface - branch.height, branch.rate)
+    shifts = found.answer(damping) if found is not None else None
+    if found is None or shifts is None:
+        return math.inf, math.inf
+    left = damping - found.jacobian @ shifts
+    power = float(left @ left)
+    chosen, std = float(left @ fit.residual) / power, fit.rms * math.sqrt(fit.correlation_time / power)
+    bound = math.hypot(chosen, std)
+    return bound, bound * abs(float(shifts[0]))
+
+
 def _sensitivity(law: ElasticLaw, branch: Branch, fit: CurveFit) -> Along | None:
     """How all that the fit has found answers to small errors of the force: modulus, offset, tilt and surface."""
     values = np.array(law.held)
     values[law.place] = fit.modulus
     if law.adhesion:
-        values[1] = law.adhesion * fit.modulus
+        values[1] = fit.work
     motion = branch.time, fit.surface - branch.height, branch.rate, -branch.acceleration
     found = at_samples(law.model, motion, values, air=True)
     if found is None:

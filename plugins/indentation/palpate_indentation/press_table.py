@@ -68,8 +68,8 @@ def _alternative(one: SphereLawFit, found: Indentation) -> dict[str, Any]:
     return {
         "value": one.fit.modulus,
         "std": one.fit.modulus_std,
-        "surface": one.fit.surface,
-        "rms": one.fit.rms,
+        "surface": one.surface,
+        "rms": one.rms,
         "bic_above_best": bic_above_best(one, found),
         "chosen": one.chosen,
     }
@@ -79,7 +79,7 @@ def _way_in(found: Indentation) -> dict[str, Any]:
     """The theory that the value is by, its work of adhesion, and the value by the pipeline's own law."""
     fit, without = found.fit, found.without
     assert without is not None
-    work = {"adhesion_work": fit.adhesion * fit.modulus, "adhesion_work_std": fit.adhesion_std * fit.modulus}
+    work = {"adhesion_work": fit.work, "adhesion_work_std": fit.work_std}
     theory = registries.load().name_of(type(found.law.model))
     return {"theory": theory, **work, "value_without": without.modulus, "std_without": without.modulus_std}
 
