@@ -68,8 +68,8 @@ def _alternative(one: SphereLawFit, found: Indentation) -> dict[str, Any]:
     return {
         "value": one.fit.modulus,
         "std": one.fit.modulus_std,
-        "surface": one.surface,
-        "rms": one.rms,
+        "surface": one.fit.surface,
+        "rms": one.fit.rms,
         "bic_above_best": bic_above_best(one, found),
         "chosen": one.chosen,
     }
