@@ -13,6 +13,7 @@ from palpate import ContactModel, Floats
 from palpate_kit.numerics.least_squares import bounded_quadratic
 from palpate_kit.numerics.refusal import NotFitted
 
+from palpate_fits.adhesive_guess import adhesive_guess
 from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import Residual, reading
 from palpate_fits.unknowns import EXTRAS, FitUnknown, Unknowns
@@ -21,9 +22,6 @@ _SAMPLES = 500
 _LINEAR_EXTRAS = ("bias", "slope", "tip_mass")
 _INSIDE = np.linspace(0.0, 1.0, 41)[1:]  # heights within the record, as shares of its range from the bottom
 _ABOVE = np.geomspace(0.01, 12.0, 36)  # heights above it
-_RATIOS = np.geomspace(1e-12, 1e-2, 21)  # [m] of work of adhesion over modulus
-_WHOLE = 20_000  # samples
-_FINER = 6  # grids, each about the best place of the one before
 _SINGULAR, _ROUNDING = 1e-7, 1e-7  # of scaled squares; their sums are exact to some 1e-13 over the first of both
 _GRIDS = {"1": (1.0, 1.5, 2.0, 3.0), "s": (0.03, 0.1, 0.3, 1.0)}  # of what is not linear, by unit
 _DECLARED = ("Pa", "m^2/s")  # where what is not linear begins as the model says, unless its material flows
@@ -75,7 +73,7 @@ def first_guess(
         thin = thin.selected(thin.used)
     own = unknowns.items[: len(model.parameters)]
     if model.adhesive and all(item.free for item in own) and not set(range(len(own))) <= set(linear):
-        return _of_adhesion(model, unknowns, record)
+        return adhesive_guess(model, unknowns, record)
     solid = bool(model.memory) and all(parameter.unit != "Pa*s" for parameter in model.parameters)
     told = (one for one in model.parameters if solid and one.unit in _DECLARED)
     starts_of = {one.name: one.start for one in told if one.start is not None}
@@ -107,60 +105,6 @@ def first_guess(
     if not found:
         raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
     return min(found, key=lambda one: one[:2])[2]
-
-
-def _of_adhesion(model: ContactModel, unknowns: Unknowns, whole: FitRecord) -> Floats:
-    """Values (P,) of a model whose force is in proportion to modulus and work of adhesion w together, not to each.
-
-    At every height of the surface and every w/E of a grid the force of E = 1 Pa is a column, beside what else is
-    linear; the grid gets finer about its best place, at last on the whole record: the force jumps where the tip
-    touches, so that the solvers cannot pass a sample.
-    """
-    height = whole.height
-    low, reach = float(height.min()), float(np.ptp(height))
-    extras = [unknowns.index(name) for name in ("bias", "slope") if unknowns.items[unknowns.index(name)].free]
-    base = np.array([0.0 if item.value is None else item.value for item in unknowns.items])
-    surface = unknowns.index("surface")
-
-    def tried(record: FitRecord, ratio: float, at: float) -> Guess:
-        x = base.copy()
-        x[: len(model.parameters)], x[surface] = (1.0, ratio), at
-        x[extras] = 0.0
-        away = x.copy()
-        away[surface] = low - reach  # what is read without contact
-        rows = list(record.parts)
-        rest, force = (np.asarray(reading(model, y.tolist(), rows, record.transition), float) for y in (away, x))
-        others = {"bias": np.ones(len(record)), "slope": record.time}
-        columns = [force - rest, *(others[unknowns.names[place]] for place in extras)]
-        matrix = record.weight[:, None] * np.column_stack(columns)
-        scale = np.sqrt(np.sum(matrix**2, axis=0))
-        if not np.isfinite(scale).all() or scale[0] <= 0:
-            return Guess(x, np.inf)
-        scale[scale == 0] = 1.0
-        contact = record.weight * (record.force - rest)
-        found = np.linalg.lstsq(matrix / scale, contact, rcond=None)[0] / scale
-        left = contact - matrix @ found
-        x[: len(model.parameters)] *= found[0]
-        x[extras] = found[1:]
-        return Guess(x, float(left @ left) if found[0] > 0 else np.inf)
-
-    skin, ratios, width = unknowns.items[surface], _RATIOS, reach / len(_INSIDE)
-    heights = low + reach * _INSIDE if skin.value is None else np.array([skin.value])
-    factor = float(_RATIOS[1] / _RATIOS[0])
-    for finer in range(_FINER):
-        record = whole.thinned(_SAMPLES if finer < _FINER - 2 else _WHOLE)
-        found = min(
-            ((tried(record, ratio, at), ratio, at) for ratio in ratios.tolist() for at in heights.tolist()),
-            key=lambda one: one[0].cost,
-        )
-        best, ratio, at = found
-        ratios = ratio * factor ** np.linspace(-1.0, 1.0, 7)
-        if skin.value is None:
-            heights = np.clip(at + width * np.linspace(-1.0, 1.0, 13), skin.lower, skin.upper)
-        factor, width = factor ** (1 / 3), width / 6.0
-    if not np.isfinite(best.cost):
-        raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
-    return np.array([item.inside(value) for item, value in zip(unknowns.items, best.x.tolist(), strict=True)])
 
 
 def _least(squares: Floats) -> tuple[Floats, NDArray[np.bool_]]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
+from palpate_kit.numerics.variable_projection import best_place, linear_part
 
 from palpate_indentation.elastic_law import ElasticLaw
 from palpate_indentation.press import Branch
@@ -105,11 +106,11 @@ def fit_curve(
     return _refined(columns, noise, robust, linear, surface)
 
 
-def _search(columns: _Columns, heights: Floats, levels: int = _LEVELS) -> tuple[float, Floats, float]:
+def _search(columns: _Columns, heights: Floats) -> tuple[float, Floats, float]:
     """Sum of squares, linear unknowns and the surface [m] of the best height, on a grid that gets finer."""
     best = min((_linear(columns, float(z)) for z in heights), key=lambda found: found[0])
     width = float(np.ptp(heights)) / (_GRID - 1)
-    for _ in range(levels):
+    for _ in range(_LEVELS):
         around = best[2] + np.linspace(-width, width, 21)
         best = min([best, *(_linear(columns, float(z)) for z in around)], key=lambda found: found[0])
         width /= 10.0
@@ -119,15 +120,13 @@ def _search(columns: _Columns, heights: Floats, levels: int = _LEVELS) -> tuple[
 def _with_adhesion(columns: _Columns) -> _Columns:
     """The columns with the adhesion of the least sum of squares, by some hundred readings, about that of the law."""
     thin = columns.branch.part(slice(None, None, max(len(columns.branch) // _THIN, 1)))
-    heights, best, width = _grid(thin), columns, _WIDE
-    for level, count in enumerate((9, 5, 5, 5)):
-        tried = [
-            replace(columns, law=replace(best.law, adhesion=best.law.adhesion * width**step), branch=thin)
-            for step in np.linspace(-1.0, 1.0, count).tolist()
-        ]
-        best = min(tried, key=lambda one: _search(one, heights, min(level, 2))[0])
-        width **= 2.0 / (count - 1)
-    return replace(best, branch=columns.branch)
+
+    def of(ratio: float, branch: Branch) -> _Columns:
+        return replace(columns, law=replace(columns.law, adhesion=ratio), branch=branch)
+
+    ratios = columns.law.adhesion * _WIDE ** np.linspace(-1.0, 1.0, 9)
+    ratio, _ = best_place(lambda ratio, surface, _: _linear(of(ratio, thin), surface)[0], ratios, _grid(thin))
+    return of(ratio, columns.branch)
 
 
 def _grid(branch: Branch) -> Floats:
@@ -138,12 +137,8 @@ def _grid(branch: Branch) -> Floats:
 
 def _linear(columns: _Columns, surface: float) -> tuple[float, Floats, float]:
     """Sum of squares, linear unknowns and the surface; a modulus below 0 does not count."""
-    matrix, force = columns.at(surface)
-    scale = np.sqrt((matrix**2).sum(axis=0))
-    scale[scale == 0] = 1.0
-    found = np.linalg.lstsq(matrix / scale, force, rcond=None)[0] / scale
-    left = float(((force - matrix @ found) ** 2).sum())
-    return (left if found[0] > 0 else np.inf), found, surface
+    found = linear_part(*columns.at(surface))
+    return found.squares, found.unknowns, surface
 
 
 def _refined(columns: _Columns, noise: float, robust: bool, linear: Floats, surface: float) -> CurveFit:

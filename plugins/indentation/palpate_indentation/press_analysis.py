@@ -22,6 +22,7 @@ from palpate_indentation.viscosity import PressViscosity, viscosity_of_press
 _SURE = 3.0  # standard uncertainties
 _MATTERS = 0.05  # of the modulus
 _LARGE = 0.5
+Doubt = tuple[str, float | None, str, float]  # source, standard uncertainty, unit, contribution to the modulus
 
 
 @dataclass(frozen=True)
@@ -101,14 +102,17 @@ def analyse_press(
     fitted = fit_press(law, branch, press.noise, name, tilt=settings.tilt, robust=settings.robust)
     fit, tilt = fitted.fit, settings.tilt and fitted.untold is None
     shapes = sphere_laws(law, branch, press.noise, viscosity, tilt=tilt, robust=settings.robust)
-    doubts = _of_viscosity(law, press, branch, fit, viscosity, tilt=tilt, robust=settings.robust)
+    doubts: list[tuple[str, float | None, str, float]] = _of_viscosity(
+        law, press, branch, fit, viscosity, tilt=tilt, robust=settings.robust
+    )
     if fitted.untold is not None:
         doubts.append(("tilt", None, "", fitted.by_tilt))
     radius = sphere_radius(law.model)
     without, told = None, viscosity is not None and viscosity.source != "bound"
     sticking = None if settings.retract or told else law_that_sticks(law, branch, press.noise, fit, tilt=settings.tilt)
     if sticking is not None:
-        without, doubts = fit, [("theory of adhesion", None, "", sticking.apart)]
+        without, doubts = fit, list[Doubt]()
+        doubts.append(("theory of adhesion", None, "", sticking.apart))
         if viscosity is not None:
             bound = bound_of_viscosity(sticking.law, law, branch, sticking.fit)
             doubts.append(("viscosity", bound[0], viscosity.unit, min(bound[1], sticking.fit.modulus)))
@@ -149,7 +153,7 @@ def _viscosity(
 
 def _of_viscosity(
     law: ElasticLaw, press: Press, branch: Branch, fit: CurveFit, viscosity: PressViscosity | None, **how: bool
-) -> list[tuple[str, float | None, str, float]]:
+) -> list[Doubt]:
     """How far the modulus moves with the viscosity, at most all of it: by fits, since it is hardly a first order.
 
     At one speed the viscous force has the shape of what a surface does that lies higher.
