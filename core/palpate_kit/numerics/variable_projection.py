@@ -43,7 +43,7 @@ def best_place(
     best = (float(ratios[0]), float(heights[0]))
     for left in reversed(range(_ROUNDS)):
         places = product(ratios.tolist(), heights.tolist())
-        best = min(places, key=lambda place: squares(*place, left))
+        best = min(places, key=lambda place: squares(place[0], place[1], left))
         ratios = best[0] * factor**_RATIOS
         heights = heights[:1] if held else best[1] + width * _HEIGHTS
         factor, width = factor ** (1 / 3), width / 6.0
