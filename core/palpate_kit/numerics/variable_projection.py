@@ -9,27 +9,41 @@ from itertools import product
 import numpy as np
 from palpate import Floats
 
+from palpate_kit.numerics.least_squares import bounded_quadratic
+
+_RIDGE = 1e-12  # of the squares of a column
 _ROUNDS = 6  # grids, each about the best place of the one before
 _RATIOS, _HEIGHTS = np.linspace(-1.0, 1.0, 7), np.linspace(-1.0, 1.0, 13)  # places of a finer grid
 
 
 @dataclass(frozen=True)
 class LinearPart:
-    """Unknowns (k,) that leave the least squares, and these; infinite where the first is not above 0."""
+    """Unknowns (k,) that leave the least squares, and these; infinite where columns are not finite."""
 
     squares: float
     unknowns: Floats
 
 
-def linear_part(matrix: Floats, target: Floats) -> LinearPart:
-    """The least squares of target (n,) less columns (n, k), which may differ by many powers of ten in size."""
+def linear_part(matrix: Floats, target: Floats, low: Floats | None = None, high: Floats | None = None) -> LinearPart:
+    """The least squares of target (n,) less columns (n, k), which may differ by many powers of ten in size.
+
+    Within bounds (k,), where they are given: by those of the unknowns that are free of them where that is the least.
+    """
     scale = np.sqrt((matrix**2).sum(axis=0))
-    if not np.isfinite(scale).all():
+    if not (np.isfinite(scale).all() and np.isfinite(target).all()):
         return LinearPart(np.inf, np.zeros(len(scale)))
     scale[scale == 0] = 1.0
-    found = np.linalg.lstsq(matrix / scale, target, rcond=None)[0] / scale
-    left = float(((target - matrix @ found) ** 2).sum())
-    return LinearPart(left if found[0] > 0 else np.inf, found)
+    unit = matrix / scale
+    found = np.linalg.lstsq(unit, target, rcond=None)[0] / scale
+    if low is not None and high is not None and (np.any(found < low) or np.any(found > high)):
+        least, most = low * scale, high * scale
+        middle = np.clip(0.0, least, most)
+        slope = -(unit.T @ (target - unit @ middle))
+        square = unit.T @ unit + _RIDGE * np.eye(len(scale))
+        inside = middle + bounded_quadratic(square, slope, least - middle, most - middle)
+        found = np.clip(inside / scale, low, high)
+    left = target - matrix @ found
+    return LinearPart(float(left @ left), found)
 
 
 def best_place(

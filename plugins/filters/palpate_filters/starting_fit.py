@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats, Layout, Samples, contact_force
-from palpate_kit.numerics.least_squares import bounded_quadratic
 from palpate_kit.numerics.local_cubic import cubic_weights
+from palpate_kit.numerics.variable_projection import linear_part
 
 from palpate_filters.bounded_minimum import bounded_minimum
 
@@ -171,16 +171,13 @@ def _misfit(columns: Floats, force: Floats, prior: BiasPrior | None = None) -> t
     scale = np.linalg.norm(columns, axis=0)
     if not np.isfinite(columns).all() or not (scale > 0).all():
         return float(force @ force), np.zeros(columns.shape[1]), 0.0
-    fitted, share = columns.shape[1], 0.0
-    unit, low = columns / scale, np.zeros(fitted)
+    fitted, low, target = columns.shape[1], np.zeros(columns.shape[1]), force
     if prior is not None:  # a column for the bias, and the prior as one more reading
-        unit, low = np.column_stack([unit, np.ones(len(force))]), np.append(low, -np.inf)
-        share = prior.noise / prior.std
-    square = unit.T @ unit
-    square[fitted:, fitted:] += share**2
-    found = bounded_quadratic(square, -unit.T @ force, low, np.full(len(low), np.inf))
-    rest, bias = force - unit @ found, float(found[fitted]) if prior is not None else 0.0
-    return float(rest @ rest) + (share * bias) ** 2, found[:fitted] / scale, bias
+        columns = np.column_stack([columns, np.ones(len(force))])
+        columns = np.vstack([columns, [*np.zeros(fitted), prior.noise / prior.std]])
+        low, target = np.append(low, -np.inf), np.append(force, 0.0)
+    found = linear_part(columns, target, low, np.full(len(low), np.inf))
+    return found.squares, found.unknowns[:fitted], float(found.unknowns[-1]) if prior is not None else 0.0
 
 
 def _search(misfit: Callable[[float], float], position: Floats) -> float:

@@ -50,9 +50,14 @@ def adhesive_guess(model: ContactModel, unknowns: Unknowns, whole: FitRecord) ->
     heights = low + reach * _HEIGHTS if skin.value is None else np.array([skin.value])
     heights = np.clip(heights, skin.lower, skin.upper)
     held = skin.value is not None
-    ratio, height = best_place(lambda *place: at(*place).squares, _RATIOS, heights, held=held)
+
+    def squares(ratio: float, height: float, left: int) -> float:
+        found = at(ratio, height, left)
+        return found.squares if found.unknowns[0] > 0 else np.inf
+
+    ratio, height = best_place(squares, _RATIOS, heights, held=held)
     found = at(ratio, height, 0)
-    if not np.isfinite(found.squares):
+    if not (np.isfinite(found.squares) and found.unknowns[0] > 0):
         raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
     x = values(ratio, height)
     x[own] *= found.unknowns[0]

@@ -138,7 +138,7 @@ def _grid(branch: Branch) -> Floats:
 def _linear(columns: _Columns, surface: float) -> tuple[float, Floats, float]:
     """Sum of squares, linear unknowns and the surface; a modulus below 0 does not count."""
     found = linear_part(*columns.at(surface))
-    return found.squares, found.unknowns, surface
+    return found.squares if found.unknowns[0] > 0 else np.inf, found.unknowns, surface
 
 
 def _refined(columns: _Columns, noise: float, robust: bool, linear: Floats, surface: float) -> CurveFit:
