@@ -20,8 +20,8 @@ class CasadiFit(FitSettings):
     of the surface, by which d = z_surf - z, and what else is named in `unknowns`, subject to
     |u(z_surf)| <= force_uncertainty (paper,
     eqs. ls and minprob). Jacobian and Hessian are exact, from the model's one expression. The standard deviation counts
-    the residuals' autocorrelation and every declared systematic term; `details` in result.json holds covariance,
-    profile-likelihood intervals, budget, correlations, AIC and BIC.
+    the residuals' autocorrelation and every declared systematic term; `fit` and `details` in result.json hold
+    covariance, profile-likelihood intervals, budget, correlations, AIC and BIC.
     Assumes that the model is right: a flag says when the residuals contradict it.
     """
 
