@@ -102,27 +102,12 @@ def analyse_press(
     fitted = fit_press(law, branch, press.noise, name, tilt=settings.tilt, robust=settings.robust)
     fit, tilt = fitted.fit, settings.tilt and fitted.untold is None
     shapes = sphere_laws(law, branch, press.noise, viscosity, tilt=tilt, robust=settings.robust)
-    doubts: list[tuple[str, float | None, str, float]] = _of_viscosity(
-        law, press, branch, fit, viscosity, tilt=tilt, robust=settings.robust
-    )
-    if fitted.untold is not None:
-        doubts.append(("tilt", None, "", fitted.by_tilt))
     radius = sphere_radius(law.model)
-    without, told = None, viscosity is not None and viscosity.source != "bound"
-    sticking = None if settings.retract or told else law_that_sticks(law, branch, press.noise, fit, tilt=settings.tilt)
-    if sticking is not None:
-        without, doubts = fit, list[Doubt]()
-        doubts.append(("theory of adhesion", None, "", sticking.apart))
-        if viscosity is not None:
-            bound = bound_of_viscosity(sticking.law, law, branch, sticking.fit)
-            doubts.append(("viscosity", bound[0], viscosity.unit, min(bound[1], sticking.fit.modulus)))
-        law, fit = sticking.law, sticking.fit
-        fitted = BaselineFit(fit, None)
+    law, fitted, doubts, without = _explained(law, press, branch, fitted, viscosity, settings)
+    fit = fitted.fit
+    rows: list[Doubt] = [("fit", None, "", fit.modulus_std), *(doubt for doubt in doubts if doubt[3])]
     budget = (
-        *(
-            modulus_row(*row, law, fit)
-            for row in (("fit", None, "", fit.modulus_std), *(one for one in doubts if one[3]))
-        ),
+        *(modulus_row(*row, law, fit) for row in rows),
         *declared_rows(law, branch, fit, declared or Declared()),
     )
     pull = pull_off(press.retract, press.noise) if press.retract is not None else None
@@ -137,6 +122,31 @@ def analyse_press(
         rise, tuple(shapes), pull, found, radius, tuple(_flags(law, branch, fitted, budget, rise, pull)), without,
         viscosity, budget,
     )  # fmt: skip
+
+
+def _explained(
+    law: ElasticLaw,
+    press: Press,
+    branch: Branch,
+    fitted: BaselineFit,
+    viscosity: PressViscosity | None,
+    settings: PressSettings,
+) -> tuple[ElasticLaw, BaselineFit, list[Doubt], CurveFit | None]:
+    """The law of a press with its fit and what it leaves open; and its own fit, where a theory of adhesion is the law.
+
+    No theory has a viscosity, so that none is tried where it is known.
+    """
+    fit, known = fitted.fit, viscosity is not None and viscosity.source != "bound"
+    sticking = None if settings.retract or known else law_that_sticks(law, branch, press.noise, fit, tilt=settings.tilt)
+    if sticking is None:
+        tilt = settings.tilt and fitted.untold is None
+        doubts = _of_viscosity(law, press, branch, fit, viscosity, tilt=tilt, robust=settings.robust)
+        return law, fitted, [*doubts, ("tilt", None, "", fitted.by_tilt)], None
+    doubts = [("theory of adhesion", None, "", sticking.apart)]
+    if viscosity is not None:
+        bound, moved = bound_of_viscosity(sticking.law, law, branch, sticking.fit)
+        doubts.append(("viscosity", bound, viscosity.unit, min(moved, sticking.fit.modulus)))
+    return sticking.law, BaselineFit(sticking.fit, None), doubts, fit
 
 
 def _viscosity(
