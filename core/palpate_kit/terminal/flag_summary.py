@@ -10,11 +10,13 @@ from palpate_engine import SEVERITIES
 _NAMED = 3  # tracks or files with the same doubt
 
 
-def summary_lines(flags: Mapping[str, Sequence[Flag]], facts: Mapping[str, str] | None = None) -> Iterator[str]:
+def summary_lines(
+    flags: Mapping[str, Sequence[Flag]], facts: Mapping[str, str] | None = None, of_record: Sequence[Flag] = ()
+) -> Iterator[str]:
     """At most three lines below a table: what the values hold for, what was found, and what to type.
 
     `facts` are the words that state each open fact, by what is assumed. The flags of each are in their order, the worst
-    first: the worst doubt of all is a sentence, the others and the notes are codes.
+    first: the worst doubt of all is a sentence, as are notes `of_record`, the others are codes.
     """
     if facts:
         yield f"holds if: {'; '.join(facts)}"
@@ -25,7 +27,7 @@ def summary_lines(flags: Mapping[str, Sequence[Flag]], facts: Mapping[str, str] 
                 concerned.setdefault(every[place].code, {}).setdefault(label, every[place])
     worst = {code: max((flag.severity or "note" for flag in of.values()), key=_rank) for code, of in concerned.items()}
     doubts = sorted((code for code in concerned if worst[code] != "note"), key=lambda code: -_rank(worst[code]))
-    found, to_type = [], list(dict.fromkeys((facts or {}).values()))
+    found, to_type = [str(flag) for flag in of_record], list(dict.fromkeys((facts or {}).values()))
     for code in doubts[:1]:
         flag = next(flag for flag in concerned[code].values() if (flag.severity or "note") == worst[code])
         found.append(f"{worst[code]}: {_labels(concerned[code], flags)}{flag}")

@@ -70,8 +70,10 @@ def _doubts(result: Result, details: bool) -> list[RenderableType]:
 
 def lines_below(result: Result) -> Iterator[str]:
     """What the values of a run hold for, what was found, and what to type."""
-    flags = {label: [*result.flags, *track.flags] for label, track in result.tracks.items()}
-    return summary_lines(flags, open_facts(result.tracks.values()))
+    notes = [flag for flag in result.flags if flag.severity == "note"]
+    doubts = [flag for flag in result.flags if flag.severity != "note"]
+    flags = {label: [*doubts, *track.flags] for label, track in result.tracks.items()}
+    return summary_lines(flags, open_facts(result.tracks.values()), notes)
 
 
 def open_facts(tracks: Iterable[TrackResult]) -> dict[str, str]:
