@@ -12,7 +12,7 @@ import argparse
 
 import numpy as np
 from palpate_spectra.complex_moduli import ModulusLine
-from palpate_spectra.material_laws import LAWS, fit_law
+from palpate_spectra.law_fits import LAWS, fit_law
 
 E, ETA = 112.5e3, 362.0
 RADIUS, NU, MASS = 0.005, 0.0115, 0.05  # relative, relative of G*, relative

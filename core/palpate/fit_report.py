@@ -29,6 +29,11 @@ class Effect:
     contribution: float | None  # standard uncertainty; None where that of the source is not known
     percent: float | None  # of the value
 
+    @classmethod
+    def of(cls, value: float, contribution: float, sensitivity: float | None = None) -> Effect:
+        """That of a source which contributes a standard uncertainty to a value."""
+        return cls(sensitivity, contribution, 100.0 * contribution / abs(value) if value else None)
+
 
 @dataclass(frozen=True)
 class BudgetRow:

@@ -17,7 +17,7 @@ SEVERITIES: dict[Severity, str] = {
     "note": "for information",
 }
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)  # from the best to the worst
-ADVICE: dict[Verdict, str] = {  # a verdict in words, and what a person is to do with a track of that verdict
+ADVICE: dict[str, str] = {  # a verdict in words, and what a person is to do with a track of that verdict
     "good": "good: trust it",
     "note": "good: trust it",
     "doubtful": "doubtful: look at it",
@@ -36,8 +36,8 @@ def verdict_rank(verdict: str) -> int:
 
 
 def advice_on(verdict: str) -> str:
-    """A verdict in words, of which there are three: what gives no number is to be looked at."""
-    return ADVICE[verdict] if verdict in ADVICE else ADVICE["doubtful"]
+    """A verdict in words: of what gives a number with what to do, else why there is none."""
+    return ADVICE.get(verdict, verdict)
 
 
 def verdict_word(verdict: str) -> str:

@@ -225,13 +225,13 @@ def test_bias_slope_mass_and_delay_are_found_where_the_record_tells_them():
 
 def test_a_late_force_moves_viscosity_by_the_shear_modulus_and_the_budget_says_so():
     samples = synthetic_samples(DR, (E, ETA), duration=10.0)
-    timing = fitted(DR, samples, mass=0.14, timing=0.5e-3).details["budget"][-1]
-    assert timing["source"] == "timing of force against motion"
-    assert timing["effects"]["viscosity"]["sensitivity"] == pytest.approx(E / 3, rel=0.02)
-    assert timing["effects"]["viscosity"]["contribution"] == pytest.approx(0.5e-3 * E / 3, rel=0.02)
-    undeclared = fitted(DR, samples, mass=0.14).details["budget"][-1]
-    assert undeclared["effects"]["viscosity"]["contribution"] is None
-    assert "not declared" in undeclared["source"]
+    timing = fitted(DR, samples, mass=0.14, timing=0.5e-3).report.budget[-1]
+    assert timing.source == "timing of force against motion"
+    assert timing.effects["viscosity"].sensitivity == pytest.approx(E / 3, rel=0.02)
+    assert timing.effects["viscosity"].contribution == pytest.approx(0.5e-3 * E / 3, rel=0.02)
+    undeclared = fitted(DR, samples, mass=0.14).report.budget[-1]
+    assert undeclared.effects["viscosity"].contribution is None
+    assert "not declared" in undeclared.source
 
 
 @pytest.mark.parametrize(
@@ -246,20 +246,20 @@ def test_declared_systematic_terms_follow_the_formula(name, u, expected):
     samples = ramp(DR, (E, ETA))
     settings = {"segment": "load", "fixed": {"viscosity": 0.0}, "unknowns": ("bias",)}
     plain, with_term = fitted(DR, samples, **settings), fitted(DR, samples, systematic={name: u}, **settings)
-    effect = with_term.details["budget"][1]["effects"]["elasticity"]
-    assert effect["percent"] == pytest.approx(100 * expected, rel=0.02)
+    effect = with_term.report.budget[1].effects["elasticity"]
+    assert effect.percent == pytest.approx(100 * expected, rel=0.02)
     assert with_term.values[-1, 0] == plain.values[-1, 0]
-    total = np.hypot(plain.std[-1, 0], effect["contribution"])
+    total = np.hypot(plain.std[-1, 0], effect.contribution)
     assert with_term.std[-1, 0] == pytest.approx(total, rel=1e-9)
 
 
 def test_a_refit_confirms_the_linear_budget():
     samples = ramp(DR, (E, ETA))
     settings = {"segment": "load", "fixed": {"viscosity": 0.0}, "unknowns": ("bias",)}
-    row = fitted(DR, samples, systematic={"radius": "50 um"}, **settings).details["budget"][1]
+    row = fitted(DR, samples, systematic={"radius": "50 um"}, **settings).report.budget[1]
     larger = DimensionalityReduction(indenter=Sphere(radius=0.00505))
     moved = fitted(larger, samples, **settings).values[-1, 0] - fitted(DR, samples, **settings).values[-1, 0]
-    assert row["effects"]["elasticity"]["sensitivity"] * 50e-6 == pytest.approx(moved, rel=0.02)
+    assert row.effects["elasticity"].sensitivity * 50e-6 == pytest.approx(moved, rel=0.02)
 
 
 def test_the_force_constraint_is_the_interval_of_heights_that_it_allows():
@@ -294,7 +294,7 @@ def test_other_contact_points_are_used_and_budgeted(method):
     assert estimates.surface_std[-1] == point["std"] > 0
     assert not unknown(estimates, "surface")["free"]
     assert abs(point["surface"] - SURFACE) < 0.5e-3
-    assert any(row["source"] == "contact point" for row in estimates.details["budget"])
+    assert any(row.source == "contact point" for row in estimates.report.budget)
 
 
 def test_the_fitted_surface_lies_before_the_threshold():

@@ -34,8 +34,8 @@ def test_the_tare_of_a_slow_ramp_is_that_of_the_air():
     for seed in range(10):
         fit = CasadiFit(segment="load", unknowns=(), fixed={"viscosity": ETA}, profile=False)
         found = fit.start(Problem(MODEL, None)).run(press(seed))
-        (row,) = [row for row in found.details["budget"] if row["source"] == "tare"]
-        assert row["u"] == pytest.approx(NOISE / np.sqrt(300), rel=0.6)
+        (row,) = [row for row in found.report.budget if row.source == "tare"]
+        assert row.std == pytest.approx(NOISE / np.sqrt(300), rel=0.6)
         surfaces.append(found.surface[-1])
         stds.append(found.surface_std[-1])
     assert np.std(surfaces) < 20e-6

@@ -244,7 +244,8 @@ def by_nanite(curve, key, numbers, start):
 def test_the_same_modulus_as_nanite_on_every_curve(key, tmp_path):
     """Within 1e-3 on the same segment, by the command line, wherever palpate finds a press.
 
-    Nanite's fit is the better one of two starts, one of them palpate's result.
+    Nanite's fit is the better one of two starts, one of them palpate's result. Where the way in sticks it is compared
+    with what palpate finds without adhesion, which nanite's models leave out.
     """
     nanite = pytest.importorskip("nanite", reason="nanite is not installed")
     if not (places := curves()):
@@ -263,7 +264,8 @@ def test_the_same_modulus_as_nanite_on_every_curve(key, tmp_path):
                 continue
             start = found["value"], found["surface"]["value"], found["baseline"]["offset"]
             expected = by_nanite(theirs[place], key, numbers, start)
-        assert found["value"] == pytest.approx(expected, rel=1e-3), (path.name, place)
+        value = (found["adhesion_on_the_way_in"] or {}).get("value_without", found["value"])
+        assert value == pytest.approx(expected, rel=1e-3), (path.name, place)
         compared += 1
     assert compared
 

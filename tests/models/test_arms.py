@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 from palpate import ConfigurationError, force_over_time
+from palpate.registry import load
+from palpate_kit.numerics.material_laws import law_of
 from palpate_models import (
     Burgers,
     Cone,
@@ -38,6 +40,24 @@ def test_burgers_is_its_springs_and_dampers():
     found = sum(e * 1j * omega / (1j * omega + rate) for e, rate in law.arms)
     compliance = 1 / theta[0] + 1 / (1j * omega * 3 * theta[1]) + 1 / (theta[2] + 1j * omega * 3 * theta[3])
     np.testing.assert_allclose(found, 1 / compliance, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "name",
+    sorted(name for name, entry in load().parts["model"].items() if law_of(name) and hasattr(entry.part, "spectrum")),
+)
+def test_a_contact_model_and_the_law_of_its_name_are_one_material(name):
+    """The arms of the model make the law's complex modulus: within 1 % for powers of time, else exactly."""
+    law, model = law_of(name), load().parts["model"][name].part.model_validate({"indenter": TIP})
+    values = {"Pa": 2e4, "Pa*s": 300.0, "s": 0.3, "1": 0.2}
+    theta = [values[parameter.unit] * (1.0 + 0.1 * k) for k, parameter in enumerate(model.parameters)]
+    assert [parameter.name for parameter in model.parameters] == [parameter for parameter, _ in law.parameters]
+    frequency = np.geomspace(0.05, 5.0, 20)
+    omega, found = 2 * np.pi * frequency, model.spectrum(theta)
+    arms = (found.lasting or 0.0) + 3j * omega * (found.damper or 0.0)
+    arms = arms + sum(e * 1j * omega / (1j * omega + rate) for e, rate in found.arms)
+    powers = "power" in [parameter.name for parameter in model.parameters]
+    np.testing.assert_allclose(arms, law.complex_modulus(frequency, theta, 0.5), rtol=0.01 if powers else 1e-10)
 
 
 @pytest.mark.parametrize("power", [0.01, 0.1, 0.3, 0.5, 0.8, 0.9])

@@ -7,7 +7,7 @@ import pytest
 from palpate.contact.sensitivity import force_slopes
 from palpate.errors import ConfigurationError
 from palpate.parts import numbers_of
-from palpate_kit.runs.uncertainty_sources import sources_of
+from palpate_kit.budget.uncertainty_sources import sources_of
 from palpate_models import (
     Cone,
     DimensionalityReduction,

@@ -5,11 +5,11 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from palpate_kit.numerics.material_laws import law_of
 from palpate_reference.cards.card_formats import FORMATS
 from palpate_reference.cards.hyperelastic_cards import HYPERELASTIC_CARDS, HyperelasticSolid
 from palpate_reference.cards.prony_series import PronySeries, series_of_law
 from palpate_reference.hyperelastic.strain_energies import HYPERELASTIC
-from palpate_reference.material_laws import law_of
 
 SERIES = PronySeries(20e3, ((10e3, 0.05), (6e3, 0.5), (3e3, 5.0), (1e3, 50.0)), 0.45, ("a law: E -- E_1", "u = 3"))
 

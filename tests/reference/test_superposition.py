@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import ConfigurationError
-from palpate_reference.material_laws import law_of
+from palpate_kit.numerics.material_laws import law_of
 from palpate_reference.material_table import MaterialTable
 from palpate_reference.superposition.master_command import curve_at
 from palpate_reference.superposition.shift_laws import shift_laws

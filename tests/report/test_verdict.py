@@ -7,6 +7,7 @@ from palpate_report.run_contents import RunContents
 from palpate_report.run_verdict import LEVELS, judge
 
 TRUST, LOOK, REFUSE = LEVELS
+OPEN = "not determined"
 ONE = 'run.tracks=["dr/kinematic"]'
 SHORT = "trajectory.press.duration=6 s"
 
@@ -16,8 +17,8 @@ CASES = {
     "stiff": ("filters", (ONE, SHORT, "device.rig.specimen.elasticity=400 kPa", "trajectory.press.bias=2 mm"), TRUST),
     "surface elsewhere": ("filters", (ONE, SHORT, "device.rig.specimen.surface=-1 mm"), TRUST),
     "seed 9": ("filters", (ONE, SHORT, "run.seed=9"), TRUST),
-    "too short": ("filters", ('run.tracks=["dr/ekf"]', "trajectory.press.duration=1 s"), LOOK),
-    "timing nobody declares": ("late", (ONE,), LOOK),
+    "too short": ("filters", ('run.tracks=["dr/ekf"]', "trajectory.press.duration=1 s"), OPEN),
+    "timing nobody declares": ("late", (ONE,), TRUST),  # of elasticity; the viscosity needs the delay
     "a model without the material's memory": ("relaxation", ('run.tracks=["half-space/ekf"]',), LOOK),
     "a filter that expects one material, on a sweep": ("sweep", ('run.tracks=["dr/ekf"]',), LOOK),
     "nothing touched": ("filters", (ONE, SHORT, "device.rig.specimen.surface=-30 mm"), REFUSE),
@@ -36,11 +37,15 @@ def test_what_is_to_be_trusted_is_right(runs, case):
     record = RunContents.read(runs(name, *overrides))
     verdict = judge(record)
     assert verdict.level == expected, verdict
-    assert expected == TRUST or all(track.reasons for track in verdict.tracks)
+    assert expected in (TRUST, OPEN) or all(track.reasons for track in verdict.tracks)
     for track in verdict.of(TRUST):
         found = record.document["tracks"][track.track]["parameters"]
         for parameter, value in found.items():
-            assert abs(value["value"] - record.document["truth"][parameter]) < 2 * value["combined"], (case, parameter)
+            if value["value"] is not None:
+                assert abs(value["value"] - record.document["truth"][parameter]) < 2 * value["combined"], (
+                    case,
+                    parameter,
+                )
 
 
 @pytest.fixture

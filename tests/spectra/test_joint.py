@@ -9,7 +9,7 @@ from palpate_spectra.complex_moduli import answer
 from palpate_spectra.consistency import kramers_kronig
 from palpate_spectra.flags import sentence
 from palpate_spectra.joint_covariance import shared_covariance
-from palpate_spectra.material_laws import LAWS, fit_law, law_fits
+from palpate_spectra.law_fits import LAWS, fit_law, law_fits
 
 from tests.spectra import rig
 
@@ -93,7 +93,7 @@ def test_two_tips_on_the_authors_soft_silicone(palpate, authors_log, tmp_path):
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     storage = [line["E_storage_Pa"] for line in found["lines"]]
-    solid = next(law for law in found["laws"] if law["law"] == "Kelvin-Voigt")
+    solid = next(law for law in found["laws"] if law["law"] == "kelvin-voigt")
     joint = solid["parameters"]["elasticity"]
     assert min(storage) < joint["value"] < max(storage)
     assert joint["std"] > 0.3 * (max(storage) - min(storage))

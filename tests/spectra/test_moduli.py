@@ -8,7 +8,7 @@ from palpate_models import Cone, DimensionalityReduction, Flat, Paraboloid, Sphe
 from palpate_models.thickness import Thickness
 from palpate_spectra.complex_moduli import answer
 from palpate_spectra.consistency import harmonics, kramers_kronig, unexplained_harmonics
-from palpate_spectra.material_laws import law_fits, supported_laws
+from palpate_spectra.law_fits import law_fits, supported_laws
 from scipy.stats import binom
 
 from tests.spectra import rig
@@ -95,12 +95,12 @@ def test_the_noise_interval_holds_the_truth_as_often_as_it_says():
 def test_a_delay_and_a_solid_are_told_apart_and_other_laws_refuted():
     recording = rig.recorded(SOFT, (E, ETA), {0.5: 0.5e-3, 2.0: 0.4e-3, 5.0: 0.4e-3, 10.0: 0.3e-3}, seed=1, delay=2e-3)
     fits = {fit.law.name: fit for fit in law_fits(answer(recording).lines)}
-    solid = fits["Kelvin-Voigt"]
+    solid = fits["kelvin-voigt"]
     assert solid.delay == pytest.approx(2e-3, abs=4 * solid.delay_std)
     assert solid.delay_std < 0.3e-3
     assert abs(solid.values[1] - ETA) < 4 * solid.stds[1]
-    assert fits["Kelvin-Voigt"] in supported_laws(list(fits.values()))
-    assert fits["power law"].p < 1e-3
+    assert fits["kelvin-voigt"] in supported_laws(list(fits.values()))
+    assert fits["power-law"].p < 1e-3
 
 
 def test_a_single_sine_cannot_tell_a_delay():

@@ -10,7 +10,7 @@ from palpate_engine.config.declared_uncertainties import unknown_sources
 from palpate_engine.result import Diagnosable, RunEvidence, TrackRecord, apply_diagnoses, track_result
 from palpate_engine.track_name import TrackName
 from palpate_fits import CasadiFit
-from palpate_kit.runs.uncertainty_sources import sources_of
+from palpate_kit.budget.uncertainty_sources import sources_of
 from palpate_models import DimensionalityReduction, Flat, KelvinVoigt, Sphere
 from scipy.optimize import least_squares
 

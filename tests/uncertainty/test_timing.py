@@ -12,6 +12,9 @@ from palpate_engine import registry
 from palpate_engine.alignment import AlignmentReport, AlignmentSettings
 from palpate_engine.result import TrackResult
 from palpate_engine.result.diagnoses import with_findings
+from palpate_kit.budget.force_sensitivity import along
+from palpate_kit.budget.influence import answer
+from palpate_kit.budget.systematic_terms import systematic_terms
 from palpate_models import (
     DimensionalityReduction,
     Flat,
@@ -24,10 +27,8 @@ from palpate_models import (
 )
 from palpate_uncertainty.delay.timing_shift import delay_shifts
 from palpate_uncertainty.flags import compliance_flags
-from palpate_uncertainty.force_sensitivity import along
-from palpate_uncertainty.influence import answer
 from palpate_uncertainty.reading_faults import velocity_flags
-from palpate_uncertainty.uncertainty_budget import delays, systematic_terms
+from palpate_uncertainty.uncertainty_budget import delays
 
 SPHERE = Sphere(radius=0.005)
 TIME = np.arange(0.0, 2.0, 0.002)

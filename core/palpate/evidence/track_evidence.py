@@ -16,7 +16,7 @@ from palpate.evidence.condition import Condition
 from palpate.evidence.sample_store import SampleStore
 from palpate.evidence.track_tail import Tail
 from palpate.evidence.uncertain_value import Bias, UncertainValue
-from palpate.fit_report import FitReport
+from palpate.fit_report import BudgetRow, Effect, FitReport
 from palpate.flags import Flag
 from palpate.parts import Settings
 from palpate.vectors import Floats
@@ -75,6 +75,14 @@ class Term:
     unit: str
     shifts: Floats  # (k,) [SI] of each parameter, with signs
     declared: bool = True  # else a default
+
+    def row(self, values: Mapping[str, float]) -> BudgetRow:
+        """Its row in the budget of these values (k,), by name."""
+        effects = {
+            name: Effect.of(value, abs(shift), shift / self.std if self.std else None)
+            for (name, value), shift in zip(values.items(), self.shifts.tolist(), strict=True)
+        }
+        return BudgetRow(self.cause if self.declared else f"{self.cause} (not declared)", self.std, self.unit, effects)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 
 from palpate.contact import ContactModel
 from palpate.fit_report import Effect
+from palpate.flags import has_no_number
 from palpate.vectors import Floats
 
 
@@ -69,8 +70,10 @@ class UncertainValue:
         return replace(self, value=value, systematic=systematic, budget=budget, left={}, bias=None)
 
     def table(self) -> dict[str, Any]:
-        """As in ``result.json``; what is not a finite number becomes null."""
+        """As in ``result.json``; what is not a finite number becomes null, as the value of what is not determined."""
         known: dict[str, Any] = {"value": self.value, "std": self.std, "unit": self.unit, "settling": self.settling}
+        if has_no_number(self.verdict or ""):
+            known |= {"value": None, "estimate": self.value}
         if self.systematic is not None:
             known["systematic"] = self.systematic
         known["combined"] = self.combined
@@ -88,7 +91,7 @@ class UncertainValue:
 
     def effect(self, contribution: float, sensitivity: float | None = None) -> Effect:
         """What a source does to the value by a standard uncertainty [SI]."""
-        return Effect(sensitivity, contribution, 100.0 * contribution / abs(self.value) if self.value else None)
+        return Effect.of(self.value, contribution, sensitivity)
 
     def diagnosed(
         self, cause: str, share: float, unknown: bool = False, bias: Bias | None = None, left: float | None = None

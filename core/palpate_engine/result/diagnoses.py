@@ -126,13 +126,7 @@ def _caused(found: UncertainValue, finding: Diagnosed, name: str, shares: Iterab
 def _rows(result: TrackResult, names: Sequence[str], name: str, finding: Diagnosed) -> Iterator[BudgetRow]:
     """The rows of a finding in the budget."""
     for term in finding.sources:
-        shifts = zip(names, term.shifts.tolist(), strict=True)
-        effects = {
-            key: result.parameters[key].effect(abs(shift), shift / term.std if term.std else None)
-            for key, shift in shifts
-        }
-        label = term.cause if term.declared else f"{term.cause} (not declared)"
-        yield BudgetRow(label, term.std, term.unit, effects)
+        yield term.row({key: result.parameters[key].value for key in names})
     terms = dict(finding.terms)
     for key, bias in finding.biases.items():
         terms[key] = math.hypot(terms.get(key, 0.0), bias.shift)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, Settings
-from palpate_engine import MEASURED, MEASUREMENT, bounded_text, toml_tables
-from pydantic import Field, ValidationError
+from palpate_engine import MEASURED, MEASUREMENT
+from pydantic import Field
+
+from palpate_kit.runs.toml_file import read_tables, settings_of
 
 _FORMAT = 1
 
@@ -76,21 +77,10 @@ def _plain(value: Any) -> Any:
 
 def read_calibration(path: Path) -> Calibration:
     """The calibration in a file of facts, or in one of its own; raises ConfigurationError where there is none."""
-    try:
-        tables = toml_tables(bounded_text(path))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ConfigurationError(f"{path}: cannot read the calibration file: {reason}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path}: not TOML: {error}") from error
+    tables = read_tables(path, "calibration file")
     if MEASURED in tables:
         tables = {"values": tables[MEASURED], **tables.get(MEASUREMENT, {})}
-    try:
-        calibration = Calibration.model_validate(tables)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(step) for step in first["loc"])
-        raise ConfigurationError(f"{path}: no calibration file: {where}: {first['msg']}") from error
+    calibration = settings_of(tables, path, Calibration, "calibration file")
     if calibration.created.tzinfo is None:
-        raise ConfigurationError(f"{path}: no calibration file: created has no time zone")
+        raise ConfigurationError(f"{path}: is no calibration file: created has no time zone")
     return calibration

@@ -87,6 +87,12 @@ def values_by_name(track: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     return {name: found for name, found in every.items() if found["value"] is not None and _is_number(found)}
 
 
+def estimate_of(found: Mapping[str, Any]) -> float | None:
+    """The number that was estimated, also of what has no value to calculate with; None where there is none."""
+    number: float | None = found["value"] if found["value"] is not None else found.get("estimate")
+    return number
+
+
 def usable_value(track: Mapping[str, Any], name: str) -> dict[str, Any] | None:
     """What a track says of a parameter; None where it has no value, or one that may not be used."""
     return values_by_name(track).get(name) if track["verdict"] != "invalid" else None
@@ -117,6 +123,10 @@ def _result(document: Any, path: Path, place: str = "") -> dict[str, Any]:
             document["schema"] = SCHEMA
     _demand_valid(document, ResultDocument, path, place)
     checked: dict[str, Any] = document
+    for track in checked["tracks"].values():
+        for found in (*track["parameters"].values(), *track["derived"].values()):
+            if has_no_number(found.get("verdict") or "") and found["value"] is not None:
+                found |= {"value": None, "estimate": found["value"]}  # as it was written before
     return checked
 
 

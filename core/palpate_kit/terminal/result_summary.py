@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from palpate import Flag, ReportSection
 from palpate_engine import Result, TrackResult, UncertainValue, display_unit, function_of, has_no_number, verdict_word
 
-from palpate_kit.terminal.flag_summary import doubt_lines
+from palpate_kit.terminal.flag_summary import summary_lines
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 from palpate_kit.terminal.table import Table as Cells
 
@@ -60,26 +60,30 @@ def _doubts(result: Result, details: bool) -> list[RenderableType]:
     from rich.text import Text
 
     if not details:
-        said = [str(flag) for flag in result.flags if flag.severity == "note"]
-        doubts = [flag for flag in result.flags if flag.severity != "note"]
-        flags = {label: [*doubts, *track.flags] for label, track in result.tracks.items()}
-        below = (*_conditions(result), *said, *doubt_lines(flags))
-        return [Text(line, style="yellow") for line in below]
-    texts = (*_conditions(result, True), *flag_lines(result.flags, result.tracks))
+        return [Text(line, style="yellow") for line in lines_below(result)]
+    facts = [f"{text}\n    -> {words}" for text, words in open_facts(result.tracks.values()).items()]
+    holds = ["holds if:\n  " + "\n  ".join(facts)] if facts else []
+    texts = (*holds, *flag_lines(result.flags, result.tracks))
     lines = [Text(line, style="yellow") for line in texts]
     return [Text("flags" if lines else "no flags"), *lines]
 
 
-def _conditions(result: Result, details: bool = False) -> Iterator[str]:
-    """What the values hold for: each open fact once, with its effect; with `details` also the words that state it."""
-    said: dict[str, str] = {}
-    for track in result.tracks.values():
+def lines_below(result: Result) -> Iterator[str]:
+    """What the values of a run hold for, what was found, and what to type."""
+    notes = [flag for flag in result.flags if flag.severity == "note"]
+    doubts = [flag for flag in result.flags if flag.severity != "note"]
+    flags = {label: [*doubts, *track.flags] for label, track in result.tracks.items()}
+    return summary_lines(flags, open_facts(result.tracks.values()), notes)
+
+
+def open_facts(tracks: Iterable[TrackResult]) -> dict[str, str]:
+    """The words that state each open fact, by what is assumed and the effect of its alternative; each fact once."""
+    said: dict[str, tuple[str, str]] = {}
+    for track in tracks:
         values = {**track.parameters, **{value.name: value.found for value in track.derived}}
         for one in track.conditions:
-            remedy = f"\n    -> {one.remedy}" if details else ""
-            said.setdefault(one.fact, f"{one.sentence(values)}{remedy}")
-    if said:
-        yield "holds if:\n  " + "\n  ".join(said.values()) if details else f"holds if: {'; '.join(said.values())}"
+            said.setdefault(one.fact, (one.sentence(values), one.remedy))
+    return dict(said.values())
 
 
 def _every_number(result: Result) -> RenderableType:

@@ -94,4 +94,4 @@ def _reported(pipeline: Pipeline, folder: Path) -> Iterator[str]:
         if pipeline.run.report:
             yield f"{name}: {function_of(report)(folder)}"
         else:
-            yield f"to hand on: palpate {name} {shlex.quote(str(folder))}"
+            yield f"to share it: palpate {name} {shlex.quote(str(folder))}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -13,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, Settings
-from palpate_engine import bounded_text, toml_tables, write_whole
-from pydantic import Field, ValidationError
+from palpate_engine import bounded_text, write_whole
+from palpate_kit.runs.toml_file import read_settings
+from pydantic import Field
 
 from palpate_control.control_limits import CheckState, CheckValue, check_states
 
@@ -63,18 +63,7 @@ class ControlChart(Settings):
 
 def read_chart(path: Path) -> ControlChart:
     """The chart in a file; raises ConfigurationError where it cannot be read, is damaged, or is none."""
-    try:
-        tables = toml_tables(bounded_text(path))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ConfigurationError(f"{path}: cannot read the control chart: {reason}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path}: is a damaged control chart, not TOML: {error}") from error
-    try:
-        chart = ControlChart.model_validate(tables)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise ConfigurationError(f"{path}: is no control chart: {_place(first['loc'])}: {first['msg']}") from error
+    chart = read_settings(path, ControlChart, "control chart")
     for number, check in enumerate(chart.check, 1):
         if check.date.tzinfo is None:
             raise ConfigurationError(f"{path}: is no control chart: check {number}: date has no time zone")
@@ -101,12 +90,6 @@ def append_check(path: Path, chart: ControlChart, check: RecordedCheck) -> Contr
             raise ConfigurationError(f"{check.run}: of {check.date} is older than the last check of {path}, of {last}")
         write_whole(path, f"{text.rstrip()}\n\n{_block(check)}")
     return chart.model_copy(update={"check": (*chart.check, check)})
-
-
-def _place(steps: tuple[int | str, ...]) -> str:
-    """A place in the file as people count: ``check 3, value``."""
-    words = [f" {step + 1}" if isinstance(step, int) else f", {step}" for step in steps]
-    return "".join(words).removeprefix(", ")
 
 
 def _head(chart: ControlChart) -> str:

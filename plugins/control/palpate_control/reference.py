@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, suggest, to_si
-from palpate_engine import Source, bounded_text, build_parts, dimension, plain_settings, registry, toml_tables
+from palpate_engine import Source, build_parts, dimension, plain_settings, registry
+from palpate_kit.runs.toml_file import read_tables
 
 QUANTITIES = {"Pa": "elasticity", "N/m": "stiffness", "Pa*s": "viscosity", "N*s/m": "damping"}
 _KEYS = ("name", "value", "uncertainty", "tip")
@@ -95,14 +95,7 @@ def _number(value: Any, unit: str, key: str) -> float:
 
 
 def _table(path: Path) -> dict[str, Any]:
-    try:
-        tables = toml_tables(bounded_text(path))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ConfigurationError(f"{path}: cannot read the reference: {reason}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path}: not TOML: {error}") from error
-    table = tables.get("reference")
+    table = read_tables(path, "reference").get("reference")
     if not isinstance(table, dict):
         raise ConfigurationError(f"{path}: the table [reference] is missing: name, value, uncertainty")
     return table

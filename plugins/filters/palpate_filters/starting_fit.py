@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats, Layout, Samples, contact_force
 from palpate_kit.numerics.local_cubic import cubic_weights
+from palpate_kit.numerics.variable_projection import linear_part
 
 from palpate_filters.bounded_minimum import bounded_minimum
 
@@ -171,38 +171,13 @@ def _misfit(columns: Floats, force: Floats, prior: BiasPrior | None = None) -> t
     scale = np.linalg.norm(columns, axis=0)
     if not np.isfinite(columns).all() or not (scale > 0).all():
         return float(force @ force), np.zeros(columns.shape[1]), 0.0
-    fitted, count = columns.shape[1], columns.shape[1] + (prior is not None)
-    rows = np.empty((len(force) + (prior is not None), count + 1))
-    rows[: len(force), :fitted], rows[: len(force), -1] = columns / scale, force
+    fitted, low, target = columns.shape[1], np.zeros(columns.shape[1]), force
     if prior is not None:  # a column for the bias, and the prior as one more reading
-        rows[:-1, fitted], rows[-1] = 1.0, 0.0
-        rows[-1, fitted] = prior.noise / prior.std
-    factor: Floats = np.asarray(np.linalg.qr(rows, mode="r"))
-    left, found = min(_solved(factor, fitted), key=lambda one: one[0])
-    return left, found[:fitted] / scale, float(found[fitted]) if prior is not None else 0.0
-
-
-def _solved(factor: Floats, fitted: int) -> Iterator[tuple[float, Floats]]:
-    """Squares left and unknowns of least squares on a triangular factor [A, b], the first `fitted` not negative.
-
-    With all of its columns where that leaves none negative, else with every choice of them that does.
-    """
-    count = factor.shape[1] - 1
-    for chosen in product((True, False), repeat=fitted):
-        which = np.flatnonzero([*chosen, *[True] * (count - fitted)])
-        small = np.asarray(np.linalg.qr(factor[:, [*which, count]], mode="r")) if len(which) < count else factor
-        found = np.zeros(count)
-        if len(which):
-            size = len(which)
-            square = small[:size, :size]
-            if not square.diagonal().all():
-                continue
-            found[which] = np.linalg.solve(square, small[:size, -1])
-        if (found[:fitted] >= 0).all():
-            rest = small[len(which) :, -1]
-            yield float(rest @ rest), found
-            if all(chosen):
-                return
+        columns = np.column_stack([columns, np.ones(len(force))])
+        columns = np.vstack([columns, [*np.zeros(fitted), prior.noise / prior.std]])
+        low, target = np.append(low, -np.inf), np.append(force, 0.0)
+    found = linear_part(columns, target, low, np.full(len(low), np.inf))
+    return found.squares, found.unknowns[:fitted], float(found.unknowns[-1]) if prior is not None else 0.0
 
 
 def _search(misfit: Callable[[float], float], position: Floats) -> float:

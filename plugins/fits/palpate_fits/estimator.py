@@ -7,7 +7,7 @@ from typing import Any
 
 from palpate import ConfigurationError, Problem, Tracker
 
-from palpate_fits.budget import sources_of
+from palpate_fits.budget import stated_sources
 from palpate_fits.fit_settings import FitSettings
 from palpate_fits.segments import parse_segment
 from palpate_fits.unknowns import unknowns_of
@@ -20,8 +20,8 @@ class CasadiFit(FitSettings):
     of the surface, by which d = z_surf - z, and what else is named in `unknowns`, subject to
     |u(z_surf)| <= force_uncertainty (paper,
     eqs. ls and minprob). Jacobian and Hessian are exact, from the model's one expression. The standard deviation counts
-    the residuals' autocorrelation and every declared systematic term; `details` in result.json holds covariance,
-    profile-likelihood intervals, budget, correlations, AIC and BIC.
+    the residuals' autocorrelation and every declared systematic term; `fit` and `details` in result.json hold
+    covariance, profile-likelihood intervals, budget, correlations, AIC and BIC.
     Assumes that the model is right: a flag says when the residuals contradict it.
     """
 
@@ -36,7 +36,7 @@ class CasadiFit(FitSettings):
         if "tip_mass" not in fixed and "tip_mass" not in wanted:
             fixed["tip_mass"] = problem.tip_mass or 0.0
         unknowns = unknowns_of(problem.model, wanted, fixed, self.start_at, self.bounds)
-        sources = sources_of(problem.model, self.systematic)
+        sources = stated_sources(problem.model, self.systematic)
         for source in sources:
             if source.name in wanted:
                 known = f"systematic: {source.name} is an unknown of the fit, which finds its uncertainty itself"

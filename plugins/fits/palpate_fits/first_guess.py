@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from palpate import ContactModel, Floats
 from palpate_kit.numerics.least_squares import bounded_quadratic
 from palpate_kit.numerics.refusal import NotFitted
+from palpate_kit.numerics.variable_projection import linear_part
 
+from palpate_fits.adhesive_guess import adhesive_guess
 from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import Residual, reading
 from palpate_fits.unknowns import EXTRAS, FitUnknown, Unknowns
@@ -70,6 +72,9 @@ def first_guess(
     thin = record.thinned(_SAMPLES)
     if not thin.used.all():
         thin = thin.selected(thin.used)
+    own = unknowns.items[: len(model.parameters)]
+    if model.adhesive and all(item.free for item in own) and not set(range(len(own))) <= set(linear):
+        return adhesive_guess(model, unknowns, record)
     solid = bool(model.memory) and all(parameter.unit != "Pa*s" for parameter in model.parameters)
     told = (one for one in model.parameters if solid and one.unit in _DECLARED)
     starts_of = {one.name: one.start for one in told if one.start is not None}
@@ -161,27 +166,9 @@ def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: 
         columns = list(_columns(model, record, base, linear, error, memory))
     if not columns:
         return Guess(base, float(error @ error) if np.isfinite(error).all() else np.inf)
-    matrix = np.column_stack(columns)
-    scale = np.sqrt(np.sum(matrix**2, axis=0))
-    if not (np.isfinite(matrix).all() and np.isfinite(error).all()):
-        return Guess(base, np.inf)
-    scale[scale == 0] = 1.0
-    low, high = unknowns.bounds(linear)
-    found = np.linalg.lstsq(matrix / scale, -error, rcond=None)[0] / scale
-    if np.any(found < low) or np.any(found > high):
-        found = np.clip(_within(matrix / scale, error, low * scale, high * scale) / scale, low, high)
-    base[list(linear)] = found
-    left = error + matrix @ found
-    return Guess(base, float(left @ left))
-
-
-def _within(matrix: Floats, error: Floats, low: Floats, high: Floats) -> Floats:
-    """The x (p,) within bounds that makes |A x + b| least, columns of A of length 1."""
-    square = matrix.T @ matrix + 1e-12 * np.eye(len(low))
-    middle = np.clip(0.0, low, high)
-    return np.asarray(middle) + bounded_quadratic(
-        square, matrix.T @ (error + matrix @ middle), low - middle, high - middle
-    )
+    found = linear_part(np.column_stack(columns), -error, *unknowns.bounds(linear))
+    base[list(linear)] = found.unknowns
+    return Guess(base, found.squares)
 
 
 def _columns(

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from palpate import Flag, Problem, Samples
+from palpate_kit.budget.uncertainty_sources import UncertaintySource
 from palpate_kit.numerics.contact_point import Approach, ContactPoint
 from palpate_kit.numerics.tip_travel import TipTravel
 
-from palpate_fits.budget import BudgetSource
 from palpate_fits.fit_settings import FitSettings
 from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import FitRecord
@@ -30,7 +30,7 @@ class FitOutcome:
     motion: TipTravel
     approach: Approach | None
     points: dict[str, ContactPoint]
-    sources: tuple[BudgetSource, ...]
+    sources: tuple[UncertaintySource, ...]
     unknowns: Unknowns
     linear: tuple[int, ...]
     record: FitRecord

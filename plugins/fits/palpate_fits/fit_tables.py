@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from palpate import BudgetRow, Effect, FitReport, Flag
 from palpate_engine import Pipeline, Result, TrackResult, UncertainValue, display_unit
 from palpate_kit.curves.curve_fits import value_units
-from palpate_kit.terminal.flag_summary import doubt_lines
+from palpate_kit.terminal.flag_summary import summary_lines
 from palpate_kit.terminal.quantities import value_with_uncertainty
-from palpate_kit.terminal.result_summary import flag_lines
+from palpate_kit.terminal.result_summary import flag_lines, open_facts
 from palpate_kit.terminal.table import Table
 
 from palpate_fits.budget import TIMING
@@ -39,7 +39,7 @@ def fit_overview(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[
         for name, (tracks, flags) in logs.items()
         for label, track in tracks.items()
     }
-    for line in doubt_lines(concerned):
+    for line in summary_lines(concerned, open_facts(track for tracks, _ in logs.values() for track in tracks.values())):
         yield Text(line, style="yellow")
 
 

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Estimates, Flag, Floats
+from palpate import BudgetRow, Effect, Estimates, Flag, Floats, Term
+from palpate_kit.budget.systematic_terms import source_terms
 from palpate_kit.numerics.refusal import NotFitted
 
 from palpate_fits.bootstrap import block_bootstrap
-from palpate_fits.budget import TIMING, Sensitivities, row, shift_of
+from palpate_fits.budget import PROBE, TIMING, FitSensitivity, open_row
 from palpate_fits.fit_outcome import FitOutcome
 from palpate_fits.height_noise import force_noise
 from palpate_fits.identifiability import INDISTINCT, condition, identifiability
@@ -28,7 +29,6 @@ _MISFIT = 2.0  # RMS of the residual against its white noise
 _LONG_CORRELATION = 50.0  # samples
 _AT_EDGE = 1e-3  # standard deviations
 _USELESS = 0.5  # relative standard deviation of an elastic parameter
-_PROBE = 1e-4  # [s]
 _AT_ONCE = 65_536  # samples
 
 
@@ -41,7 +41,7 @@ class _FitWithUncertainty:
     random: Floats  # (p,) standard uncertainty of the free unknowns from the residuals
     systematic: Floats  # (p,) from everything declared, without timing
     held: NDArray[np.bool_]  # (p,) at a bound
-    budget: list[dict[str, Any]]
+    budget: list[BudgetRow]
     identifiability: dict[str, Any]
     quantile: float
 
@@ -63,7 +63,9 @@ def estimates_of(fit: FitOutcome) -> Estimates:
     freedom = max(judged.scatter.samples - len(fit.residual.free), 1)
     _reconstruct(fit, judged.scatter.rss / freedom, empty)
     details = _details(judged, total)
-    return replace(empty, details=details, flags=flags, report=fit_report(details), timing_included=timed)
+    return replace(
+        empty, details=details, flags=flags, report=fit_report(details, judged.budget), timing_included=timed
+    )
 
 
 def _reconstruct(fit: FitOutcome, noise: float, estimates: Estimates) -> None:
@@ -115,12 +117,12 @@ def _judge(fit: FitOutcome) -> _FitWithUncertainty:
     low, high = fit.unknowns.bounds(free)
     x = fit.solution.x[free]
     held = (x - low < _AT_EDGE * random) | (high - x < _AT_EDGE * random)
-    sensitivities = Sensitivities(fit.residual, fit.record, fit.solution.x, held)
+    sensitivities = FitSensitivity(fit.residual, fit.record, fit.solution.x, held)
     table, systematic = _budget(fit, sensitivities, random)
     names = [fit.unknowns.names[place] for place in free]
     jacobian = sensitivities.jacobian
     if "delay" not in names:
-        jacobian = np.column_stack([jacobian, sensitivities.column(fit.unknowns.index("delay"), _PROBE)])
+        jacobian = np.column_stack([jacobian, sensitivities.column(fit.unknowns.index("delay"), PROBE)])
         names.append("delay")
     apart = condition(jacobian[:, : len(free)])
     apart |= identifiability(jacobian.T @ jacobian, names, len(free))
@@ -128,30 +130,33 @@ def _judge(fit: FitOutcome) -> _FitWithUncertainty:
     return _FitWithUncertainty(fit, found, random, systematic, held, table, apart, quantile)
 
 
-def _budget(fit: FitOutcome, found: Sensitivities, random: Floats) -> tuple[list[dict[str, Any]], Floats]:
+def _budget(fit: FitOutcome, found: FitSensitivity, random: Floats) -> tuple[list[BudgetRow], Floats]:
     """Rows of the budget, and the standard uncertainty (p,) that all but the random and the timing row add up to."""
     free, names = list(fit.residual.free), fit.unknowns.names
-    labels, values = [names[place] for place in free], fit.solution.x[free]
-    places = {name: place for place, name in enumerate(names)}
-    effects = {
-        name: {"sensitivity": None, "contribution": u, "percent": 100 * u / abs(value) if value else None}
-        for name, u, value in zip(labels, random.tolist(), values.tolist(), strict=True)
-    }
-    table: list[dict[str, Any]] = [{"source": "scatter of the residuals", "u": None, "unit": "", "effects": effects}]
-    variance = np.zeros(len(free))
-    for source in fit.sources:
-        shift = shift_of(source, found, places)
-        table.append(row(source.name, source.std, source.unit, shift, source.std, labels, values))
-        variance += shift**2
-    for label, name, std, unit in _implied(fit):
-        shift = found.of_parameter(places[name], std)
-        table.append(row(label, std, unit, shift, std, labels, values))
-        variance += shift**2
+    values = {names[place]: float(fit.solution.x[place]) for place in free}
+    places, problem = {name: place for place, name in enumerate(names)}, fit.problem
+    own = {name: Effect.of(value, u) for (name, value), u in zip(values.items(), random.tolist(), strict=True)}
+    of_model = [source for source in fit.sources if source.path or source.name not in places]
+    terms = [
+        *source_terms(found, of_model),
+        *(
+            Term(label, std, unit, found.of_parameter(places[name], std))
+            for label, name, std, unit in (
+                *((one.name, one.name, one.std, one.unit) for one in fit.sources if one not in of_model),
+                *_implied(fit),
+            )
+        ),
+    ]
+    rows = [BudgetRow("scatter of the residuals", None, "", own), *(term.row(values) for term in terms)]
     if places["delay"] not in free:
-        shift = found.of_parameter(places["delay"], _PROBE)
-        label = TIMING + ("" if fit.problem.timing_uncertainty is not None else " (not declared)")
-        table.append(row(label, fit.problem.timing_uncertainty, "s", shift, _PROBE, labels, values))
-    return table, np.sqrt(variance)
+        per_second = found.of_parameter(places["delay"], PROBE) / PROBE
+        if (late := problem.timing_uncertainty) is not None:
+            rows.append(Term(TIMING, late, "s", per_second * late).row(values))
+        else:
+            sensitivities = dict(zip(values, per_second.tolist(), strict=True))
+            rows.append(open_row(f"{TIMING} (not declared)", "s", sensitivities))
+    systematic = np.sqrt(sum((term.shifts**2 for term in terms), np.zeros(len(free))))
+    return rows, systematic
 
 
 def _implied(fit: FitOutcome) -> Iterator[tuple[str, str, float, str]]:
@@ -213,7 +218,6 @@ def _details(judged: _FitWithUncertainty, total: Floats) -> dict[str, Any]:
             "effective_samples": found.effective_samples,
         },
         "confidence": fit.settings.confidence,
-        "budget": judged.budget,
         "included": list(_included(fit)),
         "identifiability": judged.identifiability,
         "contact_points": {name: {"surface": p.surface, "std": p.std} for name, p in fit.points.items()},

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from palpate import Estimates, Flag, Floats, Problem, Samples
+from palpate_kit.budget.uncertainty_sources import UncertaintySource
 from palpate_kit.numerics.contact_point import (
     CONTACT_METHODS,
     Approach,
@@ -25,7 +26,6 @@ from palpate_kit.numerics.tip_travel import (
 
 from palpate_fits.approach import constrained_surface, first_approach
 from palpate_fits.arm_order import in_order
-from palpate_fits.budget import BudgetSource
 from palpate_fits.first_guess import first_guess, linear_places
 from palpate_fits.fit_outcome import FitOutcome
 from palpate_fits.fit_settings import FitSettings
@@ -53,7 +53,7 @@ class FitTracker:
         problem: Problem,
         windows: tuple[Window, ...],
         unknowns: Unknowns,
-        sources: tuple[BudgetSource, ...],
+        sources: tuple[UncertaintySource, ...],
     ) -> None:
         self._settings, self._problem, self._windows = settings, problem, windows
         self._unknowns, self._sources = unknowns, sources

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
-from palpate import BudgetRow, Effect, FitReport, Unknown
+from palpate import BudgetRow, FitReport, Unknown
 
 
-def fit_report(details: Mapping[str, Any]) -> FitReport:
+def fit_report(details: Mapping[str, Any], budget: Sequence[BudgetRow]) -> FitReport:
     """Residual, unknowns, evidence and budget, as every reader of fits knows them."""
     table, memory = details["unknowns"], details["autocorrelation"]
     return FitReport(
@@ -26,7 +26,7 @@ def fit_report(details: Mapping[str, Any]) -> FitReport:
         bias=table["bias"]["value"],
         drift=table["slope"]["value"],
         cycles=int(details["cycles"]),
-        budget=tuple(_row(row) for row in details["budget"]),
+        budget=tuple(budget),
     )
 
 
@@ -43,9 +43,3 @@ def _correlations(names: list[str], covariance: list[list[float]]) -> dict[tuple
         if scale > 0:
             found[names[i], names[j]] = covariance[i][j] / scale
     return found
-
-
-def _row(row: Mapping[str, Any]) -> BudgetRow:
-    return BudgetRow(
-        row["source"], row["u"], row["unit"], {n: Effect(**effect) for n, effect in row["effects"].items()}
-    )

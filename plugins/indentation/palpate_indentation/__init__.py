@@ -22,11 +22,6 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "The modulus of the deeper half of a press differs from that of the shallower one beyond its uncertainty.",
             "Declare the layer's thickness, a large-strain tip or adhesion; else give the modulus with its depth.",
         ),
-        "contact-point-unclear": FlagMeaning(
-            "doubtful",
-            "What methods differ by in the contact point moves the modulus by more than 5 %, and more than all else.",
-            "Press deeper or slower, lower the noise, or record more air before contact.",
-        ),
         "adhesion": FlagMeaning(
             "note",
             "The material pulls the tip before it comes off, which the model leaves out.",

@@ -1,23 +1,28 @@
-"""Adhesion on the way out: the pull before the tip comes off, and the theories that tell modulus and work from it."""
+"""Adhesion: the theory that explains a way in, the pull on the way out, and what theories tell from that."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats
 from palpate_engine import registry as registries
 
-from palpate_indentation.approach_fit import CurveFit, correlation_time
+from palpate_indentation.approach_fit import CurveFit, correlation_time, fit_curve
+from palpate_indentation.elastic_law import ElasticLaw
 from palpate_indentation.press import Branch
+from palpate_indentation.sphere_laws import sphere_radius
 
 THEORIES = {"dmt": 2.0 * np.pi, "jkr": 1.5 * np.pi}  # largest pull over w R, by the name of the model
 _SIGMAS = 6.0  # of the noise, that the pull passes
 _SHARE = 0.01  # of the largest force, that it passes
 _IN_ALL = 5  # readings beyond
 _SAMPLES = 1500
+_HANGS_TOGETHER = 1.5  # samples, over which a residual is more than noise
+_SURE = 3.0  # standard uncertainties
+_DECISIVE = 10.0  # of BIC
 _RANGE = 3e-10  # [m] of the attraction between surfaces, in Tabor's parameter
 
 
@@ -42,6 +47,42 @@ class Theory:
     rms: float  # [N]
 
 
+@dataclass(frozen=True)
+class StickingLaw:
+    """The theory of adhesion that explains a way in, and its fit."""
+
+    law: ElasticLaw
+    fit: CurveFit
+    apart: float  # [Pa] by how much the modulus of another theory differs that explains it as well; 0: there is none
+
+
+def law_that_sticks(
+    law: ElasticLaw, branch: Branch, noise: float, plain: CurveFit, *, tilt: bool
+) -> StickingLaw | None:
+    """The theory of a sphere that explains a way in better than the law without adhesion; None where none does.
+
+    Sought only where the residual of the `plain` fit hangs together, so that something is not in its law.
+    """
+    radius, poisson = sphere_radius(law.model), float(getattr(law.model, "poisson", 0.5))
+    if radius is None or law.unit != "Pa" or plain.correlation_time < _HANGS_TOGETHER:
+        return None
+    pull = noise / (1.5 * np.pi * radius * plain.modulus)
+    top = float(plain.modulus * law.geometry(plain.surface - branch.height).max()) / noise
+    found = []
+    for model in _theories(radius, poisson).values():
+        own = ElasticLaw(model, law.name, law.unit, 0, (0.0, 0.0), adhesion=pull * np.sqrt(max(top, 1.0)))
+        fit = fit_curve(own, branch, noise, tilt=tilt)
+        if np.isfinite([fit.modulus, fit.modulus_std]).all() and fit.work > _SURE * fit.work_std:
+            found.append(StickingLaw(replace(own, adhesion=fit.work / fit.modulus), fit, 0.0))
+    if not found:
+        return None
+    best, *others = sorted(found, key=lambda one: one.fit.rms)
+    if not best.fit.bic_above(plain, 1) < -_DECISIVE:
+        return None
+    apart = [one.fit.modulus - best.fit.modulus for one in others if one.fit.bic_above(best.fit, 0) < _DECISIVE]
+    return replace(best, apart=float(np.max(np.abs(apart), initial=0.0)))
+
+
 def pull_off(retract: Branch, noise: float) -> PullOff | None:
     """The pull of a way out; None where there is none beyond noise, or no air behind to tell it against."""
     count = len(retract)
@@ -57,11 +98,15 @@ def pull_off(retract: Branch, noise: float) -> PullOff | None:
 
 def theories(retract: Branch, approach: CurveFit, pull: PullOff, radius: float, poisson: float) -> Iterator[Theory]:
     """The theories that are installed, each fitted to the way out: modulus, work, surface and offset."""
+    for name, model in _theories(radius, poisson).items():
+        yield _fitted(name, model, retract, approach, pull, THEORIES[name] * radius)
+
+
+def _theories(radius: float, poisson: float) -> dict[str, Any]:
+    """The theories that are installed, by name."""
     parts = registries.load().parts["model"]
-    for name, factor in THEORIES.items():
-        if name in parts:
-            model: Any = parts[name].part.model_validate({"radius": radius, "poisson": poisson})
-            yield _fitted(name, model, retract, approach, pull, factor * radius)
+    settings = {"radius": radius, "poisson": poisson}
+    return {name: parts[name].part.model_validate(settings) for name in THEORIES if name in parts}
 
 
 def tabor(radius: float, work: float, modulus: float, poisson: float) -> float:

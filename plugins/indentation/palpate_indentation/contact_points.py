@@ -59,19 +59,6 @@ def contact_points(press: Press, fit: CurveFit) -> dict[str, ContactPointResult]
     return found
 
 
-def spread(points: Mapping[str, ContactPointResult]) -> float:
-    """Standard uncertainty [m] of the contact point by what the methods differ beyond what the fit explains.
-
-    1.483 times the median of these differences, which a single stray method does not move, less what the noise alone
-    lets them differ by.
-    """
-    others = [point for name, point in points.items() if name != "fit"]
-    if len(others) < 2:
-        return 0.0
-    differences, chance = [abs(point.odd) for point in others], float(np.median([point.std for point in others]))
-    return float(np.sqrt(max((1.4826 * float(np.median(differences))) ** 2 - chance**2, 0.0)))
-
-
 def _by_force(method: str) -> Callable[[Press, Floats], ContactPoint | None]:
     def search(press: Press, force: Floats) -> ContactPoint | None:
         interval = float(np.median(np.diff(press.approach.time)))

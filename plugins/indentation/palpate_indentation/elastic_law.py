@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, ContactModel, Floats, suggest, to_si
+from palpate import ConfigurationError, ContactModel, Floats, contact_force, suggest, to_si
 
 _TEST = (0.1, 0.2)  # of the reach: depths at which it is looked whether a force is proportional to its modulus
 _REACH = 1e-2  # [m] of a robot's press, where no record says it
@@ -24,12 +24,20 @@ class ElasticLaw:
     held: tuple[float, ...]  # values of all parameters, with 0 for it
     viscous: int | None = None  # place of the parameter that the force at speed is proportional to; None: there is none
     stated: frozenset[str] = frozenset()  # names of the parameters whose value was given
+    adhesion: float = 0.0  # work of adhesion over modulus [m], of a model that is adhesive
 
     def geometry(self, depth: Floats) -> Floats:
-        """(n,) force per modulus at rest at depths (n,) [m]; 0 above the surface."""
+        """(n,) force per modulus at rest, or on the way in, at depths (n,) [m]; 0 above the surface."""
+        if self.model.adhesive:
+            return np.asarray(contact_force(self.model, depth, np.ones(len(depth)), [1.0, self.adhesion]))
         unit = list(self.held)
         unit[self.place] = 1.0
         return self._force(depth, 0.0, unit) - self._force(depth, 0.0, self.held)
+
+    def stuck(self, depth: Floats) -> Floats:
+        """(n,) force per modulus at rest of an adhesive model whose tip touches at these depths (n,) [m]."""
+        unit = [1.0, self.adhesion]
+        return np.asarray(self.model.force(np.maximum(depth, self.model.pull_off_depth(unit)), 0.0, unit))
 
     def rest(self, depth: Floats, rate: Floats) -> Floats:
         """(n,) [N] what the held parameters make of depth and rate."""

@@ -23,7 +23,7 @@ from palpate_indentation.curve_source import WholeCurve, whole_record
 from palpate_indentation.elastic_law import ElasticLaw, law_of
 from palpate_indentation.modulus_over_depth import ModulusProfile
 from palpate_indentation.press import press_of
-from palpate_indentation.press_analysis import Indentation, PressSettings, analyse_press
+from palpate_indentation.press_analysis import Indentation, PressSettings, analyse_press, contributions
 from palpate_indentation.press_budget import Declared
 from palpate_indentation.press_table import bic_above_best, second_best, table
 from palpate_indentation.viscosity import PressViscosity, viscosity_of_run
@@ -121,12 +121,17 @@ def views(found: Indentation, model: str) -> list[Any]:
     word, factor = display_unit(unit)
     fit = found.fit
     length, per_length = _length(found.depth)
-    parts = [row for row in found.budget if row.contribution > _SHOWN * found.combined]
+    shares = zip(found.budget, contributions(found.law, found.budget), strict=True)
+    parts = [f"{row.source} {factor * share:.3g}" for row, share in shares if share > _SHOWN * found.combined]
     shown: list[Any] = [
         f"{model}: {found.law.name} {value_with_uncertainty(factor * fit.modulus, factor * found.combined)} {word} "
-        f"({', '.join(f'{row.source} {factor * row.contribution:.3g}' for row in parts)} {word}); "
+        f"({', '.join(parts)} {word}); "
         f"{per_length * found.depth:.3g} {length} deep; residual {_force(fit.rms)}, noise {_force(found.press.noise)}"
     ]
+    if (way_in := table(found)["adhesion_on_the_way_in"]) is not None:
+        work = value_with_uncertainty(1e3 * way_in["adhesion_work"], 1e3 * way_in["adhesion_work_std"])
+        plain = f"{factor * way_in['value_without']:.4g} {word}"
+        shown.append(f"the way in sticks: by {way_in['theory']}, work of adhesion {work} mJ/m^2; without it {plain}")
     if (viscosity := found.viscosity) is not None:
         name, scaled = display_unit(viscosity.unit)
         value = value_with_uncertainty(scaled * viscosity.value, scaled * viscosity.std)
@@ -145,7 +150,6 @@ def views(found: Indentation, model: str) -> list[Any]:
         )
         for name, point in found.points.items()
     ]  # fmt: skip
-    rows.append(("spread of all", "", "", f"{per_length * found.surface_spread:.2g}", ""))
     headings = ("by", f"above the fit [{length}]", "if the fit were true", "difference", "std")
     shown.append(Table.of("contact point", headings, rows, ("by",)))
     shown.append(_depths(found, word, factor, length, per_length))

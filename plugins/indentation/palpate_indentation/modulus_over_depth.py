@@ -40,7 +40,7 @@ class ModulusProfile:
         return np.hypot(self.noise, self.contact)
 
 
-def secant_profile(law: ElasticLaw, branch: Branch, fit: CurveFit, surface_std: float, bins: int) -> ModulusProfile:
+def secant_profile(law: ElasticLaw, branch: Branch, fit: CurveFit, bins: int) -> ModulusProfile:
     """E(d) = F/G(d) in bins of depth, from the contact point of the fit on: what a single reading would say there."""
 
     def values(surface: float) -> tuple[Floats, Floats]:
@@ -57,10 +57,10 @@ def secant_profile(law: ElasticLaw, branch: Branch, fit: CurveFit, surface_std: 
 
     edges = np.linspace(0.0, float((fit.surface - branch.height).max()), bins + 1)
     fit_noise = fit.rms
-    return _profile(values, edges, fit.surface, surface_std)
+    return _profile(values, edges, fit.surface, fit.surface_std)
 
 
-def tangent_profile(law: ElasticLaw, branch: Branch, fit: CurveFit, surface_std: float, windows: int) -> ModulusProfile:
+def tangent_profile(law: ElasticLaw, branch: Branch, fit: CurveFit, windows: int) -> ModulusProfile:
     """E by the slope of force over G(d) within windows of depth, each with an offset of its own."""
 
     def values(surface: float) -> tuple[Floats, Floats]:
@@ -79,15 +79,15 @@ def tangent_profile(law: ElasticLaw, branch: Branch, fit: CurveFit, surface_std:
         return found, noise
 
     edges = np.linspace(0.0, float((fit.surface - branch.height).max()), windows + 1)
-    return _profile(values, edges, fit.surface, surface_std)
+    return _profile(values, edges, fit.surface, fit.surface_std)
 
 
-def change_over_depth(law: ElasticLaw, branch: Branch, fit: CurveFit, surface_std: float) -> tuple[float, float]:
+def change_over_depth(law: ElasticLaw, branch: Branch, fit: CurveFit) -> tuple[float, float]:
     """Relative rise of the tangent modulus from the shallower to the deeper half of the depth, and its uncertainty."""
-    halves = tangent_profile(law, branch, fit, surface_std, 2)
+    halves = tangent_profile(law, branch, fit, 2)
     shallow, deep = halves.modulus.tolist()
     noise = float(np.hypot(*halves.noise))
-    by_contact = abs(float(halves.by_surface[1] - halves.by_surface[0])) * surface_std
+    by_contact = abs(float(halves.by_surface[1] - halves.by_surface[0])) * fit.surface_std
     return (deep - shallow) / fit.modulus, float(np.hypot(noise, by_contact)) / abs(fit.modulus)
 
 

@@ -47,7 +47,7 @@ def draw(found: Indentation, path: Path) -> None:
 def _contact(axis: Any, found: Indentation, scale: float, per_force: float, thin: slice) -> None:
     """Around the contact point, with every method's."""
     fit, branch = found.fit, found.branch
-    reach = max(0.15 * found.depth, 3.0 * found.surface_spread)
+    reach = 0.15 * found.depth
     depth = fit.surface - branch.height[thin]
     near = np.abs(depth) < reach
     axis.plot(scale * depth[near], per_force * branch.force[thin][near], ".", markersize=1.5, color="0.6")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from palpate import Floats
@@ -10,7 +11,6 @@ from palpate_engine import finite_tree, registry as registries
 from palpate_indentation.adhesion import Theory, tabor
 from palpate_indentation.modulus_over_depth import ModulusProfile
 from palpate_indentation.press_analysis import Indentation
-from palpate_indentation.press_budget import PressBudgetRow
 from palpate_indentation.sphere_laws import SphereLawFit
 from palpate_indentation.viscosity import PressViscosity
 
@@ -23,12 +23,11 @@ def table(found: Indentation) -> dict[str, Any]:
         "unit": found.law.unit,
         "value": fit.modulus,
         "std": fit.modulus_std,
-        "contact_point": found.by_contact,
         "combined": found.combined,
-        "surface": {"value": fit.surface, "std": fit.surface_std, "spread": found.surface_spread},
+        "surface": {"value": fit.surface, "std": fit.surface_std},
         "baseline": {"offset": fit.offset, "tilt": fit.tilt, "tilt_std": fit.tilt_std, "by_tilt": found.fitted.by_tilt},
         "viscosity": None if found.viscosity is None else _viscosity(found.viscosity),
-        "budget": [_row(row, found) for row in found.budget],
+        "budget": [asdict(row) for row in found.budget],
         "rms": fit.rms,
         "noise": found.press.noise,
         "correlation_time": fit.correlation_time,
@@ -38,6 +37,7 @@ def table(found: Indentation) -> dict[str, Any]:
             name: {"surface": p.surface, "std": p.std, "by_the_fit": p.usual} for name, p in found.points.items()
         },
         "spheres": {one.tip: _alternative(one, found) for one in found.spheres},
+        "adhesion_on_the_way_in": None if found.without is None else _way_in(found),
         "pull_off": None if found.pull is None else {"force": found.pull.force, "std": found.pull.std},
         "adhesion": {one.name: _theory(one, found) for one in found.theories},
         "secant": _profile(found.secant),
@@ -50,16 +50,6 @@ def table(found: Indentation) -> dict[str, Any]:
 
 def _viscosity(one: PressViscosity) -> dict[str, Any]:
     return {"value": one.value, "std": one.std, "unit": one.unit, "source": one.source, "words": one.words}
-
-
-def _row(row: PressBudgetRow, found: Indentation) -> dict[str, Any]:
-    """As in the budget of a track."""
-    effect = {
-        "sensitivity": row.contribution / row.std if row.std else None,
-        "contribution": row.contribution,
-        "percent": 100.0 * row.contribution / found.fit.modulus,
-    }
-    return {"source": row.source, "std": row.std, "unit": row.unit, "effects": {found.law.name: effect}}
 
 
 def bic_above_best(one: SphereLawFit, found: Indentation) -> float:
@@ -83,6 +73,15 @@ def _alternative(one: SphereLawFit, found: Indentation) -> dict[str, Any]:
         "bic_above_best": bic_above_best(one, found),
         "chosen": one.chosen,
     }
+
+
+def _way_in(found: Indentation) -> dict[str, Any]:
+    """The theory that the value is by, its work of adhesion, and the value by the pipeline's own law."""
+    fit, without = found.fit, found.without
+    assert without is not None
+    work = {"adhesion_work": fit.work, "adhesion_work_std": fit.work_std}
+    theory = registries.load().name_of(type(found.law.model))
+    return {"theory": theory, **work, "value_without": without.modulus, "std_without": without.modulus_std}
 
 
 def _theory(one: Theory, found: Indentation) -> dict[str, Any]:

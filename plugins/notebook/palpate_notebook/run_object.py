@@ -60,7 +60,7 @@ class FinishedRun(RunData):
         return map_of(self, track, parameter, cell, method)
 
     def report(self, path: str | Path = "report.html") -> Path:
-        """One page on the run to hand on, its verdict first: `palpate report`; raises UserError."""
+        """One page on the run to share, its verdict first: `palpate report`; raises UserError."""
         place = Path(path)
         with redirect_stdout(StringIO()):  # the command says where it is written
             analysis("report")([self.folder], out=place)

@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from palpate_kit.numerics.material_laws import Complexes, LinearLaw, arm_moduli
 
-from palpate_reference.material_laws import Complexes, LinearLaw, arm_moduli
 from palpate_reference.table_fit import FitProblem, predictions
 
 DECADES = "generalised-maxwell-decades"

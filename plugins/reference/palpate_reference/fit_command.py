@@ -11,6 +11,7 @@ from typing import Annotated, Any, NamedTuple
 import typer
 from palpate import ConfigurationError, Floats, printable, suggest, to_si
 from palpate_engine import make_folder, write_new
+from palpate_kit.numerics.material_laws import LAWS, LinearLaw
 from palpate_kit.terminal.json_output import json_text, print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, FormatOption, JsonOption
 from palpate_kit.terminal.table import console
@@ -21,7 +22,6 @@ from palpate_reference.fit_sources import read_sources
 from palpate_reference.hyperelastic.curve_fit import Loading, fit_curves, stress_curves
 from palpate_reference.hyperelastic.strain_energies import HYPERELASTIC, HyperelasticLaw, stable_stretches
 from palpate_reference.law_fit import AnyFit, TableFit, law_document, law_table, remarks, supported_fits, value_table
-from palpate_reference.material_laws import LAWS, LinearLaw
 from palpate_reference.material_table import MaterialTable
 from palpate_reference.superposition.master_command import (
     ByOption,

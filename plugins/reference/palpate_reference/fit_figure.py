@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 from palpate_kit.figures import figure_of, legend_outside, save_figure, style
+from palpate_kit.numerics.material_laws import LinearLaw
 
 from palpate_reference.hyperelastic.curve_fit import StressCurve
 from palpate_reference.hyperelastic.strain_energies import HyperelasticLaw
 from palpate_reference.law_fit import TableFit
-from palpate_reference.material_laws import LinearLaw
 from palpate_reference.material_table import Kind, MaterialTable, frequency_or_time
 
 _LABELS: dict[Kind, str] = {"oscillation": "E', E'' [kPa]", "relaxation": "E(t) [kPa]", "creep": "D(t) [1/kPa]"}

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
+from palpate_kit.numerics.material_laws import LinearLaw
 
 from palpate_reference.law_fit import TableFit
-from palpate_reference.material_laws import LinearLaw
 from palpate_reference.material_table import MaterialTable
 
 _FIRST = 0.03  # relative scatter of a table that states none, before it is known
@@ -131,8 +131,7 @@ def _weighted(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[f
 
 def _minimum(law: LinearLaw, problem: FitProblem, sigmas: Sequence[float], before: Floats | None) -> Floats | None:
     count, shifts = len(law.parameters), len(problem.tables) + 1 + problem.shift_count
-    uppers = [*law.upper, *[math.inf] * (count - len(law.upper))]
-    high = np.array([math.log(u) if u < math.inf else _LOG for u in uppers] + [10.0] * shifts)
+    high = np.array([math.log(u) if u < math.inf else _LOG for u in law.uppers] + [10.0] * shifts)
     low = np.array([-_LOG] * count + [-10.0] * shifts)
     level, times = _level_and_times(problem)
     starts = [np.array([*np.log(start), *[0.0] * shifts]) for start in law.starts(level, times)]

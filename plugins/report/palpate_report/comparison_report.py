@@ -20,7 +20,7 @@ from palpate_report.comparison_figures import caption_of, sites_of, values_by_ru
 from palpate_report.group_numbers import APART, GroupRun, common_of, numbers_of
 from palpate_report.run_contents import RunContents
 from palpate_report.run_report import render
-from palpate_report.run_verdict import LEVELS, judge
+from palpate_report.run_verdict import LEVELS, judge, levels_of
 from palpate_report.svg import svg_text
 
 _SHOWN = 200  # runs whose rows are on the page
@@ -71,7 +71,8 @@ def page_of_runs(
         raise LogError(f"none of these {noun}s has a result: look at them one by one to see why")
     chosen = _track_of(runs, track)
     parameters = _parameters(runs, chosen)
-    counts = {level: sum(run.verdict.level == level for run in runs) for level in LEVELS}
+    levels = levels_of(run.verdict.level for run in runs)
+    counts = {level: sum(run.verdict.level == level for run in runs) for level in levels}
     pictures = [
         {"svg": svg_text(values_by_run(runs, chosen, name, unit)), "caption": caption_of(name, noun)}
         for name, unit in parameters.items()
@@ -84,7 +85,8 @@ def page_of_runs(
         notes=notes,
         track=chosen,
         counts=counts,
-        levels=LEVELS,
+        levels=levels,
+        trusted=LEVELS[0],
         statistics=[
             _statistics(runs, group, chosen, name, unit) for name, unit in parameters.items() for group in groups
         ],

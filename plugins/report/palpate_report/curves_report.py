@@ -14,7 +14,7 @@ from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_report.anonymous import Anonymous
 from palpate_report.comparison_report import page_of_runs
 from palpate_report.group_numbers import GroupRun
-from palpate_report.run_verdict import LEVELS, Level, RunVerdict, TrackVerdict
+from palpate_report.run_verdict import LEVELS, RunVerdict, TrackVerdict
 
 
 def curves_page(path: Path, track: str | None, anonymous: bool, by: str | None, where: str | None) -> str:
@@ -42,6 +42,7 @@ def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
     parameters = {
         name: {
             "value": row.number(name),
+            "verdict": row.cells.get(f"{name}_verdict"),
             "combined": row.number(f"{name}_combined"),
             "systematic": row.systematic(name),
             "unit": folder.units.get(name, ""),
@@ -51,13 +52,13 @@ def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
     }
     verdict = row.verdict if row.usable else "invalid"
     table: dict[str, Any] = {"parameters": parameters, "verdict": verdict, "flags": [], "force_rms": row.number("rms")}
-    level: Level = advice_on(verdict)  # type: ignore[assignment]
+    level = advice_on(verdict)
     judged = RunVerdict(level, (TrackVerdict(row.track, level, _reasons(row, level)),), _reasons(row, level), row.track)
     group = (row.groups.get(by) or "none") if by else "curves"
     return GroupRun(row.curve, group, judged, row.place, {row.track: table} if row.track else {})
 
 
-def _reasons(row: CurveRow, level: Level) -> tuple[str, ...]:
+def _reasons(row: CurveRow, level: str) -> tuple[str, ...]:
     if row.rejected is not None:
         return (f"rejected: {row.rejected}",)
     if row.error or not row.cells:

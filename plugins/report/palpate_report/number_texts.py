@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from palpate_engine import display_unit
+from palpate_engine import display_unit, has_no_number
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
 
@@ -22,13 +22,14 @@ def number_text(value: float, unit: str) -> str:
 
 
 def value_of(found: Mapping[str, Any]) -> str:
-    """A value with its combined standard uncertainty and unit; a dash where there is none.
+    """A value with its combined standard uncertainty and unit; why there is none, or a dash.
 
     >>> value_of({"value": 112836.1, "combined": 1772.7, "unit": "Pa"})
     '112.8 ± 1.8 kPa'
     """
-    if found["value"] is None or found.get("verdict") == "invalid":
-        return "–"
+    word = found.get("verdict") or ""
+    if found["value"] is None or word == "invalid":
+        return word if has_no_number(word) else "–"
     word, factor = display_unit(found["unit"])
     combined = found.get("combined")
     number = value_with_uncertainty(found["value"] * factor, math.nan if combined is None else combined * factor)

@@ -1,4 +1,4 @@
-"""``palpate report``: a run, or many of them, as one page to hand on."""
+"""``palpate report``: a run, or many of them, as one page to share."""
 
 from __future__ import annotations
 

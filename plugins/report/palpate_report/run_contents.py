@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from palpate import BudgetRow, Effect, FitReport, LogError, Unknown
 from palpate_engine import DerivedValue, Result, TrackName, TrackResult, UncertainValue, registry, toml_tables
-from palpate_kit.runs.result_file import read_flags
+from palpate_kit.runs.result_file import estimate_of, read_flags
 from palpate_kit.runs.run_folder import EstimatesTable, RunFolder, TrackTable
 
 _Kind = TypeVar("_Kind")
@@ -155,7 +155,7 @@ def _nan(value: Any) -> float:
 def _value(table: Mapping[str, Any]) -> UncertainValue:
     budget = {key.removeprefix("systematic_"): _nan(v) for key, v in table.items() if key.startswith("systematic_")}
     return UncertainValue(
-        _nan(table["value"]),
+        _nan(estimate_of(table)),
         _nan(table["std"]),
         table["unit"],
         _nan(table["settling"]),
@@ -165,6 +165,7 @@ def _value(table: Mapping[str, Any]) -> UncertainValue:
         table["combined"] is None,
         places=table.get("places", {}),
         last=table.get("last", {}),
+        verdict=table.get("verdict"),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from palpate import ADVICE, FlagMeaning, ReportSection
 from palpate_engine import SEVERITIES, display_unit, function_of, registry
 from palpate_kit.figures import WIDTHS
+from palpate_kit.runs.result_file import estimate_of
 from palpate_kit.runs.skin_grid import read_lumps
 from palpate_kit.terminal.table import Table
 
@@ -39,7 +40,7 @@ def subject_of(record: RunContents, verdict: RunVerdict, track: str | None = Non
 
     Tracks that must not be used are drawn only where there are no others.
     """
-    ranked = [found.track for level in LEVELS for found in verdict.of(level)]
+    ranked = [found.track for level in verdict.levels for found in verdict.of(level)]
     known = [name for name in ranked if name in record.tracks] or list(record.tracks)
     usable = [name for name in known if name not in {found.track for found in verdict.of(LEVELS[2])}] or known
     main = track or (verdict.main if verdict.main in usable else next(iter(usable), None))
@@ -67,7 +68,7 @@ def page_of(record: RunContents, track: str | None = None, anonymous: bool = Fal
         "report.html",
         title=veil.text(record.name) if veil else record.name,
         verdict=verdict,
-        levels=LEVELS,
+        levels=verdict.levels,
         document=document,
         tracks=document.get("tracks", {}),
         record_flags=_record_flags(document),
@@ -117,7 +118,7 @@ def budget_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
     rows = []
     extra: dict[str, dict[str, Any]] = {}
     for name, found in table["parameters"].items():
-        if found["value"] is None:
+        if estimate_of(found) is None:
             return []
         listed = {row["source"].partition(" ")[0].replace("-", "_") for row in table.get("budget", ())}
         for key, share in found.items():

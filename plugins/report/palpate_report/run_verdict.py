@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import Any
 
+from palpate import ADVICE
 from palpate_engine import advice_on
 
 from palpate_report.run_contents import RunContents
 
-Level = Literal["good: trust it", "doubtful: look at it", "invalid: do not use it"]
 _MISFIT = 1.5  # times the least residual of the run's tracks: what leaves more is not shown first
-LEVELS: tuple[Level, ...] = get_args(Level)  # from the best to the worst
+LEVELS = tuple(dict.fromkeys(ADVICE.values()))  # from the best to the worst
+
+
+def levels_of(levels: Iterable[str]) -> list[str]:
+    """Those levels, each once, from the best to the worst; the words of what has no number before the last."""
+    return sorted(set(levels), key=lambda level: (_rank(level), level))
+
+
+def _rank(level: str) -> float:
+    return LEVELS.index(level) if level in LEVELS else len(LEVELS) - 1.5
 
 
 @dataclass(frozen=True)
@@ -21,7 +30,7 @@ class TrackVerdict:
     """What to do with one track, and the reasons."""
 
     track: str
-    level: Level
+    level: str
     reasons: tuple[str, ...] = ()  # codes of the flags that decide, or a sentence
 
 
@@ -29,12 +38,17 @@ class TrackVerdict:
 class RunVerdict:
     """What to do with a run: the best verdict of its tracks, and the verdict on every track."""
 
-    level: Level
+    level: str
     tracks: tuple[TrackVerdict, ...]
     reasons: tuple[str, ...] = ()
     main: str | None = field(default=None)  # the track that is shown first
 
-    def of(self, level: Level) -> list[TrackVerdict]:
+    @property
+    def levels(self) -> list[str]:
+        """The levels of the tracks, from the best to the worst."""
+        return levels_of(track.level for track in self.tracks)
+
+    def of(self, level: str) -> list[TrackVerdict]:
         """The tracks of one level."""
         return [track for track in self.tracks if track.level == level]
 
@@ -54,7 +68,7 @@ def judge(record: RunContents) -> RunVerdict:
     best = min(
         tracks,
         key=lambda track: (
-            LEVELS.index(track.level),
+            _rank(track.level),
             (tables[track.track]["force_rms"] or math.inf) > _MISFIT * least,
             _width(tables[track.track]),
         ),
@@ -64,7 +78,7 @@ def judge(record: RunContents) -> RunVerdict:
 
 def _track(name: str, table: Mapping[str, Any]) -> TrackVerdict:
     worst = table["verdict"]
-    level: Level = advice_on(worst)  # type: ignore[assignment]
+    level = advice_on(worst)
     reasons = tuple(dict.fromkeys(flag["code"] for flag in table["flags"] if flag["severity"] == worst))
     return TrackVerdict(name, level, reasons if level != LEVELS[0] else ())
 

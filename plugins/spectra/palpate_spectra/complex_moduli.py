@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats
-from palpate_kit.runs.uncertainty_sources import sources_of
+from palpate_kit.budget.force_sensitivity import with_change
+from palpate_kit.budget.uncertainty_sources import sources_of
 
 from palpate_spectra.frequency_sweep import pieces
 from palpate_spectra.recorded_oscillation import RecordedOscillation
@@ -189,12 +190,5 @@ def _relative(recorded: RecordedOscillation, fit: LineFit, path: tuple[str, ...]
     angle = 2 * np.pi * (np.arange(64) + 0.5) / 64
     depth = float(fit.level[_DEPTH]) + abs(complex(fit.phasors[0, _DEPTH])) * np.cos(angle)
     before = float(area(recorded.model, depth) @ np.cos(angle))
-    after = float(area(change_settings(recorded.model, path, step), depth) @ np.cos(angle))
+    after = float(area(with_change(recorded.model, path, step), depth) @ np.cos(angle))
     return (before / after - 1.0) / step if after else 0.0
-
-
-def change_settings(part: Any, path: tuple[str, ...], change: float) -> Any:
-    """Settings with a number among their keys changed by so much; not validated, for derivatives."""
-    name, *rest = path
-    inner = getattr(part, name)
-    return part.model_copy(update={name: change_settings(inner, tuple(rest), change) if rest else inner + change})

@@ -10,7 +10,7 @@ from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_spectra.complex_moduli import ModulusLine, RecordingModuli
 from palpate_spectra.consistency import Consistency, unexplained_harmonics
-from palpate_spectra.material_laws import LawFit, several_frequencies, supported_laws
+from palpate_spectra.law_fits import LawFit, several_frequencies, supported_laws
 
 _FAR = 3.0  # standard uncertainties of a delay
 

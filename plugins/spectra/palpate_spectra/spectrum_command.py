@@ -22,7 +22,7 @@ from palpate_spectra.command_options import SurfaceOption, height_of, quantities
 from palpate_spectra.complex_moduli import ModulusLine, RecordingModuli, answer
 from palpate_spectra.consistency import Consistency, harmonics, kramers_kronig
 from palpate_spectra.flags import flags_of, sentence, values_of
-from palpate_spectra.material_laws import LawFit, law_fits
+from palpate_spectra.law_fits import LawFit, law_fits
 from palpate_spectra.recorded_oscillation import read_oscillation
 from palpate_spectra.spectrum_figure import draw
 

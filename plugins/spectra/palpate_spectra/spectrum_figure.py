@@ -9,7 +9,7 @@ import numpy as np
 from palpate_kit.figures import figure_of, legend_outside, save_figure, style
 
 from palpate_spectra.complex_moduli import ModulusLine
-from palpate_spectra.material_laws import LawFit, supported_laws
+from palpate_spectra.law_fits import LawFit, supported_laws
 
 
 @style()
@@ -27,7 +27,7 @@ def draw(lines: Sequence[ModulusLine], fits: Sequence[LawFit], path: Path) -> No
     span = np.geomspace(f.min() / 1.2, f.max() * 1.2, 200)
     for fit, dashes in zip(supported_laws(fits), ("-", "--", ":")):
         late = np.exp(-2j * np.pi * span * fit.delay)
-        model = fit.law.shear(2 * np.pi * span, fit.values, lines[0].poisson) * late / 1e3
+        model = fit.law.shear_modulus(2 * np.pi * span, fit.values, lines[0].poisson) * late / 1e3
         moduli.plot(span, model.real, dashes, color="C0", linewidth=0.8, label=fit.law.name)
         moduli.plot(span, model.imag, dashes, color="C1", linewidth=0.8)
         ratio.plot(span, model.imag / model.real, dashes, color="C2", linewidth=0.8)

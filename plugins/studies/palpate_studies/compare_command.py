@@ -18,11 +18,10 @@ from palpate_kit.jobs.job import Job
 from palpate_kit.logs.draft_pipeline import pipeline_of, rate_note, suggestion_of
 from palpate_kit.runs.replay_source import added_table, read_run_log, replay_source, with_other_channels
 from palpate_kit.runs.run_folder import RunFolder
-from palpate_kit.terminal.flag_summary import doubt_lines
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, JsonOption, Overrides, Points
 from palpate_kit.terminal.progress import progress, report_progress
-from palpate_kit.terminal.result_summary import flag_lines
+from palpate_kit.terminal.result_summary import flag_lines, lines_below
 from palpate_kit.terminal.table import console
 
 from palpate_studies import comparison_table
@@ -107,8 +106,7 @@ def _tell(result: Result, refused: Mapping[str, str], reference: str | None, det
     terminal = console(120) if details else console()
     for shown in comparison_table.tables(result, refused, details):
         terminal.print(shown if isinstance(shown, str) else shown.view(), highlight=False)
-    flags = {label: [*result.flags, *track.flags] for label, track in result.tracks.items()}
-    for line in flag_lines(result.flags, result.tracks) if details else doubt_lines(flags):
+    for line in flag_lines(result.flags, result.tracks) if details else lines_below(result):
         terminal.print(line, style="yellow", markup=False, highlight=False)
     if reference is not None:
         terminal.print(_differences(result, reference))

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from itertools import groupby
 from typing import Any
 
-from palpate_engine import Result, TrackResult, UncertainValue, display_unit, verdict_rank, verdict_word
+from palpate_engine import Result, TrackResult, UncertainValue, display_unit, has_no_number, verdict_rank, verdict_word
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 from palpate_kit.runs.run_folder import TrackTable
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
@@ -72,7 +72,8 @@ def csv_text(result: Result, refused: Mapping[str, str]) -> str:
     for track in result.tracks.values():
         codes = " ".join(dict.fromkeys(flag.code for flag in track.flags))
         for name, found in track.parameters.items():
-            numbers = [_number(value) for value in (found.value, found.std, found.combined, result.truth.get(name))]
+            value = None if has_no_number(found.verdict or "") else found.value
+            numbers = [_number(number) for number in (value, found.std, found.combined, result.truth.get(name))]
             writer.writerow([track.model, track.estimator, track.verdict, name, found.unit, *numbers, codes])
     for name, why in refused.items():
         model, _, estimator = name.partition("/")

@@ -111,7 +111,7 @@ def perform(
     except UserError:
         typer.echo(f"{len(done)} of {len(planned)} palpations are whole, in {folder}", err=True)
         raise
-    typer.echo(f"to hand on: palpate report {folder}/*", err=True)
+    typer.echo(f"to share it: palpate report {folder}/*", err=True)
     return done
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, Settings
-from palpate_engine import bounded_text, toml_tables
-from pydantic import Field, ValidationError
+from palpate_kit.runs.toml_file import read_settings
+from pydantic import Field
 
 from palpate_surfaces.pose import UncertainPose
 
@@ -49,20 +48,11 @@ class Registration(Settings):
 
 def read_registration(path: Path, mesh: str) -> Registration:
     """The registration of the mesh with a digest; raises ConfigurationError for what is none, or another mesh's."""
-    try:
-        registration = Registration.model_validate(toml_tables(bounded_text(path)))
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot read the registration: {error.strerror}") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigurationError(f"{path}: not a registration, which is TOML: {error}") from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(step) for step in first["loc"])
-        raise ConfigurationError(f"{path}: not a registration: {where}: {first['msg']}") from error
+    registration = read_settings(path, Registration, "registration")
     covariance = registration.pose.covariance
     numbers = np.concatenate([registration.pose.rotation, registration.pose.translation, covariance.ravel()])
     if not np.isfinite(numbers).all() or np.linalg.eigvalsh((covariance + covariance.T) / 2)[0] <= 0:
-        raise ConfigurationError(f"{path}: not a registration: its pose or covariance is not one of finite numbers")
+        raise ConfigurationError(f"{path}: is no registration: its pose or covariance is not one of finite numbers")
     if registration.mesh != mesh:
         raise ConfigurationError(f"{path}: it registers another mesh; touch this one and register it anew")
     return registration

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from palpate import ContactModel, Diagnosed, Floats, Indenter, TrackEnd, TrackEvidence
 from palpate_engine import numbers_of
+from palpate_kit.budget.force_sensitivity import Along, along, with_change
 
 from palpate_uncertainty.delay.timing_shift import is_viscous
-from palpate_uncertainty.force_sensitivity import Along, along, with_change
 from palpate_uncertainty.refit import depths_in_contact
 from palpate_uncertainty.undeclared_thickness import half_space_from
 from palpate_uncertainty.whiteness import oscillation

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from palpate import ConfigurationError, suggest
 from palpate_engine import RESULT, display_unit
-from palpate_kit.runs.result_file import open_table
+from palpate_kit.runs.result_file import estimate_of, open_table
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.options import DetailsOption, FormatOption, JsonOption
 from palpate_kit.terminal.progress import progress, report_progress
@@ -109,7 +109,7 @@ def _shares(name: str, found: Mapping[str, Any]) -> Table:
     ]
     cells.append(["combined", "", "", *(_percent(_share(value)) for value in parameters.values())])
     shown = [
-        f"{parameter} {'?' if value['value'] is None else _shown(value['value'], value['unit'])}"
+        f"{parameter} {'?' if (number := estimate_of(value)) is None else _shown(number, value['unit'])}"
         for parameter, value in parameters.items()
     ]
     return Table.of(f"{name}: {', '.join(shown)}", ["source", "u", "unit", *heads], cells, ["source", "unit"])
@@ -129,9 +129,9 @@ def _largest(effects: Iterable[Mapping[str, Any] | None]) -> float:
 
 
 def _share(value: Mapping[str, Any]) -> float | None:
-    if value["combined"] is None or not value["value"]:
+    if value["combined"] is None or not (number := estimate_of(value)):
         return None
-    return 100 * float(value["combined"]) / abs(float(value["value"]))
+    return 100 * float(value["combined"]) / abs(number)
 
 
 def _percent(share: float | None) -> str:
@@ -147,7 +147,7 @@ def _view(name: str, found: Mapping[str, Any]) -> Any:
     table.add_column("source")
     table.add_column("u", justify="right")
     for parameter, value in parameters.items():
-        shown = "?" if value["value"] is None else _shown(value["value"], value["unit"])
+        shown = "?" if (number := estimate_of(value)) is None else _shown(number, value["unit"])
         table.add_column(f"{parameter}\n{shown}", justify="right")
     for row in found["budget"]:
         std = "" if row["std"] is None else _shown(row["std"], row["unit"])
@@ -191,9 +191,9 @@ def _cell(effect: Mapping[str, Any] | None, unit: str) -> str:
 
 
 def _combined(value: Mapping[str, Any]) -> str:
-    if value["combined"] is None or not value["value"]:
+    if value["combined"] is None or not (number := estimate_of(value)):
         return "?"
-    return f"{_shown(value['combined'], value['unit'])} ({100 * value['combined'] / abs(value['value']):.2g} %)"
+    return f"{_shown(value['combined'], value['unit'])} ({100 * value['combined'] / abs(number):.2g} %)"
 
 
 def _shown(value: float, unit: str) -> str:

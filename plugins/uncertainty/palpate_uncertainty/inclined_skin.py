@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from palpate import Bias, Diagnosed, Flag, Floats, Indenter, TrackEnd, TrackEvidence
 from palpate_engine import SidewaysShare
-from palpate_kit.runs.uncertainty_sources import sources_of
+from palpate_kit.budget.uncertainty_sources import sources_of
 
 from palpate_uncertainty.refit import depths_in_contact
 

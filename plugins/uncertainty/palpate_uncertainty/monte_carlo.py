@@ -15,13 +15,12 @@ from typing import Any
 import numpy as np
 from palpate import ConfigurationError, ContactModel, Estimator, Floats, Problem, Samples, Settings
 from palpate_engine import RESULT, Pipeline, build_pipeline, run_pipeline
+from palpate_kit.budget.systematic_terms import weight_per_mass
 from palpate_kit.runs.replay_source import read_run_log, replay_source
-from palpate_kit.runs.result_file import open_table
+from palpate_kit.runs.result_file import estimate_of, open_table
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.runs.sample_observer import SampleObserver
 from palpate_kit.terminal.progress import progress, report_progress
-
-from palpate_uncertainty.uncertainty_budget import weight_per_mass
 
 _UNDECLARED = " (not declared)"
 _HALF_WIDTH = math.sqrt(3)  # of a rectangular distribution, in standard deviations
@@ -71,7 +70,7 @@ class PropagatedDraws:
         for i, (name, parameter) in enumerate(self.parameters.items()):
             low, high = np.quantile(whole[:, i], [0.025, 0.975]).tolist()
             found[name] = {
-                "value": parameter["value"], "combined": parameter["combined"], "mean": float(whole[:, i].mean()),
+                "value": estimate_of(parameter), "combined": parameter["combined"], "mean": float(whole[:, i].mean()),
                 "std": float(whole[:, i].std(ddof=1)), "low": low, "high": high,
             }  # fmt: skip
         return found

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Condition, Diagnosed, Floats, Indenter, TrackEnd, TrackEvidence
 from palpate_engine import words_that_state
+from palpate_kit.budget.force_sensitivity import Along, along
 
 from palpate_uncertainty.delay.commanded_motion import position_noise, share_of_command
 from palpate_uncertainty.delay.one_frequency import one_frequency_text
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
-from palpate_uncertainty.force_sensitivity import Along, along
 from palpate_uncertainty.refit import depths_in_contact
 from palpate_uncertainty.residual_null import air_readings
 from palpate_uncertainty.undeclared_thickness import half_space_from, stiffer_by

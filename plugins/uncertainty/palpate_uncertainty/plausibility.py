@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 
 import numpy as np
 from palpate import ContactModel, Diagnosed, Flag, Floats, Indenter, Tail, TrackEnd, TrackEvidence, contact_force
+from palpate_kit.budget.force_sensitivity import along
+from palpate_kit.budget.influence import answer
 
-from palpate_uncertainty.force_sensitivity import along
-from palpate_uncertainty.influence import answer
 from palpate_uncertainty.information_bound import bounds_at_best, correlation, slope_by_chance, steady, white_noise
 
 _STILL_MOVING = 0.02  # of a value: slope times time tracked

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from palpate import ContactModel, Diagnosed, Flag, Floats, TrackEnd, TrackEvidence
+from palpate_kit.budget.force_sensitivity import Along, along
+from palpate_kit.budget.influence import effects_by_name
+from palpate_kit.budget.systematic_terms import per_newton
 
 from palpate_uncertainty.delay.timing_shift import delay_shifts
-from palpate_uncertainty.force_sensitivity import Along, along
-from palpate_uncertainty.influence import effects_by_name
-from palpate_uncertainty.uncertainty_budget import per_newton
 
 _LATE = 1e-3  # [s] of the velocity against the position
 _LEAST, _MOST = 0.6, 1.5  # of the velocity in parts of what the position changes by; noise and delay explain less

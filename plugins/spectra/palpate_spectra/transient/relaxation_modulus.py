@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from palpate import Floats
-from palpate_kit.runs.uncertainty_sources import sources_of
+from palpate_kit.budget.force_sensitivity import with_change
+from palpate_kit.budget.uncertainty_sources import sources_of
 
-from palpate_spectra.complex_moduli import area, change_settings, poisson_of
+from palpate_spectra.complex_moduli import area, poisson_of
 from palpate_spectra.transient.conversion import relaxation_of_creep
 from palpate_spectra.transient.hereditary_integrals import Bins, logarithmic
 from palpate_spectra.transient.recorded_press import RecordedPress
@@ -158,7 +159,7 @@ def _scales(curve: ModulusCurve) -> dict[str, float]:
             found[source.name] = 2.0 * nu * source.std / (1.0 - nu**2)
         elif source.path:
             step = _STEP * (abs(source.value) or 1.0)
-            there = float(area(change_settings(pressed.model, source.path, step), depth)[0])
+            there = float(area(with_change(pressed.model, source.path, step), depth)[0])
             found[source.name] = (here / there - 1.0) / step * source.std
         elif source.name == "force_scale":
             found[source.name] = source.std

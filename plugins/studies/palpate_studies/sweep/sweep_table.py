@@ -13,7 +13,7 @@ from typing import Any
 from palpate import Flag, PalpateError
 from palpate_engine import display_unit, verdict_rank, verdict_word, whole_file, write_whole
 from palpate_kit.jobs.job import Outcome
-from palpate_kit.terminal.flag_summary import doubt_lines
+from palpate_kit.terminal.flag_summary import summary_lines
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table
 
@@ -102,7 +102,7 @@ def sweep_doubt_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
     flags: dict[str, list[Flag]] = {}
     for row in rows:
         flags.setdefault(str(row["combination"]), []).extend(map(Flag.of_table, row.get("flags", ())))
-    return doubt_lines(flags)
+    return summary_lines(flags)
 
 
 def _short(key: str, others: Sequence[str]) -> str:

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from palpate import Diagnosed, Flag, TrackEvidence
+from palpate_kit.budget.force_sensitivity import along
 
 from palpate_uncertainty.delay.passivity import force_lateness
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
-from palpate_uncertainty.force_sensitivity import along
 
 
 def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from palpate import Diagnosed, TrackEvidence
+from palpate_kit.budget.force_sensitivity import along
 
 from palpate_uncertainty.delay.delay_from_motion import one_line
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
-from palpate_uncertainty.force_sensitivity import along
 from palpate_uncertainty.whiteness import oscillation
 
 FADING = 0.1  # of the stiffness

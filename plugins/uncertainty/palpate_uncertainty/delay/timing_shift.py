@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from palpate import ContactModel, Floats, Parameter
-
-from palpate_uncertainty.force_sensitivity import Along
+from palpate_kit.budget.force_sensitivity import Along
 
 
 def delay_shifts(model: ContactModel, found: Along | None, values: Floats) -> Floats:

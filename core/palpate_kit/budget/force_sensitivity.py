@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate import ContactModel, Floats, Tail, contact_force, force_over_time
 from palpate_engine import acceleration, force_slopes
 
-from palpate_uncertainty.influence import influence
+from palpate_kit.budget.influence import influence
 
 _STEP = 1e-4  # of a number, for derivatives by differences
 _SURFACE_STEP = 1e-6  # [m]
@@ -23,9 +23,31 @@ _MOST = 6000  # samples of a model that remembers
 _latest: WeakKeyDictionary[Tail, tuple[ContactModel, Floats, Along | None]] = WeakKeyDictionary()
 
 
+class ForceSensitivity(Protocol):
+    """How the values that are found in a record answer to what its force is made of, (n,) each."""
+
+    @property
+    def force(self) -> Floats:
+        """Force [N]."""
+        ...
+
+    @property
+    def stretched(self) -> Floats | None:
+        """Change of the force [N] per unit of the scale of heights; None where it is not known."""
+        ...
+
+    def by_number(self, path: tuple[str, ...], value: float, wide: float = 0.0) -> Floats:
+        """Derivative of the force by a number among the model's keys; over a `wide` step upwards, if given."""
+        ...
+
+    def shifts(self, error: Floats) -> Floats | None:
+        """Shift (k,) of the values by an error (n,) of the force [N]; None where they are indistinct."""
+        ...
+
+
 @dataclass(frozen=True)
 class Along:
-    """Everything is (n,), at the samples in contact whose motion is known."""
+    """A `ForceSensitivity` along samples: everything is (n,), at those in contact whose motion is known."""
 
     model: ContactModel
     values: Floats  # (k,)
@@ -61,11 +83,16 @@ class Along:
     def _influence(self) -> Callable[[Floats], Floats] | None:
         return influence(self.jacobian)
 
+    def shifts(self, error: Floats) -> Floats | None:
+        """Shift (k,) of the parameters by an error (n,) of the force [N]; None where indistinct from the surface."""
+        found = self.answer(error)
+        return None if found is None else found[:-1]
+
     def by_number(self, path: tuple[str, ...], value: float, wide: float = 0.0) -> Floats:
         """Derivative (n,) of the force by a number among the model's keys; over a `wide` step upwards, if given."""
         if wide:
             return np.asarray((self._force(with_change(self.model, path, wide)) - self._force(self.model)) / wide)
-        step = _STEP * (abs(value) or 1.0)
+        step = number_step(value)
         up, down = (self._force(with_change(self.model, path, side * step)) for side in (1.0, -1.0))
         return np.asarray((up - down) / (2 * step))
 
@@ -99,24 +126,41 @@ def along(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> Along 
 
 
 def _instantaneous(model: ContactModel, last: Tail, values: Floats) -> Along | None:
-    second = acceleration(last.time, last.velocity)
-    depth, rate = float(last.surface.mean()) - last.position, -last.velocity
-    rows = np.isfinite(depth) & np.isfinite(rate) & np.isfinite(second) & (depth > 0)
-    if not rows.any():
+    depth, second = float(last.surface.mean()) - last.position, acceleration(last.time, last.velocity)
+    return at_samples(model, (last.time, depth, -last.velocity, second), values)
+
+
+def at_samples(
+    model: ContactModel, motion: tuple[Floats, Floats, Floats, Floats], values: Floats, *, air: bool = False
+) -> Along | None:
+    """A model without memory along a motion: time [s], depth [m], its rate [m/s] and z'' [m/s^2], (n,) each.
+
+    None where nothing of it is in contact. What is in the air is left out, or with `air` has no force.
+    """
+    time, depth, rate, second = motion
+    inside = np.isfinite(depth) & np.isfinite(rate) & np.isfinite(second) & (depth > 0)
+    if not inside.any():
         return None
-    force, by_parameter, by_depth, by_rate = force_slopes(model, depth[rows], rate[rows], values.tolist())
-    change = by_depth * rate[rows] - by_rate * second[rows]
+    rows = np.ones(len(depth), bool) if air else inside
+
+    def filled(column: Floats) -> Floats:
+        whole = np.zeros((len(depth), *column.shape[1:]))
+        whole[inside] = column
+        return np.asarray(whole[rows])
+
+    force, by_parameter, by_depth, by_rate = force_slopes(model, depth[inside], rate[inside], values.tolist())
+    change = by_depth * rate[inside] - by_rate * second[inside]
     return Along(
         model,
         values,
-        np.column_stack([by_parameter, by_depth]),
-        force,
-        change,
+        filled(np.column_stack([by_parameter, by_depth])),
+        filled(force),
+        filled(change),
         second[rows],
-        by_depth * force + by_rate * change,
-        by_depth * depth[rows] + by_rate * rate[rows],
-        by_rate,
-        (last.time, depth, rate, rows),
+        filled(by_depth * force + by_rate * change),
+        filled(by_depth * depth[inside] + by_rate * rate[inside]),
+        filled(by_rate),
+        (time, depth, rate, rows),
     )
 
 
@@ -146,6 +190,11 @@ def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> 
     return Along(
         model, values, jacobian, whole[rows], change, second[rows], None, None, None, (time, depth, rate, rows)
     )
+
+
+def number_step(value: float) -> float:
+    """By how much a number is changed for a derivative by differences."""
+    return _STEP * (abs(value) or 1.0)
 
 
 def with_change(part: Any, path: tuple[str, ...], change: float) -> Any:

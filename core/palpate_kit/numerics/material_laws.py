@@ -38,6 +38,15 @@ class LinearLaw:
         s = (2j * np.pi * frequency).astype(np.complex128)
         return np.asarray(self.modulus(s, values, poisson), np.complex128)
 
+    def shear_modulus(self, omega: Floats, values: Sequence[float] | Floats, poisson: float) -> Complexes:
+        """G' + i G'' (n,) [Pa] at angular frequencies (n,) [rad/s]."""
+        return self.complex_modulus(omega / (2.0 * np.pi), list(values), poisson) / (2.0 * (1.0 + poisson))
+
+    @property
+    def uppers(self) -> tuple[float, ...]:
+        """Upper bounds of all parameters."""
+        return (*self.upper, *[math.inf] * (len(self.parameters) - len(self.upper)))
+
     def relaxation(self, time: Floats, values: Sequence[float], poisson: float) -> Floats:
         """E(t) (n,) [Pa] at times (n,) [s] after a step of the strain: the inverse Laplace transform of E*(s)/s."""
         return inverse_laplace(lambda s: self.modulus(s, values, poisson) / s, time)

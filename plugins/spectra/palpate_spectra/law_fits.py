@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
+from palpate_kit.numerics.material_laws import LAWS as ALL_LAWS, LinearLaw
 
 from palpate_spectra.complex_moduli import ModulusLine
 from palpate_spectra.joint_covariance import Attempt, RecordingScatter, fit_jointly, stack, stack_moduli
-from palpate_spectra.spectral_lines import Phasors
 
-_REFERENCE = 2 * math.pi  # [rad/s] at which a power law's modulus is given: 1 Hz
+LAWS = tuple(law for law in ALL_LAWS if law.name in ("kelvin-voigt", "power-law", "standard-linear-solid"))
 _SEARCHED = 2  # covariances under which every start is tried
 _PROBE, _STEP = 1e-6, 1e-4  # for derivatives by the delay [s], and by a parameter as a share of its first guess
 _APART = 1.05  # ratio of frequencies
@@ -22,22 +22,10 @@ _MOST = 0.2  # [s] of delay, and less than half a period of the highest line
 
 
 @dataclass(frozen=True)
-class MaterialLaw:
-    """How a material's shear modulus goes with frequency, in words of Young's modulus."""
-
-    name: str
-    formula: str
-    parameters: tuple[tuple[str, str], ...]  # name and SI unit
-    shear: Callable[[Floats, Floats, float], Phasors]  # of w (n,) [rad/s], parameters, Poisson's ratio
-    starts: Callable[[Floats, Phasors, float], list[list[float]]]  # from w and G*
-    upper: tuple[float, ...]
-
-
-@dataclass(frozen=True)
 class LawFit:
     """A law and a delay that describe lines best."""
 
-    law: MaterialLaw
+    law: LinearLaw
     delay: float  # [s] of the force, beyond what is declared
     delay_std: float  # [s]; NaN where it is the declared one
     values: Floats
@@ -53,50 +41,6 @@ class LawFit:
         from scipy.stats import chi2
 
         return float(chi2.sf(self.chi2, self.freedom)) if self.freedom > 0 else math.nan
-
-
-def _per(nu: float) -> float:
-    return 1.0 / (2.0 * (1.0 + nu))
-
-
-def _solid(omega: Floats, p: Floats, nu: float) -> Phasors:
-    return np.asarray(_per(nu) * p[0] + 1j * omega * p[1])
-
-
-def _power(omega: Floats, p: Floats, nu: float) -> Phasors:
-    return np.asarray(_per(nu) * p[0] * (1j * omega / _REFERENCE) ** p[1])
-
-
-def _branch(omega: Floats, p: Floats, nu: float) -> Phasors:
-    turned = 1j * omega * p[2]
-    return np.asarray(_per(nu) * (p[0] + p[1] * turned / (1 + turned)))
-
-
-def _level(g: Phasors, nu: float) -> float:
-    return float(np.median(np.abs(g))) / _per(nu)
-
-
-LAWS = (
-    MaterialLaw(
-        "Kelvin-Voigt", "G* = G + i w eta", (("elasticity", "Pa"), ("viscosity", "Pa*s")), _solid,
-        lambda w, g, nu: [[_level(g, nu), max(float(np.median(g.imag / w)), 1e-3 * _level(g, nu) / float(w.max()))]],
-        (math.inf, math.inf),
-    ),
-    MaterialLaw(
-        "power law", "E* = E_1 (i f/1 Hz)^alpha", (("elasticity_1Hz", "Pa"), ("alpha", "1")), _power,
-        lambda w, g, nu: [[_level(g, nu), alpha] for alpha in (0.02, 0.1, 0.3)],
-        (math.inf, 1.0),
-    ),
-    MaterialLaw(
-        "one branch", "E* = E + E_1 i w tau/(1 + i w tau)",
-        (("elasticity", "Pa"), ("relaxing_elasticity", "Pa"), ("relaxation_time", "s")), _branch,
-        lambda w, g, nu: [
-            [_level(g, nu), 0.3 * _level(g, nu), 1 / at]
-            for at in (float(w.min()), float(np.sqrt(w.min() * w.max())), float(w.max()))
-        ],
-        (math.inf, math.inf, math.inf),
-    ),
-)  # fmt: skip
 
 
 def several_frequencies(lines: Sequence[ModulusLine]) -> bool:
@@ -118,15 +62,16 @@ def law_fits(lines: Sequence[ModulusLine]) -> list[LawFit]:
     return [one for one in found if one is not None]
 
 
-def fit_law(law: MaterialLaw, lines: Sequence[ModulusLine]) -> LawFit | None:
+def fit_law(law: LinearLaw, lines: Sequence[ModulusLine]) -> LawFit | None:
     """One law, and a delay where there are several frequencies; None where it is not finite anywhere."""
     omega, moduli = 2 * np.pi * np.array([line.frequency for line in lines]), np.array([line.shear for line in lines])
     nu, count, free = lines[0].poisson, len(law.parameters), several_frequencies(lines)
     longest = min(_MOST, math.pi / float(omega.max())) if free else 0.0
-    starts = [np.array([*np.log(start), *([0.0] if free else [])]) for start in law.starts(omega, moduli, nu)]
+    level = 2.0 * (1.0 + nu) * float(np.median(np.abs(moduli)))
+    starts = [np.array([*np.log(start), *([0.0] if free else [])]) for start in law.starts(level, 1.0 / omega)]
 
     def error(x: Floats) -> Floats:
-        return stack_moduli(lines, float(x[-1]) * longest) - stack(law.shear(omega, np.exp(x[:count]), nu))
+        return stack_moduli(lines, float(x[-1]) * longest) - stack(law.shear_modulus(omega, np.exp(x[:count]), nu))
 
     best: Any = None
 
@@ -135,7 +80,7 @@ def fit_law(law: MaterialLaw, lines: Sequence[ModulusLine]) -> LawFit | None:
         white = np.linalg.inv(half)
         tried = [*([] if best is None else [best.x]), *(starts if rounds < _SEARCHED else [])]
         best = min((_least(law, lambda x: white @ error(x), x) for x in tried), key=lambda one: float(one.cost))
-        return Attempt(error(best.x), -half @ best.jac, law.shear(omega, np.exp(best.x[:count]), nu))
+        return Attempt(error(best.x), -half @ best.jac, law.shear_modulus(omega, np.exp(best.x[:count]), nu))
 
     try:
         joint = fit_jointly(lines, attempt, without=["timing"] if free else [])
@@ -152,24 +97,27 @@ def fit_law(law: MaterialLaw, lines: Sequence[ModulusLine]) -> LawFit | None:
     )  # fmt: skip
 
 
-def _slopes(
-    law: MaterialLaw, lines: Sequence[ModulusLine], values: Floats, scale: Floats, delay: float | None
-) -> Floats:
+def _slopes(law: LinearLaw, lines: Sequence[ModulusLine], values: Floats, scale: Floats, delay: float | None) -> Floats:
     """Derivatives (2 n, p) of the moduli by the parameters, and by the delay unless that is not free."""
     omega, nu = 2 * np.pi * np.array([line.frequency for line in lines]), lines[0].poisson
-    here = stack(law.shear(omega, values, nu))
-    found = [(stack(law.shear(omega, values + step, nu)) - here) / step.sum() for step in np.diag(_STEP * scale)]
+    here = stack(law.shear_modulus(omega, values, nu))
+    found = [
+        (stack(law.shear_modulus(omega, values + step, nu)) - here) / step.sum() for step in np.diag(_STEP * scale)
+    ]
     if delay is not None:
         found.append((stack_moduli(lines, delay - _PROBE) - stack_moduli(lines, delay + _PROBE)) / (2 * _PROBE))
     return np.column_stack(found)
 
 
-def _least(law: MaterialLaw, left: Callable[[Floats], Floats], start: Floats) -> Any:
+def _least(law: LinearLaw, left: Callable[[Floats], Floats], start: Floats) -> Any:
     """Least squares over logarithms of the parameters and, if it is free, the delay as a share of the longest."""
     from scipy.optimize import least_squares
 
     free = len(start) - len(law.parameters)
-    bounds = ([-80.0] * len(law.parameters) + [-1.0] * free, [min(math.log(u), 80.0) for u in law.upper] + [1.0] * free)
+    bounds = (
+        [-80.0] * len(law.parameters) + [-1.0] * free,
+        [min(math.log(u), 80.0) for u in law.uppers] + [1.0] * free,
+    )
     return least_squares(left, start, bounds=bounds, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
 
 

@@ -29,6 +29,20 @@ class UncertaintySource:
     declared: bool
 
 
+def declared_source(model: ContactModel, name: str, value: Any, others: Mapping[str, str]) -> UncertaintySource:
+    """A declared source of a model or its readings, or of `others` with their units; raises ValueError for none."""
+    units = {**READINGS, **others}
+    numbers = {key: one for one in reversed(numbers_of(model)) for key in (one[0][-1], ".".join(one[0]))}
+    if name not in units and name not in numbers:
+        allowed = ", ".join([*units, *(".".join(path) for path, _, _ in numbers_of(model))])
+        raise ValueError(f"{name!r} is no number of {type(model).__name__} or its tip; there are: {allowed}")
+    path, number, unit = ((), 1.0, units[name]) if name in units else numbers[name]
+    try:
+        return UncertaintySource(name, path, number, declared_std(value, unit), unit, True)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error
+
+
 def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[UncertaintySource, ...]:
     """Every source that concerns a model; raises ValueError for a value that is none.
 

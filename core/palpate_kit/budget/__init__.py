@@ -1,0 +1,1 @@
+"""The budget of uncertainty: what is not exactly known, and what it does to the values of a record."""

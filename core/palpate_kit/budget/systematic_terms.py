@@ -1,0 +1,151 @@
+"""What is declared of a record, or has a default, and what it does to each value: terms of a budget after the GUM."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Iterator, Sequence
+
+import numpy as np
+from palpate import ContactModel, Floats, Term
+from palpate_engine import GRAVITY, AlignmentReport, AlignmentSettings
+
+from palpate_kit.budget.force_sensitivity import Along, ForceSensitivity
+from palpate_kit.budget.uncertainty_sources import UncertaintySource
+
+_MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
+
+
+def systematic_terms(
+    found: Along | None,
+    shifts: Floats,
+    timing: float | None,
+    settings: AlignmentSettings,
+    report: AlignmentReport | None,
+    sources: Sequence[UncertaintySource] = (),
+    included: Container[str] = (),
+) -> list[Term]:
+    """The terms of everything that is declared, or has a default; what an estimator has `included` is left out, and
+    without a `report` of the alignment what only that tells: tare, and directions of a tool that turns.
+
+    Timing: dtheta/dtau u(tau), by `shifts` (k,) of `delay_shifts`. All others: a small error f(t) of the force shifts
+    the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last
+    samples. Mass: f = -u(m) z'' (and the weight, where it was removed); tare: f = u; force_scale: f = u F; a number of
+    the model: f = -dF/dp u, of an inclination t, which has no derivative at 0, f = F(t) - F(t + u); position_scale:
+    f = -(dF/dd d + dF/dd' d') u. Compliance: a robot of stiffness k gives way by F/k, so that the depth is F/k less
+    than it seems, f = -(dF/dd F + dF/dd' F')/k; it is not corrected, and all of the shift counts.
+    """
+    terms = []
+    if timing is not None and shifts.any() and "timing" not in included:
+        terms.append(Term("timing", timing, "s", shifts * timing))
+    if found is None:
+        return terms
+    terms += [term for term in _of_readings(found, settings, report) if term.cause not in included]
+    return [*terms, *source_terms(found, [source for source in sources if source.name not in included])]
+
+
+def source_terms(found: ForceSensitivity, sources: Sequence[UncertaintySource]) -> Iterator[Term]:
+    """The terms of the model's numbers and of the scales of force and height."""
+    for source in sources:
+        change = _change(found, source)
+        if change is not None:
+            yield from _term(found, source.name, source.std, source.unit, change * source.std, source.declared)
+
+
+def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentReport | None) -> list[Term]:
+    terms: list[Term] = []
+    turned = report.turned if report is not None else None
+    if settings.tip_mass is not None:
+        mass, declared = settings.tip_mass_uncertainty, settings.tip_mass_uncertainty is not None
+        std = mass if mass is not None else _MASS * settings.tip_mass
+        weight = weight_per_mass(settings, turned.along if turned else 0.0, turned.weight if turned else 0.0)
+        terms += _term(found, "mass", std, "kg", std * (weight - found.acceleration), declared)
+    if report is not None:
+        terms += _of_directions(found, settings, report)
+        terms += _of_curvature(found, settings, report)
+    tare = report.tare.offset_std if report is not None and report.tare else None
+    if tare is not None:
+        terms += _term(found, "tare", float(tare), "N", np.full(len(found.force), tare))
+    if settings.series_stiffness is not None and found.given_way is not None:
+        stiffness = settings.series_stiffness
+        terms += _term(found, "compliance", 1.0 / stiffness, "m/N", -found.given_way / stiffness)
+    return terms
+
+
+def weight_per_mass(settings: AlignmentSettings, along: float, weight: float) -> float:
+    """Error of the force per error of the mass [N/kg] by the weight, where that is subtracted.
+
+    Of a tool that turns: by its `weight` [N] along the normal, or by how much more `along` it there is than in the air
+    that gave the tare.
+    """
+    if settings.weight == "removed":
+        return GRAVITY
+    if settings.weight == "tared" or not settings.tip_mass:
+        return 0.0
+    return -(along if settings.tare == "free-air" else weight) / settings.tip_mass
+
+
+def _of_directions(found: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
+    """The terms of the sensor's mounting and of the skin's normal, each known to an angle u.
+
+    A mounting that is off turns the weight's change W since the tare and the share s of the force F across the normal:
+    f = u (W + s F). A normal that is off does the latter, and is an inclination: f = u s F + (1 - cos(u)^2.5) F.
+    """
+    share = report.sideways.size if report.sideways is not None else 0.0
+    turn = report.turned.turn if report.turned is not None else 0.0
+    for name, (angle, declared) in settings.orientation_uncertainties.items():
+        own = angle * turn if name == "mounting" else (1.0 - math.cos(angle) ** 2.5) * found.force
+        yield from _term(found, name, angle, "rad", angle * share * found.force + own, declared)
+
+
+def _of_curvature(found: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
+    """The term of the skin's curvature k, by its surface.
+
+    Where the track's forces were divided by the share s(k) of a curved skin: f = (s(k + u)/s(k) - 1) F, and the inertia
+    that was divided with them, (1/s - 1) m z''. Where the model has the skin as flat all of the shift counts.
+    """
+    turned = report.turned
+    if turned is None or not turned.curvature:
+        return
+    pairs = np.array([[turned.curvature] * 2, [turned.curvature + turned.curvature_std] * 2])
+    shares = found.model.curved_share(pairs, np.full(2, float(found.depth.mean())))
+    if shares is not None and np.isfinite(shares).all():
+        inertia = (1.0 / shares[0] - 1.0) * (settings.tip_mass or 0.0) * found.acceleration
+        error = (shares[1] / shares[0] - 1.0) * found.force + inertia
+        yield from _term(found, "curvature", turned.curvature_std, "1/m", error)
+    elif share := _flatness(found.model, turned.curvature):
+        yield from _term(found, "curvature", abs(turned.curvature), "1/m", share * found.force)
+
+
+def _flatness(model: ContactModel, curvature: float) -> float:
+    """Share of the force that a sphere has more on a surface of mean curvature k [1/m] which the model has as flat.
+
+    A sphere of radius R on it is one of 1/R_eff = 1/R + k on a flat one, and its force goes with the root of R_eff; 0
+    of a model that states the skin's radii, and of another tip.
+    """
+    radius, skin = getattr(getattr(model, "indenter", None), "radius", None), getattr(model, "skin", None)
+    if radius is None or not curvature or skin is not None or 1.0 + radius * curvature <= 0:
+        return 0.0
+    return float((1.0 + radius * curvature) ** -0.5 - 1.0)
+
+
+def _change(found: ForceSensitivity, source: UncertaintySource) -> Floats | None:
+    """Error (n,) of the force per unit of a source; None where it cannot be determined."""
+    if source.path:
+        step = source.std if source.name == "inclination" else 0.0
+        return -found.by_number(source.path, source.value, step)
+    if source.name == "force_scale":
+        return found.force
+    return None if found.stretched is None else -found.stretched
+
+
+def _term(
+    found: ForceSensitivity, cause: str, std: float, unit: str, error: Floats, declared: bool = True
+) -> list[Term]:
+    """The term of an error (n,) of the force [N]; nothing where parameters and surface are indistinct."""
+    shifts = found.shifts(error)
+    return [] if shifts is None else [Term(cause, std, unit, shifts, declared)]
+
+
+def per_newton(found: Along | None) -> Floats | None:
+    """Shift (k,) of each parameter per newton of a constant force [unit/N]; None where it cannot be determined."""
+    return found.shifts(np.ones(len(found.force))) if found is not None else None

@@ -1,0 +1,45 @@
+"""Small files in TOML that people and commands share: calibrations, control charts, references, registrations."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from palpate import ConfigurationError, Settings
+from palpate_engine import bounded_text, toml_tables
+from pydantic import ValidationError
+
+File = TypeVar("File", bound=Settings)
+
+
+def read_tables(path: Path, noun: str) -> dict[str, Any]:
+    """The tables of a file; raises ConfigurationError where it cannot be read or is not TOML."""
+    try:
+        tables: dict[str, Any] = toml_tables(bounded_text(path))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ConfigurationError(f"{path}: cannot read the {noun}: {reason}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{path}: is a damaged {noun}, not TOML: {error}") from error
+    return tables
+
+
+def read_settings(path: Path, kind: type[File], noun: str) -> File:
+    """What a file states, as settings of a kind; raises ConfigurationError where it cannot be read or is none."""
+    return settings_of(read_tables(path, noun), path, kind, noun)
+
+
+def settings_of(tables: dict[str, Any], path: Path, kind: type[File], noun: str) -> File:
+    """Tables of a file as settings of a kind; raises ConfigurationError where they are none."""
+    try:
+        return kind.model_validate(tables)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise ConfigurationError(f"{path}: is no {noun}: {_place(first['loc'])}: {first['msg']}") from error
+
+
+def _place(steps: tuple[int | str, ...]) -> str:
+    """A place in the file as people count: ``check 3, value``."""
+    words = [f" {step + 1}" if isinstance(step, int) else f", {step}" for step in steps]
+    return "".join(words).removeprefix(", ")
