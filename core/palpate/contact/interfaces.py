@@ -19,6 +19,11 @@ class Indenter(Part, ABC):
 
     kind: ClassVar[str] = "indenter"
 
+    @property
+    def sphere_radius(self) -> float | None:
+        """Radius [m] of the sphere that the tip is, which touches alike on every inclination; None of another shape."""
+        return None
+
     @abstractmethod
     def contact_radius(self, depth: Any) -> Any:
         """Contact radius a [m] at a depth d >= 0 [m]: the root of g(a) = d, g the reduced profile.

@@ -101,5 +101,8 @@ def _local_ports(settings: AlignmentSettings, roles: Mapping[str, Port]) -> dict
     if settings.is_projecting:
         found |= {f"position {axis}": position.named(axis) for axis in "xyz"}
         if "velocity" in roles:
-            found |= {f"velocity {axis}": roles["velocity"].named(axis) for axis in "xyz"}
+            velocity = roles["velocity"]
+            found |= {f"velocity {axis}": velocity.named(axis) for axis in "xyz"}
+            if {"wx", "wy", "wz"} <= {channel.name for channel in velocity.stream.channels}:
+                found |= {f"turn {axis}": velocity.named(f"w{axis}") for axis in "xyz"}
     return found

@@ -19,6 +19,7 @@ _ALONG = 0.5  # cosine; a force that is read farther off the tool's axis than 60
 _HALF_TURN = (math.pi, 0.0, 0.0)
 
 Vector = tuple[Floats, Floats, Floats]  # of columns (n,)
+Rotations = tuple[Vector, Vector, Vector]  # by rows
 
 
 def mounting_of(settings: AlignmentSettings, axis: int) -> tuple[float, ...] | None:
@@ -73,14 +74,11 @@ class ToolFrame:
         """Whether one of the sensor's axes is along the tool."""
         return abs(ToolFrame.axial(mounting, axis)) >= _ALONG
 
-    def load(
-        self, readings: Vector, orientation: tuple[Floats, Floats, Floats, Floats], normal: Vector | None = None
-    ) -> Load:
-        """The force on the tip from readings (n,) [N] of the three axes and quaternions x, y, z, w (n,) of the tool.
+    def load(self, readings: Vector, rows: Rotations, normal: Vector | None = None) -> Load:
+        """The force on the tip from readings (n,) [N] of the three axes and the tool's orientation.
 
         Along the `normal` at each place, where that is given.
         """
-        rows = _rotations(orientation)
         down = self._in_sensor(rows, self._down)
         weight = _scaled(down, self._weight)
         reading = tuple(self._polarity * (f - b) for f, b in zip(readings, self._bias, strict=True))
@@ -104,12 +102,16 @@ class ToolFrame:
             dot_columns(out, weight),
         )
 
+    def tilt(self, out: Vector, normal: Vector | None = None) -> Floats:
+        """Angle (n,) [rad] between the tool's axis and the normal, that which is given or stated."""
+        return np.arccos(np.clip(self.along(out, normal), -1.0, 1.0))
+
     def along(self, place: Vector, normal: Vector | None = None) -> Floats:
         """Component (n,) of vectors (n,) of the frame of the poses along the normal, that which is given or stated."""
         x, y, z = normal or self._normal or _UP
         return place[0] * x + place[1] * y + place[2] * z
 
-    def _in_sensor(self, rows: tuple[Vector, Vector, Vector], direction: tuple[float, ...] | Vector) -> Vector:
+    def _in_sensor(self, rows: Rotations, direction: tuple[float, ...] | Vector) -> Vector:
         """A direction of the frame of the poses in the sensor's axes: M^T R^T d."""
         d = direction
         tool = [d[0] * rows[0][i] + d[1] * rows[1][i] + d[2] * rows[2][i] for i in range(3)]
@@ -151,7 +153,12 @@ def unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(part / length for part in vector)
 
 
-def _rotations(orientation: tuple[Floats, Floats, Floats, Floats]) -> tuple[Vector, Vector, Vector]:
+def axis_out(rows: Rotations) -> Vector:
+    """The tool's axis (n,), out of the skin at which its z looks."""
+    return -rows[0][2], -rows[1][2], -rows[2][2]
+
+
+def rotations(orientation: tuple[Floats, Floats, Floats, Floats]) -> Rotations:
     """Rows of the rotations of quaternions x, y, z, w (n,) of any length, element by element."""
     x, y, z, w = orientation
     s = 2.0 / (x * x + y * y + z * z + w * w)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from palpate import ContactModel, Diagnosed, Floats, Term, TrackEnd, TrackEvidence
@@ -24,14 +25,16 @@ def budgets(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
-    model, values, settings = track.model, track.values, end.settings
+    model, values, settings, report = track.model, track.values, end.settings, end.report
+    if end.is_sweep and report.turned is not None:  # whose motion along the skin is meant to be
+        report = replace(report, turned=replace(report.turned, slope=0.0))
     found = along(model, end.tail, end.last, values)
     shifts, timing = delay_shifts(model, found, values), settings.timing_uncertainty
     sources = sources_of(model, end.uncertainties)
     across = AcrossForce.of(track, end)
     if across is not None and across.tells_friction:  # which says by how much the values are off
         sources = tuple(source for source in sources if source.name != "stick" or source.declared)
-    terms = systematic_terms(found, shifts, timing, settings, end.report, sources, end.included)
+    terms = systematic_terms(found, shifts, timing, settings, report, sources, end.included)
     compliance = sum(np.abs(term.shifts) for term in terms if term.cause == "compliance") + np.zeros(len(values))
     shares = compliance / np.where(values != 0, np.abs(values), np.inf)
     names = [parameter.name for parameter in model.parameters]
@@ -119,12 +122,14 @@ def _of_directions(found: Along, settings: AlignmentSettings, report: AlignmentR
     """The terms of the sensor's mounting and of the skin's normal, each known to an angle u.
 
     A mounting that is off turns the weight's change W since the tare and the share s of the force F across the normal:
-    f = u (W + s F). A normal that is off does the latter, and is an inclination: f = u s F + (1 - cos(u)^2.5) F.
+    f = u (W + s F). A normal that is off does the latter, is an inclination, and of a motion at an angle b to it depth
+    and rate are off by u tan(b) of themselves: f = u s F + (1 - cos(u)^2.5) F + u tan(b) (dF/dd d + dF/dd' d').
     """
     share = report.sideways.size if report.sideways is not None else 0.0
-    turn = report.turned.turn if report.turned is not None else 0.0
+    turn, slope = (0.0, 0.0) if report.turned is None else (report.turned.turn, report.turned.slope)
     for name, (angle, declared) in settings.orientation_uncertainties.items():
-        own = angle * turn if name == "mounting" else (1.0 - math.cos(angle) ** 2.5) * found.force
+        tilted = (1.0 - math.cos(angle) ** 2.5) * found.force
+        own = angle * turn if name == "mounting" else tilted + angle * slope * found.by_height_scale()
         yield from _term(found, name, angle, "rad", angle * share * found.force + own, declared)
 
 
