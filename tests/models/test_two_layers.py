@@ -65,7 +65,7 @@ def test_the_share_is_that_of_the_exact_solution(ratio):
     x, exact = exact_factors(ratio, np.geomspace(0.35, 25.0, 7))
     near = x <= 3.5
     assert near.sum() >= 5
-    np.testing.assert_allclose(ratio ** layer_share(math.log(ratio), x[near]), exact[near], rtol=0.02)
+    np.testing.assert_allclose(ratio ** layer_share(math.log(ratio), x[near]), exact[near], rtol=law_error)
 
 
 def test_layers_that_are_alike_are_one_half_space():

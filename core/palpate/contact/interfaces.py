@@ -97,6 +97,7 @@ class ContactModel(Part, ABC):
     memory: ClassVar[tuple[str, ...]] = ()  # names of internal states, for materials that relax
     # Groups of places in `parameters` that are interchangeable; they are ordered by rising last value.
     interchangeable: ClassVar[tuple[tuple[int, ...], ...]] = ()
+    law_error: ClassVar[float] = 0.0  # of the force, how far it may be off the solution that its formula stands for
     adhesive: ClassVar[bool] = False  # it may pull, and its force at rest may fall with depth, from `pull_off_depth` on
 
     @abstractmethod

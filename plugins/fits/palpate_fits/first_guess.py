@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ _LINEAR_EXTRAS = ("bias", "slope", "tip_mass")
 _INSIDE = np.linspace(0.0, 1.0, 41)[1:]  # heights within the record, as shares of its range from the bottom
 _ABOVE = np.geomspace(0.01, 12.0, 36)  # heights above it
 _SINGULAR, _ROUNDING = 1e-7, 1e-7  # of scaled squares; their sums are exact to some 1e-13 over the first of both
+_CONTRASTS = (1.0, 0.1, 0.3, 3.0, 10.0)  # of moduli; alike they are one half-space, which others contain
+_THICKNESSES = (3e-4, 1e-3, 3e-3, 1e-2)  # [m]
+_LEAST = 1e-3  # [Pa], scale of moduli
 _GRIDS = {"1": (1.0, 1.5, 2.0, 3.0), "s": (0.03, 0.1, 0.3, 1.0)}  # of what is not linear, by unit
 _DECLARED = ("Pa", "m^2/s")  # where what is not linear begins as the model says, unless its material flows
 
@@ -143,6 +147,8 @@ def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord
         heights = np.concatenate([low + reach * _INSIDE, low + reach * (1 + _ABOVE)])
         inside = heights[(heights >= item.lower) & (heights <= item.upper)]
         return tuple(inside) or (item.inside(float(record.height.max())),)
+    if item.unit == "m":
+        return tuple(h for h in _THICKNESSES if item.lower <= h <= item.upper) or (item.inside(start),)
     if item.name == "delay":
         return (item.inside(0.0),)
     if np.isfinite(item.upper) and item.upper > item.lower and item.name not in EXTRAS:
@@ -161,18 +167,73 @@ def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: 
         columns = list(_columns(model, record, base, linear, error, memory))
     if not columns:
         return Guess(base, float(error @ error) if np.isfinite(error).all() else np.inf)
-    matrix = np.column_stack(columns)
-    scale = np.sqrt(np.sum(matrix**2, axis=0))
-    if not (np.isfinite(matrix).all() and np.isfinite(error).all()):
-        return Guess(base, np.inf)
-    scale[scale == 0] = 1.0
+    base[list(linear)], cost = _best(np.column_stack(columns), error, *unknowns.bounds(linear))
+    return Guess(base, cost)
+
+
+def guess_by_contrast(
+    model: ContactModel, unknowns: Unknowns, record: FitRecord, linear: Sequence[int], moduli: Sequence[int]
+) -> list[Floats]:
+    """Values (P,) to start from, one for each contrast of the first of some moduli to the others, which is 1 first.
+
+    The force is proportional to all moduli together, so their scale is found with the other `linear` unknowns, on a
+    grid of the rest. Where the moduli are alike the material is a half-space.
+    """
+    thin = record.thinned(_SAMPLES)
+    thin = thin if thin.used.all() else thin.selected(thin.used)
+    grids = [_grid(item, place, linear, thin, 1.0) for place, item in enumerate(unknowns.items)]
+    found = []
+    for contrast in _CONTRASTS:
+        for place in moduli:
+            grids[place] = (contrast if place == moduli[0] else 1.0,)
+        every = [solve_scaled(model, unknowns, thin, np.array(x), linear, moduli) for x in product(*grids)]
+        found.append(min(every, key=lambda guess: guess.cost))
+    return [guess.x for guess in found if np.isfinite(guess.cost)]
+
+
+def moduli_of(model: ContactModel, unknowns: Unknowns, linear: Sequence[int]) -> tuple[int, ...]:
+    """Places of several moduli that a model without memory is not linear in, by itself each; else nothing."""
+    free = [i for i in unknowns.free if unknowns.items[i].unit == "Pa" and unknowns.items[i].value is None]
+    found = tuple(i for i in free if i not in linear)
+    return found if len(found) > 1 and not model.memory else ()
+
+
+def solve_scaled(
+    model: ContactModel,
+    unknowns: Unknowns,
+    record: FitRecord,
+    x: Floats,
+    linear: Sequence[int],
+    moduli: Sequence[int],
+) -> Guess:
+    """The best scale of some moduli and values of the linear unknowns beside given others, and their cost."""
+    base, rows = x.copy(), list(record.parts)
+    base[list(linear)] = 0.0
+    twice = base.copy()
+    twice[list(moduli)] *= 2.0
+    with np.errstate(all="ignore"):
+        once, more = (
+            record.weight * (reading(model, at.tolist(), rows, record.transition) - record.force) for at in (base, twice)
+        )
+        columns = [more - once, *_columns(model, record, base, linear, once, ())]
     low, high = unknowns.bounds(linear)
+    found, cost = _best(np.column_stack(columns), 2.0 * once - more, np.append(_LEAST, low), np.append(np.inf, high))
+    base[list(moduli)] *= found[0]
+    base[list(linear)] = found[1:]
+    return Guess(base, cost)
+
+
+def _best(matrix: Floats, error: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:
+    """The x (p,) within bounds that makes |A x + b|^2 least, and that; infinity where A or b are no numbers."""
+    if not (np.isfinite(matrix).all() and np.isfinite(error).all()):
+        return np.zeros(matrix.shape[1]), np.inf
+    scale = np.sqrt(np.sum(matrix**2, axis=0))
+    scale[scale == 0] = 1.0
     found = np.linalg.lstsq(matrix / scale, -error, rcond=None)[0] / scale
     if np.any(found < low) or np.any(found > high):
         found = np.clip(_within(matrix / scale, error, low * scale, high * scale) / scale, low, high)
-    base[list(linear)] = found
     left = error + matrix @ found
-    return Guess(base, float(left @ left))
+    return found, float(left @ left)
 
 
 def _within(matrix: Floats, error: Floats, low: Floats, high: Floats) -> Floats:

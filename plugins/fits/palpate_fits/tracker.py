@@ -28,7 +28,7 @@ from palpate_kit.numerics.tip_travel import (
 
 from palpate_fits.arm_order import in_order
 from palpate_fits.budget import BudgetSource
-from palpate_fits.first_guess import first_guess, linear_places
+from palpate_fits.first_guess import first_guess, guess_by_contrast, linear_places, moduli_of
 from palpate_fits.fit_outcome import FitOutcome
 from palpate_fits.fit_settings import FitSettings
 from palpate_fits.height_noise import correct_attenuation
@@ -36,7 +36,7 @@ from palpate_fits.loss import LossFunction
 from palpate_fits.multistart import solve_from_many, solve_or_try_others, times_of, with_times_that_show
 from palpate_fits.record_arrays import FitRecord, make_record
 from palpate_fits.residual import Residual
-from palpate_fits.solvers import Solution, solve_lm, solve_trf
+from palpate_fits.solvers import Solution, best_of, solve_lm, solve_trf
 from palpate_fits.unknowns import Unknowns
 
 _AIR_SHARE = 0.1  # of the samples, from which on they tell the bias
@@ -96,7 +96,11 @@ class FitTracker:
         linear = self._linear_places(unknowns)
         loss = LossFunction(settings.loss, settings.loss_scale)
         residual = self._residual(unknowns.free)
-        x = first_guess(model, unknowns, record, linear, self._residual)
+        if moduli := moduli_of(model, unknowns, linear):
+            starts = guess_by_contrast(model, unknowns, record, linear, moduli)
+            x = best_of(residual, unknowns, record.thinned(_THIN), starts, loss)
+        else:
+            x = first_guess(model, unknowns, record, linear, self._residual)
         if len(record) > 2 * _THIN and not model.memory:
             x = solve_lm(residual, unknowns, record.thinned(_THIN), x, loss, gain=1e-9).x
         solver, solution = self._solve(unknowns, record, residual, x, loss)

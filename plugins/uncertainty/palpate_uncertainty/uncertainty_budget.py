@@ -16,6 +16,8 @@ from palpate_uncertainty.flags import compliance_flags
 from palpate_uncertainty.force_sensitivity import Along, along
 from palpate_uncertainty.inclined_skin import AcrossForce
 
+_WAVES = 4  # over the depth, of what a formula is off
+_OF_MOST = 2.0  # standard uncertainties in the most that it is off
 _MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
 
 
@@ -96,6 +98,7 @@ def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentRep
         terms += _term(found, "mass", std, "kg", std * (weight - found.acceleration), declared)
     terms += _of_directions(found, settings, report)
     terms += _of_curvature(found, settings, report)
+    terms += _of_law(found)
     tare = report.tare.offset_std if report.tare else None
     if tare is not None:
         terms += _term(found, "tare", float(tare), "N", np.full(len(found.force), tare))
@@ -150,6 +153,22 @@ def _of_curvature(found: Along, settings: AlignmentSettings, report: AlignmentRe
         yield from _term(found, "curvature", turned.curvature_std, "1/m", error)
     elif share := _flatness(found.model, turned.curvature):
         yield from _term(found, "curvature", abs(turned.curvature), "1/m", share * found.force)
+
+
+def _of_law(found: Along) -> Iterator[Term]:
+    """The term of a formula that stands for a solution and is off it by e of the force at the most.
+
+    By how much at which depth is not known, only that it changes slowly: f = e/2 F cos(n pi s), n = 0 to 3 and each by
+    itself, with weights so that f^2 is (e/2)^2 F^2 on average, s the root of the depth over that of the deepest.
+    """
+    if not (error := found.model.law_error):
+        return
+    place = np.sqrt(np.clip(found.depth / found.depth.max(), 0.0, 1.0))
+    waves = [(math.sqrt(2.0) if n else 1.0) * np.cos(n * math.pi * place) for n in range(_WAVES)]
+    shifts = [found.answer(error / _OF_MOST * wave * found.force / math.sqrt(_WAVES)) for wave in waves]
+    known = [shift[:-1] for shift in shifts if shift is not None]
+    if known:
+        yield Term("law", error / _OF_MOST, "1", np.sqrt(np.sum(np.square(known), axis=0)))
 
 
 def _flatness(model: ContactModel, curvature: float) -> float:
