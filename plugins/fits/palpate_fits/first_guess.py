@@ -174,20 +174,21 @@ def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: 
 def guess_by_contrast(
     model: ContactModel, unknowns: Unknowns, record: FitRecord, linear: Sequence[int], moduli: Sequence[int]
 ) -> list[Floats]:
-    """Values (P,) to start from, one for each contrast of the first of some moduli to the others, which is 1 first.
+    """Values (P,) to start from, for each contrast of the first of some moduli to the others and what else has a grid.
 
-    The force is proportional to all moduli together, so their scale is found with the other `linear` unknowns, on a
-    grid of the rest. Where the moduli are alike the material is a half-space.
+    The force is proportional to all moduli together, so their scale is found with the other `linear` unknowns; the
+    surface is the best one. Where the moduli are alike the material is a half-space.
     """
     thin = record.thinned(_SAMPLES)
     thin = thin if thin.used.all() else thin.selected(thin.used)
     grids = [_grid(item, place, linear, thin, 1.0) for place, item in enumerate(unknowns.items)]
-    found = []
-    for contrast in _CONTRASTS:
-        for place in moduli:
-            grids[place] = (contrast if place == moduli[0] else 1.0,)
-        every = [solve_scaled(model, unknowns, thin, np.array(x), linear, moduli) for x in product(*grids)]
-        found.append(min(every, key=lambda guess: guess.cost))
+    surface, found = unknowns.index("surface"), list[Guess]()
+    heights, grids[surface] = grids[surface], (0.0,)
+    grids[moduli[0]] = _CONTRASTS
+    for start in product(*grids):
+        every = [(*start[:surface], height, *start[surface + 1 :]) for height in heights]
+        guesses = [solve_scaled(model, unknowns, thin, np.array(x), linear, moduli) for x in every]
+        found.append(min(guesses, key=lambda guess: guess.cost))
     return [guess.x for guess in found if np.isfinite(guess.cost)]
 
 
@@ -213,7 +214,8 @@ def solve_scaled(
     twice[list(moduli)] *= 2.0
     with np.errstate(all="ignore"):
         once, more = (
-            record.weight * (reading(model, at.tolist(), rows, record.transition) - record.force) for at in (base, twice)
+            record.weight * (reading(model, at.tolist(), rows, record.transition) - record.force)
+            for at in (base, twice)
         )
         columns = [more - once, *_columns(model, record, base, linear, once, ())]
     low, high = unknowns.bounds(linear)

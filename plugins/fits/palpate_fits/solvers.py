@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from palpate import Floats
 from palpate_kit.numerics.least_squares import least_squares
-from palpate_kit.numerics.refusal import NotFitted
 
 from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import FitRecord
@@ -58,16 +56,6 @@ def solve_lm(
     found = least_squares(normal, x[free], *unknowns.bounds(free), gain=gain)
     full[free] = found.x
     return Solution(full, found.cost, found.evaluations, found.converged)
-
-
-def best_of(
-    residual: Residual, unknowns: Unknowns, record: FitRecord, starts: Sequence[Floats], loss: LossFunction
-) -> Floats:
-    """The values (P,) of the least cost that a roughly converged solver finds from some starts."""
-    if not starts:
-        raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
-    found = [solve_lm(residual, unknowns, record, x, loss, gain=1e-9) for x in starts]
-    return min(found, key=lambda one: one.cost if np.isfinite(one.cost) else np.inf).x
 
 
 def solve_trf(

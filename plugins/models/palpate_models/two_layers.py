@@ -27,13 +27,13 @@ SKIN_THICKNESS = Parameter(
     "skin_thickness", "h_s", "m", "thickness of the layer on top", lower=1e-4, upper=0.1, start=3e-3, start_std=3e-3
 )
 _RATIO = math.log(12.5)  # of the moduli, to which the share is fitted
-_WIDEST = 3.5  # contact radii over the layer's thickness, likewise
+_WIDEST = 13.0  # contact radii over the layer's thickness, likewise
 # Coefficients of powers of ln(1 + x), each a polynomial in the logarithm of the moduli's ratio.
 _SHARE = (
-    (-0.0734, 0.41513, 0.00918, -0.00608, -0.00077),
-    (1.06356, -0.6447, -0.1449, 0.01749, 0.00729),
-    (0.33485, 0.46655, 0.04365, -0.01557, -0.00524),
-    (-0.05275, -0.07558, 0.00412, 0.00104, 0.00052),
+    (-0.06577, 0.41723, 0.00659, -0.00615, -0.00051),
+    (1.01315, -0.66511, -0.12996, 0.01895, 0.00594),
+    (0.42597, 0.51558, 0.02059, -0.02006, -0.00347),
+    (-0.09906, -0.1084, 0.01322, 0.00451, 6e-05),
 )
 
 
@@ -90,7 +90,7 @@ class TwoLayers(_LayeredMaterial):
 
     F = 8/3 E_s^w E^(1 - w) A(d) + 8 eta a(d) d', w = 1/(1 + x e^p) with x = sqrt(R d)/h and p a polynomial in ln(1 + x)
     and ln(E_s/E): a press that is shallow against h feels the layer, a deep one what is below. Within 0.36 % of the
-    exact solution (Hankel transforms, Fredholm's equation over the contact) for E_s/E from 1/12 to 12, x to 3.5.
+    exact solution (Hankel transforms, Fredholm's equation over the contact) for E_s/E from 1/12 to 12, x to 13.
     One deep press, or presses by two tips, determine both moduli; a shallow one only that of the layer, which the
     uncertainty of the other says. Assumes incompressible layers, small strain, no friction, one viscosity for both.
     Source: Dhaliwal and Rau 1970; the fit by palpate.
