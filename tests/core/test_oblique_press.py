@@ -61,26 +61,28 @@ def dome(centre, velocity):
     return DOME + TIP - distance, -np.sum(normal * velocity, axis=1), normal
 
 
-def press(angle, friction, rock=0.0, seed=0):
+def press(angle, friction, rock=0.0, seed=0, rates=(800.0, 500.0)):
     """Batches of a sine of 1 mm at 3 mm below first touch, `angle` [rad] beside the apex; the tool may rock about y."""
 
     def motion(t):
         sine, cosine = np.sin(4.0 * math.pi * t), 4.0 * math.pi * np.cos(4.0 * math.pi * t)
-        in_air = t < 0.5
+        s = np.clip((t - 0.4) / 0.4, 0.0, 1.0)
+        pressed, going = s**3 * (10.0 - 15.0 * s + 6.0 * s * s), 30.0 * s * s * (1.0 - s) ** 2 / 0.4
         beside = DOME * math.sin(angle)
         touch = math.sqrt((DOME + TIP) ** 2 - beside**2) - DOME
-        z = touch - 3e-3 + 1e-3 * sine
-        centre = np.column_stack([np.full(len(t), beside), np.zeros(len(t)), np.where(in_air, touch + 5e-3, z)])
+        z = touch + 5e-3 - (8e-3 - 1e-3 * sine) * pressed
+        speed = 1e-3 * cosine * pressed - (8e-3 - 1e-3 * sine) * going
+        centre = np.column_stack([np.full(len(t), beside), np.zeros(len(t)), z])
         turn = rock * np.cos(3.0 * math.pi * t)
-        moved = np.column_stack([np.zeros((len(t), 2)), np.where(in_air, 0.0, 1e-3 * cosine)])
-        return centre, moved, turn, np.where(in_air, 0.0, -rock * 3.0 * math.pi * np.sin(3.0 * math.pi * t))
+        moved = np.column_stack([np.zeros((len(t), 2)), speed])
+        return centre, moved, turn, -rock * 3.0 * math.pi * np.sin(3.0 * math.pi * t)
 
     def about_y(turn):
         c, s, zero = np.cos(turn), np.sin(turn), np.zeros(len(turn))
         rows = [[c, zero, s], [zero, zero + 1.0, zero], [-s, zero, c]]
         return np.moveaxis(np.array(rows), 2, 0)
 
-    at_force, at_pose = (np.rint(np.arange(round(rate * 4.0)) / rate * 1e9).astype(np.int64) for rate in (800.0, 500.0))
+    at_force, at_pose = (np.rint(np.arange(round(rate * 4.0)) / rate * 1e9).astype(np.int64) for rate in rates)
     centre, velocity, turn, _ = motion(at_force / 1e9)
     depth, rate, normal = dome(centre, velocity)
     deep, radius = np.maximum(depth, 0.0), 1.0 / (1.0 / DOME + 1.0 / TIP)
@@ -89,7 +91,7 @@ def press(angle, friction, rock=0.0, seed=0):
     aside = velocity - np.sum(velocity * normal, axis=1)[:, None] * normal
     speed = np.maximum(np.linalg.norm(aside, axis=1), 1e-3)
     felt = push[:, None] * (normal - friction * aside / speed[:, None])
-    felt[:, 2] -= MASS * (GRAVITY + np.gradient(velocity[:, 2], at_force / 1e9) * (at_force > 6e8))
+    felt[:, 2] -= MASS * (GRAVITY + np.gradient(velocity[:, 2], at_force / 1e9))
     wrench = np.einsum("nij,ni->nj", about_y(turn), felt) + 0.02 * np.random.default_rng(seed).standard_normal(
         felt.shape
     )
@@ -119,12 +121,14 @@ def test_a_sphere_pressed_straight_down_beside_the_apex_of_a_dome_finds_the_mate
     """With normal and depth of the tip's end E was 1.5, 5.0 and 12 % too high."""
     batches = press(math.radians(degrees), friction)
     elasticity, viscosity, report, samples = estimated(loaded(tmp_path), batches)
-    assert elasticity == pytest.approx(ELASTICITY, rel=4e-3)
+    assert elasticity == pytest.approx(ELASTICITY, rel=6e-3)
     assert viscosity == pytest.approx(VISCOSITY, rel=1e-2)
     centre = batches[1].values[:, :3] + np.array([0.0, 0.0, TIP])
     depth, rate, normal = dome(centre, batches[2].values[:, :3])
-    assert report.turned.tilt == pytest.approx(math.acos(np.quantile(normal[300:, 2], 0.01)), abs=math.radians(0.2))
-    rows = samples.time > 0.6
+    assert report.turned.tilt == pytest.approx(
+        math.acos(np.quantile(normal[depth > 0.0, 2], 0.01)), abs=math.radians(0.2)
+    )
+    rows = depth[: len(samples)] > 0.0
     assert np.allclose(samples.position[rows], -depth[: len(samples)][rows], atol=2e-7)
     assert np.allclose(samples.velocity[rows], -rate[: len(samples)][rows], atol=2e-5)
 
@@ -132,7 +136,7 @@ def test_a_sphere_pressed_straight_down_beside_the_apex_of_a_dome_finds_the_mate
 def test_a_tool_that_rocks_about_its_end_changes_nothing(tmp_path):
     """By 12 degrees to each side, 1.5 times a second: the end goes 1 mm aside, the centre straight up and down."""
     elasticity, viscosity, *_ = estimated(loaded(tmp_path), press(math.radians(30.0), 0.3, math.radians(12.0)))
-    assert elasticity == pytest.approx(ELASTICITY, rel=4e-3)
+    assert elasticity == pytest.approx(ELASTICITY, rel=6e-3)
     assert viscosity == pytest.approx(VISCOSITY, rel=1e-2)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from palpate_engine.alignment.ports import Port
 from palpate_engine.alignment.signal_reader import SignalReader, ToolReport, ToolSignals
 from palpate_engine.alignment.signal_series import Series
 from palpate_engine.alignment.surface_lookup import SurfaceLookup
-from palpate_engine.alignment.tool_frame import Load, Rotations, ToolFrame, Vector, axis_out, rotations
+from palpate_engine.alignment.tool_frame import Load, Rotations, ToolFrame, Vector, axis_out, quaternions, rotations
 from palpate_engine.alignment.turned_tool import ToolWatch
 
 
@@ -31,7 +30,8 @@ class TurningToolReader(SignalReader):
         self._frame, self._radius = ToolFrame(settings, force), radius
         self._lookup = None if settings.surface is None else SurfaceLookup(settings.surface, radius)
         self._is_projecting = settings.is_projecting
-        self._series = series
+        self._series, self._euler = series, settings.euler
+        self._turns = [role.removeprefix("orientation ") for role in series if role.startswith("orientation ")]
         self._axes = [
             series.get(f"force {axis}", series["force"]) for axis, _ in zip("xyz", force.components, strict=True)
         ]
@@ -48,7 +48,8 @@ class TurningToolReader(SignalReader):
         The height is that over the surface, or over the plane through the origin of the poses.
         """
         now, planes, nothing = stamps[:count], None, np.zeros(count)
-        rows = rotations(self._columns("orientation", stamps, "xyzw"))
+        turns = {name: self._series[f"orientation {name}"].at(stamps) for name in self._turns}
+        rows = rotations(quaternions(turns, self._euler))
         out = axis_out(rows)
         height, motion = self._series["position"].values[: len(stamps)], ((nothing, nothing, nothing), nothing)
         if self._is_projecting:
@@ -93,8 +94,8 @@ class TurningToolReader(SignalReader):
             velocity = self._from_end(velocity, (y * w - z * v, z * u - x * w, x * v - y * u))
         return self._frame.along(velocity, normal)
 
-    def _columns(self, role: str, stamps: NDArray[np.int64], axes: str = "xyz") -> Any:
-        return tuple(self._series[f"{role} {axis}"].at(stamps) for axis in axes)
+    def _columns(self, role: str, stamps: NDArray[np.int64]) -> Vector:
+        return _three(self._series[f"{role} {axis}"].at(stamps) for axis in "xyz")
 
     def release(self, contact: NDArray[np.bool_]) -> None:
         """Part the account into air and contact."""

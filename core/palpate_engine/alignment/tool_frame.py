@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from palpate.alignment_settings import AlignmentSettings
 from palpate.rotation_vectors import rotation_rows
 from palpate.vectors import Floats, dot_columns
 
-from palpate_engine.alignment.ports import Port, Ports
+from palpate_engine.alignment.ports import PLACE, TURNS, Port, Ports
 
 GRAVITY = 9.80665  # [m/s^2], standard
 _OUT = (0.0, 0.0, -1.0)  # of the skin, in the frame of a tool that looks at it
@@ -124,9 +125,12 @@ def problems_of(settings: AlignmentSettings, ports: Ports) -> list[tuple[str, st
     force, position, found = ports["force"], ports["position"], list[tuple[str, str]]()
     projecting = "normal" if settings.normal is not None else "surface"
     key = projecting if settings.is_projecting else "weight"
-    names = {channel.name for channel in position.stream.channels}
-    if position.stream.layout != "pose" or not {"x", "y", "z", "qx", "qy", "qz", "qw"} <= names:
-        found.append((key, f"needs the tool's orientation, and {position.signal.channel} is of no pose"))
+    turn = next((names for names in TURNS if position.has(names)), None)
+    if turn is None or not position.has(PLACE):
+        text = f"needs the tool's orientation, and {position.signal.channel} is of no pose: of a stream with x, y, z"
+        found.append((key, f"{text} and qx, qy, qz, qw, or rx, ry, rz, or roll, pitch, yaw"))
+    elif "yaw" in turn and settings.euler is None:
+        found.append(("euler", 'is needed for roll, pitch and yaw: the order of the turns, such as "ZYX"'))
     if len(force.components) != 3:
         found.append(
             (key, f"needs all three axes of the force, and {force.signal.channel} has {len(force.components)}")
@@ -142,7 +146,8 @@ def problems_of(settings: AlignmentSettings, ports: Ports) -> list[tuple[str, st
         found.append(
             ("mounting", f"puts {force.signal.channel} {angle:.0f} deg off the tool's axis: name the axis along it")
         )
-    if settings.is_projecting and "velocity" in ports.roles and ports["velocity"].stream.layout != "twist":
+    speed = dict.fromkeys("xyz", "m/s")
+    if settings.is_projecting and "velocity" in ports.roles and not ports["velocity"].has(speed):
         found.append((key, f"needs a velocity of three axes, and {ports['velocity'].signal.channel} is of no twist"))
     return found
 
@@ -156,6 +161,41 @@ def unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
 def axis_out(rows: Rotations) -> Vector:
     """The tool's axis (n,), out of the skin at which its z looks."""
     return -rows[0][2], -rows[1][2], -rows[2][2]
+
+
+def quaternions(turns: Mapping[str, Floats], order: str | None) -> tuple[Floats, Floats, Floats, Floats]:
+    """Quaternions x, y, z, w (n,) of what a pose has (n,): these, a rotation vector [rad], or roll, pitch and yaw [rad].
+
+    Turns are in an `order` of axes, in capitals about the tool's own axes, in small letters about the frame's.
+    """
+    if "qw" in turns:
+        return turns["qx"], turns["qy"], turns["qz"], turns["qw"]
+    if "rx" in turns:
+        x, y, z = turns["rx"], turns["ry"], turns["rz"]
+        angle = np.sqrt(x * x + y * y + z * z)
+        share = 0.5 * np.sinc(0.5 * angle / math.pi)  # sin(a/2)/a
+        return x * share, y * share, z * share, np.cos(0.5 * angle)
+    assert order is not None  # the wiring was checked
+    about = {"x": turns["roll"], "y": turns["pitch"], "z": turns["yaw"]}
+    zero = np.zeros_like(turns["roll"])
+    found = zero, zero, zero, zero + 1.0
+    for axis in order.lower() if order.isupper() else reversed(order):
+        half = 0.5 * about[axis]
+        sine = [np.sin(half) if axis == one else zero for one in "xyz"]
+        found = _product(found, (sine[0], sine[1], sine[2], np.cos(half)))
+    return found
+
+
+def _product(one: tuple[Floats, ...], other: tuple[Floats, ...]) -> tuple[Floats, Floats, Floats, Floats]:
+    """Of two quaternions x, y, z, w: the turn by the other, then by the one."""
+    a, b, c, d = one
+    x, y, z, w = other
+    return (
+        d * x + a * w + b * z - c * y,
+        d * y - a * z + b * w + c * x,
+        d * z + a * y - b * x + c * w,
+        d * w - a * x - b * y - c * z,
+    )
 
 
 def rotations(orientation: tuple[Floats, Floats, Floats, Floats]) -> Rotations:
