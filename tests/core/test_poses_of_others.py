@@ -14,6 +14,7 @@ from palpate.errors import ConfigurationError
 from palpate_engine.alignment import Aligner
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline.tracks import start_tracks
+from palpate_kit.logs.draft_pipeline import suggestion_of
 from scipy.spatial.transform import Rotation
 
 SPEC = importlib.util.spec_from_file_location("oblique", Path(__file__).with_name("test_oblique_press.py"))
@@ -160,3 +161,18 @@ def test_a_pose_of_a_ros_log_is_one(tmp_path, pose_type):
     (tmp_path / "a.toml").write_text(text + AFTER.format(force="log.wrench.fz", position="log.pose.z", more=""))
     elasticity, _ = estimated(load_pipeline(tmp_path / "a.toml"))
     assert elasticity == pytest.approx(OBLIQUE.ELASTICITY, rel=8e-3)
+
+
+@pytest.mark.parametrize("pose_type", ["geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped"])
+def test_the_pose_and_three_axes_of_a_record_are_recognised(tmp_path, pose_type):
+    ros_log(tmp_path / "log.mcap", pose_type)
+    found = suggestion_of(tmp_path / "log.mcap", {})
+    lines = [
+        f"{name} = {{ {', '.join(f'{k} = {json.dumps(v)}' for k, v in one.items())} }}"
+        for name, one in found.device["signals"].items()
+    ]
+    text = TABLES + '[device.log]\ntype = "mcap-replay"\nfile = "log.mcap"\n[device.log.signals]\n' + "\n".join(lines)
+    named = {role: found.alignment[role] for role in ("force", "position")}
+    named = {role: one["channel"] if isinstance(one, dict) else one for role, one in named.items()}
+    (tmp_path / "a.toml").write_text(text + AFTER.format(**named, more=""))
+    assert estimated(load_pipeline(tmp_path / "a.toml"))[0] == pytest.approx(OBLIQUE.ELASTICITY, rel=8e-3)

@@ -164,7 +164,7 @@ def axis_out(rows: Rotations) -> Vector:
 
 
 def quaternions(turns: Mapping[str, Floats], order: str | None) -> tuple[Floats, Floats, Floats, Floats]:
-    """Quaternions x, y, z, w (n,) of what a pose has (n,): these, a rotation vector [rad], or roll, pitch and yaw [rad].
+    """Quaternions x, y, z, w (n,) of what a pose has (n,): these, a rotation vector, or roll, pitch and yaw [rad].
 
     Turns are in an `order` of axes, in capitals about the tool's own axes, in small letters about the frame's.
     """
