@@ -75,6 +75,7 @@ class TurnedTool:
     slope: float  # tangent of the angle between the normal and the motion in contact; 0 without a stated normal
     curvature: float  # [1/m] mean of the skin's two in contact, by its surface
     curvature_std: float  # [1/m] standard uncertainty of it, by its surface
+    tilt: float = 0.0  # [rad] between the tool's axis and the normal, which 99 % of the contact is below
 
 
 @dataclass(frozen=True)

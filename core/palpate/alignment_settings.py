@@ -72,6 +72,12 @@ class AlignmentSettings(Settings):
     mounting_uncertainty: Angle | None = Field(
         default=None, ge=0, description="standard uncertainty of it about each axis; left out: 2 deg"
     )
+    euler: str | None = Field(
+        default=None,
+        pattern="^(?:XYZ|XZY|YXZ|YZX|ZXY|ZYX|xyz|xzy|yxz|yzx|zxy|zyx)$",
+        description='order of the turns of a pose with roll, pitch and yaw, about x, y and z: "ZYX" about the axes as '
+        'they turn, "zyx" about those that stand still',
+    )
     gravity: tuple[float, ...] | None = Field(
         default=None,
         min_length=3,

@@ -297,3 +297,27 @@ def test_a_lump_at_the_border_goes_on_or_is_said_to_be_cut():
     assert (cut.beyond, cut.cut) == (False, True)
     (inside,) = searching(area(np.random.default_rng(0), [(0.01, 0.0, 0.006, 0.4)]))
     assert (inside.beyond, inside.cut) == (False, False)
+
+
+W = 10.0 / 2.3548 * 1e-3  # of lumps 10 mm wide at half their height
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("way", [(1.0, 0.0), (0.0, 1.0), (0.6, 0.8)])
+def test_two_lumps_that_are_joined_are_told_as_one_that_may_be_two(seed, way):
+    """14 mm apart, of 30 %: no site between them is of the background."""
+    apart = 7e-3 * np.array(way)
+    found = find_lumps(area(np.random.default_rng(seed), [(*apart, W, 0.3), (*-apart, W, 0.3)]))
+    (lump,) = found.lumps
+    assert lump.may_be_two
+    assert "may be two" in found.warning
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_one_lump_is_told_as_one(seed):
+    dice = np.random.default_rng(seed)
+    place = dice.uniform(-12e-3, 12e-3, 2)
+    found = find_lumps(area(dice, [(*place, W * dice.uniform(0.8, 1.4), dice.uniform(0.15, 0.5))]))
+    (lump,) = found.lumps
+    assert not lump.may_be_two
+    assert found.warning is None or "two" not in found.warning

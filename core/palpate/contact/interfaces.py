@@ -19,6 +19,11 @@ class Indenter(Part, ABC):
 
     kind: ClassVar[str] = "indenter"
 
+    @property
+    def sphere_radius(self) -> float | None:
+        """Radius [m] of the sphere that the tip is, which touches alike on every inclination; None of another shape."""
+        return None
+
     @abstractmethod
     def contact_radius(self, depth: Any) -> Any:
         """Contact radius a [m] at a depth d >= 0 [m]: the root of g(a) = d, g the reduced profile.
@@ -92,6 +97,7 @@ class ContactModel(Part, ABC):
     memory: ClassVar[tuple[str, ...]] = ()  # names of internal states, for materials that relax
     # Groups of places in `parameters` that are interchangeable; they are ordered by rising last value.
     interchangeable: ClassVar[tuple[tuple[int, ...], ...]] = ()
+    law_error: ClassVar[float] = 0.0  # of the force, how far it may be off the solution that its formula stands for
     adhesive: ClassVar[bool] = False  # it may pull, and its force at rest may fall with depth, from `pull_off_depth` on
 
     @abstractmethod

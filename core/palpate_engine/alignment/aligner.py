@@ -24,9 +24,9 @@ _LATERAL = ("lateral_x", "lateral_y")
 
 
 class Aligner:
-    """Joins the streams of the devices; one for each run."""
+    """Joins the streams of the devices; one for each run. A tip that is a sphere has a radius [m], any other has 0."""
 
-    def __init__(self, settings: AlignmentSettings, ports: Ports) -> None:
+    def __init__(self, settings: AlignmentSettings, ports: Ports, tip_radius: float = 0.0) -> None:
         self._settings = settings
         self._intake = Intake(ports, settings.gap)
         self._roles = self._intake.series
@@ -37,7 +37,7 @@ class Aligner:
         self._nothing: Samples | None = None  # a block without samples
         self._counts = {"samples": 0, "force": 0, "velocity": 0}
         self._reader: SignalReader = (
-            TurningToolReader(settings, ports["force"], self._roles)
+            TurningToolReader(settings, ports["force"], self._roles, tip_radius)
             if settings.is_oriented
             else FixedToolReader(ports, self._roles)
         )

@@ -63,8 +63,13 @@ class DistanceExpansion:
         return columns
 
 
-def expand_distance(surface: Surface, place: Floats, before: DistanceExpansion) -> DistanceExpansion:
-    """Around a place (3,) [m], by central differences; the plane before goes on, unknown, where the surface ends."""
+def expand_distance(
+    surface: Surface, place: Floats, before: DistanceExpansion, radius: float = 0.0
+) -> DistanceExpansion:
+    """Around a place (3,) [m], by central differences; the plane before goes on, unknown, where the surface ends.
+
+    Of the centre of a sphere the height is less by its `radius` [m].
+    """
     points = answer_of(surface, lambda: surface.nearest(place + _AROUND))
     known = finite_rows(points.normal) & np.isfinite(points.height)
     known[list(points.unknown)] = False
@@ -72,7 +77,7 @@ def expand_distance(surface: Surface, place: Floats, before: DistanceExpansion) 
         height = before.height + float(dot_columns(place - before.place, before.normal))
         return DistanceExpansion(place, height, before.normal, reach=_TANGENT)
     curvature = (*points.curvature[0].tolist(), float(points.curvature_std[0].mean()))
-    here = DistanceExpansion(place, float(points.height[0]), points.normal[0], curvature=curvature, known=1.0)
+    here = DistanceExpansion(place, float(points.height[0]) - radius, points.normal[0], curvature=curvature, known=1.0)
     if not known.all():
         return replace(here, reach=_TANGENT)
     slope = (points.normal[1:4] - points.normal[4:]).T / (2 * _STEP)

@@ -8,6 +8,13 @@ from dataclasses import dataclass
 from palpate.alignment_settings import AlignmentSettings, Signal
 from palpate.device import Stream, address
 
+PLACE = dict.fromkeys("xyz", "m")
+TURNS = (  # how a pose may state the tool's orientation
+    dict.fromkeys(("qx", "qy", "qz", "qw"), "1"),  # quaternion
+    dict.fromkeys(("rx", "ry", "rz"), "rad"),  # rotation vector
+    dict.fromkeys(("roll", "pitch", "yaw"), "rad"),  # turns about x, y and z, in the order that is stated
+)
+
 Streams = Mapping[str, tuple[Stream, ...]]  # by device
 
 
@@ -36,7 +43,17 @@ class Port:
         """Columns of the stream that are in the unit of this one; for an undeclared unit, this column alone."""
         if self.unit == "1":
             return (self.column,)
-        return tuple(i for i, channel in enumerate(self.stream.channels) if channel.unit == self.unit)
+        names = [channel.name for channel in self.stream.channels]
+        found = [i for i, channel in enumerate(self.stream.channels) if channel.unit == self.unit]
+        ends = [names[i][-1:].lower() for i in found]
+        if sorted(ends) == ["x", "y", "z"]:  # a log of others has its columns in any order
+            found.sort(key=lambda i: names[i][-1:].lower())
+        return tuple(found)
+
+    def has(self, units: Mapping[str, str]) -> bool:
+        """Whether the stream has channels of some names, each in its unit."""
+        own = {channel.name: channel.unit for channel in self.stream.channels}
+        return all(own.get(name) == unit for name, unit in units.items())
 
     def beside(self, column: int) -> Port:
         """Another column of the stream, at the same times; the range is that of the force."""
@@ -97,9 +114,13 @@ def _local_ports(settings: AlignmentSettings, roles: Mapping[str, Port]) -> dict
     force, position = roles["force"], roles["position"]
     axes = zip("xyz", force.components, strict=False)
     found = {f"force {axis}": force.beside(column) for axis, column in axes if column != force.column}
-    found |= {f"orientation {axis}": position.named(f"q{axis}") for axis in "xyzw"}
+    turn = next((names for names in TURNS if position.has(names)), TURNS[0])
+    found |= {f"orientation {name}": position.named(name) for name in turn}
     if settings.is_projecting:
         found |= {f"position {axis}": position.named(axis) for axis in "xyz"}
         if "velocity" in roles:
-            found |= {f"velocity {axis}": roles["velocity"].named(axis) for axis in "xyz"}
+            velocity = roles["velocity"]
+            found |= {f"velocity {axis}": velocity.named(axis) for axis in "xyz"}
+            if {"wx", "wy", "wz"} <= {channel.name for channel in velocity.stream.channels}:
+                found |= {f"turn {axis}": velocity.named(f"w{axis}") for axis in "xyz"}
     return found

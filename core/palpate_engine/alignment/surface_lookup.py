@@ -33,11 +33,12 @@ class SurfaceLookup:
     """Asks a surface for places in their order, whenever the tip has left the reach of the last answer.
 
     So a sample's plane does not depend on how a record is cut, and a mesh is asked once for a press and not 500 times a
-    second. Where a surface is not known the plane before goes on, and no force counts.
+    second. Where a surface is not known the plane before goes on, and no force counts. Places are centres of a sphere
+    of a `radius` [m], and heights those of its surface.
     """
 
-    def __init__(self, surface: Surface) -> None:
-        self._surface = surface
+    def __init__(self, surface: Surface, radius: float = 0.0) -> None:
+        self._surface, self._radius = surface, radius
         self._last = DistanceExpansion()
 
     def planes(self, place: Floats, count: int) -> LocalPlanes:
@@ -46,7 +47,7 @@ class SurfaceLookup:
         while row < len(place):
             length = _length(last.reaches(place[row : row + _AHEAD]))
             if length == 0:  # where it is expanded it reaches
-                last = expand_distance(self._surface, place[row], last)
+                last = expand_distance(self._surface, place[row], last, self._radius)
                 continue
             columns[row : row + length] = last.planes(place[row : row + length])
             if row < count <= row + length:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from palpate.alignment_settings import AlignmentSettings
 from palpate.rotation_vectors import rotation_rows
 from palpate.vectors import Floats, dot_columns
 
-from palpate_engine.alignment.ports import Port, Ports
+from palpate_engine.alignment.ports import PLACE, TURNS, Port, Ports
 
 GRAVITY = 9.80665  # [m/s^2], standard
 _OUT = (0.0, 0.0, -1.0)  # of the skin, in the frame of a tool that looks at it
@@ -19,6 +20,7 @@ _ALONG = 0.5  # cosine; a force that is read farther off the tool's axis than 60
 _HALF_TURN = (math.pi, 0.0, 0.0)
 
 Vector = tuple[Floats, Floats, Floats]  # of columns (n,)
+Rotations = tuple[Vector, Vector, Vector]  # by rows
 
 
 def mounting_of(settings: AlignmentSettings, axis: int) -> tuple[float, ...] | None:
@@ -73,14 +75,11 @@ class ToolFrame:
         """Whether one of the sensor's axes is along the tool."""
         return abs(ToolFrame.axial(mounting, axis)) >= _ALONG
 
-    def load(
-        self, readings: Vector, orientation: tuple[Floats, Floats, Floats, Floats], normal: Vector | None = None
-    ) -> Load:
-        """The force on the tip from readings (n,) [N] of the three axes and quaternions x, y, z, w (n,) of the tool.
+    def load(self, readings: Vector, rows: Rotations, normal: Vector | None = None) -> Load:
+        """The force on the tip from readings (n,) [N] of the three axes and the tool's orientation.
 
         Along the `normal` at each place, where that is given.
         """
-        rows = _rotations(orientation)
         down = self._in_sensor(rows, self._down)
         weight = _scaled(down, self._weight)
         reading = tuple(self._polarity * (f - b) for f, b in zip(readings, self._bias, strict=True))
@@ -104,12 +103,16 @@ class ToolFrame:
             dot_columns(out, weight),
         )
 
+    def tilt(self, out: Vector, normal: Vector | None = None) -> Floats:
+        """Angle (n,) [rad] between the tool's axis and the normal, that which is given or stated."""
+        return np.arccos(np.clip(self.along(out, normal), -1.0, 1.0))
+
     def along(self, place: Vector, normal: Vector | None = None) -> Floats:
         """Component (n,) of vectors (n,) of the frame of the poses along the normal, that which is given or stated."""
         x, y, z = normal or self._normal or _UP
         return place[0] * x + place[1] * y + place[2] * z
 
-    def _in_sensor(self, rows: tuple[Vector, Vector, Vector], direction: tuple[float, ...] | Vector) -> Vector:
+    def _in_sensor(self, rows: Rotations, direction: tuple[float, ...] | Vector) -> Vector:
         """A direction of the frame of the poses in the sensor's axes: M^T R^T d."""
         d = direction
         tool = [d[0] * rows[0][i] + d[1] * rows[1][i] + d[2] * rows[2][i] for i in range(3)]
@@ -122,9 +125,12 @@ def problems_of(settings: AlignmentSettings, ports: Ports) -> list[tuple[str, st
     force, position, found = ports["force"], ports["position"], list[tuple[str, str]]()
     projecting = "normal" if settings.normal is not None else "surface"
     key = projecting if settings.is_projecting else "weight"
-    names = {channel.name for channel in position.stream.channels}
-    if position.stream.layout != "pose" or not {"x", "y", "z", "qx", "qy", "qz", "qw"} <= names:
-        found.append((key, f"needs the tool's orientation, and {position.signal.channel} is of no pose"))
+    turn = next((names for names in TURNS if position.has(names)), None)
+    if turn is None or not position.has(PLACE):
+        text = f"needs the tool's orientation, and {position.signal.channel} is of no pose: of a stream with x, y, z"
+        found.append((key, f"{text} and qx, qy, qz, qw, or rx, ry, rz, or roll, pitch, yaw"))
+    elif "yaw" in turn and settings.euler is None:
+        found.append(("euler", 'is needed for roll, pitch and yaw: the order of the turns, such as "ZYX"'))
     if len(force.components) != 3:
         found.append(
             (key, f"needs all three axes of the force, and {force.signal.channel} has {len(force.components)}")
@@ -140,7 +146,8 @@ def problems_of(settings: AlignmentSettings, ports: Ports) -> list[tuple[str, st
         found.append(
             ("mounting", f"puts {force.signal.channel} {angle:.0f} deg off the tool's axis: name the axis along it")
         )
-    if settings.is_projecting and "velocity" in ports.roles and ports["velocity"].stream.layout != "twist":
+    speed = dict.fromkeys("xyz", "m/s")
+    if settings.is_projecting and "velocity" in ports.roles and not ports["velocity"].has(speed):
         found.append((key, f"needs a velocity of three axes, and {ports['velocity'].signal.channel} is of no twist"))
     return found
 
@@ -151,7 +158,47 @@ def unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(part / length for part in vector)
 
 
-def _rotations(orientation: tuple[Floats, Floats, Floats, Floats]) -> tuple[Vector, Vector, Vector]:
+def axis_out(rows: Rotations) -> Vector:
+    """The tool's axis (n,), out of the skin at which its z looks."""
+    return -rows[0][2], -rows[1][2], -rows[2][2]
+
+
+def quaternions(turns: Mapping[str, Floats], order: str | None) -> tuple[Floats, Floats, Floats, Floats]:
+    """Quaternions x, y, z, w (n,) of what a pose has (n,): these, a rotation vector, or roll, pitch and yaw [rad].
+
+    Turns are in an `order` of axes, in capitals about the tool's own axes, in small letters about the frame's.
+    """
+    if "qw" in turns:
+        return turns["qx"], turns["qy"], turns["qz"], turns["qw"]
+    if "rx" in turns:
+        x, y, z = turns["rx"], turns["ry"], turns["rz"]
+        angle = np.sqrt(x * x + y * y + z * z)
+        share = 0.5 * np.sinc(0.5 * angle / math.pi)  # sin(a/2)/a
+        return x * share, y * share, z * share, np.cos(0.5 * angle)
+    assert order is not None  # the wiring was checked
+    about = {"x": turns["roll"], "y": turns["pitch"], "z": turns["yaw"]}
+    zero = np.zeros_like(turns["roll"])
+    found = zero, zero, zero, zero + 1.0
+    for axis in order.lower() if order.isupper() else reversed(order):
+        half = 0.5 * about[axis]
+        sine = [np.sin(half) if axis == one else zero for one in "xyz"]
+        found = _product(found, (sine[0], sine[1], sine[2], np.cos(half)))
+    return found
+
+
+def _product(one: tuple[Floats, ...], other: tuple[Floats, ...]) -> tuple[Floats, Floats, Floats, Floats]:
+    """Of two quaternions x, y, z, w: the turn by the other, then by the one."""
+    a, b, c, d = one
+    x, y, z, w = other
+    return (
+        d * x + a * w + b * z - c * y,
+        d * y - a * z + b * w + c * x,
+        d * z + a * y - b * x + c * w,
+        d * w - a * x - b * y - c * z,
+    )
+
+
+def rotations(orientation: tuple[Floats, Floats, Floats, Floats]) -> Rotations:
     """Rows of the rotations of quaternions x, y, z, w (n,) of any length, element by element."""
     x, y, z, w = orientation
     s = 2.0 / (x * x + y * y + z * z + w * w)

@@ -12,11 +12,14 @@ from palpate.vectors import Floats
 
 from palpate_engine.alignment.tool_frame import Load, Vector
 
-# Whole tenths of a millinewton and micrometres: sums of them do not depend on how a record is cut into blocks.
+# Whole tenths of a millinewton, micrometres and tenths of a degree: sums of them do not depend on how a record is cut
+# into blocks.
 _PER_NEWTON, _PER_METRE, _PER_CURVATURE = 1e4, 1e6, 1e4
 _LARGEST = 1e7  # of such parts; what is beyond is no reading
 _FEWEST = 100  # samples
-_WEIGHT, _ALONG, _CURVATURE, _COLUMNS = slice(3, 6), 6, slice(11, 13), 13
+_WEIGHT, _ALONG, _CURVATURE, _TILT, _COLUMNS = slice(3, 6), 6, slice(11, 13), 13, 14
+_PER_RADIAN, _MOST_TILT = 1800 / math.pi, 1800
+_NEARLY_ALL = 0.99  # of the samples in contact, whose tilt is the one that is reported
 
 
 class ToolWatch:
@@ -25,12 +28,19 @@ class ToolWatch:
     def __init__(self) -> None:
         self._waiting = np.zeros((0, _COLUMNS), np.int64)
         self._air, self._contact, self._stays = _Sums(), _Sums(), _Stays()
+        self._tilts = np.zeros(_MOST_TILT + 1, np.int64)  # how many samples in contact have each
 
-    def add(self, load: Load, place: Vector, height: Floats, curvature: Floats, curvature_std: Floats) -> None:
-        """Take in samples to be released: forces [N], place of the tip [m], the skin's curvature [1/m] and its std."""
+    def add(
+        self, load: Load, place: Vector, height: Floats, tilt: Floats, curvature: Floats, curvature_std: Floats
+    ) -> None:
+        """Take in samples to be released: forces [N], place of the tip [m], its height above the skin.
+
+        And the angle between tool and normal [rad], the skin's curvature [1/m] and its std.
+        """
         forces = np.column_stack([*load.reading, *load.weight, load.weight_along]) * _PER_NEWTON
         places = np.column_stack([*place, height]) * _PER_METRE
-        columns = np.column_stack([forces, places, curvature * _PER_CURVATURE, curvature_std * _PER_CURVATURE])
+        curved = np.column_stack([curvature, curvature_std]) * _PER_CURVATURE
+        columns = np.column_stack([forces, places, curved, tilt * _PER_RADIAN])
         columns = np.where(np.isfinite(columns), columns, 2.0 * _LARGEST).clip(-2.0 * _LARGEST, 2.0 * _LARGEST)
         self._waiting = np.concatenate([self._waiting, np.rint(columns).astype(np.int64)])
 
@@ -42,6 +52,7 @@ class ToolWatch:
             before = np.cumsum(contact) == 0
             self._air.add(rows[before & usable])
         self._contact.add(rows[contact & usable])
+        self._tilts += np.bincount(rows[contact & usable, _TILT], minlength=_MOST_TILT + 1)
         self._stays.add(rows[:, 7:11], contact & usable)
 
     @property
@@ -54,12 +65,14 @@ class ToolWatch:
         spread, apart, std = air.disagreement() if air.count >= _FEWEST else (0.0, None, 0.0)
         turn, weight = float(np.linalg.norm(now[_WEIGHT] - before[_WEIGHT])), float(now[_ALONG])
         slope = self._stays.slope if contact.count >= _FEWEST else 0.0
-        curved = contact.mean[_CURVATURE].tolist() if contact.count else (0.0, 0.0)
-        return TurnedTool(turn, weight - float(before[_ALONG]), weight, spread, apart, std, slope, *curved)
+        curvature, deviation = contact.mean[_CURVATURE].tolist() if contact.count else (0.0, 0.0)
+        most = int(np.searchsorted(np.cumsum(self._tilts), _NEARLY_ALL * self._tilts.sum())) / _PER_RADIAN
+        along = weight - float(before[_ALONG])
+        return TurnedTool(turn, along, weight, spread, apart, std, slope, curvature, deviation, most)
 
 
 class _Sums:
-    """Sums and products of whole numbers (n, 13)."""
+    """Sums and products of whole numbers (n, 14)."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -80,8 +93,8 @@ class _Sums:
 
     @property
     def mean(self) -> Floats:
-        """(13,) of forces [N], places [m], curvature and its standard uncertainty [1/m]."""
-        parts = np.repeat([_PER_NEWTON, _PER_METRE, _PER_CURVATURE], [7, 4, 2])
+        """(14,) of forces [N], places [m], curvature and its standard uncertainty [1/m], and the tilt [rad]."""
+        parts = np.repeat([_PER_NEWTON, _PER_METRE, _PER_CURVATURE, _PER_RADIAN], [7, 4, 2, 1])
         return np.asarray(np.array(self._sum, float) / self.count / parts, np.float64)
 
     def disagreement(self) -> tuple[float, float | None, float]:

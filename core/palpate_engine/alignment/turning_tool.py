@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +15,23 @@ from palpate_engine.alignment.ports import Port
 from palpate_engine.alignment.signal_reader import SignalReader, ToolReport, ToolSignals
 from palpate_engine.alignment.signal_series import Series
 from palpate_engine.alignment.surface_lookup import SurfaceLookup
-from palpate_engine.alignment.tool_frame import Load, ToolFrame, Vector
+from palpate_engine.alignment.tool_frame import Load, Rotations, ToolFrame, Vector, axis_out, quaternions, rotations
 from palpate_engine.alignment.tool_watch import ToolWatch
 
 
 class TurningToolReader(SignalReader):
-    """Reads the series of a wrench, a pose and a twist; keeps account of the weight that turns."""
+    """Reads the series of a wrench, a pose and a twist; keeps account of the weight that turns.
 
-    def __init__(self, settings: AlignmentSettings, force: Port, series: Mapping[str, Series]) -> None:
-        self._frame = ToolFrame(settings, force)
-        self._lookup = None if settings.surface is None else SurfaceLookup(settings.surface)
+    A tip that is a sphere of a `radius` [m] touches along the normal through its centre, however the tool stands: place
+    and velocity are those of the centre, and the height is less by the radius. Of any other tip they are its end's.
+    """
+
+    def __init__(self, settings: AlignmentSettings, force: Port, series: Mapping[str, Series], radius: float) -> None:
+        self._frame, self._radius = ToolFrame(settings, force), radius
+        self._lookup = None if settings.surface is None else SurfaceLookup(settings.surface, radius)
         self._is_projecting = settings.is_projecting
-        self._series = series
+        self._series, self._euler = series, settings.euler
+        self._turns = [role.removeprefix("orientation ") for role in series if role.startswith("orientation ")]
         self._axes = [
             series.get(f"force {axis}", series["force"]) for axis, _ in zip("xyz", force.components, strict=True)
         ]
@@ -43,41 +48,54 @@ class TurningToolReader(SignalReader):
         The height is that over the surface, or over the plane through the origin of the poses.
         """
         now, planes, nothing = stamps[:count], None, np.zeros(count)
+        turns = {name: self._series[f"orientation {name}"].at(stamps) for name in self._turns}
+        rows = rotations(quaternions(turns, self._euler))
+        out = axis_out(rows)
         height, motion = self._series["position"].values[: len(stamps)], ((nothing, nothing, nothing), nothing)
         if self._is_projecting:
-            place = self._vector("position", stamps)
+            place = self._from_end(self._columns("position", stamps), out)
             if self._lookup is None:
-                height = self._frame.along(place)
+                height = self._frame.along(place) - self._radius
             else:
                 ahead = self._lookup.planes(np.column_stack(place), count)
                 height, planes = ahead.height, ahead[:count]
             motion = (place[0][:count], place[1][:count], place[2][:count]), height[:count]
-        normal = None if planes is None else _columns(planes.normal)
-        load, velocity = self._load(now, normal), self._velocity(now, normal)
+        normal = None if planes is None else _three(planes.normal.T)
+        rows, out = _first(rows, count), _three(column[:count] for column in out)
+        load, velocity = self._load(now, rows, normal), self._velocity(now, out, normal)
         self._lateral.add(np.column_stack([load.along, *load.across]))
+        tilt = self._frame.tilt(out, normal) if self._is_projecting else nothing
         if planes is None:
-            self._watch.add(load, *motion, nothing, nothing)
+            self._watch.add(load, *motion, tilt, nothing, nothing)
             return ToolSignals(height, load.along, velocity, np.full((count, 2), np.nan))
         curvature = planes.curvature.mean(axis=1) * planes.known
-        self._watch.add(load, *motion, curvature, planes.curvature_std)
+        self._watch.add(load, *motion, tilt, curvature, planes.curvature_std)
         return ToolSignals(height, load.along * planes.known, velocity, planes.curvature * planes.known[:, None])
 
-    def _load(self, stamps: NDArray[np.int64], normal: Vector | None) -> Load:
+    def _from_end(self, end: Vector, out: Vector) -> Vector:
+        """Where the centre of the tip is, from its end, in the frame of the poses."""
+        if not self._radius:
+            return end
+        return _three(place + self._radius * axis for place, axis in zip(end, out, strict=True))
+
+    def _load(self, stamps: NDArray[np.int64], rows: Rotations, normal: Vector | None) -> Load:
         """Forces on the tip, without a weight that turns."""
         fx, fy, fz = (sign * one.at(stamps) for sign, one in zip(self._signs, self._axes, strict=True))
-        x, y, z, w = (self._series[f"orientation {axis}"].at(stamps) for axis in "xyzw")
-        return self._frame.load((fx, fy, fz), (x, y, z, w), normal)
+        return self._frame.load((fx, fy, fz), rows, normal)
 
-    def _velocity(self, stamps: NDArray[np.int64], normal: Vector | None) -> Floats | None:
+    def _velocity(self, stamps: NDArray[np.int64], out: Vector, normal: Vector | None) -> Floats | None:
         if "velocity" not in self._series:
             return None
         if not self._is_projecting:
             return self._series["velocity"].at(stamps)
-        return self._frame.along(self._vector("velocity", stamps), normal)
+        velocity = self._columns("velocity", stamps)
+        if self._radius and "turn x" in self._series:
+            (x, y, z), (u, v, w) = self._columns("turn", stamps), out
+            velocity = self._from_end(velocity, (y * w - z * v, z * u - x * w, x * v - y * u))
+        return self._frame.along(velocity, normal)
 
-    def _vector(self, role: str, stamps: NDArray[np.int64]) -> Vector:
-        x, y, z = (self._series[f"{role} {axis}"].at(stamps) for axis in "xyz")
-        return x, y, z
+    def _columns(self, role: str, stamps: NDArray[np.int64]) -> Vector:
+        return _three(self._series[f"{role} {axis}"].at(stamps) for axis in "xyz")
 
     def release(self, contact: NDArray[np.bool_]) -> None:
         """Part the account into air and contact."""
@@ -89,7 +107,11 @@ class TurningToolReader(SignalReader):
         return ToolReport(self._lateral.share, self._watch.turned)
 
 
-def _columns(vectors: Floats) -> Vector:
-    """Columns (n,) of vectors (n, 3)."""
-    x, y, z = vectors.T
+def _three(columns: Iterable[Floats]) -> Vector:
+    x, y, z = columns
     return x, y, z
+
+
+def _first(rows: Rotations, count: int) -> Rotations:
+    first, second, third = (_three(column[:count] for column in row) for row in rows)
+    return first, second, third

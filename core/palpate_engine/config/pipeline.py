@@ -28,6 +28,12 @@ from palpate_engine.safety import SafetySettings
 from palpate_engine.track_name import TrackName
 
 
+def sphere_radii(models: Mapping[str, ContactModel]) -> set[float]:
+    """Radii [m] of the tips of some models that are spheres."""
+    tips = [getattr(model, "indenter", None) for model in models.values()]
+    return {tip.sphere_radius for tip in tips if isinstance(tip, Indenter) and tip.sphere_radius is not None}
+
+
 class RunSettings(Settings):
     """The ``[run]`` table: what concerns the run as a whole."""
 
@@ -166,6 +172,11 @@ class Pipeline:
     def ports(self) -> Ports:
         """Where each signal is read."""
         return self._ports
+
+    @property
+    def tip_radius(self) -> float:
+        """Radius [m] of the sphere that the tip is; 0 of another shape, whose place is that of its end."""
+        return max(sphere_radii(self.models), default=0.0)
 
     @cached_property
     def _ports(self) -> Ports:

@@ -27,7 +27,7 @@ from palpate_engine.config.dialects import choose_dialect
 from palpate_engine.config.migrations import MIGRATIONS, migrate
 from palpate_engine.config.mistakes import raise_mistakes
 from palpate_engine.config.part_builder import Builder, unknown_tables
-from palpate_engine.config.pipeline import Pipeline, RunSettings, Track
+from palpate_engine.config.pipeline import Pipeline, RunSettings, Track, sphere_radii
 from palpate_engine.config.pipeline_source import Source
 from palpate_engine.config.rig_settings import apply_rig
 from palpate_engine.config.safety_wiring import contradictions, wire_safety
@@ -178,9 +178,13 @@ def _wrong_orientation(alignment: AlignmentSettings, models: Mapping[str, Contac
         problem = 'is needed for weight = "turning": weigh all that hangs behind the sensor'
         mistakes.append(Mistake(("alignment", "tip_mass"), problem))
     inclined = [name for name, model in models.items() if getattr(getattr(model, "skin", None), "inclination", 0.0)]
+    along = ("alignment", "surface" if alignment.normal is None else "normal")
     if alignment.is_projecting and inclined:
         problem = f"counts the inclination once more that [model.{inclined[0]}] skin states: leave one of them out"
-        mistakes.append(Mistake(("alignment", "surface" if alignment.normal is None else "normal"), problem))
+        mistakes.append(Mistake(along, problem))
+    if alignment.is_projecting and len(radii := sorted(sphere_radii(models))) > 1:
+        problem = f"is that under one tip, and the models have spheres of {1e3 * radii[0]:g} and {1e3 * radii[-1]:g} mm"
+        mistakes.append(Mistake(along, problem))
     return mistakes
 
 

@@ -12,6 +12,8 @@ from palpate_engine import GRAVITY, AlignmentReport, AlignmentSettings
 from palpate_kit.budget.force_sensitivity import Along, ForceSensitivity
 from palpate_kit.budget.uncertainty_sources import UncertaintySource
 
+_WAVES = 4  # over the depth, of what a formula is off
+_OF_MOST = 2.0  # standard uncertainties in the most that it is off
 _MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
 
 
@@ -62,6 +64,7 @@ def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentRep
     if report is not None:
         terms += _of_directions(found, settings, report)
         terms += _of_curvature(found, settings, report)
+    terms += _of_law(found)
     tare = report.tare.offset_std if report is not None and report.tare else None
     if tare is not None:
         terms += _term(found, "tare", float(tare), "N", np.full(len(found.force), tare))
@@ -88,12 +91,14 @@ def _of_directions(found: Along, settings: AlignmentSettings, report: AlignmentR
     """The terms of the sensor's mounting and of the skin's normal, each known to an angle u.
 
     A mounting that is off turns the weight's change W since the tare and the share s of the force F across the normal:
-    f = u (W + s F). A normal that is off does the latter, and is an inclination: f = u s F + (1 - cos(u)^2.5) F.
+    f = u (W + s F). A normal that is off does the latter, is an inclination, and of a motion at an angle b to it depth
+    and rate are off by u tan(b) of themselves: f = u s F + (1 - cos(u)^2.5) F + u tan(b) (dF/dd d + dF/dd' d').
     """
     share = report.sideways.size if report.sideways is not None else 0.0
-    turn = report.turned.turn if report.turned is not None else 0.0
+    turn, slope = (0.0, 0.0) if report.turned is None else (report.turned.turn, report.turned.slope)
     for name, (angle, declared) in settings.orientation_uncertainties.items():
-        own = angle * turn if name == "mounting" else (1.0 - math.cos(angle) ** 2.5) * found.force
+        tilted = (1.0 - math.cos(angle) ** 2.5) * found.force
+        own = angle * turn if name == "mounting" else tilted + angle * slope * found.by_height_scale()
         yield from _term(found, name, angle, "rad", angle * share * found.force + own, declared)
 
 
@@ -114,6 +119,22 @@ def _of_curvature(found: Along, settings: AlignmentSettings, report: AlignmentRe
         yield from _term(found, "curvature", turned.curvature_std, "1/m", error)
     elif share := _flatness(found.model, turned.curvature):
         yield from _term(found, "curvature", abs(turned.curvature), "1/m", share * found.force)
+
+
+def _of_law(found: Along) -> Iterator[Term]:
+    """The term of a formula that stands for a solution and is off it by e of the force at the most.
+
+    By how much at which depth is not known, only that it changes slowly: f = e/2 F cos(n pi s), n = 0 to 3 and each by
+    itself, with weights so that f^2 is (e/2)^2 F^2 on average, s the root of the depth over that of the deepest.
+    """
+    if not (error := found.model.law_error):
+        return
+    place = np.sqrt(np.clip(found.depth / found.depth.max(), 0.0, 1.0))
+    waves = [(math.sqrt(2.0) if n else 1.0) * np.cos(n * math.pi * place) for n in range(_WAVES)]
+    shifts = [found.shifts(error / _OF_MOST * wave * found.force / math.sqrt(_WAVES)) for wave in waves]
+    known = [shift for shift in shifts if shift is not None]
+    if known:
+        yield Term("law", error / _OF_MOST, "1", np.sqrt(np.sum(np.square(known), axis=0)))
 
 
 def _flatness(model: ContactModel, curvature: float) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 from palpate import Floats
 from palpate_records.messages.definitions import short_name
@@ -39,6 +41,22 @@ def role_of_name(name: str) -> tuple[str | None, str, str | None]:
         if any(words == end or words.endswith((f".{end}", f"_{end}")) for end in ends):
             return role, "by its name", None
     return None, "", None
+
+
+def beside(role: str, name: str, columns: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Name and number of what belongs to the number of a role: of a force its other axes, of a place its pose."""
+    stem = name.removesuffix(".z")
+    if stem == name:
+        return
+    if role == "force":
+        found = [(f"force_{axis}", f"{stem}.{axis}") for axis in "xy"]
+    elif role == "position":
+        turn = stem.replace("position", "orientation").replace("translation", "rotation")
+        found = [(axis, f"{stem}.{axis}") for axis in "xyz"] + [(f"q{axis}", f"{turn}.{axis}") for axis in "xyzw"]
+    else:
+        return
+    if all(field in columns for _, field in found):
+        yield from found
 
 
 def runs_with(values: Floats, logged: Floats) -> bool:

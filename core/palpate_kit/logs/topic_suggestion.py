@@ -45,7 +45,12 @@ def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping
     units = {role: pick.series.unit or roles.UNITS[role] for role, pick in found.picks.items()}
     extra: dict[str, list[str]] = {"reasons": [], "doubts": []}
     _guess_units(found, units, extra["doubts"], tip_of(choices))
-    signals = {role: {"topic": topic, **_field(name), "unit": units[role]} for role, (topic, name) in keys.items()}
+    signals: dict[str, Any] = {}
+    for role, (topic, name) in keys.items():
+        for other, field in roles.beside(role, name, looked[topic][0]):
+            turn = role == "position" and other.startswith("q")
+            signals[other] = {"topic": topic, "field": field, "unit": "1" if turn else units[role]}
+        signals[role] = {"topic": topic, **_field(name), "unit": units[role]}  # last: the third axis of a force
     device: dict[str, Any] = {"type": kind, "file": str(path), "signals": signals}
     device |= dict(_times(found, keys, looked, extra["reasons"]))
     channels = {role: f"log.{names[topic]}.{role}" for role, (topic, _) in keys.items()}

@@ -113,6 +113,9 @@ class TurnedToolDocument(Document):
     slope: float = Field(description="tangent of the angle between the stated normal and the motion in contact")
     curvature: float = Field(description="mean of the two of the surface in contact [1/m]")
     curvature_std: float = Field(default=0.0, description="standard uncertainty of it, by the surface [1/m]")
+    tilt: float = Field(
+        default=0.0, description="between the tool's axis and the normal, which 99 % of the contact is below [rad]"
+    )
 
 
 class ControlDocument(Document):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,9 @@ _LINEAR_EXTRAS = ("bias", "slope", "tip_mass")
 _INSIDE = np.linspace(0.0, 1.0, 41)[1:]  # heights within the record, as shares of its range from the bottom
 _ABOVE = np.geomspace(0.01, 12.0, 36)  # heights above it
 _SINGULAR, _ROUNDING = 1e-7, 1e-7  # of scaled squares; their sums are exact to some 1e-13 over the first of both
+_CONTRASTS = (1.0, 0.1, 0.3, 3.0, 10.0)  # of moduli; alike they are one half-space, which others contain
+_THICKNESSES = (3e-4, 1e-3, 3e-3, 1e-2)  # [m]
+_LEAST = 1e-3  # [Pa], scale of moduli
 _GRIDS = {"1": (1.0, 1.5, 2.0, 3.0), "s": (0.03, 0.1, 0.3, 1.0)}  # of what is not linear, by unit
 _DECLARED = ("Pa", "m^2/s")  # where what is not linear begins as the model says, unless its material flows
 
@@ -148,6 +152,8 @@ def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord
         heights = np.concatenate([low + reach * _INSIDE, low + reach * (1 + _ABOVE)])
         inside = heights[(heights >= item.lower) & (heights <= item.upper)]
         return tuple(inside) or (item.inside(float(record.height.max())),)
+    if item.unit == "m":
+        return tuple(h for h in _THICKNESSES if item.lower <= h <= item.upper) or (item.inside(start),)
     if item.name == "delay":
         return (item.inside(0.0),)
     if np.isfinite(item.upper) and item.upper > item.lower and item.name not in EXTRAS:
@@ -168,6 +174,61 @@ def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: 
         return Guess(base, float(error @ error) if np.isfinite(error).all() else np.inf)
     found = linear_part(np.column_stack(columns), -error, *unknowns.bounds(linear))
     base[list(linear)] = found.unknowns
+    return Guess(base, found.squares)
+
+
+def guess_by_contrast(
+    model: ContactModel, unknowns: Unknowns, record: FitRecord, linear: Sequence[int], moduli: Sequence[int]
+) -> list[Floats]:
+    """Values (P,) to start from, for each contrast of the first of some moduli to the others and what else has a grid.
+
+    The force is proportional to all moduli together, so their scale is found with the other `linear` unknowns; the
+    surface is the best one. Where the moduli are alike the material is a half-space.
+    """
+    thin = record.thinned(_SAMPLES)
+    thin = thin if thin.used.all() else thin.selected(thin.used)
+    grids = [_grid(item, place, linear, thin, 1.0) for place, item in enumerate(unknowns.items)]
+    surface, found = unknowns.index("surface"), list[Guess]()
+    heights, grids[surface] = grids[surface], (0.0,)
+    grids[moduli[0]] = _CONTRASTS
+    for start in product(*grids):
+        every = [(*start[:surface], height, *start[surface + 1 :]) for height in heights]
+        guesses = [solve_scaled(model, unknowns, thin, np.array(x), linear, moduli) for x in every]
+        found.append(min(guesses, key=lambda guess: guess.cost))
+    return [guess.x for guess in found if np.isfinite(guess.cost)]
+
+
+def moduli_of(model: ContactModel, unknowns: Unknowns, linear: Sequence[int]) -> tuple[int, ...]:
+    """Places of several moduli that a model without memory is not linear in, by itself each; else nothing."""
+    free = [i for i in unknowns.free if unknowns.items[i].unit == "Pa" and unknowns.items[i].value is None]
+    found = tuple(i for i in free if i not in linear)
+    return found if len(found) > 1 and not model.memory else ()
+
+
+def solve_scaled(
+    model: ContactModel,
+    unknowns: Unknowns,
+    record: FitRecord,
+    x: Floats,
+    linear: Sequence[int],
+    moduli: Sequence[int],
+) -> Guess:
+    """The best scale of some moduli and values of the linear unknowns beside given others, and their cost."""
+    base, rows = x.copy(), list(record.parts)
+    base[list(linear)] = 0.0
+    twice = base.copy()
+    twice[list(moduli)] *= 2.0
+    with np.errstate(all="ignore"):
+        once, more = (
+            record.weight * (reading(model, at.tolist(), rows, record.transition) - record.force)
+            for at in (base, twice)
+        )
+        columns = [more - once, *_columns(model, record, base, linear, once, ())]
+    low, high = unknowns.bounds(linear)
+    bounds = np.append(_LEAST, low), np.append(np.inf, high)
+    found = linear_part(np.column_stack(columns), more - 2.0 * once, *bounds)
+    base[list(moduli)] *= found.unknowns[0]
+    base[list(linear)] = found.unknowns[1:]
     return Guess(base, found.squares)
 
 

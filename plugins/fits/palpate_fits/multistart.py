@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from palpate import Floats
+from palpate import Flag, Floats
+from palpate_kit.numerics.refusal import NotFitted
 
 from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import FitRecord, make_record
 from palpate_fits.residual import Residual
-from palpate_fits.solvers import Solution, solve_trf
+from palpate_fits.solvers import Solution, solve_lm, solve_trf
 from palpate_fits.unknowns import EXTRAS, Unknowns
 
 _TIMES = 6  # of each relaxation time, evenly in its logarithm
@@ -21,6 +22,7 @@ _SHORTEST, _LONGEST = 2.0, 0.5  # relaxation times tried: sample intervals, shar
 _BEYOND = 10.0  # lengths of the record
 _ROUGH = 15  # evaluations of each start
 _VISCOUS = (0.1, 1.0, 10.0)
+_SIGMAS, _ANOTHER = 3.0, 0.25  # of a minimum that is as good; share of a value by which it is another
 _FINISHED = 2  # starts that are followed to the end
 
 
@@ -91,6 +93,45 @@ def solve_or_try_others(
     best = min((one for one in tried if np.isfinite(one.cost)), key=lambda one: one.cost, default=found)
     other = solve_trf(residual, unknowns, record, best.x, loss)
     return other if other.cost < found.cost or not np.isfinite(found.cost) else found
+
+
+def solve_from_each(
+    residual: Residual, unknowns: Unknowns, record: FitRecord, starts: Sequence[Floats], loss: LossFunction
+) -> list[Solution]:
+    """The minima near some starts, the least first; raises NotFitted where there is none."""
+    found = [solve_lm(residual, unknowns, record, x, loss, gain=1e-9) for x in starts]
+    found = sorted((one for one in found if np.isfinite(one.cost)), key=lambda one: one.cost)
+    if not found:
+        raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
+    return found
+
+
+def rivals(
+    residual: Residual,
+    unknowns: Unknowns,
+    record: FitRecord,
+    best: Solution,
+    minima: Sequence[Solution],
+    loss: LossFunction,
+) -> Iterator[Flag]:
+    """A note on values that are others at another minimum which describes a record as well.
+
+    As well is what three standard deviations of the residual allow, and what the model's law may itself be off.
+    """
+    few, names = max(len(record) - len(residual.free), 1), [one.name for one in residual.model.parameters]
+    law = 0.5 * residual.model.law_error * record.weight * record.force
+    allowed = 0.5 * (_SIGMAS**2 * 2.0 * best.cost / few + float(law @ law))
+    apart: dict[str, float] = {}
+    for one in (solve_lm(residual, unknowns, record, other.x, loss) for other in minima):
+        if one.cost - best.cost <= allowed:
+            for place in residual.free[: len(names)]:
+                far = abs(float(one.x[place] - best.x[place]))
+                if place < len(names) and far > _ANOTHER * abs(best.x[place]):
+                    apart[names[place]] = max(far, apart.get(names[place], 0.0))
+    if apart:
+        units = {one.name: one.unit for one in residual.model.parameters}
+        moved = ", ".join(f"{name} by {size:.3g} {units[name]}" for name, size in apart.items())
+        yield Flag("undetermined", f"another minimum describes the record as well, and moves {moved}", effects=apart)
 
 
 def _span(record: FitRecord) -> float:

@@ -26,12 +26,19 @@ from palpate_kit.numerics.tip_travel import (
 
 from palpate_fits.approach import constrained_surface, first_approach
 from palpate_fits.arm_order import in_order
-from palpate_fits.first_guess import first_guess, linear_places
+from palpate_fits.first_guess import first_guess, guess_by_contrast, linear_places, moduli_of
 from palpate_fits.fit_outcome import FitOutcome
 from palpate_fits.fit_settings import FitSettings
 from palpate_fits.height_noise import correct_attenuation
 from palpate_fits.loss import LossFunction
-from palpate_fits.multistart import solve_from_many, solve_or_try_others, times_of, with_times_that_show
+from palpate_fits.multistart import (
+    rivals,
+    solve_from_each,
+    solve_from_many,
+    solve_or_try_others,
+    times_of,
+    with_times_that_show,
+)
 from palpate_fits.record_arrays import FitRecord, make_record
 from palpate_fits.residual import Residual
 from palpate_fits.segments import RecordCourse, Rows, Window, passage, segment_rows
@@ -95,7 +102,13 @@ class FitTracker:
         linear = self._linear_places(unknowns)
         loss = LossFunction(settings.loss, settings.loss_scale)
         residual = self._residual(unknowns.free)
-        x = first_guess(model, unknowns, record, linear, self._residual)
+        minima = list[Solution]()
+        if moduli := moduli_of(model, unknowns, linear):
+            starts = guess_by_contrast(model, unknowns, record, linear, moduli)
+            minima = solve_from_each(residual, unknowns, record.thinned(_THIN), starts, loss)
+            x = minima[0].x
+        else:
+            x = first_guess(model, unknowns, record, linear, self._residual)
         if len(record) > 2 * _THIN and not model.memory:
             x = solve_lm(residual, unknowns, record.thinned(_THIN), x, loss, gain=1e-9).x
         solver, solution = self._solve(unknowns, record, residual, x, loss)
@@ -104,6 +117,7 @@ class FitTracker:
             solver, solution = self._solve(unknowns, record, residual, solution.x, loss)
         if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
             raise NotFitted("diverged", "the fit ended in numbers that are not finite")
+        notes += rivals(residual, unknowns, record, solution, minima, loss)
         solution = in_order(model, unknowns, solution)
         if loss.kind == "linear":
             solution = correct_attenuation(residual, record, unknowns, solution)

@@ -7,6 +7,8 @@ from typing import Literal
 
 from palpate import Floats
 
+_LONG, _LONGER = 18e-3, 1.5  # [m], and widths, beyond which a lump may be two: the contact leaves one some 10 mm wide
+
 SweepMethod = Literal["prominence", "cusum"]
 
 
@@ -34,6 +36,13 @@ class Lump:
     checked: bool = False  # palpated at a point of it, too
     highest: tuple[float, float] | None = None  # [m] where the contrast is; the middle of a horseshoe is its hole
     height: float | None = None  # [m] z of its middle, on a surface
+    axes: tuple[float, float] = (0.0, 0.0)  # [m] extent along its longest direction, and across it; of an area
+
+    @property
+    def may_be_two(self) -> bool:
+        """Whether it is longer than one body as wide as it is would be."""
+        long, wide = self.axes
+        return long > max(_LONG, _LONGER * wide)
 
 
 @dataclass(frozen=True)
@@ -60,10 +69,17 @@ class Findings:
 
     @property
     def warning(self) -> str | None:
-        """What the background is where it had to be chosen; None where the sites are one population and lumps."""
-        if self.several is None:
-            return None
-        return (
-            f"the sites are not one population with a few lumps: the {100 * self.several:.0f} % of them about the "
-            "lowest common value are taken as the background"
-        )
+        """What is doubtful: a background that had to be chosen, and lumps that may be two; None where nothing is."""
+        told = []
+        if self.several is not None:
+            told.append(
+                f"the sites are not one population with a few lumps: the {100 * self.several:.0f} % of them about the "
+                "lowest common value are taken as the background"
+            )
+        for lump in self.lumps:
+            if lump.may_be_two:
+                x, y, long, wide = (1e3 * size for size in (*lump.place, *lump.axes))
+                told.append(
+                    f"the lump at ({x:.1f}, {y:.1f}) mm is {long:.0f} mm long and {wide:.0f} mm wide: may be two"
+                )
+        return "; ".join(told) or None

@@ -110,6 +110,9 @@ def _lump(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: Floats) 
         values.tolist() for values in (middle, extent, sites.place[peak])
     )
     chance, checked = float(p[group].min()), bool(points.any())
+    raised = np.maximum(height[body], 0.0)
+    away = sites.place[body] - raised @ sites.place[body] / raised.sum()
+    *_, across, along = np.sqrt(12 * np.linalg.eigvalsh((raised[:, None] * away).T @ away / raised.sum()).clip(0.0))
     return Lump(
         (x, y),
         (wide, high),
@@ -119,4 +122,5 @@ def _lump(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: Floats) 
         checked=checked,
         highest=(top_x, top_y),
         height=above[0] if above else None,
+        axes=(float(along), float(across)),
     )

@@ -83,6 +83,7 @@ def lumps_json(findings: Findings, path: Path2D) -> str:
                 **({} if lump.height is None else {"z": lump.height}),
                 "highest": list(lump.highest or lump.place),
                 "extent": list(lump.extent),
+                "may_be_two": lump.may_be_two,
                 "contrast": lump.contrast,
                 "contrast_std": lump.contrast_std,
                 "p": lump.p,

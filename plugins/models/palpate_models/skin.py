@@ -11,7 +11,7 @@ from palpate import Angle, Depth, Floats, Indenter, Settings, select
 from pydantic import Field, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
-from palpate_models.indenters import ExactSphere, Flat, NeoHookeanSphere, Sphere, TiltedFlat, TruncatedCone
+from palpate_models.indenters import Flat, TiltedFlat, TruncatedCone
 from palpate_models.thickness import Layer, Thickness, contact_validity, corrected_contact
 
 FLAT: Literal["flat"] = "flat"
@@ -125,7 +125,7 @@ class Skin(Settings):
 
     def validity(self, indenter: Indenter, depth: float) -> str:
         """What does not hold at a depth [m] along the tool; empty where all is well."""
-        if self.inclination and not isinstance(indenter, Sphere | ExactSphere | NeoHookeanSphere):
+        if self.inclination and indenter.sphere_radius is None:
             return f"an inclined skin is known under spheres, not under a {_name(indenter)}"
         steepest = max(map(abs, self.curvatures))
         share = float(indenter.contact_radius(depth)) * steepest

@@ -15,6 +15,7 @@ from palpate_surfaces.mesh_file import read_mesh
 from palpate_surfaces.pose import UncertainPose
 from palpate_surfaces.registration_file import file_digest, read_registration
 
+_UPWARDS = math.cos(math.radians(60.0))  # of an open mesh as a whole against z
 _STEEP = math.cos(math.radians(80.0))
 _STEPS = 2
 
@@ -60,11 +61,14 @@ class Mesh(Surface):
         if triangles.is_watertight and triangles.volume < 0:
             raise ValueError(f"{self.file}: its normals point inwards (a volume of {1e6 * triangles.volume:.3g} cm^3)")
         mean = self.pose.matrix @ (triangles.face_normals * triangles.area_faces[:, None]).sum(axis=0)
-        if not triangles.is_watertight and mean[2] <= 0:
-            raise ValueError(
-                f"{self.file}: its normals point inwards: on average they look along -z of the work frame, whose z is "
-                "out of the material; turn the triangles round, or state the rotation"
-            )
+        if not triangles.is_watertight and mean[2] < _UPWARDS * float(np.linalg.norm(mean)):
+            axis = int(np.argmax(np.abs(mean)))
+            look = f"look along {'-' if mean[axis] < 0 else ''}{'xyz'[axis]} of the work frame, whose z is out of the"
+            if look.startswith("look along -z"):
+                reason = f"normals point inwards: on average they {look} material; turn the triangles round, or state"
+            else:
+                reason = f"normals {look} material, on average: is it y-up, or mirrored? State"
+            raise ValueError(f"{self.file}: its {reason} the rotation")
         return self
 
     @cached_property

@@ -17,6 +17,7 @@ _MOST = 300  # of more, every second, third, ... counts
 _FACING = 0.5  # cosine between the normals of a point and of what belongs to its side of the body
 _ON_AN_EDGE = 1e-7  # of a triangle
 _ENOUGH = 64  # vertices, among which so many are on one side
+_ASKED = 100  # points whose nearest are looked for at once: far from the body hundreds of triangles count for each
 _TOGETHER = 500  # patches that are fitted at once
 _MILLIMETRE = 1e-3  # [m]
 
@@ -47,8 +48,11 @@ class MeshBody:
         if not len(points):
             return points, np.zeros(0, np.int64)
         closest_point: Any = proximity.closest_point
-        feet, _, faces = closest_point(self._in_millimetres, points / _MILLIMETRE)
-        return np.asarray(feet) * _MILLIMETRE, np.asarray(faces)
+        feet, faces = np.empty(points.shape), np.empty(len(points), np.int64)
+        for begin in range(0, len(points), _ASKED):
+            rows = slice(begin, begin + _ASKED)
+            feet[rows], _, faces[rows] = closest_point(self._in_millimetres, points[rows] / _MILLIMETRE)
+        return feet * _MILLIMETRE, faces
 
     def first_along(self, origins: Floats, direction: Floats) -> tuple[Floats, Faces]:
         """Where rays from points (n, 3) along a unit vector (3,) first meet a triangle, and which; -1 where none."""

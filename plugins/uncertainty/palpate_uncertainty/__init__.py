@@ -28,6 +28,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability", order=60),
         "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
         "force-across": Diagnosis("palpate_uncertainty.inclined_skin:inclined_skin", order=11, quick=True),
+        "tool-off-normal": Diagnosis("palpate_uncertainty.tool_off_normal:tool_off_normal", order=10, quick=True),
         # Before what settles the delay by the motion.
         "open-facts": Diagnosis("palpate_uncertainty.open_facts:open_facts", order=10, quick=True),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),

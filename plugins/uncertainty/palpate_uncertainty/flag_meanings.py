@@ -42,6 +42,15 @@ _MODEL = {
         "Depth or tip is outside the range of the model or of its thickness correction.",
         "Palpate less deep, or use a model that is valid there.",
     ),
+    "off-normal": _doubtful(
+        "The tool stands off the skin's normal, where the contact of its tip is not well known.",
+        "Turn the tool along the normal (trajectories over a surface do), or press with a sphere.",
+    ),
+    "far-off-normal": FlagMeaning(
+        "invalid",
+        "The tool stands so far off the skin's normal that no value holds for its tip.",
+        "Turn the tool along the normal, press with a sphere, or check that the z of its pose looks at the skin.",
+    ),
     "model-choice": _note(
         "Several models are admitted; it gives the record's evidence for each, and their combined value.",
         "Give the combined value, or state the geometry that leaves one model.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from palpate import ContactModel, Diagnosed, Floats, Term, TrackEnd, TrackEvidence
@@ -21,14 +22,16 @@ def budgets(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
-    model, values, settings = track.model, track.values, end.settings
+    model, values, settings, report = track.model, track.values, end.settings, end.report
+    if end.is_sweep and report.turned is not None:  # whose motion along the skin is meant to be
+        report = replace(report, turned=replace(report.turned, slope=0.0))
     found = along(model, end.tail, end.last, values)
     shifts, timing = delay_shifts(model, found, values), settings.timing_uncertainty
     sources = sources_of(model, end.uncertainties)
     across = AcrossForce.of(track, end)
     if across is not None and across.tells_friction:  # which says by how much the values are off
         sources = tuple(source for source in sources if source.name != "stick" or source.declared)
-    terms = systematic_terms(found, shifts, timing, settings, end.report, sources, end.included)
+    terms = systematic_terms(found, shifts, timing, settings, report, sources, end.included)
     compliance = sum(np.abs(term.shifts) for term in terms if term.cause == "compliance") + np.zeros(len(values))
     shares = compliance / np.where(values != 0, np.abs(values), np.inf)
     names = [parameter.name for parameter in model.parameters]

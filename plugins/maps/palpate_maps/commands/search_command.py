@@ -190,6 +190,7 @@ def _end(state: AreaSearch, why: str) -> None:
             words += "; stiffest at the border of what was palpated, so its middle may lie beyond"
         elif item.cut:
             words += f"; it reaches the border of {state.area.bounded_by}, so its middle may lie beyond"
+        words += "; long enough to be two" if item.lump.may_be_two else ""
         typer.echo(f"  {_where(item)}: p = {item.lump.p:.2g}, {words}")
     for x, y in state.patches:
         typer.echo(f"  a patch about {1e3 * x:.1f} mm, {1e3 * y:.1f} mm is likely, but not significant as a lump")

@@ -28,6 +28,11 @@ class Sphere(Indenter):
 
     radius: Depth = Field(gt=0, description="radius R of the sphere, half of its diameter")
 
+    @property
+    def sphere_radius(self) -> float:
+        """R [m]."""
+        return self.radius
+
     def contact_radius(self, depth: Any) -> Any:
         """sqrt(R d) [m]."""
         return (self.radius * depth) ** 0.5

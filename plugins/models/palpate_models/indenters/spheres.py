@@ -41,6 +41,11 @@ class ExactSphere(Indenter):
 
     radius: Depth = Field(gt=0, description="radius R of the sphere, half of its diameter")
 
+    @property
+    def sphere_radius(self) -> float:
+        """R [m]."""
+        return self.radius
+
     def contact_radius(self, depth: Any) -> Any:
         """The root a of (a/2) ln((R + a)/(R - a)) = d [m]."""
         return self.radius * tanh(sphere_angle(depth / self.radius))
@@ -62,6 +67,11 @@ class NeoHookeanSphere(Indenter):
     """
 
     radius: Depth = Field(gt=0, description="radius R of the sphere, half of its diameter")
+
+    @property
+    def sphere_radius(self) -> float:
+        """R [m]."""
+        return self.radius
 
     def contact_radius(self, depth: Any) -> Any:
         """sqrt(R d) (1 - 0.25 d/R) [m]."""
