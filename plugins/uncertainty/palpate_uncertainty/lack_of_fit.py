@@ -159,20 +159,20 @@ def _tests_of_refit(base: _NullBase, track: TrackEvidence) -> ResidualTests | No
 def _named(track: TrackEvidence, own: ResidualTests, refitted: Diagnosed | None) -> Diagnosed:
     """What a residual that is not that of a right model says: its causes, and by how much each value may be off.
 
-    By refits where they are identifiable, else by one step to each alternative.
+    By one step to each alternative, and by refits that are identifiable; unknown where the residual is too large.
     """
     names = [parameter.name for parameter in track.model.parameters]
-    table = own.table() | (dict(refitted.table) if refitted is not None else {})
+    table = (dict(refitted.table) if refitted is not None else {}) | own.table()
     terms = dict(zip(names, own.shifts.tolist(), strict=True))
-    if refitted is not None and refitted.flags:
-        known = {name: share for name, share in refitted.terms.items() if share < _IDENTIFIABLE * abs(terms[name])}
-        terms |= known
-    causes = list(dict.fromkeys(name.partition(" of ")[0] for name in own.causes))
-    likely = f"; likely {' or '.join(causes[:3])}" if causes else ""
-    if not causes or (refitted is not None and not refitted.table.get("explained", True)):
-        likely += "; no alternative explains all of it"
+    for name, shift in refitted.terms.items() if refitted is not None and refitted.flags else ():
+        if shift < _IDENTIFIABLE * abs(terms[name]):
+            terms[name] = max(terms[name], shift)
+    likely = f"; likely {' or '.join(own.causes)}" if own.causes else ""
+    if own.left:
+        likely += f"; no alternative explains all of its pattern over {own.left}"
     text = f"the residual is not the noise of the channel (p {max(own.p, 1e-99):.0e}){likely}"
-    return Diagnosed((Flag("lack-of-fit", text, effects=terms),), terms, table=table)
+    effects = dict.fromkeys(terms, math.inf) if own.floor else terms
+    return Diagnosed((Flag("lack-of-fit", text, effects=effects),), terms, table=table)
 
 
 def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
