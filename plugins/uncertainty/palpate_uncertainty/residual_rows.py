@@ -16,9 +16,11 @@ from palpate_kit.numerics.local_cubic import local_cubic
 from palpate_uncertainty.refit import Course
 from palpate_uncertainty.residual_null import slopes_of
 
+# Alternatives that only add to the force what their derivative says: a negative size is none of them.
+ONE_SIDED = ("memory", "compliance", "force at its limit", "drag", "friction", "adhesion", "unloading that is softer")
 _BINS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
 _STEPS = 8  # bins of what moves in time
-_LIMITS = (0.9, 0.98)  # of the largest force, above which a sensor may give less
+_LIMIT = 0.95  # of the largest force, above which a sensor may give less
 _SLOW = 0.05  # of the largest speed, below which friction is not full
 _DEEP = 0.04  # of the largest depth, above which a bin is not judged
 _TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)  # [s] of what may relax
@@ -152,7 +154,7 @@ class JudgedRows:
         back = self.rate < 0
         if (back & self.contact).any() and not back[: self.count].all():
             yield "unloading", 0.1 * deepest, self.by_depth * back
-            yield "unloading that is softer", 0.3, elastic * back
+            yield "unloading that is softer", 0.3, -elastic * back
 
     def _of_the_rig(self) -> Iterator[tuple[Any, ...]]:
         end, most = self.track.ending, float(np.max(np.abs(self.force)))
@@ -161,8 +163,8 @@ class JudgedRows:
         if end is not None and end.settings.tip_mass is not None and not self._is_small:
             yield "mass", 0.1, self.acceleration
         if end is not None and end.settings.series_stiffness is None:
-            yield "compliance", 1.0 / 20e3, self.by_depth * self.force + self.by_rate * self.change
-        yield "force at its limit", 1.0, *(np.maximum(self.force - share * most, 0.0) for share in _LIMITS)
+            yield "compliance", 1.0 / 20e3, -self.by_depth * self.force - self.by_rate * self.change
+        yield "force at its limit", 1.0, -np.maximum(self.force - _LIMIT * most, 0.0)
         yield "drift", 0.05 * most, self._since
         yield "drift in steps", math.inf, bins_of(self.time, _STEPS)
 
@@ -174,7 +176,7 @@ class JudgedRows:
             yield "drag", most, speed
             yield "friction", most, np.tanh(speed / _SLOW)
             yield "cable", most, self.depth / float(np.max(self.depth))
-            yield "adhesion", most, self.contact.astype(float)
+            yield "adhesion", most, -self.contact.astype(float)
 
     @property
     def _at(self) -> tuple[Floats, float]:

@@ -13,7 +13,7 @@ from palpate import Floats, TrackEvidence
 from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.refit import Course, make_course
 from palpate_uncertainty.residual_null import ForceNoise, ResidualNull, motion_noise
-from palpate_uncertainty.residual_rows import JudgedRows, slow_acceleration
+from palpate_uncertainty.residual_rows import ONE_SIDED, JudgedRows, slow_acceleration
 
 LEVEL = 1e-3  # of a record
 _NOTHING = 10.0 * LEVEL  # a chance from which on a test says nothing
@@ -21,7 +21,8 @@ _ENOUGH = 100  # samples
 _SHOWS = 4.0  # standard deviations by which an alternative of its typical size must show
 _LOUD = 2.0  # times the rms of the null, from which on a residual is no good one
 _MATTERS = 0.5  # of the uncertainty of an elastic parameter
-_NEARLY = 0.8  # of what the best alternative explains, from which on another one is said as well
+_NEARLY = 0.7  # of what the best alternative explains, from which on another one is said as well
+_PARTLY = 0.5  # the same, from which on it may be what moves a value
 _RANK = 1e-6  # of the largest variance, below which a direction is none
 _OUTLIER = 6.0  # standard deviations, beyond which a reading counts as an outlier, which is flagged as such
 
@@ -38,8 +39,11 @@ class ScoreTest:
 
     @property
     def evidence(self) -> float:
-        """The gain less what numbers of no use would gain (Schwarz 1978)."""
-        return self.gain - self.freedom * math.log(self.samples)
+        """The gain less what numbers of no use would gain (Schwarz 1978).
+
+        Several numbers also follow a pattern that is none of theirs, by as much as makes another cause nearly as good.
+        """
+        return (self.gain if self.freedom == 1 else _NEARLY * self.gain) - self.freedom * math.log(self.samples)
 
 
 @dataclass(frozen=True)
@@ -58,13 +62,17 @@ class ResidualTests:
         """Whether nothing speaks against the model."""
         return self.p >= LEVEL
 
-    @property
-    def causes(self) -> list[str]:
-        """The alternative of the most evidence, and the second where it explains nearly as much."""
+    def _explaining(self, share: float) -> list[str]:
+        """Alternatives that explain a share of what the best one does, the one of the most evidence first."""
         count = len(self.scores) + len(self.bins)
         found = [name for name, score in self.scores.items() if score.p * count < LEVEL]
         found.sort(key=lambda name: -self.scores[name].evidence)
-        return [name for name in found[:2] if self.scores[name].gain >= _NEARLY * self.scores[found[0]].gain]
+        return [name for name in found if self.scores[name].gain >= share * self.scores[found[0]].gain]
+
+    @property
+    def causes(self) -> list[str]:
+        """The alternative of the most evidence, and the second where it explains nearly as much."""
+        return self._explaining(_NEARLY)[:2]
 
     @property
     def left(self) -> str:
@@ -75,8 +83,9 @@ class ResidualTests:
 
     @property
     def shifts(self) -> Floats:
-        """(k,) by how much the parameters may be off: by one step to the causes, and at least by the size of it all."""
-        return np.asarray(np.max([self.by_size, *(np.abs(self.scores[name].shifts) for name in self.causes)], axis=0))
+        """(k,) by how much the parameters may be off: by one step to a cause, and at least by the size of it all."""
+        steps = (np.abs(self.scores[name].shifts) for name in self._explaining(_PARTLY))
+        return np.asarray(np.max([self.by_size, *steps], axis=0))
 
     def table(self) -> dict[str, object]:
         """As in ``result.json``."""
@@ -132,7 +141,9 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     tested = _Tested(space, null, np.clip(residual, -limit, limit), len(track.values))
     bins = {name: tested.along(columns) for name, columns in rows.places()}
     scores = {
-        cause: tested.along(columns) for cause, columns, typical in rows.patterns() if tested.shows(columns, typical)
+        cause: tested.along(columns, cause.partition(" of ")[0] in ONE_SIDED)
+        for cause, columns, typical in rows.patterns()
+        if tested.shows(columns, typical)
     }
     every = [test.p for test in (*bins.values(), *scores.values())]
     p = min(1.0, (len(bins) + _count(tested.directions)) * min(every, default=1.0))
@@ -166,7 +177,7 @@ class _Tested:
         spread = math.sqrt(max(float(self.null.covariance((weights / self.space.std)[:, None])[0, 0]), 1e-300))
         return float(weights @ whole) >= _SHOWS * spread
 
-    def along(self, columns: Floats) -> ScoreTest:
+    def along(self, columns: Floats, one_sided: bool = False) -> ScoreTest:
         """The test of what the residual is along the derivatives (n, m) of an alternative."""
         scaled = columns / self.space.std[:, None]
         scaled = scaled / np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
@@ -182,6 +193,8 @@ class _Tested:
             self.directions.append(sharp[:, 0] / np.linalg.norm(sharp))
         sizes = np.linalg.lstsq(axes.T @ (sharp.T @ own), value, rcond=_RANK)[0] if freedom else np.zeros(scaled.shape[1])
         moved = -self.space.taken_by(scaled @ sizes)[: self.count]
+        if one_sided and sizes[0] < 0:
+            gain = 0.0
         p = _tail(freedom, gain, self.null.force.readings) if freedom else 1.0
         return ScoreTest(gain, freedom, p, moved, len(self.residual))
 
@@ -208,7 +221,8 @@ class _Space:
 
     def taken_by(self, values: Floats) -> Floats:
         """Shifts (b,) of what takes a part of values (n,)."""
-        return np.asarray(np.linalg.lstsq(self.columns, values, rcond=None)[0], dtype=np.float64)
+        sizes = np.maximum(np.linalg.norm(self.columns, axis=0), 1e-300)
+        return np.asarray(np.linalg.lstsq(self.columns / sizes, values, rcond=None)[0] / sizes)
 
     def sharpest(self, values: Floats) -> Floats:
         """Direction (n, ...) in which values stand out most from the noise and what is stated."""
