@@ -26,6 +26,7 @@ _LIFTED = 0.1  # [s] between two samples in contact
 _UNEVEN = 0.1  # of a value, between one stretch of the way and all of it
 _STEP = 1e-4  # of a value, for slopes
 # What a filter went through, where least squares tells how far it has come out.
+_BIAS = frozenset({"noise-bias"})
 _SETTLED = frozenset({"depth-not-positive", "restarted", "too-stiff", "covariance-repaired"})
 
 
@@ -89,7 +90,14 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         "without_effect": blind,
     }
     found = dict(zip(names, terms.tolist(), strict=True))
-    return Diagnosed(tuple(flags), found, left=left, table=table, settles=_SETTLED)
+    settled = _SETTLED | _BIAS if all(_unbiased(track, n, best.theta[i]) for i, n in enumerate(names)) else _SETTLED
+    return Diagnosed(tuple(flags), found, left=left, table=table, settles=settled)
+
+
+def _unbiased(track: TrackEvidence, name: str, best: float) -> bool:
+    """Whether least squares is nearer to a value than to where the bias that is predicted of a filter puts it."""
+    found = track.found.get(name)
+    return found is None or found.bias is None or abs(best - found.value) < 0.5 * abs(found.bias.shift)
 
 
 def _apart(track: TrackEvidence, name: str, best: float) -> float:

@@ -30,7 +30,6 @@ _DEEP = 3e-3  # [m], where the surface is looked for first
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
 _FAINT = 0.01  # the same, of the variance of the noise
 _DRIFTS = 1.5  # times the drift that is allowed, as one of the record is known to some half of it
-_IDENTIFIABLE = 10.0  # times one step to the alternative, beyond which a refit of it is not identifiable
 _NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
 _SHALLOW = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
 _WHOLE = ("active", "contact", "all")  # segments of a fit that leave no part of the contact out on purpose
@@ -138,13 +137,11 @@ def _judge(track: TrackEvidence, known: dict[Any, _NullBase]) -> Diagnosed | Non
     if fitted and getattr(track.estimator, "unloading", "following") == "ting":  # which no refit here does
         own = _by_innovations(track)
         return _explained(track, own, _base(track, known)) if own.p < LEVEL else _table(own)
-    own_tests = residual_tests(track, _judged(track)) if fitted else _tests_of_refit(_base(track, known), track)
-    if own_tests is not None and own_tests.is_right:
-        return Diagnosed(table=own_tests.table(), settles=_SETTLED)
+    own_tests = (residual_tests if fitted else refit_tests)(track, _judged(track))
+    if own_tests is not None:
+        return Diagnosed(table=own_tests.table(), settles=_SETTLED) if own_tests.is_right else _named(track, own_tests)
     base = _base(track, known)
     found = base.test(base.fit.residual)
-    if own_tests is not None and fitted:
-        return _named(track, own_tests, _explained(track, found, base) if min(found.p, base.p) < LEVEL else None)
     if fitted and (own := _by_innovations(track)).p < found.p:
         found = base.by_motion(own, float(np.var(base.fit.residual)))
     if found.p < LEVEL or base.p < LEVEL:
@@ -152,27 +149,18 @@ def _judge(track: TrackEvidence, known: dict[Any, _NullBase]) -> Diagnosed | Non
     return _table(found)
 
 
-def _tests_of_refit(base: _NullBase, track: TrackEvidence) -> ResidualTests | None:
-    return refit_tests(track, base.course, base.fit.theta, base.fit.surface)
-
-
-def _named(track: TrackEvidence, own: ResidualTests, refitted: Diagnosed | None) -> Diagnosed:
+def _named(track: TrackEvidence, own: ResidualTests) -> Diagnosed:
     """What a residual that is not that of a right model says: its causes, and by how much each value may be off.
 
-    By one step to each alternative, and by refits that are identifiable; unknown where the residual is too large.
+    That is not known where the residual is too large.
     """
-    names = [parameter.name for parameter in track.model.parameters]
-    table = (dict(refitted.table) if refitted is not None else {}) | own.table()
-    terms = dict(zip(names, own.shifts.tolist(), strict=True))
-    for name, shift in refitted.terms.items() if refitted is not None and refitted.flags else ():
-        if shift < _IDENTIFIABLE * abs(terms[name]):
-            terms[name] = max(terms[name], shift)
+    terms = dict(zip((parameter.name for parameter in track.model.parameters), own.shifts.tolist(), strict=True))
     likely = f"; likely {' or '.join(own.causes)}" if own.causes else ""
     if own.left:
         likely += f"; no alternative explains all of its pattern over {own.left}"
     text = f"the residual is not the noise of the channel (p {max(own.p, 1e-99):.0e}){likely}"
     effects = dict.fromkeys(terms, math.inf) if own.floor else terms
-    return Diagnosed((Flag("lack-of-fit", text, effects=effects),), terms, table=table)
+    return Diagnosed((Flag("lack-of-fit", text, effects=effects),), terms, table=own.table())
 
 
 def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Floats, TrackEvidence
+from palpate import Floats, Samples, TrackEvidence
+from palpate_kit.numerics.tip_travel import zero_phase_motion
 
 from palpate_uncertainty.chi_square import chance_of_more
+from palpate_uncertainty.model_alternatives import refit
 from palpate_uncertainty.refit import Course, make_course
 from palpate_uncertainty.residual_null import ForceNoise, ResidualNull, motion_noise
 from palpate_uncertainty.residual_rows import ONE_SIDED, JudgedRows, slow_acceleration
@@ -115,13 +117,25 @@ def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> Residual
     return _tests(track, course, np.where(kept.used & np.isfinite(own), own, rest)[course.used], force)
 
 
-def refit_tests(track: TrackEvidence, course: Course, theta: Floats, surface: float) -> ResidualTests | None:
-    """The tests of a model that is fitted again to what a filter used; None where the noise is open."""
-    force = ForceNoise.of(track)
-    if force is None or track.model.memory or not np.isfinite(theta).all():
+def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTests | None:
+    """The tests of a filter's model, fitted to the `contact` (n,); None where the noise is open.
+
+    Innovations of a filter are not white where its model is right. Rate and acceleration are derived as by a fit.
+    """
+    kept, force = track.kept, ForceNoise.of(track)
+    if force is None or track.model.memory or not np.isfinite(track.values).all():
         return None
-    at = replace(track, values=theta, surface=surface)
-    return _tests(at, course, _left(at, course)[course.used], force)
+    interval, always = np.diff(kept.time, prepend=kept.time[0]), np.ones(len(kept.time), bool)
+    stamp = np.rint(kept.time * 1e9).astype(np.int64)
+    samples = Samples(stamp, kept.time, interval, kept.force, kept.position, kept.velocity, always, always)
+    motion = zero_phase_motion(samples, None)
+    course = make_course(track, contact & ~kept.hesitating)
+    outer = kept.force - (track.tip_mass or 0.0) * motion.acceleration
+    course = replace(course, rate=motion.rate, force=outer)
+    if np.count_nonzero(course.used) < _ENOUGH:
+        return None
+    fit = refit(course, track.values, track.surface)
+    return _tests(replace(track, values=fit.theta, surface=fit.surface), course, fit.residual, force)
 
 
 def _left(track: TrackEvidence, course: Course) -> Floats:
