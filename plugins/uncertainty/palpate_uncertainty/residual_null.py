@@ -118,8 +118,9 @@ class ResidualNull:
         if self.speed:
             by_speed = _back(rate, self.kernels[1]) + self.mass * _back(columns, self.kernels[3])
             found = found + self.speed**2 * (by_speed @ by_speed.T)
-        stated = columns @ self.stated
-        return np.asarray(found + stated @ stated.T)
+        if self.stated.size:
+            found = found + (stated := columns @ self.stated) @ stated.T
+        return np.asarray(found)
 
     @cached_property
     def std(self) -> Floats:

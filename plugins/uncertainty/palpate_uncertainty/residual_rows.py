@@ -21,6 +21,7 @@ ONE_SIDED = ("memory", "compliance", "force at its limit", "drag", "friction", "
 _BINS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
 _STEPS = 8  # bins of what moves in time
 _LIMIT = 0.95  # of the largest force, above which a sensor may give less
+_AHEAD = 0.03  # [s] by which an arm is behind its command; what eta does not take of that goes with the acceleration
 _SLOW = 0.05  # of the largest speed, below which friction is not full
 _DEEP = 0.04  # of the largest depth, above which a bin is not judged
 _TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)  # [s] of what may relax
@@ -165,6 +166,9 @@ class JudgedRows:
         if end is not None and end.settings.series_stiffness is None:
             yield "compliance", 1.0 / 20e3, -self.by_depth * self.force - self.by_rate * self.change
         yield "force at its limit", 1.0, -np.maximum(self.force - _LIMIT * most, 0.0)
+        yield "command", _AHEAD**2, self.by_depth * self.acceleration
+        if end is not None and (end.report.tare is None or end.report.tare.offset_std is None):
+            yield "zero of the force", 0.05 * most, np.ones(len(self.time))
         yield "drift", 0.05 * most, self._since
         yield "drift in steps", math.inf, bins_of(self.time, _STEPS)
 
