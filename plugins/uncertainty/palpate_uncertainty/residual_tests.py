@@ -92,7 +92,10 @@ class ResidualTests:
     def table(self) -> dict[str, object]:
         """As in ``result.json``."""
         bins, scores = ({name: test.p for name, test in tests.items()} for tests in (self.bins, self.scores))
-        return {"p": self.p, "bins": bins, "scores": scores, "ratio": self.ratio, "null": "noise"}
+        return {
+            "p": self.p, "bins": bins, "scores": scores, "reasons": self.causes, "left": self.left,
+            "ratio": self.ratio, "null": "noise",
+        }  # fmt: skip
 
 
 def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTests | None:
