@@ -31,7 +31,6 @@ _MODEL = {
         "doubtful",
         "A parameter is outside of what is possible, by more than its standard deviation explains; it has no value.",
         "Check units and signs, declare delays, or use a model without that parameter.",
-        structural=True,
         voids=True,
     ),
     "surface-mismatch": _doubtful(
@@ -50,7 +49,6 @@ _MODEL = {
         "doubtful",
         "A model that the stated geometry admits has no result, so the spread of the models does not include it.",
         "Correct the name in [choice] candidates, or let the model run with the same estimator.",
-        structural=True,
     ),
     "unloading": _doubtful(
         "During unloading, a material with memory leaves the tip sooner than a contact that follows the depth.",

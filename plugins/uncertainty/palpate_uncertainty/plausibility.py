@@ -46,9 +46,7 @@ def _judged(track: TrackEvidence, end: TrackEnd) -> tuple[Flag, ...]:
         return (Flag("diagnosis-failed", f"plausibility: {type(error).__name__}: {error}"),)
 
 
-def ending_flags(
-    end: TrackEnd, kept: SampleStore, model: ContactModel, online: bool, fitted: bool
-) -> Iterator[Flag]:
+def ending_flags(end: TrackEnd, kept: SampleStore, model: ContactModel, online: bool, fitted: bool) -> Iterator[Flag]:
     """Findings on the end of one track.
 
     An offline estimate is one of the whole record: it does not drift, and its first seconds are those that settle.

@@ -182,7 +182,9 @@ class _Tested:
     null: ResidualNull
     residual: Floats  # (n,) [N]
     count: int  # of parameters
-    directions: list[Floats] = field(default_factory=list)  # (n,) of length 1 that single alternatives were tested along
+    directions: list[Floats] = field(
+        default_factory=list
+    )  # (n,) of length 1 that single alternatives were tested along
 
     def shows(self, columns: Floats, typical: float) -> bool:
         """Whether an alternative of a typical size would stand out by four standard deviations."""
@@ -208,7 +210,9 @@ class _Tested:
         gain = float(np.sum(value**2 / powers))
         if columns.shape[1] == 1 and freedom:
             self.directions.append(sharp[:, 0] / np.linalg.norm(sharp))
-        sizes = np.linalg.lstsq(axes.T @ (sharp.T @ own), value, rcond=_RANK)[0] if freedom else np.zeros(scaled.shape[1])
+        sizes = (
+            np.linalg.lstsq(axes.T @ (sharp.T @ own), value, rcond=_RANK)[0] if freedom else np.zeros(scaled.shape[1])
+        )
         moved = -self.space.taken_by(scaled @ sizes)[: self.count]
         if one_sided and sizes[0] < 0:
             gain = 0.0
