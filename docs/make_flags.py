@@ -12,8 +12,8 @@ verdict of a value and of a track is, and what is a condition and no flag: [verd
 that is `invalid` are not shown, and no statistic or comparison uses them. `palpate describe CODE` says the same as this
 page, which `docs/make_flags.py` writes from the registry of flags. A plugin registers its own by `palpate_flags`.
 
-**What becomes of a flag.** A *finding* speaks against a value; a *note* is for information; what nobody has stated and no
-record shows is a *condition* and no flag. The file that decides is `core/palpate_engine/result/materiality.py`:
+**What becomes of a flag.** A *finding* speaks against a value; a *note* is for information; what nobody has
+stated and no record shows is a *condition* and no flag. The file that decides is `core/palpate_engine/result/materiality.py`:
 
 - A flag says by how much what it names can move each value. It is a doubt where that is more than the value's combined
   standard uncertainty *without* the flag's own row of the budget, so that a larger uncertainty makes no doubt smaller,

@@ -33,8 +33,9 @@ def weigh(
     """The one rule for every flag with an effect: doubtful only where it moves a value beyond its uncertainty.
 
     What a flag names is compared with the combined standard uncertainty of all other causes: a larger uncertainty by
-    the flag's own cause makes no doubt smaller. Those whose effect is not known always count. A value that a flag voids is invalid by itself. A value within two uncertainties of none, or of an unknown one, is
-    not determined; one that the alternative of an open fact moves by more than half needs that fact.
+    the flag's own cause makes no doubt smaller. Those whose effect is not known always count. A value that a flag voids
+    is invalid by itself. A value within two uncertainties of none, or of an unknown one, is not determined; one that
+    the alternative of an open fact moves by more than half needs that fact.
     """
     findings, immaterial = [], []
     doubts: dict[str, Verdict] = dict.fromkeys(values, "good")

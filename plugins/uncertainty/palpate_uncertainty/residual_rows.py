@@ -94,7 +94,7 @@ class JudgedRows:
             yield end.settings.drift * (self.time - self.course.begin)
 
     def open(self) -> Iterator[Floats]:
-        """(n,) what facts that nobody has stated may add, and a zero that the air tells: of these the residual is silent."""
+        """(n,) what facts that nobody has stated may add, and a zero that the air tells: nothing is said of these."""
         end = self.track.ending
         if self._tells_zero:
             yield np.ones(len(self.time))

@@ -151,7 +151,7 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     rows = JudgedRows.of(track, course)
     height, speed, kernels = motion_noise(track)
     null = ResidualNull(noise, rows.by_depth, rows.by_rate, track.tip_mass or 0.0, height, speed, kernels)
-    space = _Space.of(null.std, np.column_stack([rows.jacobian, *rows.open()]), [*rows.stated()])
+    space = _Space.of(null.std, rows.jacobian, [*rows.open()], [*rows.stated()])
     null = replace(null, stated=space.stated * space.std[:, None])
     residual = space.beside(np.concatenate([residual, rows.air_force]) / space.std) * space.std
     limit = _OUTLIER * np.maximum(null.std, 1.4826 * float(np.median(np.abs(residual))))
@@ -226,14 +226,14 @@ class _Space:
 
     std: Floats  # (n,) [N]
     basis: Floats  # (n, b) orthonormal
-    columns: Floats  # (n, b) that it is made of
+    fitted: Floats  # (n, k + 1) what the fit takes
     stated: Floats  # (n, s) of each stated quantity, beside that
 
     @classmethod
-    def of(cls, std: Floats, taken: Floats, stated: list[Floats]) -> _Space:
-        columns = taken / std[:, None]
+    def of(cls, std: Floats, jacobian: Floats, open_facts: list[Floats], stated: list[Floats]) -> _Space:
+        columns = np.column_stack([jacobian, *open_facts]) / std[:, None]
         basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
-        alone = cls(std, basis, columns, np.zeros((len(std), 0)))
+        alone = cls(std, basis, jacobian / std[:, None], np.zeros((len(std), 0)))
         return replace(alone, stated=np.column_stack([np.zeros(len(std)), *(alone.beside(s / std) for s in stated)]))
 
     def beside(self, values: Floats) -> Floats:
@@ -241,9 +241,9 @@ class _Space:
         return np.asarray(values - self.basis @ (self.basis.T @ values))
 
     def taken_by(self, values: Floats) -> Floats:
-        """Shifts (b,) of what takes a part of values (n,)."""
-        sizes = np.maximum(np.linalg.norm(self.columns, axis=0), 1e-300)
-        return np.asarray(np.linalg.lstsq(self.columns / sizes, values, rcond=None)[0] / sizes)
+        """Shifts (k + 1,) of the parameters and the surface by which a fit follows values (n,)."""
+        sizes = np.maximum(np.linalg.norm(self.fitted, axis=0), 1e-300)
+        return np.asarray(np.linalg.lstsq(self.fitted / sizes, values, rcond=None)[0] / sizes)
 
     def sharpest(self, values: Floats) -> Floats:
         """Direction (n, ...) in which values stand out most from the noise and what is stated."""
