@@ -13,7 +13,8 @@ that is `invalid` are not shown, and no statistic or comparison uses them. `palp
 page, which `docs/make_flags.py` writes from the registry of flags. A plugin registers its own by `palpate_flags`.
 
 **What becomes of a flag.** A *finding* speaks against a value; a *note* is for information; what nobody has
-stated and no record shows is a *condition* and no flag. The file that decides is `core/palpate_engine/result/materiality.py`:
+stated and no record shows is a *condition* and no flag. The file that decides is
+`core/palpate_engine/result/materiality.py`:
 
 - A flag says by how much what it names can move each value. It is a doubt where that is more than the value's combined
   standard uncertainty *without* the flag's own row of the budget, so that a larger uncertainty makes no doubt smaller,

@@ -10,8 +10,8 @@ from palpate import Diagnosed, Flag, Floats, TrackEnd, TrackEvidence
 
 from palpate_uncertainty.force_sensitivity import Along, along
 from palpate_uncertainty.influence import effects_by_name
-from palpate_uncertainty.lack_of_fit import standstill
 from palpate_uncertainty.refit import sweeps
+from palpate_uncertainty.refitted_model import standstill
 from palpate_uncertainty.uncertainty_budget import per_newton
 from palpate_uncertainty.whiteness import oscillation
 

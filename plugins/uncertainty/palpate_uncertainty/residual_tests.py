@@ -25,6 +25,7 @@ _LOUD = 2.0  # times the rms of the null, from which on a residual is no good on
 _MATTERS = 0.5  # of the uncertainty of an elastic parameter
 _NEARLY = 0.7  # of what the best alternative explains, from which on another one is said as well
 _PARTLY = 0.5  # the same, from which on it may be what moves a value
+_MOST = 10.0  # times its typical size, from which on an alternative explains nothing
 _RANK = 1e-6  # of the largest variance, below which a direction is none
 _OUTLIER = 6.0  # standard deviations, beyond which a reading counts as an outlier, which is flagged as such
 
@@ -38,6 +39,7 @@ class ScoreTest:
     p: float
     shifts: Floats  # (k,) of the parameters, of one step to the alternative
     samples: int
+    times: float = 0.0  # a typical size, that the step is
 
     @property
     def evidence(self) -> float:
@@ -67,7 +69,7 @@ class ResidualTests:
     def _explaining(self, share: float) -> list[str]:
         """Alternatives that explain a share of what the best one does, the one of the most evidence first."""
         count = len(self.scores) + len(self.bins)
-        found = [name for name, score in self.scores.items() if score.p * count < LEVEL]
+        found = [name for name, score in self.scores.items() if score.p * count < LEVEL and score.times < _MOST]
         found.sort(key=lambda name: -self.scores[name].evidence)
         return [name for name in found if self.scores[name].gain >= share * self.scores[found[0]].gain]
 
@@ -158,7 +160,7 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     tested = _Tested(space, null, np.clip(residual, -limit, limit), len(track.values))
     bins = {name: tested.along(columns) for name, columns in rows.places()}
     scores = {
-        cause: tested.along(columns, cause.partition(" of ")[0] in ONE_SIDED)
+        cause: tested.along(columns, typical, cause.partition(" of ")[0] in ONE_SIDED)
         for cause, columns, typical in rows.patterns()
         if tested.shows(columns, typical)
     }
@@ -196,10 +198,11 @@ class _Tested:
         spread = math.sqrt(max(float(self.null.covariance((weights / self.space.std)[:, None])[0, 0]), 1e-300))
         return float(weights @ whole) >= _SHOWS * spread
 
-    def along(self, columns: Floats, one_sided: bool = False) -> ScoreTest:
+    def along(self, columns: Floats, typical: float = math.inf, one_sided: bool = False) -> ScoreTest:
         """The test of what the residual is along the derivatives (n, m) of an alternative."""
         scaled = columns / self.space.std[:, None]
-        scaled = scaled / np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
+        lengths = np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
+        scaled = scaled / lengths
         own = self.space.beside(scaled)
         sharp = self.space.sharpest(own)
         weights = sharp / self.space.std[:, None]
@@ -217,7 +220,8 @@ class _Tested:
         if one_sided and sizes[0] < 0:
             gain = 0.0
         p = _tail(freedom, gain, self.null.force.readings) if freedom else 1.0
-        return ScoreTest(gain, freedom, p, moved, len(self.residual))
+        times = float(np.max(np.abs(sizes) / lengths)) / typical
+        return ScoreTest(gain, freedom, p, moved, len(self.residual), times)
 
 
 @dataclass(frozen=True)
