@@ -72,10 +72,10 @@ def _judge(track: TrackEvidence, known: dict[Any, RefittedModel]) -> Diagnosed |
 def _named(track: TrackEvidence, own: ResidualTests, known: dict[Any, RefittedModel]) -> Diagnosed:
     """What a residual that is not that of a right model says: its causes, and by how much each value may be off.
 
-    By one step to the causes, and by a refit of these where that is identifiable; unknown where the residual is too
-    large.
+    By one step to what explains at least half of it, and by a refit of that where it is identifiable; unknown where
+    the residual is too large.
     """
-    reasons = [cause.partition(" of ")[0] for cause in own.causes]
+    reasons = [cause.partition(" of ")[0] for cause in own.explaining()]
     far = refitted_model(track, known).shifts_to(reasons, track.values) if reasons else own.shifts
     shifts = np.where(far < _IDENTIFIABLE * own.shifts, np.maximum(far, own.shifts), own.shifts)
     terms = dict(zip((parameter.name for parameter in track.model.parameters), shifts.tolist(), strict=True))

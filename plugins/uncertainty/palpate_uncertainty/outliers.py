@@ -21,7 +21,7 @@ def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     found: dict[str, Diagnosed] = {}
     for track in tracks:
         used = track.kept.used
-        force = track.kept.force[used]
+        force = _left(track)[used]
         noise = ForceNoise.of(track)
         spikes = spikes_of(force, ~track.kept.hesitating[used], noise.std if noise is not None else 0.0)
         if not len(spikes):
@@ -32,6 +32,14 @@ def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         flags = () if track.estimator.robust else (Flag("outliers", f"{text}, which this estimator gives full weight"),)
         found[track.name] = Diagnosed(flags, table=table)
     return found
+
+
+def _left(track: TrackEvidence) -> Floats:
+    """What a fit leaves of the force (n,) [N]; the force where no fit says."""
+    report, left = track.report, track.kept.innovation
+    if report is None or not report.rss > 0 or not np.isfinite(left[track.kept.used]).all():
+        return track.kept.force
+    return np.asarray(left * np.sqrt(report.rss / report.samples))
 
 
 def spikes_of(force: Floats, judged: NDArray[np.bool_], noise: float = 0.0) -> Floats:

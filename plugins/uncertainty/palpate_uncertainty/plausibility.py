@@ -158,9 +158,11 @@ def _surface_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
     theta, surface = last.values.mean(axis=0), float(last.surface.mean())
     depths = np.linspace(0.0, 0.02, 2001)
     force = contact_force(model, depths, 0.0, theta)
-    touch_force = 0.0 if report.by_change_point else report.touch_force
-    expected = float(depths[min(int(np.searchsorted(force, touch_force)), len(depths) - 1)])
-    apart = surface - (report.first_touch[1] + expected)
+    # Where contact began is noticed between none and the noise, else where the force passes a threshold.
+    ends = (0.0, report.tare.noise) if report.by_change_point else (report.touch_force, report.touch_force)
+    least, most = (float(depths[min(int(np.searchsorted(force, end)), len(depths) - 1)]) for end in ends)
+    below = surface - report.first_touch[1]
+    apart = below - min(max(below, least), most)
     if abs(apart) > _SURFACE_TOLERANCE:
         text = f"the estimated surface is {1e3 * apart:+.2f} mm from where the tip touched"
         if apart < 0:  # below it: something else moves the force in air

@@ -28,6 +28,7 @@ class ForceNoise:
     std: float  # [N]
     coefficients: Floats  # (p,) of the autoregression; empty: white
     readings: int  # that tell it
+    excess: float = 1.0  # of the variance of slow means, by what is not known of the coefficients
 
     @classmethod
     def of(cls, track: TrackEvidence) -> ForceNoise | None:
@@ -41,7 +42,7 @@ class ForceNoise:
         share = float(np.mean(steps == 0)) if len(steps) else 0.0
         if share > 0.02 or least > _COARSE * std:  # readings in steps: those add noise that the air need not show
             std = float(np.hypot(std, least / np.sqrt(12.0)))
-        return cls(std, null.coefficients, len(rest)) if std > 0 else None
+        return cls(std, null.coefficients, len(rest), null.excess) if std > 0 else None
 
     def spectrum(self, n: int) -> Floats:
         """Power (m,) [N^2] over the frequencies of a real transform of n points."""
@@ -107,7 +108,7 @@ class ResidualNull:
             both = np.full(n // 2 + 1, 2.0)
             both[[0, -1]] = 1.0
             waves = np.fft.rfft(columns, n) * np.sqrt(both * self.force.spectrum(n) / n)
-            found = np.real(waves @ waves.conj().T)
+            found = self.force.excess * np.real(waves @ waves.conj().T)
         else:
             found = self.force.std**2 * (columns @ columns.T)
         rate = columns * self.by_rate

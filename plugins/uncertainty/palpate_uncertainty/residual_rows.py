@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, TrackEvidence
-from palpate_kit.numerics.local_cubic import local_cubic
+from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
+from palpate_kit.numerics.tip_travel import noise_of
 
 from palpate_uncertainty.refit import Course
 from palpate_uncertainty.residual_null import slopes_of
@@ -22,6 +23,7 @@ _BINS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
 _STEPS = 8  # bins of what moves in time
 _LIMIT = 0.95  # of the largest force, above which a sensor may give less
 _AHEAD = 0.01  # [s] by which an arm is behind its command; what eta does not take of that goes with the acceleration
+_CLEAR = 10.0  # times the noise of an acceleration, from which on it is one
 _SLOW = 0.05  # of the largest speed, below which friction is not full
 _DEEP = 0.04  # of the largest depth, above which a bin is not judged
 _TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)  # [s] of what may relax
@@ -166,7 +168,8 @@ class JudgedRows:
         if end is not None and end.settings.series_stiffness is None:
             yield "compliance", 1.0 / 20e3, -self.by_depth * self.force - self.by_rate * self.change
         yield "force at its limit", 1.0, -np.maximum(self.force - _LIMIT * most, 0.0)
-        yield "command", _AHEAD**2, self.by_depth * self.acceleration
+        if self._bends:
+            yield "command", _AHEAD**2, self.by_depth * self.acceleration
         if end is not None and (end.report.tare is None or end.report.tare.offset_std is None):
             yield "zero of the force", 0.05 * most, np.ones(len(self.time))
         yield "drift", 0.05 * most, self._since
@@ -181,6 +184,14 @@ class JudgedRows:
             yield "friction", most, np.tanh(speed / _SLOW)
             yield "cable", most, self.depth / float(np.max(self.depth))
             yield "adhesion", most, -self.contact.astype(float)
+
+    @property
+    def _bends(self) -> bool:
+        """Whether the acceleration is one of the motion, and not the noise of the heights, which the force has as well."""
+        step = float(np.median(np.diff(self.course.time)))
+        slope = cubic_weights(_width(step, len(self.course.time)), 1) / step
+        noise = noise_of(self.track.kept.position) * float(np.linalg.norm(np.convolve(slope, slope)))
+        return float(np.sqrt(np.mean(self.acceleration[: self.count] ** 2))) > _CLEAR * noise
 
     @property
     def _at(self) -> tuple[Floats, float]:

@@ -66,7 +66,7 @@ class ResidualTests:
         """Whether nothing speaks against the model."""
         return self.p >= LEVEL
 
-    def _explaining(self, share: float) -> list[str]:
+    def explaining(self, share: float = _PARTLY) -> list[str]:
         """Alternatives that explain a share of what the best one does, the one of the most evidence first."""
         count = len(self.scores) + len(self.bins)
         found = [name for name, score in self.scores.items() if score.p * count < LEVEL and score.times < _MOST]
@@ -76,7 +76,7 @@ class ResidualTests:
     @property
     def causes(self) -> list[str]:
         """The alternative of the most evidence, and the second where it explains nearly as much."""
-        return self._explaining(_NEARLY)[:2]
+        return self.explaining(_NEARLY)[:2]
 
     @property
     def left(self) -> str:
@@ -88,7 +88,7 @@ class ResidualTests:
     @property
     def shifts(self) -> Floats:
         """(k,) by how much the parameters may be off: by one step to a cause, and at least by the size of it all."""
-        steps = (np.abs(self.scores[name].shifts) for name in self._explaining(_PARTLY))
+        steps = (np.abs(self.scores[name].shifts) for name in self.explaining())
         return np.asarray(np.max([self.by_size, *steps], axis=0))
 
     def table(self) -> dict[str, object]:
@@ -106,7 +106,7 @@ def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> Residual
     What is tested is the residual that the fit reports, and in the rest of the `contact` (n,) that of its model.
     """
     report, kept = track.report, track.kept
-    rows = contact & ~kept.hesitating
+    rows = contact & ~_disturbed(track)
     if report is None or track.model.memory or np.count_nonzero(rows) < _ENOUGH:
         return None
     if not report.rss > 0 or not np.isfinite(track.values).all():
@@ -134,13 +134,22 @@ def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTes
     stamp = np.rint(kept.time * 1e9).astype(np.int64)
     samples = Samples(stamp, kept.time, interval, kept.force, kept.position, kept.velocity, always, always)
     motion = zero_phase_motion(samples, None)
-    course = make_course(track, contact & ~kept.hesitating)
+    course = make_course(track, contact & ~_disturbed(track))
     outer = kept.force - (track.tip_mass or 0.0) * motion.acceleration
     course = replace(course, rate=motion.rate, force=outer)
     if np.count_nonzero(course.used) < _ENOUGH:
         return None
     fit = refit(course, track.values, track.surface)
     return _tests(replace(track, values=fit.theta, surface=fit.surface), course, fit.residual, force)
+
+
+def _disturbed(track: TrackEvidence) -> NDArray[np.bool_]:
+    """(n,) samples whose acceleration is derived over a hesitation of the arm."""
+    hesitating = track.kept.hesitating
+    if not hesitating.any():
+        return hesitating
+    width = len(motion_noise(track)[2][2])
+    return np.asarray(np.convolve(hesitating, np.ones(width), "full")[width // 2 :][: len(hesitating)] > 0.5)
 
 
 def _left(track: TrackEvidence, course: Course) -> Floats:
