@@ -166,7 +166,7 @@ class JudgedRows:
         if end is not None and end.settings.tip_mass is not None and not self._is_small:
             yield "mass", 0.1, self.acceleration
         if end is not None and end.settings.series_stiffness is None:
-            yield "compliance", 1.0 / 20e3, -self.by_depth * self.force - self.by_rate * self.change
+            yield "compliance", 1.0 / 5e3, -self.by_depth * self.force - self.by_rate * self.change
         yield "force at its limit", 1.0, -np.maximum(self.force - _LIMIT * most, 0.0)
         if self._bends:
             yield "command", _AHEAD**2, self.by_depth * self.acceleration
