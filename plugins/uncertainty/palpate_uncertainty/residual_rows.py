@@ -23,6 +23,7 @@ _BINS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
 _STEPS = 8  # bins of what moves in time
 _LIMIT = 0.95  # of the largest force, above which a sensor may give less
 _AHEAD = 0.01  # [s] by which an arm is behind its command; what eta does not take of that goes with the acceleration
+_STEP = 20.0  # times the noise of a height, of depths that are told apart
 _CLEAR = 10.0  # times the noise of an acceleration, from which on it is one
 _SLOW = 0.05  # of the largest speed, below which friction is not full
 _DEEP = 0.04  # of the largest depth, above which a bin is not judged
@@ -120,12 +121,25 @@ class JudgedRows:
         deep = self.contact & (self.depth > _DEEP * float(np.max(self.depth)))
         for name, values, rows in (
             ("time", self.time, deep),
-            ("depth", self.depth, deep),
+            ("depth", self._level, deep),
             ("speed", self.rate, deep),
             ("air", self.time, ~self.contact),
         ):
             if np.count_nonzero(rows) >= 2 * _BINS[name]:
                 yield name, bins_of(np.where(rows, values, np.nan), _BINS[name])
+
+    @property
+    def _level(self) -> Floats:
+        """(n,) depth in steps far above its noise: in a hold bins would sort by noise that the residual has as well.
+
+        Steps are where the fewest samples are, and none where the tip is held.
+        """
+        step = _STEP * noise_of(self.track.kept.position)
+        if not step > 0:
+            return self.depth
+        place = self.depth / step
+        counts, edges = np.histogram(place[self.contact] % 1.0, 10, (0.0, 1.0))
+        return np.floor(place - edges[int(np.argmin(counts))] - 0.05)
 
     def patterns(self) -> Iterator[tuple[str, Floats, float]]:
         """Cause, derivatives (n, m) of the force by an alternative, and the size of one that is typical."""
@@ -187,7 +201,7 @@ class JudgedRows:
 
     @property
     def _bends(self) -> bool:
-        """Whether the acceleration is one of the motion, and not the noise of the heights, which the force has as well."""
+        """Whether the acceleration is one of the motion, and not noise of the heights, which the force has as well."""
         step = float(np.median(np.diff(self.course.time)))
         slope = cubic_weights(_width(step, len(self.course.time)), 1) / step
         noise = noise_of(self.track.kept.position) * float(np.linalg.norm(np.convolve(slope, slope)))
