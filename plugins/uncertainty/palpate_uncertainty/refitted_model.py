@@ -70,7 +70,8 @@ class RefittedModel:
     def shifts_to(self, reasons: Iterable[str], values: Floats) -> Floats:
         """How far (k,) values are from those of the refits that there are for some reasons."""
         found = self._refitted([reason for reason in dict.fromkeys(reasons) if reason in self._alternatives])
-        return np.max([np.zeros(len(values)), *(np.max(np.abs(r.candidates - values), axis=0) for r in found)], axis=0)
+        away = [np.zeros(len(values)), *(np.max(np.abs(other.candidates - values), axis=0) for other in found)]
+        return np.asarray(np.max(away, axis=0))
 
     @property
     def others(self) -> list[Refit]:

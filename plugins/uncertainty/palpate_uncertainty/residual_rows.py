@@ -139,7 +139,7 @@ class JudgedRows:
             return self.depth
         place = self.depth / step
         counts, edges = np.histogram(place[self.contact] % 1.0, 10, (0.0, 1.0))
-        return np.floor(place - edges[int(np.argmin(counts))] - 0.05)
+        return np.asarray(np.floor(place - edges[int(np.argmin(counts))] - 0.05))
 
     def patterns(self) -> Iterator[tuple[str, Floats, float]]:
         """Cause, derivatives (n, m) of the force by an alternative, and the size of one that is typical."""
