@@ -21,7 +21,7 @@ stated and no record shows is a *condition* and no flag. The file that decides i
   and where it is not known.
 - What moves less is a row of the budget, and stands under `immaterial` in `result.json`.
 - A code that is a sign of another raises that one, and stands under its `evidence`: one cause, one flag. What a later
-  diagnosis finds to be harmless is dropped.
+  diagnosis finds to be harmless moves nothing.
 - The terminal shows at most three flags of a track, those that move a value most.
 
 What is flagged on real logs, and whether it is true: [measured](flags-real-logs.md). What is said of 99 mistakes of

@@ -91,7 +91,7 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
         budget=(*result.budget, *_rows(result, names, name, finding)),
         derived=tuple(_derived(value, model, result, finding, cause) for value in result.derived),
         flags=(
-            *(flag for flag in result.flags if flag.code not in finding.settles),
+            *(replace(flag, effects={}) if flag.code in finding.settles else flag for flag in result.flags),
             *(flag if flag.causes else replace(flag, causes=(cause,)) for flag in finding.flags),
         ),
         conditions=_open_facts((*result.conditions, *_with_derived(finding.conditions, model, result)), finding.known),
