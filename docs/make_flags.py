@@ -12,13 +12,17 @@ verdict of a value and of a track is, and what is a condition and no flag: [verd
 that is `invalid` are not shown, and no statistic or comparison uses them. `palpate describe CODE` says the same as this
 page, which `docs/make_flags.py` writes from the registry of flags. A plugin registers its own by `palpate_flags`.
 
-**What is a doubt.** A flag says by how much what it names can move each value. It is doubtful only where that is more
-than the value's combined standard uncertainty *without* the flag's own row of the budget, so that a larger uncertainty
-makes no doubt smaller; what moves less is a row of the budget, and stands under `immaterial` in `result.json`. A
-*structural* flag counts whatever it moves, and so does one whose effect is not known.
+**What becomes of a flag.** A *finding* speaks against a value; a *note* is for information; what nobody has
+stated and no record shows is a *condition* and no flag. The file that decides is
+`core/palpate_engine/result/materiality.py`:
 
-**One cause, one flag.** Some codes are signs of what another flag names: they raise that flag, and stand under its
-`evidence`. The terminal shows at most three flags of a track, those that move a value most.
+- A flag says by how much what it names can move each value. It is a doubt where that is more than the value's combined
+  standard uncertainty *without* the flag's own row of the budget, so that a larger uncertainty makes no doubt smaller,
+  and where it is not known.
+- What moves less is a row of the budget, and stands under `immaterial` in `result.json`.
+- A code that is a sign of another raises that one, and stands under its `evidence`: one cause, one flag. What a later
+  diagnosis finds to be harmless moves nothing.
+- The terminal shows at most three flags of a track, those that move a value most.
 
 What is flagged on real logs, and whether it is true: [measured](flags-real-logs.md). What is said of 99 mistakes of
 laboratories: [measured](flags-measured.md).
@@ -32,8 +36,7 @@ def page(registry: Registry) -> str:
         lines += [f"## {severity}: {words}", "", "| code | what it says | what to do |", "|---|---|---|"]
         for code, entry in sorted(registry.flags.items()):
             if entry.meaning.severity == severity and not entry.meaning.evidence_of:
-                mark = " *Structural.*" if entry.meaning.structural else ""
-                lines.append(f"| `{code}` | {entry.meaning.meaning}{mark} | {entry.meaning.remedy} |")
+                lines.append(f"| `{code}` | {entry.meaning.meaning} | {entry.meaning.remedy} |")
         lines.append("")
     lines += ["## Signs", "", "| sign | of | what it says |", "|---|---|---|"]
     signs = {code: entry.meaning for code, entry in registry.flags.items() if entry.meaning.evidence_of}

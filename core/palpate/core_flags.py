@@ -14,16 +14,12 @@ def _doubtful(meaning: str, remedy: str) -> FlagMeaning:
     return FlagMeaning("doubtful", meaning, remedy)
 
 
-def _structural(meaning: str, remedy: str) -> FlagMeaning:
-    return FlagMeaning("doubtful", meaning, remedy, structural=True)
-
-
 def _note(meaning: str, remedy: str) -> FlagMeaning:
     return FlagMeaning("note", meaning, remedy)
 
 
 _ESTIMATE = {
-    "diagnosis-failed": _structural(
+    "diagnosis-failed": _doubtful(
         "A plugin that judges results ended in an error; its judgement is missing.",
         "Report the error to the plugin's authors.",
     ),
@@ -50,7 +46,7 @@ _ESTIMATE = {
         "The force changes too little against its noise, or a parameter has too little effect on it, to be estimated.",
         "Palpate with a larger amplitude or deeper.",
     ),
-    "contradicted": _structural(
+    "contradicted": _doubtful(
         "Another track of the same model, which is as good, finds another value.",
         "Compare what the two estimators assume (`palpate compare`), and use the fit where there is one.",
     ),
@@ -81,30 +77,28 @@ _ESTIMATE = {
 _RECORD = {
     "invalid": FlagMeaning.sign("gaps", "A stream has readings that are marked invalid."),
     "duplicates": FlagMeaning.sign("gaps", "Time-stamps of a stream are repeated."),
-    "backwards": _structural(
+    "backwards": _doubtful(
         "The time of a stream goes backwards.", 'Use another clock, such as time = "log", or record again.'
     ),
     "gaps": _note(
         "Readings of a stream are missing, repeated or marked invalid.", "Look at the recording, where they are many."
     ),
-    "lost-readings": _structural(
+    "lost-readings": _doubtful(
         "More than one in twenty samples has no force.", "Look at the force's stream, and record again."
     ),
-    "saturated": _structural(
-        "Readings are at the limit of the sensor's range.", "Press less deep, or change the range."
-    ),
-    "stuck": _structural(
+    "saturated": _doubtful("Readings are at the limit of the sensor's range.", "Press less deep, or change the range."),
+    "stuck": _doubtful(
         "A stream repeats exactly one reading for long.", "Look at sensor and driver; record at the true rate."
     ),
-    "clock-drift": _structural(
+    "clock-drift": _doubtful(
         "The time-stamps of force and motion gain on one another over the record.",
         'Use one clock for both, such as time = "log".',
     ),
-    "clock-wander": _structural(
+    "clock-wander": _doubtful(
         "The clock of a device strayed by more than the timing's declared uncertainty.",
         "Keep the machine for the rig, or declare a larger uncertainty in [alignment].",
     ),
-    "turned-weight": _structural(
+    "turned-weight": _doubtful(
         "The tool turns, and its weight counts as constant, or is not what mass, mounting and gravity say.",
         'Set [alignment] weight = "turning", and find mounting and mass by `palpate calibrate` with orientations.',
     ),
@@ -120,7 +114,7 @@ _RECORD = {
         "Estimates of a live run came more than a second after their readings, or end before the record does.",
         "Use fewer or faster tracks, or a less busy computer; a replay of the log makes all estimates.",
     ),
-    "ended-early": _structural(
+    "ended-early": _doubtful(
         "A device that no safety check needs ended its stream while an arm still moved.",
         "Look at the device and its driver; what it would have sent is missing.",
     ),

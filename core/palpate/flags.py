@@ -90,14 +90,12 @@ class Flag:
 class FlagMeaning:
     """What a flag's code means, the same wherever it is raised; `SEVERITIES` says what each severity is.
 
-    A `structural` flag is doubtful whatever it can move: a wrong clock, readings at the sensor's limit. A code that is
-    `evidence_of` another is no flag of its own, but a sign of what the other one names.
+    A code that is `evidence_of` another is no flag of its own, but a sign of what the other one names.
     """
 
     severity: Severity
     meaning: str  # one sentence
     remedy: str  # what to do, one sentence
-    structural: bool = False
     voids: bool = False  # a value that it can move by any amount (infinity) is none
     evidence_of: str = ""
 
@@ -107,7 +105,7 @@ class FlagMeaning:
         return cls("note", meaning, "", evidence_of=of)
 
 
-UNREGISTERED = FlagMeaning("doubtful", "A flag that no plugin has registered.", "Ask the authors of the plugin.", True)
+UNREGISTERED = FlagMeaning("doubtful", "A flag that no plugin has registered.", "Ask the authors of the plugin.")
 
 
 def judged_flags(flags: Iterable[Flag], meanings: Mapping[str, FlagMeaning]) -> tuple[Flag, ...]:

@@ -12,6 +12,7 @@ from palpate.device import Stream
 _SECOND = 1_000_000_000  # [ns]
 _SECONDS = 1000  # in one batch; more are no clock
 _LEAST_SECONDS = 4
+_STEPS = 3.5  # of a coarse reading, by which it may go on after a repeat
 
 
 @dataclass
@@ -25,9 +26,10 @@ class Health:
     backwards: int = 0  # time-stamp before an earlier one
     gaps: int = 0
     saturated: int = 0
-    longest_repeat: int = 0  # the longest run of exactly equal readings
     first: int | None = None  # [ns]
     last: int | None = None  # [ns]
+    step: float = float("inf")  # the least change from reading to reading
+    _repeats: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2)))  # runs that none surpasses in both
     _earliest: dict[int, int] = field(default_factory=dict)  # by second: the least time [ns] from stamp to arrival
 
     def arrived(self, stamps: NDArray[np.int64], received: NDArray[np.int64]) -> None:
@@ -76,6 +78,20 @@ class Health:
         self.first = int(stamps[0]) if self.first is None else self.first
         self.last = int(before[-1])
         return good
+
+    def repeated(self, counts: NDArray[np.int64], changes: NDArray[np.float64]) -> None:
+        """Take note of runs (n,) of equal readings, and of the larger change beside each."""
+        every = np.concatenate([self._repeats, np.column_stack([counts, changes])])
+        every = every[np.lexsort((-every[:, 1], -every[:, 0]))]
+        before = np.maximum.accumulate(np.concatenate([[-1.0], every[:-1, 1]]))
+        self._repeats = every[every[:, 1] > before]
+
+    @property
+    def longest_repeat(self) -> int:
+        """The longest run of exactly equal readings that is none of coarse ones, which go on by a step or two."""
+        counts, changes = self._repeats.T
+        stuck = (changes > _STEPS * self.step) | np.isinf(self.step)
+        return int(counts[stuck].max(initial=0.0))
 
     @property
     def rate(self) -> float | None:

@@ -227,6 +227,28 @@ def test_a_stuck_sensor_is_noticed():
     assert report.streams["rig.wrench"].longest_repeat == 400
 
 
+@pytest.mark.parametrize("pieces", [1, 7, 300])
+@pytest.mark.parametrize(
+    ("kind", "longest"), [("coarse", 0), ("stuck", 400), ("stuck until the end", 1200), ("none", 1600)]
+)
+def test_coarse_readings_are_no_stuck_sensor(kind, longest, pieces):
+    """They repeat for as long, and go on by one step."""
+    force, motion = record()
+    values = 3e-3 * np.random.default_rng(2).standard_normal(force.values.shape)
+    if kind == "coarse":
+        values = np.round(values, 2)
+    elif kind == "stuck":
+        values[400:800] = values[400]
+    elif kind == "stuck until the end":
+        values[400:] = values[400]
+    else:
+        values[:] = 0.0
+    cuts = np.array_split(np.arange(len(values)), pieces)
+    batches = [Batch("wrench", force.time[rows], force.time[rows], values[rows]) for rows in cuts]
+    _, report = aligned([*batches, motion])
+    assert report.streams["rig.wrench"].longest_repeat == longest
+
+
 def test_host_arrival_can_serve_as_time():
     force, motion = record()
     skewed = Batch("wrench", force.time + 10**15, force.time, force.values)

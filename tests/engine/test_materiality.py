@@ -48,7 +48,7 @@ def test_what_is_not_known_or_without_bound_counts(effects):
     assert weigh([Flag("velocity-late", "x", effects=effects)], values(), REGISTRY).by_value["elasticity"] == "doubtful"
 
 
-def test_a_structural_flag_counts_whatever_it_moves():
+def test_a_fault_of_the_record_counts_for_every_value():
     assert set(weigh([Flag("saturated", "x")], values(), REGISTRY).by_value.values()) == {"doubtful"}
 
 

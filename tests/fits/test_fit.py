@@ -450,6 +450,15 @@ def test_a_saturated_force_is_left_out_and_flagged():
     assert abs(values[0] - E) < 4 * std[0]
 
 
+def test_coarse_readings_at_the_top_are_no_saturation():
+    samples = ramp(DR, (E, ETA))
+    step = 0.05 * samples.force.max()
+    samples.force[:] = step * np.round(samples.force / step)
+    estimates = fitted(DR, samples, segment="load", fixed={"viscosity": ETA})
+    assert np.count_nonzero(samples.force == samples.force.max()) > 10
+    assert not any(flag.code == "saturated" for flag in estimates.flags)
+
+
 def test_missing_positions_are_left_out():
     samples = ramp(DR, (E, ETA))
     samples.position[100::40] = np.nan

@@ -8,10 +8,10 @@ from palpate_fits import CasadiFit
 from palpate_uncertainty.channel_noise import WHITE
 from palpate_uncertainty.directed_scores import SUSPICIOUS, scores
 from palpate_uncertainty.directed_tests import directed_tests
-from palpate_uncertainty.lack_of_fit import LEVEL
 from palpate_uncertainty.model_alternatives import alternatives, refit
 from palpate_uncertainty.refit import make_course
 from palpate_uncertainty.relaxation_alternatives import relaxing_share
+from palpate_uncertainty.residual_tests import LEVEL
 
 STRENGTHS = (0.0, 3.0, 10.0, 30.0, 100.0, 1e3)  # of the effects below
 

@@ -173,7 +173,7 @@ def test_a_wrong_model_is_flagged_with_its_reason_and_the_uncertainty_holds_the_
     track = evidence(kind, estimator, radius=10e-3)
     finding = judged(track)
     assert [flag.code for flag in finding.flags] == ["lack-of-fit"]
-    assert kind in finding.table["reasons"]
+    assert any(reason.startswith(kind) for reason in finding.table["reasons"])
     assert track.values[0] > 1.4 * E
     if not finding.unknown:
         assert abs(track.values[0] - E) < 2 * finding.terms["elasticity"]
@@ -190,19 +190,22 @@ def test_a_faint_memory_that_moves_the_elasticity_is_not_taken_for_noise_of_the_
 
 
 @pytest.mark.slow
-def test_where_no_alternative_explains_the_residual_its_size_bounds_the_effect(evidence):
-    finding = judged(evidence("wrong-tip", CasadiFit()))
+def test_another_tip_is_one_of_two_causes_that_are_said(evidence):
+    track = evidence("wrong-tip", CasadiFit())
+    finding = judged(track)
     assert not finding.unknown
     assert finding.flags[0].effects == finding.terms
-    assert "no alternative explains all of it" in finding.flags[0].message
-    assert finding.table["effect"]["elasticity"] > 25  # per cent; it is 54
+    assert finding.table["reasons"] == ["thickness", "wrong-tip"]  # a layer explains the quartic tip as well
+    assert finding.terms["elasticity"] > 0.25 * track.values[0]
 
 
 @pytest.mark.slow
 def test_a_drifting_sensor_is_told_from_a_relaxing_material(evidence):
     track = evidence("drift", CasadiFit())
     finding = judged(track)
-    assert finding.table["reasons"] == ["drift"]
+    assert finding.table["reasons"][0] == "drift"
+    assert finding.table["ratio"] > 2
+    assert all(np.isinf(size) for size in finding.flags[0].effects.values())  # so loud that no bound holds
     assert abs(track.values[0] - E) < 2 * finding.terms["elasticity"]
 
 
@@ -218,7 +221,7 @@ def test_a_sweep_is_not_judged_as_a_point(evidence):
 
 
 @pytest.mark.slow
-def test_without_a_standstill_what_nothing_explains_may_be_the_channel(evidence):
+def test_without_a_standstill_the_upper_band_tells_the_noise(evidence):
     track = evidence("clean", CasadiFit())
     kept = track.kept
     hum = np.sin(2 * np.pi * 3.3 * kept.time + 3.0 * np.sin(2 * np.pi * 0.31 * kept.time))
@@ -227,8 +230,13 @@ def test_without_a_standstill_what_nothing_explains_may_be_the_channel(evidence)
     assert finding.terms["elasticity"] > 0
     nothing = np.zeros(0)
     finding = judged(replace(loud, air_time=nothing, air_force=nothing, air_position=nothing))
-    assert finding.table["null"] == "residual"
-    assert not finding.unknown
+    assert finding.table["null"] == "noise"
+    assert finding.table["ratio"] > 1.5
+    filtered = np.convolve(loud.kept.force, np.full(9, 1 / 9), "same")
+    loud = replace(
+        loud, kept=replace(loud.kept, force=filtered), air_time=nothing, air_force=nothing, air_position=nothing
+    )
+    assert judged(loud).table["null"] == "residual"  # a band that is not flat tells nothing
 
 
 @pytest.mark.filterwarnings("error")

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import contact_force
+from palpate_kit.budget.force_sensitivity import along
 from palpate_models import DimensionalityReduction, Sphere, TwoLayers
-from palpate_uncertainty.force_sensitivity import along
 from palpate_uncertainty.uncertainty_budget import budgets
 
 SPEC = importlib.util.spec_from_file_location("palpations", Path(__file__).with_name("palpations.py"))

@@ -58,7 +58,7 @@ def ending(made, report):
 
 def codes(made, touch_force=0.25, tare=None):
     end = ending(made, AlignmentReport({}, tare, touch_force, None, 1, None, 1500, 0, 0, 3.0, None))
-    return {flag.code for flag in ending_flags(end, KelvinVoigt(), online=True, fitted=False)}
+    return {flag.code for flag in ending_flags(end, made.keeper.kept, KelvinVoigt(), online=True, fitted=False)}
 
 
 def test_a_sweep_over_a_lump_is_not_unconverged():

@@ -27,8 +27,9 @@ class Series:
         self.stamps: NDArray[np.int64] = np.zeros(0, np.int64)
         self.values: Floats = np.zeros(0)
         self._saturated: NDArray[np.bool_] = np.zeros(0, bool)
-        self._repeated = 0
-        self._previous = np.nan
+        self._repeated = 0  # the reading that goes on
+        self._previous: Floats = np.zeros(0)
+        self._change = 0.0  # before that
 
     def feed(self, stamps: NDArray[np.int64], batch: Batch, rows: NDArray[np.bool_], health: Health) -> None:
         """Take over the rows of a batch that are in order and finite."""
@@ -38,7 +39,7 @@ class Series:
         saturated = self._beyond_limits(values)
         health.saturated += int(np.count_nonzero(saturated))
         if self._watched:
-            health.longest_repeat = max(health.longest_repeat, self._longest_repeat(values))
+            self._count_repeats(values, health)
         stamps, values = stamps - self._delay, values * self.signal.sign
         if len(self.stamps):
             stamps, values = np.concatenate([self.stamps, stamps]), np.concatenate([self.values, values])
@@ -51,18 +52,18 @@ class Series:
         low, high = self._limits
         return (values <= low) | (values >= high)
 
-    def _longest_repeat(self, values: Floats) -> int:
-        joined = np.concatenate([[self._previous], values])
-        changes = np.flatnonzero(joined[1:] != joined[:-1])
-        edges = np.concatenate([changes, [len(values)]])
-        if len(changes):
-            longest = max(int(np.diff(edges).max()), self._repeated + int(changes[0]))
-            self._repeated = int(len(values) - changes[-1])
-        else:
-            self._repeated += len(values)
-            longest = self._repeated
-        self._previous = values[-1] if len(values) else self._previous
-        return longest
+    def _count_repeats(self, values: Floats, health: Health) -> None:
+        """Take note of the runs of equal readings, the one that goes on as well."""
+        if not len(values):
+            return
+        joined = np.concatenate([self._previous, values])
+        places = np.flatnonzero(joined[1:] != joined[:-1])
+        changes = np.concatenate([[self._change], np.abs(joined[places + 1] - joined[places])])
+        edges = np.concatenate([[-max(self._repeated, 1)], places, [len(joined) - 1]])
+        runs = np.diff(edges)
+        health.repeated(runs, np.maximum(changes, np.append(changes[1:], 0.0)))
+        health.step = min(health.step, float(changes[1:].min(initial=np.inf)))
+        self._previous, self._repeated, self._change = joined[-1:], int(runs[-1]), float(changes[-1])
 
     @property
     def last(self) -> int | None:

@@ -33,9 +33,9 @@ def weigh(
     """The one rule for every flag with an effect: doubtful only where it moves a value beyond its uncertainty.
 
     What a flag names is compared with the combined standard uncertainty of all other causes: a larger uncertainty by
-    the flag's own cause makes no doubt smaller. Structural flags, and those whose effect is not known, always count. A
-    value that a flag voids is invalid by itself. A value within two uncertainties of none, or of an unknown one, is
-    not determined; one that the alternative of an open fact moves by more than half needs that fact.
+    the flag's own cause makes no doubt smaller. Those whose effect is not known always count. A value that a flag voids
+    is invalid by itself. A value within two uncertainties of none, or of an unknown one, is not determined; one that
+    the alternative of an open fact moves by more than half needs that fact.
     """
     findings, immaterial = [], []
     doubts: dict[str, Verdict] = dict.fromkeys(values, "good")
@@ -44,7 +44,7 @@ def weigh(
     unknown = {name for flag in judged if flag.code == _OPEN for name in flag.effects or {}}
     for flag in (*judged, *registry.judged(_undetermined(unknown, values))):
         said = _with_effects(flag, values)
-        moved = _moved(flag, values, registry)
+        moved = _moved(flag, values)
         if flag.severity == "doubtful" and not moved:
             immaterial.append(said)
             continue
@@ -83,12 +83,11 @@ def _size(flag: Flag, values: Mapping[str, UncertainValue]) -> float:
     return max((_ratio(flag, name, values[name]) for name in flag.effects if name in values), default=0.0)
 
 
-def _moved(flag: Flag, values: Mapping[str, UncertainValue], registry: Registry) -> tuple[str, ...]:
+def _moved(flag: Flag, values: Mapping[str, UncertainValue]) -> tuple[str, ...]:
     """Names of the values that a flag puts in doubt."""
     if flag.effects is None:
         return tuple(values)
-    meaning = registry.meanings.get(flag.code)
-    if meaning is None or meaning.structural or flag.severity == "invalid":
+    if flag.severity == "invalid":
         return tuple(name for name in flag.effects if name in values)
     return tuple(name for name in flag.effects if name in values and _ratio(flag, name, values[name]) > 1.0)
 

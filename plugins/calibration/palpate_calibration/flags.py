@@ -3,18 +3,18 @@
 from palpate import FlagMeaning
 
 
-def _structural(meaning: str, remedy: str) -> FlagMeaning:
-    return FlagMeaning("doubtful", meaning, remedy, structural=True)
+def _doubtful(meaning: str, remedy: str) -> FlagMeaning:
+    return FlagMeaning("doubtful", meaning, remedy)
 
 
 CALIBRATION_FLAGS = {
-    "calibration-old": _structural("The calibration is older than allowed, or from the future.", "Calibrate again."),
-    "calibration-other": _structural(
+    "calibration-old": _doubtful("The calibration is older than allowed, or from the future.", "Calibrate again."),
+    "calibration-other": _doubtful(
         "The calibration was made with another sensor, arm or tip.", "Calibrate what is on the robot now."
     ),
     "calibration-sensor": FlagMeaning.sign("calibration-other", "The calibration was made with another sensor or arm."),
     "calibration-tip": FlagMeaning.sign("calibration-other", "The calibration was made with another tip."),
-    "calibration-offset": _structural(
+    "calibration-offset": _doubtful(
         "The sensor was restarted after its offset was calibrated: the offset has moved.",
         "Calibrate again, or let the standstill or the free air give the tare.",
     ),
@@ -23,7 +23,7 @@ CALIBRATION_FLAGS = {
         "It is not known whether the sensor was restarted after its offset was calibrated.",
         "State [device.*] supply, or let the standstill or the free air give the tare.",
     ),
-    "calibration-contradicted": _structural(
+    "calibration-contradicted": _doubtful(
         "The tip's mass or a delay in the file contradicts the calibration.",
         "Correct one of them, or leave tip_mass or the delay out of the file.",
     ),

@@ -35,6 +35,5 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "doubtful",
             "The last check of the rig is out of control, or was made with another tip, sensor or robot.",
             "Find out what changed (docs: control), and check again before the next run.",
-            structural=True,
         )
     }

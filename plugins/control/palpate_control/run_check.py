@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, LogError, suggest
-from palpate_engine import RESULT, bounded_text, toml_tables
+from palpate_engine import RESULT, bounded_text, toml_tables, verdict_rank
 from palpate_kit.runs.device_identity import is_identity
 from palpate_kit.runs.result_file import values_by_name
 from palpate_kit.runs.run_folder import RunFolder
@@ -21,7 +21,6 @@ from palpate_control.chart_file import RecordedCheck
 from palpate_control.reference import Reference
 
 _REPEAT = ("std", "settling", "systematic_tare")  # what is drawn anew in every run
-_VERDICTS = ("good", "note", "doubtful")  # from the best to the worst that may be used
 
 
 @dataclass(frozen=True)
@@ -69,13 +68,15 @@ def _track(path: Path, tracks: Mapping[str, Any], reference: Reference, wanted: 
     if not having:
         spring = '; a spring is palpated with [model.*] type = "kelvin-voigt"' if reference.unit == "N/m" else ""
         raise ConfigurationError(f"{path}: has no {reference.quantity} to compare with {reference.name!r}{spring}")
-    usable = {name: table for name, table in having.items() if table["verdict"] in _VERDICTS}
+    usable = {
+        name: table for name, table in having.items() if verdict_rank(table["verdict"]) <= verdict_rank("doubtful")
+    }
     if not usable:
         raise ConfigurationError(f"{path}: {', '.join(having)} is invalid, and checks nothing; see its flags")
     known = {name: table for name, table in usable.items() if values_by_name(table)[reference.quantity].get("combined")}
     if not known:
         raise ConfigurationError(f"{path}: the uncertainty of {reference.quantity} is not known, so it checks nothing")
-    return min(known, key=lambda name: (_VERDICTS.index(known[name]["verdict"]), _width(known[name], reference)))
+    return min(known, key=lambda name: (verdict_rank(known[name]["verdict"]), _width(known[name], reference)))
 
 
 def _width(table: Mapping[str, Any], reference: Reference) -> float:

@@ -18,14 +18,12 @@ FIT_FLAGS = {
         "doubtful",
         "An unknown ended at a bound.",
         "Widen the bound, or fix the unknown, with a reason for either.",
-        structural=True,
     ),
     "hard-to-tell-apart": FlagMeaning.sign("undetermined", "Two unknowns have nearly the same effect on the force."),
     "force-constraint-tight": FlagMeaning(
         "doubtful",
         "The force_uncertainty of the surface is less than the force is off in air.",
         "Tare, or allow more force_uncertainty.",
-        structural=True,
     ),
     "force-constraint-unused": FlagMeaning(
         "note", "The record has no approach through air that force_uncertainty could use.", "Leave it out."

@@ -48,6 +48,7 @@ from palpate_fits.unknowns import Unknowns
 _AIR_SHARE = 0.1  # of the samples, from which on they tell the bias
 _FEWEST = 5  # samples for each unknown
 _STANDS = 10  # equal readings at the end of the range, in contact: the sensor is saturated
+_STANDS_OUT = 4.0  # times those of the next smaller value, which coarse readings stand at as often
 _THIN = 1000
 
 
@@ -258,14 +259,18 @@ def _contact_points(settings: FitSettings, approach: Approach | None) -> dict[st
 
 
 def _without_saturation(samples: Samples, rows: Rows, notes: list[Flag]) -> Rows:
-    """Drop readings that stand at the largest value of the record, and say so."""
-    top = np.nanmax(samples.force)
-    standing = rows & (samples.force == top)
-    if np.count_nonzero(standing) < _STANDS:
+    """Drop readings that stand at the largest value of the record, and say so.
+
+    Coarse readings stand at the value below it as well.
+    """
+    force = samples.force[rows]
+    values, counts = np.unique(force[np.isfinite(force)], return_counts=True)
+    if not len(values) or counts[-1] < max(_STANDS, _STANDS_OUT * counts[-2:-1].sum()):
         return rows
-    what = f"the force stands at {top:.5g} N in {np.count_nonzero(standing)} samples, which are left out"
+    top = values[-1]
+    what = f"the force stands at {top:.5g} N in {counts[-1]} samples, which are left out"
     notes.append(Flag("saturated", what))
-    return np.asarray(rows & ~standing)
+    return np.asarray(rows & (samples.force != top))
 
 
 def _by_depth(height: Floats) -> Floats:

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, LogError, suggest
-from palpate_engine import RESULT
+from palpate_engine import RESULT, verdict_rank
 from palpate_kit.runs.result_file import values_by_name
 from palpate_kit.runs.run_folder import RunFolder
 
-_VERDICTS = ("good", "note", "doubtful")  # from the best to the worst that may be used
 _REPRESENTATIVE = 0.2  # strain over a/R below a sphere
 
 
@@ -58,13 +57,12 @@ def run_values(path: Path, quantities: tuple[str, ...], track: str | None) -> li
     usable = {
         name: values
         for name, values in having.items()
-        if tracks[name]["verdict"] in _VERDICTS and all(values[one].get("combined") for one in quantities)
+        if verdict_rank(tracks[name]["verdict"]) <= verdict_rank("doubtful")
+        and all(values[one].get("combined") for one in quantities)
     }
     if not usable:
         raise ConfigurationError(f"{path}: {', '.join(having)} is invalid or without uncertainty; see its flags")
-    name = min(
-        usable, key=lambda one: (_VERDICTS.index(tracks[one]["verdict"]), usable[one][quantities[0]]["combined"])
-    )
+    name = min(usable, key=lambda one: (verdict_rank(tracks[one]["verdict"]), usable[one][quantities[0]]["combined"]))
     model = folder.settings.get("model", {}).get(tracks[name]["model"], {})
     started = datetime.fromisoformat(folder.result["run"]["started"])
     poisson, conditions = float(model.get("poisson", 0.5)), conditions_of(folder.settings, model)

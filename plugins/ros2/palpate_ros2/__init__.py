@@ -45,13 +45,11 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "doubtful",
             "A reading exceeded a limit of the device; nothing was stopped: palpate moves no robot over ROS.",
             "Look at the motion and at the controller's own limits.",
-            structural=True,
         ),
         "ros2-publishers": FlagMeaning(
             "doubtful",
             "Two publishers sent on one topic; only the first was read.",
             "Stop one of them, or give it another topic.",
-            structural=True,
         ),
         "ros2-restarted": FlagMeaning.sign(
             "ros2-publishers", "A publisher left and another one took over its topic: tare and settings may differ."
@@ -60,7 +58,6 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "doubtful",
             "A topic cannot be read as published: it has another type, or is best effort where reliable is asked for.",
             "Check who publishes it (palpate info ros2://DOMAIN), and whether it is still the same driver.",
-            structural=True,
         ),
         "ros2-clock": FlagMeaning.sign(
             "clock-wander",

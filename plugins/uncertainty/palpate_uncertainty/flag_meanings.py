@@ -16,7 +16,7 @@ def _note(meaning: str, remedy: str) -> FlagMeaning:
 _MODEL = {
     "lack-of-fit": _doubtful(
         "The model does not describe this record to the noise of its channel.",
-        "Use a model of the reason that is named, or the steady part that is; else compare models (`palpate compare`).",
+        "Use a model of the reason that is named, or mend that; else compare models (`palpate compare`).",
     ),
     "inconsistent": FlagMeaning.sign("lack-of-fit", "The innovations are larger or smaller than the filter expects."),
     "coloured-innovations": FlagMeaning.sign("lack-of-fit", "Innovations correlate from sample to sample."),
@@ -31,7 +31,6 @@ _MODEL = {
         "doubtful",
         "A parameter is outside of what is possible, by more than its standard deviation explains; it has no value.",
         "Check units and signs, declare delays, or use a model without that parameter.",
-        structural=True,
         voids=True,
     ),
     "surface-mismatch": _doubtful(
@@ -59,7 +58,6 @@ _MODEL = {
         "doubtful",
         "A model that the stated geometry admits has no result, so the spread of the models does not include it.",
         "Correct the name in [choice] candidates, or let the model run with the same estimator.",
-        structural=True,
     ),
     "unloading": _doubtful(
         "During unloading, a material with memory leaves the tip sooner than a contact that follows the depth.",

@@ -11,8 +11,8 @@ from palpate_kit.budget.force_sensitivity import Along, along
 from palpate_kit.budget.influence import effects_by_name
 from palpate_kit.budget.systematic_terms import per_newton
 
-from palpate_uncertainty.lack_of_fit import standstill
 from palpate_uncertainty.refit import sweeps
+from palpate_uncertainty.refitted_model import standstill
 from palpate_uncertainty.whiteness import oscillation
 
 _SURE = 5.0  # standard deviations

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -12,7 +12,6 @@ from palpate import Diagnosed, Flag, Floats, TrackEvidence
 from palpate_engine import display_unit
 
 from palpate_uncertainty.model_alternatives import Refit, refit
-from palpate_uncertainty.plausibility import determines_all, weak_force, weak_force_flag
 from palpate_uncertainty.refit import APART, Course, make_course, possible, sweeps
 
 _ENOUGH = 300  # samples
@@ -21,13 +20,13 @@ _ELSEWHERE = 3.0  # combined uncertainties
 _COUNTS = 1.0  # of them: from there on the distance is part of the uncertainty
 _OVERCONFIDENT = 0.5  # of the bound; a filter that forgets is above it
 _CERTAIN = 0.9  # of the bound, below which that is the uncertainty
-_VAGUE = 0.3  # of an elasticity
 _INDISTINCT = 0.998  # correlation beyond which one of two could be 15 times better known if the other were
 _STRETCH = 2.0  # [s] of a sweep
 _LIFTED = 0.1  # [s] between two samples in contact
 _UNEVEN = 0.1  # of a value, between one stretch of the way and all of it
 _STEP = 1e-4  # of a value, for slopes
 # What a filter went through, where least squares tells how far it has come out.
+_BIAS = frozenset({"noise-bias"})
 _SETTLED = frozenset({"depth-not-positive", "restarted", "too-stiff", "covariance-repaired"})
 
 
@@ -84,7 +83,6 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         text = f"the estimator claims more than the record determines: {', '.join(said)}{alike}"
         effects = dict(zip(names, np.where(short, np.sqrt(lacks), 0.0).tolist(), strict=True))
         flags.append(Flag("overconfident", text, effects=effects | dict.fromkeys(blind, np.inf)))
-    flags += _undetermined(track, np.hypot(track.combined, terms))
     table: dict[str, Any] = {
         "least_squares": dict(zip(names, best.theta.tolist(), strict=True)),
         "bound": dict(zip(names, bound.tolist(), strict=True)),
@@ -92,7 +90,14 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         "without_effect": blind,
     }
     found = dict(zip(names, terms.tolist(), strict=True))
-    return Diagnosed(tuple(flags), found, left=left, table=table, settles=_SETTLED)
+    settled = _SETTLED | _BIAS if all(_unbiased(track, n, best.theta[i]) for i, n in enumerate(names)) else _SETTLED
+    return Diagnosed(tuple(flags), found, left=left, table=table, settles=settled)
+
+
+def _unbiased(track: TrackEvidence, name: str, best: float) -> bool:
+    """Whether least squares is nearer to a value than to where the bias that is predicted of a filter puts it."""
+    found = track.found.get(name)
+    return found is None or found.bias is None or abs(best - found.value) < 0.5 * abs(found.bias.shift)
 
 
 def _apart(track: TrackEvidence, name: str, best: float) -> float:
@@ -103,16 +108,6 @@ def _apart(track: TrackEvidence, name: str, best: float) -> float:
         return 0.0
     away = abs(best - found.bias.shift * found.bias.shared - corrected.value)
     return away if away > _COUNTS * corrected.combined else 0.0
-
-
-def _undetermined(track: TrackEvidence, combined: Floats) -> Iterator[Flag]:
-    """A weak force that determines an elasticity, but not with this estimator; otherwise plausibility flags it."""
-    weak = weak_force(track.ending) if track.ending is not None else None
-    if weak is None or track.ending is None or not determines_all(track.ending, track.model, weak[1]):
-        return
-    elastic = np.array([parameter.role == "elastic" for parameter in track.model.parameters])
-    if (elastic & (combined > _VAGUE * np.abs(track.values))).any():
-        yield weak_force_flag(*weak)
 
 
 def _slid(track: TrackEvidence) -> bool:

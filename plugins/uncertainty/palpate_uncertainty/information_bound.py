@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ContactModel, Floats, Tail
+from palpate import ContactModel, Floats, SampleStore, Tail
 from palpate_engine import force_slopes, hesitations
 
 _ENOUGH = 100  # innovations to estimate their autocorrelation
 _FORGETS = 0.96  # of the variance that an estimator stated half a tail ago
 
 
-def bounds_at_best(tail: Tail, model: ContactModel, noise: float, samples: int) -> Floats:
+def bounds_at_best(tail: Tail, kept: SampleStore, model: ContactModel, noise: float, samples: int) -> Floats:
     """Least standard uncertainties (k,) by any estimator, for white noise [N] and an unknown surface.
 
-    The bound is noise^2 (J^T J)^-1, J the slopes of the force in parameters and depth along the tail, which stands for
-    all of the `samples`. Not finite where the tail or the estimate says nothing, and for a model with memory.
+    The bound is noise^2 (J^T J)^-1, J the slopes of the force in parameters and depth along the kept samples, which
+    stand for all. Not finite where they or the estimate at the tail say nothing, and for a model with memory.
     """
     nothing = np.full(len(model.parameters), np.inf)
-    theta, depth, rate = tail.values[-1], float(tail.surface[-1]) - tail.position, -tail.velocity
+    theta, used = tail.values[-1], kept.used
+    depth, rate = float(tail.surface[-1]) - kept.position[used], -kept.velocity[used]
     rows = np.isfinite(depth) & np.isfinite(rate) & (depth > 0)
     if model.memory or not rows.any() or not np.isfinite(theta).all():
         return nothing
@@ -28,7 +29,7 @@ def bounds_at_best(tail: Tail, model: ContactModel, noise: float, samples: int) 
     if not (np.isfinite(slopes).all() and (lengths > 0).all()):
         return nothing
     inverse = np.linalg.pinv((slopes / lengths).T @ (slopes / lengths), hermitian=True)
-    share = samples / len(tail.time)
+    share = samples / len(depth)
     return np.asarray(noise * np.sqrt(np.maximum(np.diag(inverse), 0.0) / share) / lengths)[:-1]
 
 

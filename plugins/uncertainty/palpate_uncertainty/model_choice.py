@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
-from palpate_uncertainty.lack_of_fit import left_by
+from palpate_uncertainty.refitted_model import left_by
 from palpate_uncertainty.settings import ChoiceSettings
 
 

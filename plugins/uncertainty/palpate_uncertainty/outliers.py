@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
+from palpate_uncertainty.residual_null import ForceNoise
+
 _REACH = 5  # samples to either side, of the running median
 _SIGMAS = 8.0
 _FEWEST = 100  # samples
@@ -19,8 +21,9 @@ def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     found: dict[str, Diagnosed] = {}
     for track in tracks:
         used = track.kept.used
-        force = track.kept.force[used]
-        spikes = spikes_of(force, ~track.kept.hesitating[used])
+        force = _left(track)[used]
+        noise = ForceNoise.of(track)
+        spikes = spikes_of(force, ~track.kept.hesitating[used], noise.std if noise is not None else 0.0)
         if not len(spikes):
             continue
         share, size = len(spikes) / len(force), float(np.max(np.abs(spikes)))
@@ -31,12 +34,21 @@ def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     return found
 
 
-def spikes_of(force: Floats, judged: NDArray[np.bool_]) -> Floats:
+def _left(track: TrackEvidence) -> Floats:
+    """What a fit leaves of the force (n,) [N]; the force where no fit says."""
+    report, left = track.report, track.kept.innovation
+    if report is None or not report.rss > 0 or not np.isfinite(left[track.kept.used]).all():
+        return track.kept.force
+    return np.asarray(left * np.sqrt(report.rss / report.samples))
+
+
+def spikes_of(force: Floats, judged: NDArray[np.bool_], noise: float = 0.0) -> Floats:
     """How far [N] those of the readings that are judged are off where they are more than 8 standard deviations from the
     median of their neighbours.
 
     Noise by the median size of second differences, 6 times its variance in white noise; not below the least step of the
-    readings. Source: Hampel 1974.
+    readings, and not below what the air tells [N]: a channel that is filtered or held hardly changes. Source: Hampel
+    1974.
     """
     judged, force = judged[np.isfinite(force)], force[np.isfinite(force)]
     if len(force) < _FEWEST:
@@ -44,7 +56,7 @@ def spikes_of(force: Floats, judged: NDArray[np.bool_]) -> Floats:
     off = force - _running_median(force)
     steps = np.abs(np.diff(force))
     least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
-    scale = max(1.4826 * float(np.median(np.abs(np.diff(force, 2)))) / np.sqrt(6.0), least)
+    scale = max(1.4826 * float(np.median(np.abs(np.diff(force, 2)))) / np.sqrt(6.0), least, noise)
     # A fast motion is no spike: what the readings beside it do as well.
     bend = _SIGMAS * scale + 2.0 * _running_median(np.abs(np.gradient(force))) * _REACH
     return off[judged & (np.abs(off) > bend)] if scale > 0 else np.zeros(0)

@@ -6,7 +6,18 @@ import math
 from collections.abc import Iterator, Mapping, Sequence, Set
 
 import numpy as np
-from palpate import ContactModel, Diagnosed, Flag, Floats, Indenter, Tail, TrackEnd, TrackEvidence, contact_force
+from palpate import (
+    ContactModel,
+    Diagnosed,
+    Flag,
+    Floats,
+    Indenter,
+    SampleStore,
+    Tail,
+    TrackEnd,
+    TrackEvidence,
+    contact_force,
+)
 from palpate_kit.budget.force_sensitivity import along
 from palpate_kit.budget.influence import answer
 
@@ -30,12 +41,12 @@ def plausibility(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 def _judged(track: TrackEvidence, end: TrackEnd) -> tuple[Flag, ...]:
     try:
-        return tuple(ending_flags(end, track.model, track.estimator.online, track.report is not None))
+        return tuple(ending_flags(end, track.kept, track.model, track.estimator.online, track.report is not None))
     except Exception as error:  # of a model that cannot say more than its force: the other tracks are judged
         return (Flag("diagnosis-failed", f"plausibility: {type(error).__name__}: {error}"),)
 
 
-def ending_flags(end: TrackEnd, model: ContactModel, online: bool, fitted: bool) -> Iterator[Flag]:
+def ending_flags(end: TrackEnd, kept: SampleStore, model: ContactModel, online: bool, fitted: bool) -> Iterator[Flag]:
     """Findings on the end of one track.
 
     An offline estimate is one of the whole record: it does not drift, and its first seconds are those that settle.
@@ -49,7 +60,7 @@ def ending_flags(end: TrackEnd, model: ContactModel, online: bool, fitted: bool)
         yield from _innovation_flags(begun, model, last.std[-1], f"after the first {end.average:g} s")
         yield from _colour_flags(begun, model, last.std[-1])
     if not fitted:  # a fit itself flags what its record does not determine
-        yield from _force_flags(end, model)
+        yield from _force_flags(end, kept, model)
     yield from _surface_flags(end, model)
     yield from _validity_flags(model, last)
 
@@ -120,29 +131,18 @@ def _too_certain(model: ContactModel, std: Floats, scale: float) -> dict[str, fl
     return {p.name: more * one for p, one in zip(model.parameters, std.tolist(), strict=True)}
 
 
-def _force_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
-    """Whether the force swings enough to determine the track's values."""
-    weak = weak_force(end)
-    if weak is not None and not determines_all(end, model, weak[1]):
-        yield weak_force_flag(*weak)
-
-
-def weak_force(end: TrackEnd) -> tuple[float, float] | None:
-    """By how much a force swings and its noise [N], where that is too little to be taken for granted."""
+def _force_flags(end: TrackEnd, kept: SampleStore, model: ContactModel) -> Iterator[Flag]:
+    """Whether the force swings enough to determine the track's values: a filter knows what came before its end."""
     tare, last = end.report.tare, end.last
     noise = tare.noise if tare and tare.noise else white_noise(last)
     swing = float(np.nanmax(last.model_force) - np.nanmin(last.model_force))
-    return (swing, noise) if swing < _WEAK * noise else None
+    if swing < _WEAK * noise and not _determines_all(end, kept, model, noise):
+        yield Flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
 
 
-def weak_force_flag(swing: float, noise: float) -> Flag:
-    """A weak force that does not determine the track's values."""
-    return Flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
-
-
-def determines_all(end: TrackEnd, model: ContactModel, noise: float) -> bool:
+def _determines_all(end: TrackEnd, kept: SampleStore, model: ContactModel, noise: float) -> bool:
     """Whether the record can determine every parameter estimated."""
-    values, bounds = np.abs(end.last.values.mean(axis=0)), bounds_at_best(end.tail, model, noise, end.samples)
+    values, bounds = np.abs(end.last.values.mean(axis=0)), bounds_at_best(end.tail, kept, model, noise, end.samples)
     free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in end.held]
     return bool((bounds < _DETERMINED * values)[free].all())
 
@@ -158,11 +158,15 @@ def _surface_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
     theta, surface = last.values.mean(axis=0), float(last.surface.mean())
     depths = np.linspace(0.0, 0.02, 2001)
     force = contact_force(model, depths, 0.0, theta)
-    touch_force = 0.0 if report.by_change_point else report.touch_force
-    expected = float(depths[min(int(np.searchsorted(force, touch_force)), len(depths) - 1)])
-    apart = surface - (report.first_touch[1] + expected)
+    # Where contact began is noticed between none and the noise, else where the force passes a threshold.
+    ends = (0.0, report.tare.noise) if report.by_change_point else (report.touch_force, report.touch_force)
+    least, most = (float(depths[min(int(np.searchsorted(force, end)), len(depths) - 1)]) for end in ends)
+    below = surface - report.first_touch[1]
+    apart = below - min(max(below, least), most)
     if abs(apart) > _SURFACE_TOLERANCE:
         text = f"the estimated surface is {1e3 * apart:+.2f} mm from where the tip touched"
+        if apart < 0:  # below it: something else moves the force in air
+            text = f"{text}, so that the force changes in air"
         course = along(model, end.tail, last, theta)
         moved = None if course is None else answer(course.jacobian[:, :-1], apart * course.jacobian[:, -1])
         names = [parameter.name for parameter in model.parameters]

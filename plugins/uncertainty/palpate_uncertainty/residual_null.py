@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from palpate import Floats, TrackEvidence
+from palpate import Floats, SampleStore, TrackEvidence
 from palpate_engine import force_slopes
 from palpate_kit.numerics.tip_travel import noise_of, rate_kernels
 
@@ -17,6 +17,7 @@ from palpate_uncertainty.refit import Course
 AIR, READINGS = 0.2, 100  # [s] and readings without contact that tell the noise
 _STILL = 1e-4  # [m]
 _NEAR = 0.05  # of the way in contact, above which the air before it is air
+_FLAT = 1.5  # by which parts of a flat band may differ
 _COARSE = 0.5  # of the noise, above which a step of the readings counts beside it
 
 
@@ -27,25 +28,24 @@ class ForceNoise:
     std: float  # [N]
     coefficients: Floats  # (p,) of the autoregression; empty: white
     readings: int  # that tell it
+    excess: float = 1.0  # of the variance of slow means, by what is not known of the coefficients
 
     @classmethod
     def of(cls, track: TrackEvidence) -> ForceNoise | None:
-        """From standstill, else from the air before the contact; None where there is too little of both."""
+        """From standstill, else from the air before the contact, else from the upper band; None where it is open."""
         rest = air_readings(track)
         if rest is None:
-            return None
+            return upper_band(track.kept)
         null, std = null_of(rest), float(np.std(rest, ddof=1))
         steps = np.abs(np.diff(track.kept.force))
         least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
         share = float(np.mean(steps == 0)) if len(steps) else 0.0
         if share > 0.02 or least > _COARSE * std:  # readings in steps: those add noise that the air need not show
             std = float(np.hypot(std, least / np.sqrt(12.0)))
-        return cls(std, null.coefficients, len(rest)) if std > 0 else None
+        return cls(std, null.coefficients, len(rest), null.excess) if std > 0 else None
 
     def spectrum(self, n: int) -> Floats:
-        """Power (m,) [N^2] over the frequencies of a real transform of n points; of white noise the variance."""
-        if not len(self.coefficients):
-            return np.full(n // 2 + 1, self.std**2)
+        """Power (m,) [N^2] over the frequencies of a real transform of n points."""
         inverse = np.abs(np.fft.rfft(np.concatenate([[1.0], -self.coefficients]), n)) ** -2
         # Over all n frequencies the mean is the variance.
         whole = 2.0 * inverse.sum() - inverse[0] - (inverse[-1] if n % 2 == 0 else 0.0)
@@ -70,6 +70,23 @@ def air_readings(track: TrackEvidence) -> Floats | None:
     return np.asarray(force[:until])
 
 
+def upper_band(kept: SampleStore) -> ForceNoise | None:
+    """White noise by the upper half of the band; None where that is not flat, or below the step of the readings."""
+    force = kept.force[kept.runs == np.bincount(kept.runs).argmax()] if len(kept.runs) else kept.force
+    if len(force) < 2 * READINGS or not np.isfinite(force).all():
+        return None
+    window = np.hanning(len(force))
+    power = np.abs(np.fft.rfft(np.diff(force, 2) * window[1:-1])) ** 2 / float(window @ window)
+    angle = np.linspace(0.0, np.pi, len(power))
+    band = power[len(power) // 2 :] / (2.0 * np.sin(angle[len(power) // 2 :] / 2.0)) ** 4
+    parts = [float(np.mean(part)) for part in np.array_split(band, 4)]
+    steps = np.abs(np.diff(force))
+    least = float(steps[steps > 0].min(initial=np.inf))
+    if max(parts) > _FLAT * min(parts) or not least < min(parts) ** 0.5:
+        return None
+    return ForceNoise(float(np.mean(band)) ** 0.5, np.zeros(0), len(band))
+
+
 @dataclass(frozen=True)
 class ResidualNull:
     """The variance of any weighted sum of a track's residual where its model is right."""
@@ -83,21 +100,28 @@ class ResidualNull:
     kernels: tuple[Floats, Floats, Floats, Floats]  # of the rate by heights and speeds, of the acceleration by both
     stated: Floats = field(default_factory=lambda: np.zeros((1, 0)))  # (n, s) [N] one u of each stated quantity
 
-    def variance(self, weights: Floats) -> float:
-        """[N^2] of sum w r."""
-        n = 1 << int(np.ceil(np.log2(max(2 * len(weights), 4))))
-        power = np.abs(np.fft.rfft(weights, n)) ** 2 * self.force.spectrum(n)
-        of_force = (2.0 * power.sum() - power[0] - power[-1]) / n
-        rate = weights * self.by_rate
-        by_height = weights * self.by_depth + _back(rate, self.kernels[0])
+    def covariance(self, weights: Floats) -> Floats:
+        """(m, m) [N^2] of the sums of weights (n, m) times the residual."""
+        columns = weights.T
+        if len(self.force.coefficients):
+            n = 1 << int(np.ceil(np.log2(max(2 * len(weights), 4))))
+            both = np.full(n // 2 + 1, 2.0)
+            both[[0, -1]] = 1.0
+            waves = np.fft.rfft(columns, n) * np.sqrt(both * self.force.spectrum(n) / n)
+            found = self.force.excess * np.real(waves @ waves.conj().T)
+        else:
+            found = self.force.std**2 * (columns @ columns.T)
+        rate = columns * self.by_rate
+        by_height = columns * self.by_depth + _back(rate, self.kernels[0])
         if self.mass:
-            by_height = by_height + self.mass * _back(weights, self.kernels[2])
-        of_motion = self.height**2 * float(by_height @ by_height)
+            by_height = by_height + self.mass * _back(columns, self.kernels[2])
+        found = found + self.height**2 * (by_height @ by_height.T)
         if self.speed:
-            by_speed = _back(rate, self.kernels[1]) + self.mass * _back(weights, self.kernels[3])
-            of_motion += self.speed**2 * float(by_speed @ by_speed)
-        of_stated = float(np.sum((weights @ self.stated) ** 2)) if self.stated.size else 0.0
-        return float(of_force) + of_motion + of_stated
+            by_speed = _back(rate, self.kernels[1]) + self.mass * _back(columns, self.kernels[3])
+            found = found + self.speed**2 * (by_speed @ by_speed.T)
+        if self.stated.size:
+            found = found + (stated := columns @ self.stated) @ stated.T
+        return np.asarray(found)
 
     @cached_property
     def std(self) -> Floats:
@@ -106,11 +130,6 @@ class ResidualNull:
         by_height = self.by_depth**2 + (self.by_rate * rate) ** 2 + (self.mass * bend) ** 2
         by_speed = (self.by_rate * own_rate) ** 2 + (self.mass * own_bend) ** 2
         return np.sqrt(self.force.std**2 + by_height * self.height**2 + by_speed * self.speed**2)
-
-    @property
-    def rms(self) -> float:
-        """[N] of the residual."""
-        return float(np.sqrt(np.mean(self.std**2) + np.mean(np.sum(self.stated**2, axis=1))))
 
 
 def motion_noise(track: TrackEvidence) -> tuple[float, float, tuple[Floats, Floats, Floats, Floats]]:
@@ -132,5 +151,5 @@ def slopes_of(course: Course, theta: Floats, surface: float) -> tuple[Floats, Fl
 
 
 def _back(weights: Floats, kernel: Floats) -> Floats:
-    """Weights (n,) of readings from those of their convolution with a kernel."""
-    return np.asarray(np.convolve(weights, kernel[::-1], "same"))
+    """Weights (m, n) of readings from those of their convolution with a kernel."""
+    return np.array([np.convolve(row, kernel[::-1], "same") for row in weights])

@@ -5,17 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, TrackEvidence
-from palpate_kit.numerics.local_cubic import local_cubic
+from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
+from palpate_kit.numerics.tip_travel import noise_of
 
 from palpate_uncertainty.refit import Course
 from palpate_uncertainty.residual_null import slopes_of
 
+# Alternatives that only add to the force what their derivative says: a negative size is none of them.
+ONE_SIDED = ("memory", "compliance", "force at its limit", "drag", "friction", "adhesion", "unloading that is softer")
 _BINS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
+_STEPS = 8  # bins of what moves in time
+_LIMIT = 0.95  # of the largest force, above which a sensor may give less
+_AHEAD = 0.01  # [s] by which an arm is behind its command; what eta does not take of that goes with the acceleration
+_STEP = 20.0  # times the noise of a height, of depths that are told apart
+_CLEAR = 10.0  # times the noise of an acceleration, from which on it is one
+_SLOW = 0.05  # of the largest speed, below which friction is not full
 _DEEP = 0.04  # of the largest depth, above which a bin is not judged
 _TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)  # [s] of what may relax
 _SMALL = 0.5e-3  # [m] radius of a tip
@@ -78,63 +88,140 @@ class JudgedRows:
             return
         if (timing := end.settings.timing_uncertainty) is not None:
             yield timing * self.change
-        if (tare := end.report.tare) is not None and tare.offset_std is not None:
+        if (tare := end.report.tare) is not None and tare.offset_std is not None and not self._tells_zero:
             yield np.full(len(self.time), tare.offset_std)
         if mass:
             share = end.settings.tip_mass_uncertainty
             yield (0.05 * mass if share is None else share) * self.acceleration
-        usual = type(end.settings).model_fields["drift"].default  # of a robot's sensor
-        if not self._is_small or end.settings.drift != usual:
+        if end.settings.drift != type(end.settings).model_fields["drift"].default:
             yield end.settings.drift * (self.time - self.course.begin)
 
     def open(self) -> Iterator[Floats]:
-        """(n,) what facts that nobody has stated may add to the force: of these the residual says nothing."""
+        """(n,) what facts that nobody has stated may add, and a zero that the air tells: nothing is said of these."""
         end = self.track.ending
+        if self._tells_zero:
+            yield np.ones(len(self.time))
         if end is not None and end.settings.timing_uncertainty is None:
             yield self.change
         if end is not None and end.settings.tip_mass is None:
             yield self.acceleration
 
-    def places(self) -> Iterator[tuple[str, Floats, int]]:
-        """What the residual is averaged over: values (n,), NaN where they do not count, and how many bins."""
+    @property
+    def _has_air(self) -> bool:
+        return len(self.time) > self.count
+
+    @property
+    def _tells_zero(self) -> bool:
+        """Whether the zero of the force is that of the record's air, which is tested as well."""
+        tare = self.track.ending.report.tare if self.track.ending is not None else None
+        return self._has_air and tare is not None and tare.noise is not None
+
+    def places(self) -> Iterator[tuple[str, Floats]]:
+        """Indicators (n, m) of the bins over which any pattern would show."""
         deep = self.contact & (self.depth > _DEEP * float(np.max(self.depth)))
         for name, values, rows in (
             ("time", self.time, deep),
-            ("depth", self.depth, deep),
+            ("depth", self._level, deep),
             ("speed", self.rate, deep),
             ("air", self.time, ~self.contact),
         ):
-            yield name, np.where(rows, values, np.nan), _BINS[name]
+            if np.count_nonzero(rows) >= 2 * _BINS[name]:
+                yield name, bins_of(np.where(rows, values, np.nan), _BINS[name])
+
+    @property
+    def _level(self) -> Floats:
+        """(n,) depth in steps far above its noise: in a hold bins would sort by noise that the residual has as well.
+
+        Steps are where the fewest samples are, and none where the tip is held.
+        """
+        step = _STEP * noise_of(self.track.kept.position)
+        if not step > 0:
+            return self.depth
+        place = self.depth / step
+        counts, edges = np.histogram(place[self.contact] % 1.0, 10, (0.0, 1.0))
+        return np.asarray(np.floor(place - edges[int(np.argmin(counts))] - 0.05))
 
     def patterns(self) -> Iterator[tuple[str, Floats, float]]:
-        """Cause, derivative (n,) of the force by an alternative, and the size of one that is typical."""
-        end, most, deepest = self.track.ending, float(np.max(np.abs(self.force))), float(np.max(self.depth))
-        every = self.course.elastic(self.track.values, self.track.surface)[0]
-        elastic, part = self._whole(every), np.maximum(self.depth, 1e-12) / deepest
-        yield "wrong-tip", elastic * np.log(np.maximum(part, 1e-6)), 0.5
-        yield "thickness", elastic * part, 0.5
-        since = (self.time - self.time.min()) / max(float(np.ptp(self.time)), 1e-9)
-        yield "drift", since, 0.05 * most
-        yield "surface moved", self.by_depth * (since - 0.5), 0.1 * deepest
-        step = float(np.median(np.diff(self.course.time)))
+        """Cause, derivatives (n, m) of the force by an alternative, and the size of one that is typical."""
+        for cause, typical, *columns in (*self._of_the_material(), *self._of_the_rig(), *self._of_the_air()):
+            yield cause, np.nan_to_num(np.column_stack(columns)), typical
+
+    @cached_property
+    def _elastic(self) -> Floats:
+        """(n,) [N]"""
+        return self._whole(self.course.elastic(*self._at)[0])
+
+    @cached_property
+    def _since(self) -> Floats:
+        """(n,) time in parts of the record."""
+        return np.asarray((self.time - self.time.min()) / max(float(np.ptp(self.time)), 1e-9))
+
+    def _of_the_material(self) -> Iterator[tuple[Any, ...]]:
+        elastic, deepest = self._elastic, float(np.max(self.depth))
+        part = np.maximum(self.depth, 1e-12) / deepest
+        yield "wrong-tip", 0.5, elastic * np.log(np.maximum(part, 1e-6))
+        yield "thickness", 0.5, elastic * part
+        yield "stiffness that changes", 0.3, elastic * self._since
+        yield "surface moved", 0.1 * deepest, self.by_depth * (self._since - 0.5)
+        steps = bins_of(np.where(self.contact, self.time, np.nan), _STEPS)
+        yield "surface moved in steps", math.inf, self.by_depth[:, None] * steps
+        step, every = float(np.median(np.diff(self.course.time))), self.course.elastic(*self._at)[0]
         for tau in _TIMES:
-            yield f"memory of {tau:g} s", self._whole(_relaxing(every, step, tau)), 0.3
-        if end is not None and end.settings.timing_uncertainty is not None:
-            yield "timing", self.change, 5e-3
-        if end is not None and end.settings.tip_mass is not None and not self._is_small:
-            yield "mass", self.acceleration, 0.1
-        if end is not None and end.settings.series_stiffness is None:
-            yield "compliance", self.by_depth * self.force + self.by_rate * self.change, 1.0 / 20e3
+            yield f"memory of {tau:g} s", 0.3, self._whole(_relaxing(every, step, tau))
         back = self.rate < 0
         if (back & self.contact).any() and not back[: self.count].all():
-            yield "unloading", self.by_depth * back, 0.1 * deepest
-        if len(self.time) > self.count:  # in the air, and in contact as well
-            yield "drag", self.rate / max(float(np.max(np.abs(self.rate))), 1e-300), 0.05 * most
-            yield "cable", self.depth / deepest, 0.05 * most
+            yield "unloading", 0.1 * deepest, self.by_depth * back
+            yield "unloading that is softer", 0.3, -elastic * back
+
+    def _of_the_rig(self) -> Iterator[tuple[Any, ...]]:
+        end, most = self.track.ending, float(np.max(np.abs(self.force)))
+        if end is not None and end.settings.timing_uncertainty is not None:
+            yield "timing", 5e-3, self.change
+        if end is not None and end.settings.tip_mass is not None and not self._is_small:
+            yield "mass", 0.1, self.acceleration
+        if end is not None and end.settings.series_stiffness is None:
+            yield "compliance", 1.0 / 5e3, -self.by_depth * self.force - self.by_rate * self.change
+        yield "force at its limit", 1.0, -np.maximum(self.force - _LIMIT * most, 0.0)
+        if self._bends:
+            yield "command", _AHEAD**2, self.by_depth * self.acceleration
+        if end is not None and (end.report.tare is None or end.report.tare.offset_std is None):
+            yield "zero of the force", 0.05 * most, np.ones(len(self.time))
+        yield "drift", 0.05 * most, self._since
+        yield "drift in steps", math.inf, bins_of(self.time, _STEPS)
+
+    def _of_the_air(self) -> Iterator[tuple[Any, ...]]:
+        """What is in the air, and in contact as well."""
+        most = 0.05 * float(np.max(np.abs(self.force)))
+        if self._has_air:
+            speed = self.rate / max(float(np.max(np.abs(self.rate))), 1e-300)
+            yield "drag", most, speed
+            yield "friction", most, np.tanh(speed / _SLOW)
+            yield "cable", most, self.depth / float(np.max(self.depth))
+            yield "adhesion", most, -self.contact.astype(float)
+
+    @property
+    def _bends(self) -> bool:
+        """Whether the acceleration is one of the motion, and not noise of the heights, which the force has as well."""
+        step = float(np.median(np.diff(self.course.time)))
+        slope = cubic_weights(_width(step, len(self.course.time)), 1) / step
+        noise = noise_of(self.track.kept.position) * float(np.linalg.norm(np.convolve(slope, slope)))
+        return float(np.sqrt(np.mean(self.acceleration[: self.count] ** 2))) > _CLEAR * noise
+
+    @property
+    def _at(self) -> tuple[Floats, float]:
+        return self.track.values, self.track.surface
 
     def _whole(self, values: Floats) -> Floats:
         """Values of the course's used samples, none in the air."""
         return np.concatenate([values[self.course.used], np.zeros(len(self.time) - self.count)])
+
+
+def bins_of(values: Floats, count: int) -> Floats:
+    """Indicators (n, count) of bins of equal numbers of samples; none of NaN."""
+    rows, found = np.flatnonzero(np.isfinite(values)), np.zeros((len(values), count))
+    for column, part in enumerate(np.array_split(rows[np.argsort(values[rows], kind="stable")], count)):
+        found[part, column] = 1.0
+    return found
 
 
 def _air(track: TrackEvidence, deepest: float) -> Floats:

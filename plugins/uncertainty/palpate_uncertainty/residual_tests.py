@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Floats, TrackEvidence
+from palpate import Floats, Samples, TrackEvidence
+from palpate_kit.numerics.tip_travel import zero_phase_motion
 
 from palpate_uncertainty.chi_square import chance_of_more
+from palpate_uncertainty.model_alternatives import refit
 from palpate_uncertainty.refit import Course, make_course
 from palpate_uncertainty.residual_null import ForceNoise, ResidualNull, motion_noise
-from palpate_uncertainty.residual_rows import JudgedRows, slow_acceleration
+from palpate_uncertainty.residual_rows import ONE_SIDED, JudgedRows, slow_acceleration
 
 LEVEL = 1e-3  # of a record
 _NOTHING = 10.0 * LEVEL  # a chance from which on a test says nothing
@@ -21,25 +23,42 @@ _ENOUGH = 100  # samples
 _SHOWS = 4.0  # standard deviations by which an alternative of its typical size must show
 _LOUD = 2.0  # times the rms of the null, from which on a residual is no good one
 _MATTERS = 0.5  # of the uncertainty of an elastic parameter
+_NEARLY = 0.7  # of what the best alternative explains, from which on another one is said as well
+_PARTLY = 0.5  # the same, from which on it may be what moves a value
+_MOST = 10.0  # times its typical size, from which on an alternative explains nothing
+_RANK = 1e-6  # of the largest variance, below which a direction is none
 _OUTLIER = 6.0  # standard deviations, beyond which a reading counts as an outlier, which is flagged as such
 
 
 @dataclass(frozen=True)
 class ScoreTest:
-    """An alternative that is tested along its derivative, without a refit."""
+    """What the residual is along the derivatives of an alternative, without a refit."""
 
+    gain: float  # chi square, and twice the logarithm of the ratio of likelihoods
+    freedom: int
     p: float
     shifts: Floats  # (k,) of the parameters, of one step to the alternative
+    samples: int
+    times: float = 0.0  # a typical size, that the step is
+
+    @property
+    def evidence(self) -> float:
+        """The gain less what numbers of no use would gain (Schwarz 1978).
+
+        Several numbers also follow a pattern that is none of theirs, by as much as makes another cause nearly as good.
+        """
+        return (self.gain if self.freedom == 1 else _NEARLY * self.gain) - self.freedom * math.log(self.samples)
 
 
 @dataclass(frozen=True)
 class ResidualTests:
-    """What a fit's own residual says of its model."""
+    """What a residual says of its model."""
 
     p: float  # of all tests together
-    bins: Mapping[str, float]  # p by what it is over
+    bins: Mapping[str, ScoreTest]  # by what they are over
     scores: Mapping[str, ScoreTest]  # by cause
     ratio: float  # rms of the residual over that of the null
+    floor: bool  # whether it is so large that no value is good
     by_size: Floats  # (k,) shifts by a force of the size of what is too much, along each parameter's own slope
 
     @property
@@ -47,23 +66,38 @@ class ResidualTests:
         """Whether nothing speaks against the model."""
         return self.p >= LEVEL
 
+    def explaining(self, share: float = _PARTLY) -> list[str]:
+        """Alternatives that explain a share of what the best one does, the one of the most evidence first."""
+        count = len(self.scores) + len(self.bins)
+        found = [name for name, score in self.scores.items() if score.p * count < LEVEL and score.times < _MOST]
+        found.sort(key=lambda name: -self.scores[name].evidence)
+        return [name for name in found if self.scores[name].gain >= share * self.scores[found[0]].gain]
+
     @property
     def causes(self) -> list[str]:
-        """Alternatives that a test names, the clearest first; those within a factor of e^10 of the clearest."""
-        count = len(self.scores) + len(self.bins)
-        found = sorted(self.scores, key=lambda name: self.scores[name].p)
-        least = self.scores[found[0]].p if found else 1.0
-        return [n for n in found if self.scores[n].p * count < LEVEL and self.scores[n].p <= least * math.exp(10)]
+        """The alternative of the most evidence, and the second where it explains nearly as much."""
+        return self.explaining(_NEARLY)[:2]
+
+    @property
+    def left(self) -> str:
+        """What the pattern is over that no alternative explains; empty where one does."""
+        explained = max((score.gain for score in self.scores.values()), default=0.0)
+        name = max(self.bins, key=lambda name: self.bins[name].evidence, default="")
+        return name if name and _NEARLY * (self.bins[name].gain - self.bins[name].freedom) > explained else ""
 
     @property
     def shifts(self) -> Floats:
-        """(k,) by how much the parameters may be off: by one step to the causes, and at least by the size of it all."""
-        return np.asarray(np.max([self.by_size, *(np.abs(self.scores[name].shifts) for name in self.causes)], axis=0))
+        """(k,) by how much the parameters may be off: by one step to a cause, and at least by the size of it all."""
+        steps = (np.abs(self.scores[name].shifts) for name in self.explaining())
+        return np.asarray(np.max([self.by_size, *steps], axis=0))
 
     def table(self) -> dict[str, object]:
         """As in ``result.json``."""
-        scores = {name: score.p for name, score in self.scores.items()}
-        return {"p": self.p, "bins": dict(self.bins), "scores": scores, "ratio": self.ratio, "null": "noise"}
+        bins, scores = ({name: test.p for name, test in tests.items()} for tests in (self.bins, self.scores))
+        return {
+            "p": self.p, "bins": bins, "scores": scores, "reasons": self.causes, "left": self.left,
+            "ratio": self.ratio, "null": "noise",
+        }  # fmt: skip
 
 
 def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTests | None:
@@ -72,7 +106,7 @@ def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> Residual
     What is tested is the residual that the fit reports, and in the rest of the `contact` (n,) that of its model.
     """
     report, kept = track.report, track.kept
-    rows = contact & ~kept.hesitating
+    rows = contact & ~_disturbed(track)
     if report is None or track.model.memory or np.count_nonzero(rows) < _ENOUGH:
         return None
     if not report.rss > 0 or not np.isfinite(track.values).all():
@@ -88,13 +122,34 @@ def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> Residual
     return _tests(track, course, np.where(kept.used & np.isfinite(own), own, rest)[course.used], force)
 
 
-def refit_tests(track: TrackEvidence, course: Course, theta: Floats, surface: float) -> ResidualTests | None:
-    """The tests of a model that is fitted again to what a filter used; None where the noise is open."""
-    force = ForceNoise.of(track)
-    if force is None or track.model.memory or not np.isfinite(theta).all():
+def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTests | None:
+    """The tests of a filter's model, fitted to the `contact` (n,); None where the noise is open.
+
+    Innovations of a filter are not white where its model is right. Rate and acceleration are derived as by a fit.
+    """
+    kept, force = track.kept, ForceNoise.of(track)
+    if force is None or track.model.memory or not np.isfinite(track.values).all():
         return None
-    at = replace(track, values=theta, surface=surface)
-    return _tests(at, course, _left(at, course)[course.used], force)
+    interval, always = np.diff(kept.time, prepend=kept.time[0]), np.ones(len(kept.time), bool)
+    stamp = np.rint(kept.time * 1e9).astype(np.int64)
+    samples = Samples(stamp, kept.time, interval, kept.force, kept.position, kept.velocity, always, always)
+    motion = zero_phase_motion(samples, None)
+    course = make_course(track, contact & ~_disturbed(track))
+    outer = kept.force - (track.tip_mass or 0.0) * motion.acceleration
+    course = replace(course, rate=motion.rate, force=outer)
+    if np.count_nonzero(course.used) < _ENOUGH:
+        return None
+    fit = refit(course, track.values, track.surface)
+    return _tests(replace(track, values=fit.theta, surface=fit.surface), course, fit.residual, force)
+
+
+def _disturbed(track: TrackEvidence) -> NDArray[np.bool_]:
+    """(n,) samples whose acceleration is derived over a hesitation of the arm."""
+    hesitating = track.kept.hesitating
+    if not hesitating.any():
+        return hesitating
+    width = len(motion_noise(track)[2][2])
+    return np.asarray(np.convolve(hesitating, np.ones(width), "full")[width // 2 :][: len(hesitating)] > 0.5)
 
 
 def _left(track: TrackEvidence, course: Course) -> Floats:
@@ -105,34 +160,77 @@ def _left(track: TrackEvidence, course: Course) -> Floats:
 
 def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceNoise) -> ResidualTests:
     rows = JudgedRows.of(track, course)
-    residual = np.concatenate([residual, rows.air_force])
     height, speed, kernels = motion_noise(track)
     null = ResidualNull(noise, rows.by_depth, rows.by_rate, track.tip_mass or 0.0, height, speed, kernels)
-    space = _Space.of(null.std, np.column_stack([rows.jacobian, *rows.open()]), [*rows.stated()])
+    space = _Space.of(null.std, rows.jacobian, [*rows.open()], [*rows.stated()])
     null = replace(null, stated=space.stated * space.std[:, None])
-    residual = space.beside(residual / space.std) * space.std
+    residual = space.beside(np.concatenate([residual, rows.air_force]) / space.std) * space.std
     limit = _OUTLIER * np.maximum(null.std, 1.4826 * float(np.median(np.abs(residual))))
-    residual = np.clip(residual, -limit, limit)
-    bins = {name: _over(places, count, residual, null, noise.readings) for name, places, count in rows.places()}
-    scores, directions = {}, []
-    for cause, pattern, typical in rows.patterns():
-        own = space.beside(np.nan_to_num(pattern) / space.std)
-        direction = space.sharpest(own)
-        square, weights = float(direction @ own), direction / space.std
-        spread = math.sqrt(max(null.variance(weights), 1e-300))
-        if typical * square < _SHOWS * spread:
-            continue
-        value = float(weights @ residual)
-        moved = -value / square * space.taken_by(np.nan_to_num(pattern) / space.std)
-        scores[cause] = ScoreTest(_tail(1, (value / spread) ** 2, noise.readings), moved[: len(track.values)])
-        directions.append(direction / np.linalg.norm(direction))
-    every = [*bins.values(), *(score.p for score in scores.values())]
-    p = min(1.0, (len(bins) + _count(directions)) * min(every, default=1.0))
+    tested = _Tested(space, null, np.clip(residual, -limit, limit), len(track.values))
+    bins = {name: tested.along(columns) for name, columns in rows.places()}
+    scores = {
+        cause: tested.along(columns, typical, cause.partition(" of ")[0] in ONE_SIDED)
+        for cause, columns, typical in rows.patterns()
+        if tested.shows(columns, typical)
+    }
+    every = [test.p for test in (*bins.values(), *scores.values())]
+    p = min(1.0, (len(bins) + _count(tested.directions)) * min(every, default=1.0))
     inside = slice(rows.count)
-    usual = float(np.sqrt(np.mean(null.std[inside] ** 2)))
-    ratio = float(np.sqrt(np.mean(residual[inside] ** 2))) / usual
-    by_size = _by_size(rows.jacobian[inside], residual[inside], usual)[: len(track.values)]
-    return ResidualTests(p, bins, scores, ratio, by_size)
+    usual, found = (float(np.sqrt(np.mean(values[inside] ** 2))) for values in (null.std, tested.residual))
+    excess = math.sqrt(max(found**2 - usual**2, 0.0)) / max(float(np.sqrt(np.mean(rows.force[inside] ** 2))), 1e-300)
+    elastic = [i for i, parameter in enumerate(track.model.parameters) if parameter.role == "elastic"]
+    least = min((track.combined[i] / max(abs(track.values[i]), 1e-300) for i in elastic), default=math.inf)
+    floor = found > _LOUD * usual and excess > _MATTERS * least
+    by_size = _by_size(rows.jacobian[inside], tested.residual[inside], usual)[: len(track.values)]
+    return ResidualTests(p, bins, scores, found / usual, floor, by_size)
+
+
+@dataclass(frozen=True)
+class _Tested:
+    """A residual that is tested along directions."""
+
+    space: _Space
+    null: ResidualNull
+    residual: Floats  # (n,) [N]
+    count: int  # of parameters
+    directions: list[Floats] = field(
+        default_factory=list
+    )  # (n,) of length 1 that single alternatives were tested along
+
+    def shows(self, columns: Floats, typical: float) -> bool:
+        """Whether an alternative of a typical size would stand out by four standard deviations."""
+        if math.isinf(typical):
+            return True
+        sizes = np.full(columns.shape[1], typical)
+        whole = self.space.beside(columns @ sizes / self.space.std)
+        weights = self.space.sharpest(whole)
+        spread = math.sqrt(max(float(self.null.covariance((weights / self.space.std)[:, None])[0, 0]), 1e-300))
+        return float(weights @ whole) >= _SHOWS * spread
+
+    def along(self, columns: Floats, typical: float = math.inf, one_sided: bool = False) -> ScoreTest:
+        """The test of what the residual is along the derivatives (n, m) of an alternative."""
+        scaled = columns / self.space.std[:, None]
+        lengths = np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
+        scaled = scaled / lengths
+        own = self.space.beside(scaled)
+        sharp = self.space.sharpest(own)
+        weights = sharp / self.space.std[:, None]
+        powers, axes = np.linalg.eigh(self.null.covariance(weights))
+        axes = axes[:, powers > _RANK * max(float(powers[-1]), 1e-300)] if powers[-1] > 0 else axes[:, :0]
+        powers = powers[len(powers) - axes.shape[1] :]
+        freedom, value = axes.shape[1], axes.T @ (weights.T @ self.residual)
+        gain = float(np.sum(value**2 / powers))
+        if columns.shape[1] == 1 and freedom:
+            self.directions.append(sharp[:, 0] / np.linalg.norm(sharp))
+        sizes = (
+            np.linalg.lstsq(axes.T @ (sharp.T @ own), value, rcond=_RANK)[0] if freedom else np.zeros(scaled.shape[1])
+        )
+        moved = -self.space.taken_by(scaled @ sizes)[: self.count]
+        if one_sided and sizes[0] < 0:
+            gain = 0.0
+        p = _tail(freedom, gain, self.null.force.readings) if freedom else 1.0
+        times = float(np.max(np.abs(sizes) / lengths)) / typical
+        return ScoreTest(gain, freedom, p, moved, len(self.residual), times)
 
 
 @dataclass(frozen=True)
@@ -141,26 +239,27 @@ class _Space:
 
     std: Floats  # (n,) [N]
     basis: Floats  # (n, b) orthonormal
-    columns: Floats  # (n, b) that it is made of
+    fitted: Floats  # (n, k + 1) what the fit takes
     stated: Floats  # (n, s) of each stated quantity, beside that
 
     @classmethod
-    def of(cls, std: Floats, taken: Floats, stated: list[Floats]) -> _Space:
-        columns = taken / std[:, None]
+    def of(cls, std: Floats, jacobian: Floats, open_facts: list[Floats], stated: list[Floats]) -> _Space:
+        columns = np.column_stack([jacobian, *open_facts]) / std[:, None]
         basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
-        alone = cls(std, basis, columns, np.zeros((len(std), 0)))
+        alone = cls(std, basis, jacobian / std[:, None], np.zeros((len(std), 0)))
         return replace(alone, stated=np.column_stack([np.zeros(len(std)), *(alone.beside(s / std) for s in stated)]))
 
     def beside(self, values: Floats) -> Floats:
-        """Values (n,) less what is taken of them."""
+        """Values (n, ...) less what is taken of them."""
         return np.asarray(values - self.basis @ (self.basis.T @ values))
 
     def taken_by(self, values: Floats) -> Floats:
-        """Shifts (b,) of what takes a part of values (n,)."""
-        return np.asarray(np.linalg.lstsq(self.columns, values, rcond=None)[0], dtype=np.float64)
+        """Shifts (k + 1,) of the parameters and the surface by which a fit follows values (n,)."""
+        sizes = np.maximum(np.linalg.norm(self.fitted, axis=0), 1e-300)
+        return np.asarray(np.linalg.lstsq(self.fitted / sizes, values, rcond=None)[0] / sizes)
 
     def sharpest(self, values: Floats) -> Floats:
-        """Direction (n,) in which values stand out most from the noise and what is stated."""
+        """Direction (n, ...) in which values stand out most from the noise and what is stated."""
         both = np.eye(self.stated.shape[1]) + self.stated.T @ self.stated
         return np.asarray(values - self.stated @ np.linalg.solve(both, self.stated.T @ values))
 
@@ -171,19 +270,6 @@ def _count(directions: list[Floats]) -> float:
         return float(len(directions))
     powers = np.linalg.eigvalsh(np.array(directions) @ np.array(directions).T)
     return 1.0 + (len(directions) - 1.0) * (1.0 - float(np.var(powers, ddof=1)) / len(directions))
-
-
-def _over(values: Floats, count: int, residual: Floats, null: ResidualNull, readings: int) -> float:
-    """p of the means over bins of equal numbers of samples."""
-    rows = np.flatnonzero(np.isfinite(values))
-    total, bins = 0.0, np.array_split(rows[np.argsort(values[rows], kind="stable")], count)
-    if len(rows) < 2 * count:
-        return 1.0
-    for rows_of_bin in bins:
-        weights = np.zeros(len(residual))
-        weights[rows_of_bin] = 1.0 / len(rows_of_bin)
-        total += float(weights @ residual) ** 2 / null.variance(weights)
-    return _tail(count - 3, total, readings)
 
 
 def _by_size(jacobian: Floats, residual: Floats, rms: float) -> Floats:
