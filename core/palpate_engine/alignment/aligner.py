@@ -20,18 +20,17 @@ from palpate_engine.alignment.signal_reader import FixedToolReader, SignalReader
 from palpate_engine.alignment.velocity_lag import VelocityCheck
 
 _SECOND = 1_000_000_000  # [ns]
-MOST_MASS = 1.0  # [kg] of what hangs behind a sensor
 _LATERAL = ("lateral_x", "lateral_y")
 
 
 class Aligner:
     """Joins the streams of the devices; one for each run."""
 
-    def __init__(self, settings: AlignmentSettings, ports: Ports, most_mass: float = MOST_MASS) -> None:
+    def __init__(self, settings: AlignmentSettings, ports: Ports, most_mass: float = 0.0) -> None:
         self._settings = settings
         self._intake = Intake(ports, settings.gap)
         self._roles = self._intake.series
-        self._contact = ContactDetector(settings, 0.0 if settings.tip_mass == 0 else most_mass)
+        self._contact = ContactDetector(settings, most_mass)
         self._check = VelocityCheck()
         self._origin: int | None = None
         self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served

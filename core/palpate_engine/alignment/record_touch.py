@@ -19,7 +19,7 @@ _PULSE = 0.05  # [s] over which accelerations are taken
 _ABOVE = 4.0  # standard deviations of a derived acceleration that is none
 _GRID, _LEVELS = 33, 3  # heights that are tried together, and how often the grid narrows
 _GAIN = 100.0  # of the sum of squares in units of the noise's variance: ten sigma, jointly
-_STEPS = 3.0  # of the resolution, that a rise is at least
+_STEPS = 3.0  # of the resolution, that what only contact explains rises by at least
 _SPREAD, _BELIEVED = 2.0, 0.2  # what the law may leave: standard deviations of the noise, share of the rise
 _PARTS = (8, 32)
 _ALIKE = 1e-6  # share of a term that the others leave, which is none
@@ -75,7 +75,7 @@ def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
         return None
     height, reading = samples.position[known], samples.force[known]
     least = shortest_descent(height, float(np.ptp(height)))
-    if not float(np.ptp(height)) > least:
+    if not float(np.ptp(height)) > least or not float(np.ptp(reading)) > 0.0:
         return None
     size = -(-len(known) // _ROWS)
     time, force, place = (_means(column[known], size) for column in (samples.time, samples.force, samples.position))
@@ -94,7 +94,7 @@ def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
         return None
     air = left[:first]
     as_one = float(air @ air) / len(air) * _as_one(air) if len(air) else 0.0
-    variance = max(noise**2, as_one, step**2 / 12.0)
+    variance = max(noise**2, as_one, step**2 / 12.0 * _as_one(left))
     rms = float(np.sqrt(left[first:] @ left[first:] / len(left[first:])))
     if gain < _GAIN * variance or rise < _STEPS * step or rms > _SPREAD * np.sqrt(variance) + _BELIEVED * rise:
         return None
@@ -139,7 +139,7 @@ def _accelerated(time: Floats, force: Floats, place: Floats) -> tuple[Floats, Fl
 def _surface(
     time: Floats, force: Floats, place: Floats, bend: Floats | None, most_mass: float
 ) -> tuple[float, float, float, Floats] | None:
-    """Surface [m], by how much contact lowers the sum of squares, rise [N], and what is left (n,) [N]."""
+    """Surface [m], by how much contact lowers the sum of squares, what only it explains, and what is left (n,) [N]."""
     terms = [np.ones(len(time)), time - time.mean(), place - place.mean()]
     if bend is not None:
         mass = _fitted([*terms, -bend], force)[-1]
@@ -168,9 +168,9 @@ def _surface(
     gain, surface, slope = best
     if gain <= 0.0:
         return None
-    law = np.maximum(surface - place, 0.0) ** 1.5
-    left = rest - slope * (law - basis @ (basis.T @ law))
-    return surface, gain, slope * float(law.max()), left
+    law = slope * np.maximum(surface - place, 0.0) ** 1.5
+    law -= basis @ (basis.T @ law)
+    return surface, gain, float(np.ptp(law)), rest - law
 
 
 def _basis(terms: list[Floats]) -> Floats:

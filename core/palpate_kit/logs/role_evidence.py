@@ -145,7 +145,8 @@ def rest_level(force: Floats) -> tuple[float, float]:
     near = max(4.0 * noise(force), 0.01 * float(np.ptp(force)))
     begin = force[: max(len(force) // _BEGIN, _FEW)]
     first = float(np.median(begin))
-    if abs(first - level) > 2.0 * near and float(np.ptp(begin)) < 2.0 * near and _SURE * abs(level) > abs(first):
+    still = float(np.ptp(begin)) < 2.0 * near and _SURE * abs(level) > abs(first)
+    if abs(first - level) > 2.0 * near and (still or _SURE * abs(first) < abs(level)):
         level = first
     return level, float(np.mean(np.abs(force - level) < near))
 
