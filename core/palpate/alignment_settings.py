@@ -200,7 +200,7 @@ def _force_or_word(value: Any, words: tuple[str, ...], example: str) -> Any:
         found = to_si(value, "N")
     except ValueError as error:
         named = ", ".join(f'"{word}"' for word in words)
-        reason = f"{value!r} is not one of {named} and a force such as \"{example}\""
+        reason = f'{value!r} is not one of {named} and a force such as "{example}"'
         raise PydanticCustomError("tare", "{reason}", {"reason": reason}) from error
     if not isinstance(value, str) and (doubt := Quantity("N", most=500.0).doubt(found)):
         raise PydanticCustomError("tare", "{reason}", {"reason": doubt})

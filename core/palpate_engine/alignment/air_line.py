@@ -30,9 +30,7 @@ def decides(samples: Samples) -> bool:
     first = samples.force[:FIRST_READINGS]
     known = first[np.isfinite(first)]
     return (
-        len(first) == FIRST_READINGS
-        and len(known) > FIRST_READINGS // 2
-        and SIGMAS * white_noise(known) < ROBOT_FORCE
+        len(first) == FIRST_READINGS and len(known) > FIRST_READINGS // 2 and SIGMAS * white_noise(known) < ROBOT_FORCE
     )
 
 

@@ -150,7 +150,9 @@ class ContactDetector:
         """Whether the tare can be settled: contact that is found within the lag still shortens it."""
         if len(samples) < FIRST_SAMPLES:
             return False
-        return self._settings.tare != "free-air" or bool(samples.time[-1] > self._settings.tare_duration + self._settings.touch_lag)
+        return self._settings.tare != "free-air" or bool(
+            samples.time[-1] > self._settings.tare_duration + self._settings.touch_lag
+        )
 
     def _before_touch(self, onset: ContactOnset, final: bool) -> Samples:
         """Samples in air that need not be held back; from the first touch on, all, marked from where it began."""

@@ -10,7 +10,6 @@ from palpate import Floats
 from palpate_records.messages.readings import LARGEST
 from palpate_records.recording import Suggestion
 
-from palpate_kit.logs import role_evidence as evidence
 from palpate_kit.logs.delay_from_free_air import air_delay
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, Pick, RoleGuess, Search
 

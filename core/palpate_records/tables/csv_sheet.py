@@ -47,7 +47,7 @@ class Sheet:
             lines = first_lines(file, path, int(given.get("header", 0)))
         if not any(line.strip() for line in lines):
             raise LogError(f"{path}: the file is empty")
-        dialect = dialect_of(lines) if path.suffix not in WORKBOOKS else Dialect("\t")
+        dialect = dialect_of(lines) if path.suffix.lower() not in WORKBOOKS else Dialect("\t")
         dialect = replace(dialect, **{key: str(given[key]) for key in KEYS[:4] if key in given})
         layout = layout_of(path, lines, dialect, *(given.get(key) for key in ("header", "units")))  # type: ignore[arg-type]
         rows = [row for row in islice(dialect.rows(lines[layout.begin :]), _TWICE) if row]

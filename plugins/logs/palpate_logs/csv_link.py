@@ -37,6 +37,8 @@ class CsvLink:
         self._clock = log.time is not None and log.time.unit == CLOCK  # in the last of the wanted columns
         if log.time is not None:
             second = 1.0 if self._clock else to_si(f"1 {log.time.unit}", "s")
+            if log.time.nanoseconds is not None:
+                wanted.append((log.time.nanoseconds, 1e-9))
             wanted.append((log.time.column, second * log.time.scale))
         self._wanted = [column for column, _ in wanted]
         self._scales = np.array([scale for _, scale in wanted])
@@ -56,6 +58,8 @@ class CsvLink:
                 stamps = np.rint((row + np.arange(len(values))) * (_SECOND / self._log.rate)).astype(np.int64)
             else:
                 seconds, values = values[:, -1], values[:, :-1]
+                if self._log.time.nanoseconds is not None:
+                    seconds, values = seconds + values[:, -1], values[:, :-1]
                 seconds = day.unwrapped(seconds) if self._clock else seconds
                 known = np.isfinite(seconds) & (np.abs(seconds) < LATEST)
                 self._log.tally.timeless += int(np.count_nonzero(~known))
@@ -173,8 +177,12 @@ class CsvLink:
 
     def _check_units(self) -> None:
         """Refuse units that are not those of the file's own row of units."""
-        given = [*self._log.columns.values(), *([self._log.time] if self._log.time else [])]
+        time = self._log.time
+        split = [None] if time is not None and time.nanoseconds is not None else []
+        given = [*self._log.columns.values(), *split, *([time] if time else [])]
         for column, place in zip(given, self._at, strict=True):
+            if column is None:  # nanoseconds have no unit of their own
+                continue
             written = self._layout.units[place] if place < len(self._layout.units) else ""
             if self._log.units == 0 or column.scale != 1.0 or column.unit == CLOCK:
                 continue

@@ -14,9 +14,9 @@ from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
 from palpate_kit.logs.suggestion import assemble_suggestion, find_roles
 from palpate_records.messages.readings import si_unit
 from palpate_records.recording import Suggestion
-from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of
+from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of, demand_progress
 from palpate_records.tables.csv_layout import facts_worth_stating
-from palpate_records.tables.csv_names import exact_role, is_depth, is_of_retraction, role_by_words
+from palpate_records.tables.csv_names import exact_role, is_depth, is_of_retraction, role_by_words, stamp_parts
 from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
 
 from palpate_logs.csv_units import DIMENSIONS, units_of
@@ -38,10 +38,15 @@ class SheetRoles:
     def series(self) -> list[NumberColumn]:
         """Every column but the time, with its role by its unit or name."""
         time = self.clock.seconds if self.clock else np.arange(len(self.values), dtype=float)
-        roles = self._roles()
+        roles, stamps = self._roles(), stamp_parts(self.sheet.names).values()
         found: list[NumberColumn] = []
         for k, role in enumerate(roles):
-            if role == "time" or (self.clock is not None and k == self.clock.column) or _counts(self.values[:, k]):
+            if (
+                role == "time"
+                or k in stamps
+                or (self.clock is not None and k == self.clock.column)
+                or _counts(self.values[:, k])
+            ):
                 continue
             unit = self.sheet.unit(k)
             why = f"in {unit}" if unit else "by its name" if role else ""
@@ -91,6 +96,8 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
             raise LogError(f"{path}: a table has no {key!r}{suggest(key, known)} (there are: {', '.join(known)})")
     looked = look(path, choices)
     sheet, clock = looked.sheet, looked.clock
+    if clock is not None:
+        demand_progress(sheet, clock, looked.values)
     series = looked.series()
     chosen = {role: _chosen(sheet, looked.values, series, role, choices[role]) for role in ROLES if role in choices}
     found = find_roles(series, chosen)

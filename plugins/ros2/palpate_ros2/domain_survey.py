@@ -53,7 +53,9 @@ class Address:
         device |= {"interface": network.interface} if network.interface else {}
         device |= {"peers": list(network.peers)} if network.peers else {}
         reasons = tuple(text for text in found.reasons if not text.startswith("end:"))
-        alignment = {key: value for key, value in found.alignment.items() if key not in ("touch_force", "tare_duration")}
+        alignment = {
+            key: value for key, value in found.alignment.items() if key not in ("touch_force", "tare_duration")
+        }
         return replace(found, device=device, alignment=alignment, reasons=reasons)
 
 
