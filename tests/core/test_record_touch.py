@@ -1,4 +1,4 @@
-"""Touch by the noise of the record: presses from 43 mN to 20 nN, and air that moves, hums, drifts, pulls or is rounded."""
+"""Touch by the noise of the record: presses from 43 mN to 20 nN, and air that moves, hums, drifts."""
 
 import numpy as np
 import pytest

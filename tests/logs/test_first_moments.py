@@ -1,4 +1,4 @@
-"""What the first moments of a file say: air of any noise and offset is a tare, a hold is no rest, signs follow the data."""
+"""What the first moments of a file say: air of any noise and offset is a tare, a hold is no rest."""
 
 import numpy as np
 import pytest

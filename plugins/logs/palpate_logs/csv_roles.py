@@ -24,6 +24,7 @@ from palpate_logs.csv_units import DIMENSIONS, units_of
 _ROWS = 400_000  # that are looked into
 _NICE = (20, 25, 50, 60, 80, 100, 120, 125, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500, 2000, 2500, 4000, 5000)
 _USUAL = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
+_READINGS, _SPRING = 20, 1e-5  # readings; share of a force's variance that one constant leaves
 _NEAR = 0.05  # by which a rate found from the numbers may miss one of those
 
 
@@ -100,10 +101,13 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
         demand_progress(sheet, clock, looked.values)
     series = looked.series()
     chosen = {role: _chosen(sheet, looked.values, series, role, choices[role]) for role in ROLES if role in choices}
-    found = find_roles(series, chosen)
+    bent = deflections(series)
+    found = find_roles([s for s in series if s not in bent or s in chosen.values()], chosen)
     if found is None:
         there = sheet.columns
         raise LogError(f"{path}: no two columns can be force and position; choose with --force, --position ({there})")
+    if bent and "position" not in chosen and not is_depth(sheet.names[int(found.picks["position"].series.key[1])]):
+        raise LogError(f"{path}: {_of_what(bent[0], found.picks['position'].series)}")
     units, guesses = units_of(found, sheet, clock is not None)
     doubts = list(guesses.values())
     factors = {role: si_unit(unit)[1] for role, unit in units.items()}
@@ -136,6 +140,30 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     rivals = {**suggestion.rivals, **trials}
     stated = tuple((fact.line, fact.name, fact.value) for fact in facts)
     return replace(suggestion, guesses=keys, rivals=rivals, facts=stated, has_time=has_time)
+
+
+def deflections(series: Sequence[NumberColumn]) -> list[NumberColumn]:
+    """Lengths of several over which the force is one constant from first to last: a beam or spring, and no position."""
+    forces, lengths = ([s for s in series if s.role == role] for role in ("force", "position"))
+    found = [s for s in lengths if any(_is_spring(s.values, force.values) for force in forces)]
+    return found if len(found) < len(lengths) else []
+
+
+def _is_spring(length: Floats, force: Floats) -> bool:
+    known = np.isfinite(length) & np.isfinite(force)
+    x, y = length[known], force[known]
+    if len(x) < _READINGS or not float(np.ptp(x)) > 0.0 or not float(np.ptp(y)) > 0.0:
+        return False
+    return 1.0 - float(np.corrcoef(x, y)[0, 1]) ** 2 < _SPRING
+
+
+def _of_what(bent: NumberColumn, place: NumberColumn) -> str:
+    name, stage = (s.label.removeprefix("column ") for s in (bent, place))
+    return (
+        f"position: the force is one constant times {name}, so that is what a beam or spring yields by, and {stage} is the "
+        f"tip's only where it was taken off already: say --position '{stage}' where it was, else add a column "
+        f"'indentation' of {stage} less {name}"
+    )
 
 
 def _other_trials(found: RoleGuess, sheet: Sheet) -> dict[str, tuple[str, ...]]:
