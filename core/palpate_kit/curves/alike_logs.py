@@ -6,31 +6,64 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Generic, TypeVar
 
-from palpate import ConfigurationError, UserError
+from palpate import ConfigurationError, LogError, UserError
 from palpate_engine import Registry
 from palpate_records.recording import Suggestion
+from palpate_records.tables.workbook import WORKBOOKS, record_sheets
 
 from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.logs.draft_pipeline import readers_of
 
+Log = TypeVar("Log", bound="Path | Specimen")
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """A log, or a part of one that is a record by itself: a sheet of a workbook."""
+
+    path: Path
+    sheet: str | None = None
+
+    def __str__(self) -> str:
+        return str(self.path) if self.sheet is None else f"{self.path}:{self.sheet}"
+
+    @property
+    def name(self) -> str:
+        """Of the file, and of its part."""
+        return self.path.name if self.sheet is None else f"{self.path.name}:{self.sheet}"
+
+
+def specimens_of(log: Path) -> list[Specimen]:
+    """The records of a log: the sheets of a workbook that hold numbers, where there are several, else the log."""
+    if log.suffix.lower() not in WORKBOOKS:
+        return [Specimen(log)]
+    try:
+        sheets = record_sheets(log)
+    except LogError:  # whoever reads it says so
+        return [Specimen(log)]
+    return [Specimen(log, sheet) for sheet in sheets] if len(sheets) > 1 else [Specimen(log)]
+
 
 @dataclass
-class AlikeLogs:
+class AlikeLogs(Generic[Log]):
     """Logs that one reader reads."""
 
     suggestion: Suggestion  # of the first of them
-    logs: list[Path] = field(default_factory=list)
+    logs: list[Log] = field(default_factory=list)
 
 
-def alike_logs(logs: Iterable[Path], suggest: Callable[[Path], Suggestion], refused: dict[str, str]) -> list[AlikeLogs]:
+def alike_logs(
+    logs: Iterable[Log], suggest: Callable[[Log], Suggestion], refused: dict[str, str]
+) -> list[AlikeLogs[Log]]:
     """Groups of logs with equal devices and alignments, the largest first; `refused` takes the others and why."""
-    groups: dict[str, AlikeLogs] = {}
+    groups: dict[str, AlikeLogs[Log]] = {}
     for log in logs:
         try:
             suggestion = suggest(log)
         except UserError as error:
-            refused[str(log)] = str(error).removeprefix(f"{log}: ")
+            refused[str(log)] = str(error).removeprefix(f"{getattr(log, 'path', log)}: ")
             continue
         key = json.dumps([{**suggestion.device, "file": ""}, suggestion.alignment], default=str)
         groups.setdefault(key, AlikeLogs(suggestion)).logs.append(log)

@@ -11,7 +11,7 @@ from pathlib import Path
 import typer
 from palpate import ConfigurationError, printable
 from palpate_engine import Registry, approved_plugins, make_folder, registry
-from palpate_kit.curves.alike_logs import logs_among
+from palpate_kit.curves.alike_logs import Specimen, logs_among, specimens_of
 from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
 from palpate_kit.terminal.json_output import print_json
@@ -45,7 +45,9 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     notes: list[str] = []
     with progress("look at the files"):
         known = registry.load()
-        files = logs_among(sources, known)
+        sheeted = any(text.strip().startswith(f"device.{DEVICE}.sheet") for text in wanted.overrides)
+        logs = logs_among(sources, known)
+        files = [part for log in logs for part in ([Specimen(log)] if sheeted else specimens_of(log))]
         groups = list(file_groups(files, wanted.tip, wanted.model, wanted.choices, wanted.overrides, refused, notes))
     for note in notes:
         typer.echo(note, err=True)
@@ -55,6 +57,7 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         raise ConfigurationError(f"{name}: {error}{others}")
     folder = wanted.out or make_folder("fit", None, datetime.now(UTC).astimezone())
     order = {str(file): place for place, file in enumerate(files)}
+    paths = {str(file): str(file.path) for file in files}
     rows = [row for row in _fitted(groups, folder, wanted, len(files)) if row["curve"] in order]
     if not wanted.fitting:
         for name, error in refused.items():
@@ -66,7 +69,7 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     if wanted.as_json:
         print_json({"table": str(folder / TABLE), "files": rows})
     else:
-        _show(rows, groups, folder, known, wanted)
+        _show(rows, groups, paths, folder, known, wanted)
     if not all(map(is_usable, rows)):
         raise typer.Exit(1)
 
@@ -87,11 +90,19 @@ def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, count: i
     return table.rows
 
 
-def _show(rows: Sequence[Row], groups: Sequence[FileGroup], folder: Path, known: Registry, wanted: FileFit) -> None:
+def _show(
+    rows: Sequence[Row],
+    groups: Sequence[FileGroup],
+    paths: Mapping[str, str],
+    folder: Path,
+    known: Registry,
+    wanted: FileFit,
+) -> None:
     show_rows(rows, groups[0].pipeline, known, wanted.details)
     _show_guesses(groups, wanted.details)
     typer.echo(f"{folder / TABLE}: every number; {SETTINGS} beside it: how the files were read")
-    first = next((row["curve"] for row in rows if is_usable(row)), None)
+    alike = {curve.name for curve in groups[0].curves}
+    first = next((paths[row["curve"]] for row in rows if is_usable(row) and row["curve"] in alike), None)
     if first is not None:
         page = folder / "page"
         words = ["palpate", "fit", _no_option(first), "--pipeline", str(folder / SETTINGS), "-o", str(page)]

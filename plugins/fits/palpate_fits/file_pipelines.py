@@ -11,7 +11,7 @@ from typing import Any
 import tomli_w
 from palpate import ConfigurationError, to_si
 from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry
-from palpate_kit.curves.alike_logs import alike_logs
+from palpate_kit.curves.alike_logs import Specimen, alike_logs
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
 from palpate_kit.runs.tip_words import tip_table
@@ -37,7 +37,7 @@ class FileGroup:
 
 
 def file_groups(
-    files: Iterable[Path],
+    files: Iterable[Specimen],
     tip: str,
     model: str,
     choices: Mapping[str, str],
@@ -54,27 +54,36 @@ def file_groups(
     known = registry.load()
     parts = _parts(tip_table(tip, known, "--tip"), known.named("model", model), known)
     stated = {key.strip(): value.strip().strip("\"'") for key, _, value in (text.partition("=") for text in overrides)}
-    facts: dict[Path, Suggestion] = {}
+    facts: dict[Specimen, Suggestion] = {}
 
-    def suggested(file: Path) -> Suggestion:
-        found = _suggestion(file, choices, stated, known)
+    def suggested(file: Specimen) -> Suggestion:
+        part = {"sheet": file.sheet} if file.sheet is not None else {}
+        found = _suggestion(file.path, {**part, **choices}, stated, known)
         facts[file] = replace(found, views={})  # without its numbers
         return found
 
     groups = alike_logs(files, suggested, refused)
+    notes += _no_records([log for group in groups for log in group.logs], refused)
     if note := rate_note(choices, facts.values()):
         notes.append(note)
     for group in groups:
         first, suggestion = group.logs[0], group.suggestion
-        tables = _tables(suggestion, first, parts, stated)
+        tables = _tables(suggestion, first.path, parts, stated)
         path = Path(f"pipeline of {first.name}")
         pipeline = _built(tables, path, overrides)
         known_now = [text for key, text in suggestion.guesses.items() if f"{_READER}{key}" in stated]
         others = f" and {len(group.logs) - 1} more" if len(group.logs) > 1 else ""
         doubts = [f"{file.name}: {text}" for file in group.logs for text in _other_tips(facts[file], pipeline)]
         doubts += [f"{first.name}{others}: {text}" for text in suggestion.doubts if text not in known_now]
-        curves = [Curve(str(file), str(file.resolve())) for file in group.logs]
+        curves = [Curve(str(file), str(file.path.resolve())) for file in group.logs]
         yield FileGroup(tomli_w.dumps(tables), path, pipeline, tuple(doubts), curves)
+
+
+def _no_records(read: Sequence[Specimen], refused: dict[str, str]) -> list[str]:
+    """The sheets that are no record, beside others of the same workbook that are: named, and left out."""
+    files = {str(log.path) for log in read if log.sheet is not None}
+    beside = [name for name in refused if name not in files and any(name.startswith(f"{file}:") for file in files)]
+    return [f"{name} is no record, and left out: {refused.pop(name)}" for name in beside]
 
 
 def _suggestion(file: Path, choices: Mapping[str, str], stated: Mapping[str, str], known: Registry) -> Suggestion:
