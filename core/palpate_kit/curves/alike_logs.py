@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -11,6 +12,8 @@ from typing import Generic, TypeVar
 from palpate import ConfigurationError, LogError, UserError
 from palpate_engine import Registry
 from palpate_records.recording import Suggestion
+from palpate_records.tables.csv_sheet import record_tables
+from palpate_records.tables.table_text import OTHER_SUFFIXES, SUFFIXES
 from palpate_records.tables.workbook import WORKBOOKS, record_sheets
 
 from palpate_kit.curves.curve_table import SETTINGS
@@ -21,29 +24,31 @@ Log = TypeVar("Log", bound="Path | Specimen")
 
 @dataclass(frozen=True)
 class Specimen:
-    """A log, or a part of one that is a record by itself: a sheet of a workbook."""
+    """A log, or a part of one that is a record by itself: a sheet of a workbook, one of several tables of a text."""
 
     path: Path
-    sheet: str | None = None
+    part: str | None = None
+    keys: tuple[tuple[str, str], ...] = ()  # of the device that reads that part alone
 
     def __str__(self) -> str:
-        return str(self.path) if self.sheet is None else f"{self.path}:{self.sheet}"
+        return str(self.path) if self.part is None else f"{self.path}:{self.part}"
 
     @property
     def name(self) -> str:
         """Of the file, and of its part."""
-        return self.path.name if self.sheet is None else f"{self.path.name}:{self.sheet}"
+        return self.path.name if self.part is None else f"{self.path.name}:{self.part}"
 
 
 def specimens_of(log: Path) -> list[Specimen]:
-    """The records of a log: the sheets of a workbook that hold numbers, where there are several, else the log."""
-    if log.suffix.lower() not in WORKBOOKS:
-        return [Specimen(log)]
-    try:
-        sheets = record_sheets(log)
-    except LogError:  # whoever reads it says so
-        return [Specimen(log)]
-    return [Specimen(log, sheet) for sheet in sheets] if len(sheets) > 1 else [Specimen(log)]
+    """The records of a log: the sheets of a workbook that hold numbers, the tables of a text; one, else the log."""
+    name = log.name.lower()
+    parts: list[Specimen] = []
+    with suppress(LogError):  # whoever reads it says so
+        if name.endswith(WORKBOOKS):
+            parts = [Specimen(log, sheet, (("sheet", sheet),)) for sheet in record_sheets(log)]
+        elif name.endswith((*SUFFIXES, *OTHER_SUFFIXES)):
+            parts = [Specimen(log, title, (("header", str(line)),)) for line, title in record_tables(log)]
+    return parts if len(parts) > 1 else [Specimen(log)]
 
 
 @dataclass

@@ -45,9 +45,10 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     notes: list[str] = []
     with progress("look at the files"):
         known = registry.load()
-        sheeted = any(text.strip().startswith(f"device.{DEVICE}.sheet") for text in wanted.overrides)
+        chosen = tuple(f"device.{DEVICE}.{key}" for key in ("sheet", "header"))
+        one = any(text.strip().startswith(chosen) for text in wanted.overrides)
         logs = logs_among(sources, known)
-        files = [part for log in logs for part in ([Specimen(log)] if sheeted else specimens_of(log))]
+        files = [part for log in logs for part in ([Specimen(log)] if one else specimens_of(log))]
         groups = list(file_groups(files, wanted.tip, wanted.model, wanted.choices, wanted.overrides, refused, notes))
     for note in notes:
         typer.echo(note, err=True)

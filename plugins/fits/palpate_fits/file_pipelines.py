@@ -57,8 +57,7 @@ def file_groups(
     facts: dict[Specimen, Suggestion] = {}
 
     def suggested(file: Specimen) -> Suggestion:
-        part = {"sheet": file.sheet} if file.sheet is not None else {}
-        found = _suggestion(file.path, {**part, **choices}, stated, known)
+        found = _suggestion(file.path, {**dict(file.keys), **choices}, stated, known)
         facts[file] = replace(found, views={})  # without its numbers
         return found
 
@@ -80,8 +79,8 @@ def file_groups(
 
 
 def _no_records(read: Sequence[Specimen], refused: dict[str, str]) -> list[str]:
-    """The sheets that are no record, beside others of the same workbook that are: named, and left out."""
-    files = {str(log.path) for log in read if log.sheet is not None}
+    """The sheets and tables that are no record, beside others of the same file that are: named, and left out."""
+    files = {str(log.path) for log in read if log.part is not None}
     beside = [name for name in refused if name not in files and any(name.startswith(f"{file}:") for file in files)]
     return [f"{name} is no record, and left out: {refused.pop(name)}" for name in beside]
 

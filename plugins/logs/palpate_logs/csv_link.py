@@ -13,7 +13,7 @@ from palpate import Batch, Floats, LogError, to_si
 from palpate_records.messages.readings import LATEST, nanoseconds, sensible, si_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number
 from palpate_records.tables.clock_times import CLOCK, Days, seconds_of_day
-from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_of
+from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_of, one_table
 from palpate_records.tables.csv_names import weight_of
 from palpate_records.tables.csv_truncation import cut_number
 from palpate_records.tables.dialect import MARKS
@@ -129,6 +129,7 @@ class CsvLink:
 
     def _by_line(self, rows: Iterator[tuple[int, list[str]]]) -> Iterator[Floats]:
         """The numbers (n, places) of lines that may hold anything."""
+        rows = one_table(rows, self._layout.names, lambda row: row[1])
         while lines := list(islice(rows, _BLOCK)):
             complete: list[tuple[int, list[str]]] = []
             for line, cells in lines:
