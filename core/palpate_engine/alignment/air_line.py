@@ -35,7 +35,7 @@ def decides(samples: Samples) -> bool:
 
 
 def record_tare(settings: AlignmentSettings, air: Samples, step: float) -> Tare | None:
-    """The tare of a record by all its air before a touch, with the `step` [N] of its force; None where that is too short.
+    """The tare of a record by its air before a touch, and the `step` [N] of its force; None where that is too short.
 
     What is subtracted is that of the first `tare_duration`, or of as many readings as tell the noise.
     """

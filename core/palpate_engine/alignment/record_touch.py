@@ -66,9 +66,9 @@ class TouchSearch:
 def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
     """The touch that samples from a record's begin show; None where air explains them as well.
 
-    Air is F = b + s t + k z - m a + noise with m from 0 to `most_mass` [kg]: the sensor's zero and its drift, a cable or
-    a tilt, the inertia of what hangs behind the sensor. Contact adds c (z_s - z)^1.5 below z_s. It is found where that
-    lowers the sum of squares by the square of ten standard deviations of the noise in the air before, whatever m.
+    Air is F = b + s t + k z - m a + noise with m from 0 to `most_mass` [kg]: the sensor's zero and its drift, a cable
+    or a tilt, the inertia of what hangs behind the sensor. Contact adds c (z_s - z)^1.5 below z_s. It is found where
+    that lowers the sum of squares by the square of ten standard deviations of the noise in the air before, whatever m.
     """
     known = np.flatnonzero(np.isfinite(samples.force) & np.isfinite(samples.position))
     if len(known) < 2 * FEWEST_IN_AIR:
@@ -114,7 +114,7 @@ def resolution(values: Floats) -> float:
 
 
 def _means(values: Floats, size: int) -> Floats:
-    return values[: len(values) // size * size].reshape(-1, size).mean(axis=1)
+    return np.asarray(values[: len(values) // size * size].reshape(-1, size).mean(axis=1))
 
 
 def _accelerated(time: Floats, force: Floats, place: Floats) -> tuple[Floats, Floats, Floats, Floats | None]:
@@ -131,7 +131,6 @@ def _accelerated(time: Floats, force: Floats, place: Floats) -> tuple[Floats, Fl
     acceleration = (place[2 * reach :] - 2.0 * place[reach:-reach] + place[: -2 * reach]) / (reach * interval) ** 2
     noise = np.sqrt(6.0) * white_noise(place) / (reach * interval) ** 2
     acceleration = np.where(np.abs(acceleration) > _ABOVE * noise, acceleration, 0.0)
-    smooth = [np.convolve(column, weights, "valid")[1:-1] if reach > 1 else column[1:-1] for column in (force, place)]
     force, place = (np.convolve(column, weights, "valid")[1:-1] for column in (force, place))
     return time[reach:-reach], force, place, acceleration if acceleration.any() else None
 

@@ -17,7 +17,7 @@ from palpate_records.tables.table_text import OTHER_SUFFIXES, SUFFIXES
 from palpate_records.tables.workbook import WORKBOOKS, record_sheets
 
 from palpate_kit.curves.curve_table import SETTINGS
-from palpate_kit.logs.draft_pipeline import readers_of
+from palpate_kit.logs.draft_pipeline import UNREAD, readers_of
 
 Log = TypeVar("Log", bound="Path | Specimen")
 
@@ -76,7 +76,7 @@ def alike_logs(
 
 
 def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
-    """The files, and of folders all that a device reads and palpate did not write; raises ConfigurationError."""
+    """The files, and of folders all that hold records and palpate did not write; raises ConfigurationError."""
     readers = readers_of(known).values()
     found: list[Path] = []
     for source in sources:
@@ -85,7 +85,9 @@ def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
         if source.is_dir():
             own = {settings.parent for settings in source.rglob(SETTINGS)}
             files = [path for path in sorted(source.rglob("*")) if path.is_file() and not own & {*path.parents}]
-            found += [path for path in files if any(reader.recognises(path) for reader in readers)]
+            found += [
+                path for path in files if path.suffix.lower() in UNREAD or any(r.recognises(path) for r in readers)
+            ]
         else:
             found.append(source)
     if not found:

@@ -68,8 +68,8 @@ def demand_progress(sheet: Sheet, clock: TimeColumn, values: Floats) -> None:
         raise LogError(f"{sheet.path}: {name} runs backwards: sort the rows by their time, the first reading first")
     if stamp_parts(sheet.names).get("nano") == clock.column and (steps < 0).any():
         raise LogError(
-            f"{sheet.path}: {name} begins anew every second, and the seconds are in no column: export those, too, or name "
-            "another time with --time"
+            f"{sheet.path}: {name} begins anew every second, and the seconds are in no column: export those, too, or "
+            "name another time with --time"
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,14 @@ from palpate_records.messages.readings import si_unit
 from palpate_records.recording import Suggestion
 from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of, demand_progress
 from palpate_records.tables.csv_layout import facts_worth_stating
-from palpate_records.tables.csv_names import exact_role, is_depth, is_of_retraction, role_by_words, stamp_parts
+from palpate_records.tables.csv_names import (
+    exact_role,
+    is_depth,
+    is_of_retraction,
+    role_by_words,
+    stamp_parts,
+    words_of,
+)
 from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
 
 from palpate_logs.csv_units import DIMENSIONS, units_of
@@ -24,6 +31,8 @@ from palpate_logs.csv_units import DIMENSIONS, units_of
 _ROWS = 400_000  # that are looked into
 _NICE = (20, 25, 50, 60, 80, 100, 120, 125, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500, 2000, 2500, 4000, 5000)
 _USUAL = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
+_OF_PRESS = {"point", "points", "site", "press", "specimen", "sample", "probe", "trial", "indent"}  # what is counted
+_ROWS_OF_PRESS = 20  # of one press, at the least
 _READINGS, _SPRING = 20, 1e-5  # readings; share of a force's variance that one constant leaves
 _NEAR = 0.05  # by which a rate found from the numbers may miss one of those
 
@@ -126,6 +135,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
         device["rate"] = "? Hz" if rate is None else f"{rate:g} Hz"
     device |= sheet.settings
     device["columns"] = _columns(found, sheet, units, choices, extra["blanks"])
+    doubts += _presses(sheet, looked.values)
     trials = _other_trials(found, sheet)
     doubts += [f"{role}: {names[0]} and {', '.join(names[1:])} can be it" for role, names in trials.items()]
     back = [name for name in sheet.names if is_of_retraction(name)]
@@ -160,10 +170,26 @@ def _is_spring(length: Floats, force: Floats) -> bool:
 def _of_what(bent: NumberColumn, place: NumberColumn) -> str:
     name, stage = (s.label.removeprefix("column ") for s in (bent, place))
     return (
-        f"position: the force is one constant times {name}, so that is what a beam or spring yields by, and {stage} is the "
-        f"tip's only where it was taken off already: say --position '{stage}' where it was, else add a column "
+        f"position: the force is one constant times {name}, so that is what a beam or spring yields by, and {stage} is "
+        f"the tip's only where it was taken off already: say --position '{stage}' where it was, else add a column "
         f"'indentation' of {stage} less {name}"
     )
+
+
+def _presses(sheet: Sheet, values: Floats) -> Iterator[str]:
+    """That a column counts the presses of one table, which are read as one."""
+    for k, name in enumerate(sheet.names):
+        column = values[:, k]
+        if not _OF_PRESS & {*words_of(name)} or not np.isfinite(column).all() or (column % 1.0).any():
+            continue
+        changes = int(np.count_nonzero(np.diff(column)))
+        if 0 < changes < len(column) / _ROWS_OF_PRESS:
+            text = column_text(sheet.column(k))
+            yield (
+                f"column {text} names {changes + 1} presses in one table, which are fitted as one: for a row of each "
+                "add it to [device.log.columns] of a pipeline, then palpate fit FILE --each --pipeline FILE.toml "
+                f"--by {text}"
+            )
 
 
 def _other_trials(found: RoleGuess, sheet: Sheet) -> dict[str, tuple[str, ...]]:

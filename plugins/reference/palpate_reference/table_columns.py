@@ -22,7 +22,8 @@ _ALIASES = {"sec": "s", "Pa.s": "Pa*s", "Pa-s": "Pa*s", "-": "1", "": "", "rad/s
 _ROLES: Mapping[str, tuple[str, str]] = {
     "frequency": ("Hz", r"freq(uency)?|f"),
     "angular_frequency": ("rad/s", r"ang(ular|\.)? ?freq(uency)?|omega|ω|w"),
-    "storage": ("Pa", r"elastic component|((?P<kind>shear|tensile|young'?s?|[ge]) )?storage( modulus)?|(?P<kind2>[ge])(?:'| stor)"),
+    "storage": ("Pa", r"elastic component|"
+                r"((?P<kind>shear|tensile|young'?s?|[ge]) )?storage( modulus)?|(?P<kind2>[ge])(?:'| stor)"),
     "loss": ("Pa", r"viscous component|((?P<kind>shear|tensile|young'?s?|[ge]) )?loss( modulus)?|(?P<kind2>[ge])''"),
     "modulus": ("Pa", r"((?P<kind>shear|tensile|young'?s?) )?relaxation modulus|(?P<kind2>[ge])(?:\(t\)| relax)?|"
                       r"modulus"),
