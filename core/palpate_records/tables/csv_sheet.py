@@ -89,7 +89,8 @@ class Sheet:
         with open_text(self.path, _text(self.stated, "encoding"), _text(self.stated, "sheet")) as file:
             lines = islice(bounded_lines(file, self.path), self.layout.begin, None)
             rows = self.dialect.rows(line for line in lines if not self.dialect.is_comment(line))
-            rows = one_table(rows, self.layout.names, list)
+            if self.stated.get("header"):  # of one table of several, that ends where the next begins
+                rows = one_table(rows, self.layout.names, list)
             while part := list(islice(rows, _BLOCK)):
                 block = np.full((len(part), count), np.nan)
                 for i, cells in enumerate(part):

@@ -129,7 +129,8 @@ class CsvLink:
 
     def _by_line(self, rows: Iterator[tuple[int, list[str]]]) -> Iterator[Floats]:
         """The numbers (n, places) of lines that may hold anything."""
-        rows = one_table(rows, self._layout.names, lambda row: row[1])
+        if self._log.header:  # of one table of several, that ends where the next begins
+            rows = one_table(rows, self._layout.names, lambda row: row[1])
         while lines := list(islice(rows, _BLOCK)):
             complete: list[tuple[int, list[str]]] = []
             for line, cells in lines:

@@ -12,7 +12,7 @@ import numpy as np
 from palpate import Floats, LogError, suggest
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
 from palpate_kit.logs.suggestion import assemble_suggestion, find_roles
-from palpate_records.messages.readings import si_unit
+from palpate_records.messages.readings import LARGEST, si_unit
 from palpate_records.recording import Suggestion
 from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of, demand_progress
 from palpate_records.tables.csv_layout import facts_worth_stating
@@ -160,7 +160,7 @@ def deflections(series: Sequence[NumberColumn]) -> list[NumberColumn]:
 
 
 def _is_spring(length: Floats, force: Floats) -> bool:
-    known = np.isfinite(length) & np.isfinite(force)
+    known = (np.abs(length) < LARGEST) & (np.abs(force) < LARGEST)
     x, y = length[known], force[known]
     if len(x) < _READINGS or not float(np.ptp(x)) > 0.0 or not float(np.ptp(y)) > 0.0:
         return False
