@@ -19,11 +19,11 @@ from palpate_records.tables.workbook import WORKBOOKS, record_sheets
 from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.logs.draft_pipeline import UNREAD, readers_of
 
-Log = TypeVar("Log", bound="Path | Specimen")
+Log = TypeVar("Log", bound="Path | LogPart")
 
 
 @dataclass(frozen=True)
-class Specimen:
+class LogPart:
     """A log, or a part of one that is a record by itself: a sheet of a workbook, one of several tables of a text."""
 
     path: Path
@@ -39,16 +39,16 @@ class Specimen:
         return self.path.name if self.part is None else f"{self.path.name}:{self.part}"
 
 
-def specimens_of(log: Path) -> list[Specimen]:
+def specimens_of(log: Path) -> list[LogPart]:
     """The records of a log: the sheets of a workbook that hold numbers, the tables of a text; one, else the log."""
     name = log.name.lower()
-    parts: list[Specimen] = []
+    parts: list[LogPart] = []
     with suppress(LogError):  # whoever reads it says so
         if name.endswith(WORKBOOKS):
-            parts = [Specimen(log, sheet, (("sheet", sheet),)) for sheet in record_sheets(log)]
+            parts = [LogPart(log, sheet, (("sheet", sheet),)) for sheet in record_sheets(log)]
         elif name.endswith((*SUFFIXES, *OTHER_SUFFIXES)):
-            parts = [Specimen(log, title, (("header", str(line)),)) for line, title in record_tables(log)]
-    return parts if len(parts) > 1 else [Specimen(log)]
+            parts = [LogPart(log, title, (("header", str(line)),)) for line, title in record_tables(log)]
+    return parts if len(parts) > 1 else [LogPart(log)]
 
 
 @dataclass

@@ -11,7 +11,7 @@ from pathlib import Path
 import typer
 from palpate import ConfigurationError, printable
 from palpate_engine import Registry, approved_plugins, make_folder, registry
-from palpate_kit.curves.alike_logs import Specimen, logs_among, specimens_of
+from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
 from palpate_kit.terminal.json_output import print_json
@@ -48,7 +48,7 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         chosen = tuple(f"device.{DEVICE}.{key}" for key in ("sheet", "header"))
         one = any(text.strip().startswith(chosen) for text in wanted.overrides)
         logs = logs_among(sources, known)
-        files = [part for log in logs for part in ([Specimen(log)] if one else specimens_of(log))]
+        files = [part for log in logs for part in ([LogPart(log)] if one else specimens_of(log))]
         groups = list(file_groups(files, wanted.tip, wanted.model, wanted.choices, wanted.overrides, refused, notes))
     for note in notes:
         typer.echo(note, err=True)

@@ -11,7 +11,7 @@ from typing import Any
 import tomli_w
 from palpate import ConfigurationError, to_si
 from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry
-from palpate_kit.curves.alike_logs import Specimen, alike_logs
+from palpate_kit.curves.alike_logs import LogPart, alike_logs
 from palpate_kit.curves.curve_files import Curve
 from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
 from palpate_kit.runs.tip_words import tip_table
@@ -37,7 +37,7 @@ class FileGroup:
 
 
 def file_groups(
-    files: Iterable[Specimen],
+    files: Iterable[LogPart],
     tip: str,
     model: str,
     choices: Mapping[str, str],
@@ -54,9 +54,9 @@ def file_groups(
     known = registry.load()
     parts = _parts(tip_table(tip, known, "--tip"), known.named("model", model), known)
     stated = {key.strip(): value.strip().strip("\"'") for key, _, value in (text.partition("=") for text in overrides)}
-    facts: dict[Specimen, Suggestion] = {}
+    facts: dict[LogPart, Suggestion] = {}
 
-    def suggested(file: Specimen) -> Suggestion:
+    def suggested(file: LogPart) -> Suggestion:
         found = _suggestion(file.path, {**dict(file.keys), **choices}, stated, known)
         facts[file] = replace(found, views={})  # without its numbers
         return found
@@ -78,7 +78,7 @@ def file_groups(
         yield FileGroup(tomli_w.dumps(tables), path, pipeline, tuple(doubts), curves)
 
 
-def _no_records(read: Sequence[Specimen], refused: dict[str, str]) -> list[str]:
+def _no_records(read: Sequence[LogPart], refused: dict[str, str]) -> list[str]:
     """The sheets and tables that are no record, beside others of the same file that are: named, and left out."""
     files = {str(log.path) for log in read if log.part is not None}
     beside = [name for name in refused if name not in files and any(name.startswith(f"{file}:") for file in files)]
