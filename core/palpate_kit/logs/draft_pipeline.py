@@ -20,8 +20,8 @@ _ADDRESS = re.compile(r"^[a-z]\w*:/{1,2}")  # a path loses one of two slashes
 UNREAD = {
     ".xls": "save it as .xlsx",
     ".ods": "save it as .xlsx or .csv",
-    ".npz": "load it in Python: palpate.fit(time, position, force)",
-    ".mat": "load it in Python (scipy.io.loadmat): palpate.fit(time, position, force)",
+    ".npz": "load it in Python: palpate.record(time=t, force=F, height=z)",
+    ".mat": "load it in Python (scipy.io.loadmat): palpate.record(time=t, force=F, height=z)",
     ".tdms": "export it as .csv, or load it in Python (nptdms)",
     ".bag": "a bag of ROS 1: convert it with rosbags-convert --src FILE.bag --dst FOLDER",
     ".itx": "export it from Igor as .ibw or .csv",
