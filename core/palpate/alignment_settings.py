@@ -37,6 +37,7 @@ class Signal(Settings):
         return {"channel": data} if isinstance(data, str) else data
 
 
+_TOUCH = {"anyOf": [{"enum": ["noise"]}, quantity_schema("N"), {"type": "null"}]}
 _TARE = {"anyOf": [{"enum": ["free-air", "none", "calibrated"]}, quantity_schema("N")]}
 
 
@@ -129,11 +130,11 @@ class AlignmentSettings(Settings):
         description="how long samples are held back until the first touch, to find where contact began; 0: contact "
         "begins where the force passes touch_force",
     )
-    touch_force: Force | None = Field(
+    touch_force: Annotated[float | Literal["noise"] | None, WithJsonSchema(_TOUCH)] = Field(
         default=None,
-        gt=0,
-        description="force that counts as touch; left out: 5 sigma of the free air, or 0.25 N; 10 sigma where tip_mass "
-        "is 0 and that is less than 0.05 N",
+        description='force that counts as touch; "noise": what neither drift, nor travel, nor inertia explains within '
+        "10 sigma of the record's air, where that is less than 0.05 N; left out: the same where tip_mass is 0, else "
+        "5 sigma of the free air, or 0.25 N",
     )
     drift: ForceDrift = Field(
         default=1.5 / 3600,
@@ -187,13 +188,27 @@ class AlignmentSettings(Settings):
     @field_validator("tare", mode="before")
     @classmethod
     def _tare(cls, value: Any) -> Any:
-        if value in ("free-air", "none", "calibrated"):
-            return value
-        try:
-            found = to_si(value, "N")
-        except ValueError as error:
-            reason = f'{value!r} is not one of "free-air", "calibrated", "none" and a force such as "1.8 N"'
-            raise PydanticCustomError("tare", "{reason}", {"reason": reason}) from error
-        if not isinstance(value, str) and (doubt := Quantity("N", most=500.0).doubt(found)):
-            raise PydanticCustomError("tare", "{reason}", {"reason": doubt})
+        return _force_or_word(value, ("free-air", "calibrated", "none"), "1.8 N")
+
+    @field_validator("touch_force", mode="before")
+    @classmethod
+    def _touch(cls, value: Any) -> Any:
+        found = None if value is None else _force_or_word(value, ("noise",), "0.5 N")
+        if isinstance(found, float) and not found > 0.0:
+            raise PydanticCustomError("tare", "{reason}", {"reason": "must be greater than 0 N"})
         return found
+
+
+def _force_or_word(value: Any, words: tuple[str, ...], example: str) -> Any:
+    """A force [N], or one of some words; raises PydanticCustomError."""
+    if value in words:
+        return value
+    try:
+        found = to_si(value, "N")
+    except ValueError as error:
+        named = ", ".join(f'"{word}"' for word in words)
+        reason = f'{value!r} is not one of {named} and a force such as "{example}"'
+        raise PydanticCustomError("tare", "{reason}", {"reason": reason}) from error
+    if not isinstance(value, str) and (doubt := Quantity("N", most=500.0).doubt(found)):
+        raise PydanticCustomError("tare", "{reason}", {"reason": doubt})
+    return found

@@ -26,11 +26,13 @@ _LATERAL = ("lateral_x", "lateral_y")
 class Aligner:
     """Joins the streams of the devices; one for each run. A tip that is a sphere has a radius [m], any other has 0."""
 
-    def __init__(self, settings: AlignmentSettings, ports: Ports, tip_radius: float = 0.0) -> None:
+    def __init__(
+        self, settings: AlignmentSettings, ports: Ports, tip_radius: float = 0.0, most_mass: float = 0.0
+    ) -> None:
         self._settings = settings
         self._intake = Intake(ports, settings.gap)
         self._roles = self._intake.series
-        self._contact = ContactDetector(settings)
+        self._contact = ContactDetector(settings, most_mass)
         self._check = VelocityCheck()
         self._origin: int | None = None
         self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served

@@ -87,12 +87,12 @@ def white_noise(values: Floats) -> float:
     return float(np.sqrt(np.mean(third * third) / 20.0))
 
 
-def samples_as_one(residual: Floats) -> float:
-    """How many samples count as one, from the scatter of the means of eighths; at least 1."""
-    edges, sizes = even_parts(len(residual), _PARTS)
-    parts = np.add.reduceat(residual, edges) / sizes
+def samples_as_one(residual: Floats, parts: int = _PARTS) -> float:
+    """How many samples count as one, from the scatter of the means of parts, of eighths; at least 1."""
+    edges, sizes = even_parts(len(residual), parts)
+    means = np.add.reduceat(residual, edges) / sizes
     variance = float(residual @ residual) / len(residual)
-    return max(float(parts @ parts) / _PARTS * len(residual) / _PARTS / variance, 1.0) if variance > 0 else 1.0
+    return max(float(means @ means) / parts * len(residual) / parts / variance, 1.0) if variance > 0 else 1.0
 
 
 @lru_cache(64)

@@ -10,12 +10,13 @@ from palpate.alignment_settings import AlignmentSettings
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 
-from palpate_engine.alignment.air_line import FIRST_READINGS, decides, may_decide
+from palpate_engine.alignment.air_line import FIRST_READINGS, decides, may_decide, record_tare
 from palpate_engine.alignment.contact_hysteresis import ContactHysteresis
 from palpate_engine.alignment.contact_onset import ContactOnset
 from palpate_engine.alignment.contact_threshold import ContactThreshold
 from palpate_engine.alignment.held_samples import FIRST_SAMPLES, Lookback
 from palpate_engine.alignment.load_compensation import LoadCompensation
+from palpate_engine.alignment.record_touch import RecordTouch, TouchSearch, resolution
 from palpate_engine.alignment.tare import measured_tare, stated_tare, where
 
 _AIR_SAMPLES = 50  # before the first touch, to decide whether the force is zero there
@@ -44,11 +45,13 @@ class ContactDetector:
     """Takes raw force to the force of the contact, and marks the samples in contact.
 
     Samples wait for the tare; then they are held back until the first touch, `touch_lag` at most, so that the begin of
-    contact is located before they are marked. After the first touch nothing is held back.
+    contact is located before they are marked. After the first touch nothing is held back. Where a record's own noise
+    says what counts as touch, all of them wait for it, and what precedes it is the air that gives the tare.
     """
 
-    def __init__(self, settings: AlignmentSettings) -> None:
+    def __init__(self, settings: AlignmentSettings, most_mass: float = 0.0) -> None:
         self._settings = settings
+        self._search = TouchSearch(most_mass) if may_decide(settings) else None  # by the noise of the record
         self._waiting: list[Samples] = []  # before the tare
         self._load: LoadCompensation | None = None  # since the tare
         self._onset: ContactOnset | None = None  # from the tare to the first touch
@@ -96,6 +99,8 @@ class ContactDetector:
     def _before_tare(self, samples: Samples, final: bool) -> Samples:
         """Let samples wait until the tare can be settled, and with it the search for contact begins."""
         self._waiting.append(samples)
+        if self._search is not None:
+            return self._by_noise(self._search, final)
         samples = Samples.joined(self._waiting)
         if not final and not self._can_settle(samples):
             self._waiting = [samples]
@@ -108,14 +113,46 @@ class ContactDetector:
         self._onset = onset
         return self._before_touch(onset, final)
 
+    def _by_noise(self, search: TouchSearch, final: bool) -> Samples:
+        """All samples from the first touch on, which their own noise shows; by the threshold where it cannot."""
+        latest = self._waiting[-1]
+        if not final and sum(map(len, self._waiting)) < max(search.due, FIRST_READINGS):
+            return latest[:0]
+        samples = Samples.joined(self._waiting)
+        self._waiting = [samples]
+        touch = search.found(samples, final) if decides(samples) else None
+        tare = record_tare(self._settings, samples[: touch.begin], touch.step) if touch is not None else None
+        if touch is not None and tare is not None:
+            return self._touched_by_noise(samples, touch, tare)
+        if touch is None and decides(samples) and not final:
+            return latest[:0]
+        self._search, self._waiting = None, []
+        if touch is None and decides(samples) and search.is_air(samples):
+            tare = record_tare(self._settings, samples, resolution(samples.force)) or Tare(0.0, None, None)
+            self._load = LoadCompensation(self._settings, tare)
+            samples = self._load.compensated(samples)
+            self._air.add(samples.force)
+            return samples
+        return self._before_tare(samples, final)
+
+    def _touched_by_noise(self, samples: Samples, touch: RecordTouch, tare: Tare) -> Samples:
+        self._waiting, self._load = [], LoadCompensation(self._settings, tare)
+        samples = self._load.compensated(samples)
+        self._load.watch_pull(samples)
+        self.first_touch, self.by_change_point = (float(samples.time[touch.begin]), touch.surface), True
+        self._air.add(samples.force[: touch.begin])
+        self._hysteresis = ContactHysteresis(self.threshold, 0, touch.surface)
+        contact = np.zeros(len(samples), bool)
+        contact[touch.begin :] = self._hysteresis.contact(samples[touch.begin :])
+        return replace(samples, contact=contact, active=contact & samples.active)
+
     def _can_settle(self, samples: Samples) -> bool:
         """Whether the tare can be settled: contact that is found within the lag still shortens it."""
-        stated = self._settings.tare != "free-air"
-        if len(samples) < (FIRST_READINGS if stated and may_decide(self._settings) else FIRST_SAMPLES):
+        if len(samples) < FIRST_SAMPLES:
             return False
-        if stated and not decides(self._settings, samples):
-            return True
-        return bool(samples.time[-1] > self._settings.tare_duration + self._settings.touch_lag)
+        return self._settings.tare != "free-air" or bool(
+            samples.time[-1] > self._settings.tare_duration + self._settings.touch_lag
+        )
 
     def _before_touch(self, onset: ContactOnset, final: bool) -> Samples:
         """Samples in air that need not be held back; from the first touch on, all, marked from where it began."""
@@ -156,7 +193,7 @@ def _settled(settings: AlignmentSettings, samples: Samples) -> tuple[LoadCompens
     A tare in free air is measured twice where contact begins within its window: it ends there.
     """
     lookback = Lookback.of(settings, samples)
-    if (tare := stated_tare(settings, samples)) is not None:
+    if (tare := stated_tare(settings)) is not None:
         return *_begun(settings, tare, lookback), 0
     head = where(samples, samples.time <= settings.tare_duration + settings.touch_lag)
     load, onset = _begun(settings, measured_tare(settings, head), lookback)

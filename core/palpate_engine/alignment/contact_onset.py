@@ -26,7 +26,7 @@ class ContactOnset:
     def __init__(self, settings: AlignmentSettings, threshold: ContactThreshold, lookback: Lookback) -> None:
         self._settings, self._threshold, self._lookback = settings, threshold, lookback
         self._rise: RiseFinder | None = None
-        if settings.touch_force is None and lookback.back:
+        if not isinstance(settings.touch_force, float) and lookback.back:
             self._rise = RiseFinder(lookback.interval, threshold.least_rise)
         self._searched = 0  # samples
         self._change: tuple[int, ChangePoint | None] | None = None  # the latest, with the end of what it was sought in

@@ -34,7 +34,7 @@ class ContactThreshold:
     @classmethod
     def of(cls, settings: AlignmentSettings, tare: Tare | None) -> ContactThreshold:
         """What the settings say, else five standard deviations of the noise in free air."""
-        if settings.touch_force is not None:
+        if isinstance(settings.touch_force, float):
             return cls(settings.touch_force, settings.drift)
         if tare is not None and (air := tare.air) is not None:
             return cls(SIGMAS * air.noise, 0.0, _RISE_SIGMAS * air.noise, air)

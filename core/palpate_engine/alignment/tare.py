@@ -12,21 +12,17 @@ from palpate.errors import LogError
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 
-from palpate_engine.alignment.air_line import air_line, decides
 from palpate_engine.alignment.change_point import change_point, even_parts
 
 _WANDER = 0.02  # [N] of a robot; less is drift
 _FEWEST = 10  # samples
 
 
-def stated_tare(settings: AlignmentSettings, samples: Samples) -> Tare | None:
-    """The tare that the settings say, with the air that a record begins with; None where it is to be measured."""
+def stated_tare(settings: AlignmentSettings) -> Tare | None:
+    """The tare that the settings say; None where it is to be measured."""
     if settings.tare == "free-air":
         return None
-    offset = 0.0 if settings.tare == "none" else float(settings.tare)
-    head = where(samples, samples.time <= settings.tare_duration)
-    air = air_line(head) if decides(settings, samples) else None
-    return Tare(offset, settings.tare_uncertainty, None, air=None if air is None else air.less(offset))
+    return Tare(0.0 if settings.tare == "none" else float(settings.tare), settings.tare_uncertainty, None)
 
 
 def measured_tare(settings: AlignmentSettings, samples: Samples, before: float = np.inf) -> Tare:
@@ -39,8 +35,6 @@ def measured_tare(settings: AlignmentSettings, samples: Samples, before: float =
     window = where(window, np.isfinite(window.force))
     if len(window) < _FEWEST:
         return Tare(0.0, None, None)
-    if decides(settings, samples) and (air := air_line(window)) is not None:
-        return Tare(air.level, air.level_std, air.noise, air.until, air.less(air.level))
     found = change_point(window.position, window.force)
     if found is not None:
         below = window.position < found.surface

@@ -27,6 +27,9 @@ from palpate_engine.config.signal_wiring import ports_of
 from palpate_engine.safety import SafetySettings
 from palpate_engine.track_name import TrackName
 
+_SMALL = 5e-4  # [m] of a tip's radius, below which nothing of weight hangs behind the sensor
+_MOST_MASS = 1.0  # [kg] behind another one
+
 
 def sphere_radii(models: Mapping[str, ContactModel]) -> set[float]:
     """Radii [m] of the tips of some models that are spheres."""
@@ -177,6 +180,13 @@ class Pipeline:
     def tip_radius(self) -> float:
         """Radius [m] of the sphere that the tip is; 0 of another shape, whose place is that of its end."""
         return max(sphere_radii(self.models), default=0.0)
+
+    @property
+    def most_mass(self) -> float:
+        """Mass [kg] that may hang behind the sensor at most: none behind a tip of less than half a millimetre."""
+        radii = [getattr(tip, "radius", None) for tip in self.indenters.values()]
+        small = bool(radii) and all(radius is not None and radius < _SMALL for radius in radii)
+        return 0.0 if small or self.alignment.tip_mass == 0 else _MOST_MASS
 
     @cached_property
     def _ports(self) -> Ports:

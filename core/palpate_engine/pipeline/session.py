@@ -46,7 +46,7 @@ class Session:
         begun: Event,
     ) -> None:
         live = is_live(pipeline.devices)
-        self._aligner = Aligner(pipeline.alignment, pipeline.ports, pipeline.tip_radius)
+        self._aligner = Aligner(pipeline.alignment, pipeline.ports, pipeline.tip_radius, pipeline.most_mass)
         self._latency = Latency(pipeline.ports["position"]) if live and pipeline.tracks else None
         self._path = DataPath(self._aligner, tracks, outputs, self._latency)
         self._flow = Flow(pipeline, self._take, interrupt, declared_noise(pipeline))

@@ -4,34 +4,72 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Generic, TypeVar
 
-from palpate import ConfigurationError, UserError
+from palpate import ConfigurationError, LogError, UserError
 from palpate_engine import Registry
 from palpate_records.recording import Suggestion
+from palpate_records.tables.csv_sheet import record_tables
+from palpate_records.tables.table_text import OTHER_SUFFIXES, SUFFIXES
+from palpate_records.tables.workbook import WORKBOOKS, record_sheets
 
 from palpate_kit.curves.curve_list import is_list
 from palpate_kit.curves.curve_table import SETTINGS
-from palpate_kit.logs.draft_pipeline import readers_of
+from palpate_kit.logs.draft_pipeline import UNREAD, readers_of
+
+Log = TypeVar("Log", bound="Path | LogPart")
+
+
+@dataclass(frozen=True)
+class LogPart:
+    """A log, or a part of one that is a record by itself: a sheet of a workbook, one of several tables of a text."""
+
+    path: Path
+    part: str | None = None
+    keys: tuple[tuple[str, str], ...] = ()  # of the device that reads that part alone
+
+    def __str__(self) -> str:
+        return str(self.path) if self.part is None else f"{self.path}:{self.part}"
+
+    @property
+    def name(self) -> str:
+        """Of the file, and of its part."""
+        return self.path.name if self.part is None else f"{self.path.name}:{self.part}"
+
+
+def specimens_of(log: Path) -> list[LogPart]:
+    """The records of a log: the sheets of a workbook that hold numbers, the tables of a text; one, else the log."""
+    name = log.name.lower()
+    parts: list[LogPart] = []
+    with suppress(LogError):  # whoever reads it says so
+        if name.endswith(WORKBOOKS):
+            parts = [LogPart(log, sheet, (("sheet", sheet),)) for sheet in record_sheets(log)]
+        elif name.endswith((*SUFFIXES, *OTHER_SUFFIXES)):
+            parts = [LogPart(log, title, (("header", str(line)),)) for line, title in record_tables(log)]
+    return parts if len(parts) > 1 else [LogPart(log)]
 
 
 @dataclass
-class AlikeLogs:
+class AlikeLogs(Generic[Log]):
     """Logs that one reader reads."""
 
     suggestion: Suggestion  # of the first of them
-    logs: list[Path] = field(default_factory=list)
+    logs: list[Log] = field(default_factory=list)
 
 
-def alike_logs(logs: Iterable[Path], suggest: Callable[[Path], Suggestion], refused: dict[str, str]) -> list[AlikeLogs]:
+def alike_logs(
+    logs: Iterable[Log], suggest: Callable[[Log], Suggestion], refused: dict[str, str]
+) -> list[AlikeLogs[Log]]:
     """Groups of logs with equal devices and alignments, the largest first; `refused` takes the others and why."""
-    groups: dict[str, AlikeLogs] = {}
+    groups: dict[str, AlikeLogs[Log]] = {}
     for log in logs:
         try:
             suggestion = suggest(log)
         except UserError as error:
-            refused[str(log)] = str(error).removeprefix(f"{log}: ")
+            refused[str(log)] = str(error).removeprefix(f"{getattr(log, 'path', log)}: ")
             continue
         key = json.dumps([{**suggestion.device, "file": ""}, suggestion.alignment], default=str)
         groups.setdefault(key, AlikeLogs(suggestion)).logs.append(log)
@@ -39,7 +77,7 @@ def alike_logs(logs: Iterable[Path], suggest: Callable[[Path], Suggestion], refu
 
 
 def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
-    """The files, and of folders all that a device reads and palpate did not write; raises ConfigurationError."""
+    """The files, and of folders all that hold records and palpate did not write; raises ConfigurationError."""
     readers = readers_of(known).values()
     found: list[Path] = []
     for source in sources:
@@ -49,7 +87,9 @@ def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
             own = {settings.parent for settings in source.rglob(SETTINGS)}
             files = [path for path in sorted(source.rglob("*")) if path.is_file() and not own & {*path.parents}]
             files = [path for path in files if not is_list(path)]
-            found += [path for path in files if any(reader.recognises(path) for reader in readers)]
+            found += [
+                path for path in files if path.suffix.lower() in UNREAD or any(r.recognises(path) for r in readers)
+            ]
         else:
             found.append(source)
     if not found:

@@ -16,6 +16,20 @@ from palpate_records.recording import Recording, Suggestion, SupportsSurvey, Sys
 _ADDRESS = re.compile(r"^[a-z]\w*:/{1,2}")  # a path loses one of two slashes
 
 
+# Endings of files that hold records which no device reads, and what to do with them.
+UNREAD = {
+    ".xls": "save it as .xlsx",
+    ".ods": "save it as .xlsx or .csv",
+    ".npz": "load it in Python: palpate.record(time=t, force=F, height=z)",
+    ".mat": "load it in Python (scipy.io.loadmat): palpate.record(time=t, force=F, height=z)",
+    ".tdms": "export it as .csv, or load it in Python (nptdms)",
+    ".bag": "a bag of ROS 1: convert it with rosbags-convert --src FILE.bag --dst FOLDER",
+    ".itx": "export it from Igor as .ibw or .csv",
+    ".nid": "export it from Nanosurf's program as text with time, height and force",
+    ".spm": "export it from NanoScope as text with time, height and force",
+}
+
+
 def recording_of(log: Path, registry: Registry | None = None) -> type[Recording]:
     """The device that reads logs of this format; raises LogError where there is none."""
     if not log.exists():
@@ -27,6 +41,8 @@ def recording_of(log: Path, registry: Registry | None = None) -> type[Recording]
     if log.is_dir():
         asked = f"read its files one by one, or all of them: palpate fit {log} --tip 'sphere 3 mm'"
         raise LogError(f"{log}: is a folder, and no log; {asked}")
+    if (advice := UNREAD.get(log.suffix.lower())) is not None:
+        raise LogError(f"{log}: no device reads {log.suffix.lower()} files: {advice}")
     raise LogError(f"{log}: no device reads such a log (those that read logs: {', '.join(sorted(readers))})")
 
 

@@ -19,7 +19,9 @@ _EVEN = 0.5  # of a rate's own movement that the slope may leave
 _FAR = 0.2  # of its largest value that a rate falls below somewhere
 _NEAR = 5  # samples to either side for the rate of a position itself
 _MOST = 60_000  # points of the common grid
+_RESTS = 0.01  # share of a record
 _SURE = 4.0  # ratio of a one-sided force's excursions that determines its sign
+_BEGIN, _FEW = 100, 8  # the begin of a record: a part of it, or so many samples
 _CURVED = 3.0  # standard errors of a significant curvature, with 50 independent stretches of the record
 _STRETCHES = 50
 
@@ -102,6 +104,7 @@ class ContactEvidence:
     share: float
     slope: float  # over the middle of the position, per its standard deviation
     bend: float  # in standard errors
+    correlation: float = 0.0  # of both as they are
 
 
 def contact_law(position: Floats, force: Floats) -> ContactEvidence:
@@ -124,17 +127,27 @@ def contact_law(position: Floats, force: Floats) -> ContactEvidence:
     # A jackknife over stretches: neighbouring samples are no independent evidence.
     without = np.linalg.solve(grams.sum(axis=0) - grams + ridge, (sides.sum(axis=0) - sides)[..., None])[:, 2, 0]
     spread = float(np.sqrt((_STRETCHES - 1) * np.mean((without - without.mean()) ** 2)))
-    return ContactEvidence(share, float(found[1]), float(found[2] / spread) if spread > 0 else 0.0)
+    bend = float(found[2] / spread) if spread > 0 else 0.0
+    return ContactEvidence(share, float(found[1]), bend, float(np.mean(place * answer)))
 
 
 def rest_level(force: Floats) -> tuple[float, float]:
-    """Where a force rests, and for which share of the record it is there: the densest level there is."""
+    """Where a force rests in air, and for which share of the record it is there.
+
+    The densest level there is; that of the begin where the force rests there, too, and the other is a hold: nearer to
+    zero clearly, or none of them is.
+    """
     ordered = np.sort(force)
     width = max(len(ordered) // 20, 1)
     gaps = ordered[width:] - ordered[:-width]
     at = int(np.argmin(gaps))
     level = float(np.median(ordered[at : at + width + 1]))
     near = max(4.0 * noise(force), 0.01 * float(np.ptp(force)))
+    begin = force[: max(len(force) // _BEGIN, _FEW)]
+    first = float(np.median(begin))
+    still = float(np.ptp(begin)) < 2.0 * near and _SURE * abs(level) > abs(first)
+    if abs(first - level) > 2.0 * near and (still or _SURE * abs(first) < abs(level)):
+        level = first
     return level, float(np.mean(np.abs(force - level) < near))
 
 
@@ -152,7 +165,7 @@ def force_sign(force: Floats, law: ContactEvidence) -> Sign:
     level, share = rest_level(force)
     low, high = (float(x) for x in np.percentile(force, (0.2, 99.8)))
     up, down = high - level, level - low
-    rests = share > 0.1 and max(up, down) > _SURE * max(min(up, down), 1e-300)
+    rests = share > _RESTS and max(up, down) > _SURE * max(min(up, down), 1e-300)
     side = 1 if up >= down else -1
     bend = 1 if law.bend >= 0 else -1
     curved = abs(law.bend) > _CURVED

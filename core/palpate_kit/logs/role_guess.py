@@ -207,8 +207,8 @@ class Search:
 
     def _signs(self, p: int, f: int, law: ContactEvidence, gain: float | None) -> dict[str, Sign]:
         force = evidence.force_sign(self._columns[f], law)
-        falls = -1 if law.slope * force.value > 0 else 1
-        clear = law.share > _EXPLAINED and abs(law.slope) > 0.2
+        falls = -1 if law.correlation * force.value > 0 else 1
+        clear = law.share > _EXPLAINED and abs(law.correlation) > 0.2
         words = "the force grows as it falls" if falls > 0 else "the force grows with it"
         signs = {"force": force, "position": Sign(falls, words, force.sure and clear)}
         if gain is not None:

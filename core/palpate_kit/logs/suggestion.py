@@ -11,11 +11,12 @@ from palpate_engine import registry, tip_table
 from palpate_records.messages.readings import LARGEST
 from palpate_records.recording import Suggestion
 
-from palpate_kit.logs import role_evidence as evidence
 from palpate_kit.logs.delay_from_free_air import air_delay
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, Pick, RoleGuess, Search
 
 _TARE = 0.9  # [s]
+_FEWEST = 12  # readings
+_PARTS, _WANDER = 6, 1.5  # of those first moments; of the scatter within a part, that their means have at rest
 _FREE = 0.05  # of the force's range by which its rest may be away from where it touches nothing
 _RADIUS = 0.005  # [m] of the tip by which a unit's plausibility is judged
 _LEAST = 0.04  # of that radius, the least way of a palpation
@@ -72,17 +73,26 @@ def scale_column(pick: Pick, factor: float, sign: int) -> tuple[Floats, Floats]:
     return pick.series.time[good], sign * factor * pick.series.values[good]
 
 
+def air_window(time: Floats) -> float:
+    """How long [s] the air at the begin of a record is looked at: for 0.9 s, or as many readings as say anything."""
+    return max(_TARE, float(time[min(_FEWEST, len(time)) - 1] - time[0]))
+
+
 def no_tare(time: Floats, force: Floats) -> str | None:
     """Why the first moments give no tare: the force moves, or the tip touches already; None where they do."""
-    window = force[time - time[0] <= _TARE]
-    if len(window) < 10:
-        return f"there are too few readings in the first {_TARE} s"
-    spread, noise = float(window.std(ddof=1)), evidence.noise(window)
-    if spread > 3.0 * max(noise, 1e-300) and spread > 1e-3 and spread > 0.01 * float(np.ptp(force)):
-        return f"the force moves in the first {_TARE} s"
-    low = float(np.percentile(force, 0.5))
-    if float(window.mean()) - low > _FREE * float(np.ptp(force)):
-        return f"the tip touches in the first {_TARE} s"
+    seconds = air_window(time)
+    window = force[time - time[0] <= seconds]
+    if len(window) < _FEWEST:
+        return f"there are too few readings in the first {seconds:.3g} s"
+    parts = np.array_split(window, _PARTS)
+    means, within = np.array([part.mean() for part in parts]), float(np.mean([part.std() for part in parts]))
+    reach = len(parts[0])
+    course = np.convolve(force, np.ones(reach) / reach, "valid")  # without its noise
+    span, scatter = float(np.ptp(course)), float(means.std(ddof=1))
+    if scatter > _WANDER * within and scatter > 0.01 * span:
+        return f"the force moves in the first {seconds:.3g} s"
+    if float(window.mean() - np.percentile(course, 0.5)) > _FREE * span + 3.0 * scatter:
+        return f"the tip touches in the first {seconds:.3g} s"
     return None
 
 
@@ -142,6 +152,10 @@ def assemble_suggestion(
     reasons = [*reasons_of(found), *extra.get("reasons", ())]
     raw = {r: scale_column(found.picks[r], factors[r], found.signs[r].value) for r in found.picks}
     series = {r: (seconds * time, values) for r, (time, values) in raw.items()}
+    alignment["touch_force"] = "noise"
+    seconds = air_window(series["force"][0])
+    if seconds > _TARE:
+        alignment["tare_duration"] = f"{seconds:.3g} s"
     why = no_tare(*series["force"])
     if why is not None:
         alignment["tare"] = "none"

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from palpate import Floats, Indenter, LogError, printable
 from palpate_records.log_tables import tables_of
+from palpate_records.messages.decoders import decoder_of
+from palpate_records.messages.definitions import short_name
 from palpate_records.messages.feeds import stream_names
 from palpate_records.messages.readings import LARGEST, SECOND, FieldReading, si_unit
 from palpate_records.messages.topics import Container
@@ -20,6 +22,7 @@ from palpate_kit.logs.log_link import join_batches
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
 from palpate_kit.logs.suggestion import assemble_suggestion, find_roles, force_unit, length_unit, tip_of
 
+_HEIGHT = "transforms.transform.translation.z"  # of a child frame
 _TAIL = 0.5  # [s]
 _ROWS = 400_000  # of one topic that are looked into
 _COLUMNS = 40
@@ -33,15 +36,20 @@ def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping
     """Tables that read a log; raises LogError where nothing in it can be a force or a position."""
     if "time" in choices:
         raise LogError(f"{path}: --time is for CSV files; its messages have times of their own")
-    looked = _looked(container)
-    every = {topic: _all_of(container, topic, looked) for topic in looked}
+    looked, spans = _looked(container)
+    frames = {topic: list(_frames(container, topic)) for topic in looked if _is_of_frames(container, topic)}
+    every = {topic: frames.get(topic) or _all_of(container, topic, looked) for topic in looked}
     series = [s for found in every.values() for s in found]
     chosen = {role: _chosen(role, choices[role], series, looked, path) for role in ROLES if role in choices}
     found = find_roles([s for s in series if s.role != "other"], chosen)
     if found is None:
         raise LogError(f"{path}: {_nothing_found(series)}")
+    rivals = frames.get(found.picks["position"].series.key[0], ())
+    if len(rivals) > 1 and "position" not in chosen:
+        raise LogError(f"{path}: {_which_frame(rivals)}")
     keys = {role: pick.series.key for role, pick in found.picks.items()}
-    names = dict(zip(*_streams([topic for topic, _ in keys.values()]), strict=True))
+    sources = {role: _source(*key) for role, key in keys.items()}
+    names = dict(zip(*_streams(list(sources.values())), strict=True))
     units = {role: pick.series.unit or roles.UNITS[role] for role, pick in found.picks.items()}
     extra: dict[str, list[str]] = {"reasons": [], "doubts": []}
     _guess_units(found, units, extra["doubts"], tip_of(choices))
@@ -53,9 +61,43 @@ def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping
         signals[role] = {"topic": topic, **_field(name), "unit": units[role]}  # last: the third axis of a force
     device: dict[str, Any] = {"type": kind, "file": str(path), "signals": signals}
     device |= dict(_times(found, keys, looked, extra["reasons"]))
-    channels = {role: f"log.{names[topic]}.{role}" for role, (topic, _) in keys.items()}
+    if "time" not in device and (apart := _stamps_apart(found, spans)):
+        device["time"] = "log"
+        extra["doubts"].append(apart)
+    channels = {role: f"log.{names[source]}.{role}" for role, source in sources.items()}
     factors = {role: si_unit(unit)[1] for role, unit in units.items()}
     return replace(assemble_suggestion(found, device, channels, factors, extra), has_time=True)
+
+
+def _is_of_frames(container: Container, topic: str) -> bool:
+    return short_name(container.topics[topic].type) == "tf2_msgs/TFMessage"
+
+
+def _frames(container: Container, topic: str) -> Iterator[NumberColumn]:
+    """The height of every child frame of a topic of transforms."""
+    decoder, origin = decoder_of(container.topics[topic]), container.span[0] if container.span else 0
+    heights: dict[str, list[tuple[Floats, Floats]]] = {}
+    count = 0
+    for _, messages in container.blocks({topic}):
+        for name in sorted({name for row in range(len(messages)) for name in decoder.names(messages.payload(row))}):
+            table = decoder.read(messages, [FieldReading(_HEIGHT, None, name)])
+            time = (messages.logged[table.rows] - origin) / SECOND
+            heights.setdefault(name, []).append((time, table.values[:, 0]))
+        if (count := count + len(messages)) > _ROWS:
+            break
+    for name, blocks in heights.items():
+        time, values = (np.concatenate(columns) for columns in zip(*blocks, strict=True))
+        yield NumberColumn(
+            f"{topic}:{name}", time, values, "position", f"frame {name}", "m", (topic, f"{_HEIGHT}@{name}")
+        )
+
+
+def _which_frame(frames: Sequence[NumberColumn]) -> str:
+    names = [printable(frame.label.partition(":")[2]) for frame in frames]
+    likely = next((name for name in names if "tool" in name or "tip" in name), names[0])
+    return (
+        f"position: {frames[0].key[0]} holds the frames {', '.join(names)}; say which is the tip: --position {likely}"
+    )
 
 
 def _nothing_found(series: Sequence[NumberColumn]) -> str:
@@ -77,6 +119,21 @@ def _times(
     if clock is not None:
         reasons.append(f"time: {clock} (runs with the clock of the recorder)")
         yield "time", {**_field(clock), "unit": "s"}
+
+
+def _stamps_apart(found: RoleGuess, spans: Mapping[str, tuple[int, int]]) -> str | None:
+    """That the stamps of two roles have no instant in common, though they were logged together; None where they do."""
+    for role in ("position", "velocity"):
+        if role not in found.picks:
+            continue
+        one, other = (found.picks[r].series.key[0] for r in ("force", role))
+        (begin, end), (first, last) = spans[one], spans[other]
+        if begin > last or first > end:
+            return (
+                f"time: the stamps of {one} and {other} do not overlap: they begin {abs(begin - first) / SECOND:.6g} s "
+                'apart; that of the log is taken (device.log.time=log; "stamp" for those of the headers)'
+            )
+    return None
 
 
 def _guess_units(found: RoleGuess, units: dict[str, str], doubts: list[str], tip: Indenter | None) -> None:
@@ -107,18 +164,30 @@ def _clock(keys: Mapping[str, tuple[str, str]], looked: Looked) -> str | None:
     return next((name for k, name in enumerate(names) if roles.runs_with(values[:, k], logged)), None)
 
 
+def _source(topic: str, name: str) -> str:
+    """What a stream is named after: the topic, or a frame of it."""
+    frame = name.partition("@")[2]
+    return f"{topic}/{frame}" if frame else topic
+
+
 def _streams(topics: list[str]) -> tuple[list[str], list[str]]:
     unique = list(dict.fromkeys(topics))
     return unique, stream_names(unique)
 
 
 def _field(text: str) -> dict[str, Any]:
+    text, _, frame = text.partition("@")
     reading = FieldReading.parse(text)
+    if frame:
+        return {"field": reading.path, "select": frame}
     return {"field": reading.path, **({} if reading.index is None else {"index": reading.index})}
 
 
-def _looked(container: Container) -> Looked:
-    """The beginning of every topic that contains numbers; what palpate computed or commanded is no measurement."""
+def _looked(container: Container) -> tuple[Looked, dict[str, tuple[int, int]]]:
+    """The beginning of every topic that contains numbers, and first and last stamp [ns] of each.
+
+    What palpate computed or commanded is no measurement.
+    """
     blocks: dict[str, Any] = {}
     names: dict[str, tuple[str, ...]] = {}
     for topic, columns, batch in tables_of(container):
@@ -131,7 +200,8 @@ def _looked(container: Container) -> Looked:
             kept.append(batch)
     tables = {topic: join_batches(kept) for topic, kept in blocks.items()}
     origin = container.span[0] if container.span else 0
-    return {topic: (names[topic], (t.received - origin) / SECOND, t.values) for topic, t in tables.items()}
+    looked = {topic: (names[topic], (t.received - origin) / SECOND, t.values) for topic, t in tables.items()}
+    return looked, {topic: (int(t.time.min()), int(t.time.max())) for topic, t in tables.items() if len(t.time)}
 
 
 def _all_of(container: Container, topic: str, looked: Looked) -> list[NumberColumn]:
@@ -154,6 +224,9 @@ def _all_of(container: Container, topic: str, looked: Looked) -> list[NumberColu
 
 def _chosen(role: str, choice: str, series: list[NumberColumn], looked: Looked, path: Path) -> NumberColumn:
     topic, _, name = choice.partition(":")
+    framed = [s for s in series if "@" in s.key[1] and choice in (s.label, s.label.partition(":")[2])]
+    if len(framed) == 1:
+        return replace(framed[0], role=role, why="chosen")
     if topic not in looked:
         there = printable(", ".join(looked))
         raise LogError(f"{path}: --{role}: topic {topic!r} holds no numbers (there are: {there})")

@@ -101,7 +101,7 @@ def bag_files(path: Path) -> list[Path]:
         )
     if present:
         return present
-    found = [file for file in path.iterdir() if file.name.endswith(SUFFIXES)]
+    found = [file for file in path.iterdir() if file.name.lower().endswith(SUFFIXES)]
     if not found:
         raise LogError(f"{path}: no bag: there is neither a metadata.yaml that lists files nor a .db3 or .mcap file")
     return sorted(found, key=_number)

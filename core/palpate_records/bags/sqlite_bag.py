@@ -127,7 +127,7 @@ class SqliteBag:
             raise LogError(f"{self.path}: cannot be read: {error}") from error
 
     def _plain(self, folder: Path) -> Path:
-        kind = _COMPRESSED.get(self.path.suffix)
+        kind = _COMPRESSED.get(self.path.suffix.lower())
         target = folder / "bag.db3"
         if kind is None and not journals(self.path):
             return self.path

@@ -11,7 +11,7 @@ from palpate import Floats, LogError, to_si
 
 from palpate_records.messages.readings import si_unit
 from palpate_records.tables.clock_times import CLOCK
-from palpate_records.tables.csv_names import begins_as_time, role_by_words
+from palpate_records.tables.csv_names import begins_as_time, role_by_words, stamp_parts
 from palpate_records.tables.csv_sheet import Sheet
 
 RATES = (20.0, 5000.0)  # [Hz] of a recording, by which the unit of a time without one is found
@@ -48,11 +48,39 @@ def clock_of(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Se
 def _advances(seconds: Floats) -> bool:
     """Whether a time goes on from most readings to the next."""
     steps = np.diff(seconds[np.isfinite(seconds)])
-    return len(steps) > 0 and float(np.median(steps)) > 0.0
+    return len(steps) > 0 and float(np.median(steps)) > 0.0 and float(np.mean(steps == 0)) <= _ALIKE
+
+
+def demand_progress(sheet: Sheet, clock: TimeColumn, values: Floats) -> None:
+    """Raise LogError where the time of a file's rows does not go on; said before anything about their numbers."""
+    steps = np.diff(clock.seconds)
+    if clock.column is None or not len(steps):
+        return
+    name, alike = f"column {sheet.column(clock.column)!r}", steps == 0
+    if float(np.mean(alike)) > _ALIKE:
+        whole = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+        count = f"{int(alike.sum())} of {len(values)} rows have the time of the row before in {name}"
+        if float(np.mean(whole[alike].all(axis=1))) > 1.0 - _ALIKE:
+            raise LogError(f"{sheet.path}: {count}, and its numbers: the rows are written twice; keep one of each")
+        rest = "whole seconds, or otherwise rounded" if not (clock.seconds % 1.0).any() else "rounded"
+        raise LogError(f"{sheet.path}: {count}: it is {rest}; state how many rows there are in a second with --rate")
+    if float(np.mean(steps < 0)) > 0.5:
+        raise LogError(f"{sheet.path}: {name} runs backwards: sort the rows by their time, the first reading first")
+    if stamp_parts(sheet.names).get("nano") == clock.column and (steps < 0).any():
+        raise LogError(
+            f"{sheet.path}: {name} begins anew every second, and the seconds are in no column: export those, too, or "
+            "name another time with --time"
+        )
 
 
 def _clock_column(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Sequence[int]) -> TimeColumn | None:
     """The column that is the time; None where none can be it."""
+    parts = stamp_parts(sheet.names)
+    if "time" not in choices and len(parts) == 2:
+        whole, nano = parts["whole"], parts["nano"]
+        time = {"column": sheet.column(whole), "unit": "s", "nanoseconds": sheet.column(nano)}
+        seconds: Floats = values[:, whole] + 1e-9 * values[:, nano]
+        return TimeColumn(seconds, {"time": time}, "seconds and nanoseconds are in two columns", whole)
     if "time" in choices:
         columns = [sheet.index_of("time", choices["time"])]
         sheet.demand_numbers("time", columns[0], values[:, columns[0]])

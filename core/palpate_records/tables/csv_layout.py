@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import IO
+from typing import IO, TypeVar
 
 from palpate import LogError
 
@@ -16,6 +16,7 @@ from palpate_records.tables.csv_names import is_electrical, is_unit, plain_unit
 from palpate_records.tables.dialect import MARKS, Dialect, is_blank, is_clock
 from palpate_records.tables.table_text import bounded_lines
 
+Row = TypeVar("Row")
 LINES = 400  # above the first row of numbers, at the most
 _MANY = 50  # rows that are certainly those of the table
 _FEW = 3  # rows that are numbers by chance: results of a test above its readings
@@ -55,6 +56,22 @@ class _RowBlock:
     rows: int
     width: int
     numbers: int  # cells of a row that are numbers
+
+
+def one_table(rows: Iterable[Row], names: Sequence[str] | None, cells_of: Callable[[Row], list[str]]) -> Iterator[Row]:
+    """The rows of a table, up to the title of another one with the same names."""
+    titles: list[Row] = []
+    for row in rows:
+        cells = [cell.strip() for cell in cells_of(row)]
+        if names is not None and cells == [name.strip() for name in names]:
+            return
+        if sum(map(bool, cells)) < 2 and len(names or ()) > 1:
+            titles.append(row)
+            continue
+        yield from titles
+        titles.clear()
+        yield row
+    yield from titles
 
 
 def first_lines(file: IO[str], path: Path, below: int = 0) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import cache
 
 from palpate_records.messages.readings import si_unit
@@ -22,6 +23,7 @@ _ALIASES = {
     '"': "in",
 }
 _BEHIND = re.compile(r"(?:\s*/\s*|,\s*|\s+in\s+)(\S{1,20})")  # "Force / N", "Force, N", "Force in N"
+_SPLIT = re.compile(r"(.*?)(nano|n)?secs?(?:ond|onds)?", re.IGNORECASE)
 _WORD = re.compile(r"[^\W\d_]+")
 _EXACT = {
     "force": ("force", "f", "fz", "f_z", "force_z", "forcez", "fn", "load"),
@@ -78,6 +80,20 @@ def words_of(name: str) -> list[str]:
     ['actual', 'tcp', 'force']
     """
     return [word.lower() for word in _WORD.findall(re.sub(r"[\[(][^\])]*[\])]?", " ", name))]
+
+
+def stamp_parts(names: Sequence[str]) -> dict[str, int]:
+    """Which columns are the seconds of a stamp (``whole``) and its nanoseconds (``nano``), of those that are split.
+
+    >>> stamp_parts(["header.stamp.sec", "header.stamp.nanosec", "force"]), stamp_parts(["sec", "force"])
+    ({'whole': 0, 'nano': 1}, {})
+    """
+    found = [(k, match) for k, name in enumerate(names) if (match := _SPLIT.fullmatch(name.strip()))]
+    nano = next(((k, match) for k, match in found if match[2]), None)
+    if nano is None:
+        return {}
+    whole = next((k for k, match in found if not match[2] and match[1] == nano[1][1]), None)
+    return {"nano": nano[0]} if whole is None else {"whole": whole, "nano": nano[0]}
 
 
 def exact_role(name: str) -> str | None:

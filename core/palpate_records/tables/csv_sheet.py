@@ -15,7 +15,7 @@ from palpate import Floats, LogError, printable
 from palpate_records.messages.readings import si_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number_or_nan
 from palpate_records.tables.clock_times import Days, seconds_or_nan
-from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_lines, layout_of
+from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_lines, layout_of, one_table
 from palpate_records.tables.csv_names import is_electrical, looks_like_unit, plain_unit, unit_of, unit_text
 from palpate_records.tables.dialect import Dialect, dialect_of, grouped_or_decimal
 from palpate_records.tables.table_text import bounded_lines, open_text
@@ -50,7 +50,7 @@ class Sheet:
             lines = first_lines(file, path, int(given.get("header", 0)))
         if not any(line.strip() for line in lines):
             raise LogError(f"{path}: the file is empty")
-        dialect = dialect_of(lines) if path.suffix not in WORKBOOKS else Dialect("\t")
+        dialect = dialect_of(lines) if path.suffix.lower() not in WORKBOOKS else Dialect("\t")
         dialect = replace(dialect, **{key: str(given[key]) for key in KEYS[:4] if key in given})
         layout = layout_of(path, lines, dialect, *(given.get(key) for key in ("header", "units")))  # type: ignore[arg-type]
         rows = [row for row in islice(dialect.rows(lines[layout.begin :]), _TWICE) if row]
@@ -92,6 +92,8 @@ class Sheet:
         with open_text(self.path, _text(self.stated, "encoding"), _text(self.stated, "sheet")) as file:
             lines = islice(bounded_lines(file, self.path), self.layout.begin, None)
             rows = self.dialect.rows(line for line in lines if not self.dialect.is_comment(line))
+            if self.stated.get("header"):  # of one table of several, that ends where the next begins
+                rows = one_table(rows, self.layout.names, list)
             while part := list(islice(rows, _BLOCK)):
                 block = np.full((len(part), count), np.nan)
                 for i, cells in enumerate(part):
@@ -178,6 +180,25 @@ class Sheet:
         found = f"text ({printable(text)[:_NAME]!r})" if text else "empty cells"
         found = f"{found} and {count} numbers" if count else f"{found}, no numbers"
         raise LogError(f"{self.path}: --{role}: column {name} contains {found} (there are: {self.columns})")
+
+
+def record_tables(path: Path) -> list[tuple[int, str]]:
+    """Line of the names, counted from 1, and title of every table of a text that has the same names; LogError."""
+    sheet = Sheet.of(path)
+    if not sheet.header or len(sheet.names) < 2:
+        return []
+    names, found, title = [name.strip() for name in sheet.names], list[tuple[int, str]](), ""
+    with open_text(path) as file:
+        for line, text in enumerate(bounded_lines(file, path), 1):
+            if any(char.isalpha() for char in text):
+                cells = [cell.strip() for cell in next(iter(sheet.dialect.rows([text])), [])]
+                if cells == names:
+                    found.append((line, title or str(len(found) + 1)))
+                    title = ""
+                elif sum(map(bool, cells)) == 1:
+                    title = printable("".join(cells))[:_NAME]
+    titles = [title for _, title in found]
+    return found if len({*titles}) == len(found) else [(line, str(k)) for k, (line, _) in enumerate(found, 1)]
 
 
 def column_text(column: int | str) -> str:

@@ -18,7 +18,7 @@ def cut_number(path: Path, delimiter: str, decimal: str = ".") -> str | None:
     Digits of the exponent, else behind the point, else of whole numbers: of a number that was cut, those that matter
     are the first to go. Tables written by hand often have no last end of line; a file that was packed is whole.
     """
-    if path.suffix in (".gz", *WORKBOOKS):
+    if path.suffix.lower() in (".gz", *WORKBOOKS):
         return None
     with path.open("rb") as file:
         size = file.seek(0, 2)

@@ -28,7 +28,7 @@ _NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\x7f-\x9f\ufffe\uffff]")
 
 def encoding_of(path: Path) -> str:
     """By the mark of byte order, UTF-8 where the text is that, else Windows-1252."""
-    opener = gzip.open if path.suffix == ".gz" else open
+    opener = gzip.open if path.suffix.lower() == ".gz" else open
     with opener(path, "rb") as file:
         head = file.read(_PROBE)
     for mark, encoding in _MARKS:
@@ -51,12 +51,12 @@ def encoding_of(path: Path) -> str:
 def open_text(path: Path, encoding: str | None = None, sheet: str | None = None) -> Iterator[IO[str]]:
     """The text of a file, plain, gzipped or a workbook; raises LogError where it cannot be read."""
     regular(path)
-    if path.suffix in WORKBOOKS:
+    if path.suffix.lower() in WORKBOOKS:
         yield io.StringIO(workbook_text(path, sheet), newline="")
         return
     try:
         found = encoding or encoding_of(path)
-        if path.suffix == ".gz":
+        if path.suffix.lower() == ".gz":
             with gzip.open(path, "rt", encoding=found, newline="") as file:
                 yield file
         else:

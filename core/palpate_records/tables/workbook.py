@@ -6,7 +6,8 @@ import csv
 import io
 import warnings
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from datetime import datetime, time, timedelta
 from functools import lru_cache
 from itertools import islice
@@ -27,8 +28,20 @@ def workbook_text(path: Path, sheet: str | None) -> str:
     return _text(path, sheet, about.st_mtime_ns, about.st_size)
 
 
+def record_sheets(path: Path) -> list[str]:
+    """Names of a workbook's sheets with rows of numbers; raises LogError."""
+    with _opened(path) as book:
+        return [sheet.title for sheet in _numbered(book)]
+
+
 @lru_cache(maxsize=1)
 def _text(path: Path, sheet: str | None, changed: int, size: int) -> str:
+    with _opened(path) as book:
+        return _tabbed(_sheet(path, book, sheet))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
     try:
         from openpyxl import load_workbook
     except ImportError as error:
@@ -36,12 +49,12 @@ def _text(path: Path, sheet: str | None, changed: int, size: int) -> str:
     try:
         with path.open("rb") as file, warnings.catch_warnings():
             with zipfile.ZipFile(file) as packed:
-                if sum(part.file_size for part in packed.infolist()) > largest(size):
+                if sum(part.file_size for part in packed.infolist()) > largest(path.stat().st_size):
                     raise LogError(f"{path}: it unpacks to more than a workbook of its size does")
             warnings.simplefilter("ignore")  # styles and the like, which are no numbers
             book = load_workbook(file, read_only=True, data_only=True)
             try:
-                return _tabbed(_sheet(path, book, sheet))
+                yield book
             finally:
                 book.close()
     except LogError:
@@ -58,10 +71,13 @@ def _sheet(path: Path, book: Any, name: str | None) -> Any:
                 f"{path}: there is no sheet {name!r}{suggest(name, list(sheets))} (there are: {', '.join(sheets)})"
             )
         return sheets[name]
-    numbered = [sheet for sheet in sheets.values() if _has_numbers(islice(sheet.iter_rows(values_only=True), _LOOKED))]
-    if not numbered:
+    if not (numbered := _numbered(book)):
         raise LogError(f"{path}: the file contains no rows of numbers")
     return numbered[0]
+
+
+def _numbered(book: Any) -> list[Any]:
+    return [s for s in book.worksheets if _has_numbers(islice(s.iter_rows(values_only=True), _LOOKED))]
 
 
 def _has_numbers(rows: Iterable[tuple[Any, ...]]) -> bool:

@@ -172,7 +172,7 @@ class McapReplay(Recording):
     @classmethod
     def recognises(cls, path: Path) -> bool:
         """A file that is named like an MCAP log."""
-        return path.is_file() and path.suffix == ".mcap"
+        return path.is_file() and path.suffix.lower() == ".mcap"
 
     @classmethod
     def survey(cls, path: Path) -> Survey:

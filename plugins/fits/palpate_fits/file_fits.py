@@ -12,7 +12,7 @@ from pathlib import Path
 import typer
 from palpate import ConfigurationError, printable
 from palpate_engine import Registry, approved_plugins, make_folder, option_of, registry
-from palpate_kit.curves.alike_logs import logs_among
+from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.curves.curve_list import FACTS, Entries, cells_beside
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
@@ -50,7 +50,10 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     notes: list[str] = []
     with progress("look for files"):
         known = registry.load()
-        files = logs_among(sources, known)
+        chosen = tuple(f"device.{DEVICE}.{key}" for key in ("sheet", "header"))
+        one = any(text.strip().startswith(chosen) for text in wanted.stated.settings)
+        logs = logs_among(sources, known)
+        files = [part for log in logs for part in ([LogPart(log)] if one else specimens_of(log))]
     groups, wanted = _groups(files, wanted, refused, notes)
     if wanted.stated.is_read:
         notes.insert(0, f"facts of the rig: {wanted.stated.path}")
@@ -63,6 +66,7 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     folder = wanted.out or make_folder("fit", None, datetime.now(UTC).astimezone())
     cells = _cells(sources, groups, wanted.stated)
     order = {str(file): place for place, file in enumerate(files)}
+    paths = {str(file): str(file.path) for file in files}
     rows = [row for row in _fitted(groups, folder, wanted, cells) if row["curve"] in order]
     if not wanted.fitting:
         for name, error in refused.items():
@@ -74,18 +78,18 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     if wanted.as_json:
         print_json({"table": str(folder / TABLE), "files": rows})
     else:
-        _show(rows, groups, folder, known, wanted, _command(sources, wanted))
+        _show(rows, groups, paths, folder, known, wanted, _command(sources, wanted))
     if not all(map(is_usable, rows)):
         raise typer.Exit(1)
 
 
 def _groups(
-    files: Sequence[Path], wanted: FileFit, refused: dict[str, str], notes: list[str]
+    files: Sequence[LogPart], wanted: FileFit, refused: dict[str, str], notes: list[str]
 ) -> tuple[list[FileGroup], FileFit]:
     """The files by how they are read; on a terminal with what was answered to all questions about them."""
     asking = is_asking() and not wanted.as_json
     seen: set[FileQuestion] = set()
-    certain: dict[Path, Suggestion] = {}
+    certain: dict[LogPart, Suggestion] = {}
     while True:
         refused.clear()
         notes.clear()
@@ -149,7 +153,13 @@ def _command(sources: Sequence[Path], wanted: FileFit) -> str:
 
 
 def _show(
-    rows: Sequence[Row], groups: Sequence[FileGroup], folder: Path, known: Registry, wanted: FileFit, command: str
+    rows: Sequence[Row],
+    groups: Sequence[FileGroup],
+    paths: Mapping[str, str],
+    folder: Path,
+    known: Registry,
+    wanted: FileFit,
+    command: str,
 ) -> None:
     typer.echo(fact_line(groups[0].pipeline))
     show_rows(rows, groups[0].pipeline, known, command, wanted.details)
@@ -160,8 +170,17 @@ def _show(
         page = folder / "page"
         numbers = [n for n, group in enumerate(groups, 1) if first in {curve.name for curve in group.curves}]
         chosen = ["--set", f"run.dialect={numbers[0]}"] if numbers[0] > 1 else []
-        words = ["palpate", "fit", _no_option(first), "--pipeline", str(folder / SETTINGS), *chosen, "-o", str(page)]
-        report = shlex.join(["palpate", "report", str(page / Path(first).name.split(".")[0])])
+        words = [
+            "palpate",
+            "fit",
+            _no_option(paths[first]),
+            "--pipeline",
+            str(folder / SETTINGS),
+            *chosen,
+            "-o",
+            str(page),
+        ]
+        report = shlex.join(["palpate", "report", str(page / Path(paths[first]).name.split(".")[0])])
         typer.echo(f"a page on one: {shlex.join(words)} && {report}")
     typer.echo(count_line(rows, known))
 

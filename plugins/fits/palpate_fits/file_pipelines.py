@@ -12,7 +12,7 @@ from typing import Any
 import tomli_w
 from palpate import ConfigurationError, LogError, to_si
 from palpate_engine import Pipeline, Registry, RigFacts, Source, build_pipeline, registry, tip_table
-from palpate_kit.curves.alike_logs import alike_logs
+from palpate_kit.curves.alike_logs import LogPart, alike_logs
 from palpate_kit.curves.curve import Curve
 from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
 from palpate_kit.logs.suggestion import TIP, UNITS
@@ -42,13 +42,13 @@ class FileGroup:
 
 
 def file_groups(
-    files: Iterable[Path],
+    files: Iterable[LogPart],
     told: StatedFacts,
     choices: Mapping[str, str],
     refused: dict[str, str],
     notes: list[str],
     questions: dict[str, FileQuestion] | None = None,
-    certain: dict[Path, Suggestion] | None = None,
+    certain: dict[LogPart, Suggestion] | None = None,
 ) -> Iterator[FileGroup]:
     """Files by how they are read, the most first; `refused` takes the others and why, `notes` what is ignored.
 
@@ -65,12 +65,15 @@ def file_groups(
     stated = {
         key.strip(): value.strip().strip("\"'") for key, _, value in (text.partition("=") for text in told.settings)
     }
-    found_of: dict[Path, Suggestion] = {}
+    found_of: dict[LogPart, Suggestion] = {}
     asked: dict[str, FileQuestion] = {} if questions is None else questions
-    read: dict[Path, Suggestion] = {} if certain is None else certain
+    read: dict[LogPart, Suggestion] = {} if certain is None else certain
 
-    def suggested(file: Path) -> Suggestion:
-        found = read.get(file) or replace(_suggestion(file, facts, choices, stated, known), views={})  # no numbers
+    def suggested(file: LogPart) -> Suggestion:
+        found = read.get(file)
+        if found is None:
+            chosen = {**dict(file.keys), **choices}
+            found = replace(_suggestion(file.path, facts, chosen, stated, known), views={})  # no numbers
         if (question := question_of_file(found, stated)) is None:
             read[file] = found
         else:
@@ -82,11 +85,12 @@ def file_groups(
         return found
 
     groups = alike_logs(files, suggested, refused)
+    notes += _no_records([log for group in groups for log in group.logs], refused)
     if note := rate_note(choices, found_of.values()):
         notes.append(note)
     for group in groups:
         first, suggestion = group.logs[0], group.suggestion
-        tables = _tables(suggestion, first, parts, stated)
+        tables = _tables(suggestion, first.path, parts, stated)
         path = Path(f"pipeline of {first.name}")
         text = tomli_w.dumps(tables)
         pipeline = _built(text, path, overrides)
@@ -94,8 +98,15 @@ def file_groups(
         others = f" and {len(group.logs) - 1} more" if len(group.logs) > 1 else ""
         doubts = [f"{file.name}: {text}" for file in group.logs for text in _other_tips(found_of[file], pipeline)]
         doubts += [f"{first.name}{others}: {text}" for text in suggestion.doubts if text not in known_now]
-        curves = [Curve(str(file), str(file.resolve())) for file in group.logs]
+        curves = [Curve(str(file), str(file.path.resolve())) for file in group.logs]
         yield FileGroup(text, path, pipeline, tuple(doubts), curves)
+
+
+def _no_records(read: Sequence[LogPart], refused: dict[str, str]) -> list[str]:
+    """The sheets and tables that are no record, beside others of the same file that are: named, and left out."""
+    files = {str(log.path) for log in read if log.part is not None}
+    beside = [name for name in refused if name not in files and any(name.startswith(f"{file}:") for file in files)]
+    return [f"{name} is no record, and left out: {refused.pop(name)}" for name in beside]
 
 
 def _suggestion(

@@ -78,7 +78,7 @@ class AfmReplay(Recording):
     @classmethod
     def recognises(cls, path: Path) -> bool:
         """A file that is named like a force curve."""
-        return path.is_file() and path.name.endswith(SUFFIXES)
+        return path.is_file() and path.name.lower().endswith(SUFFIXES)
 
     @classmethod
     def survey(cls, path: Path) -> Survey:

@@ -13,7 +13,7 @@ from palpate import Batch, Floats, LogError, to_si
 from palpate_records.messages.readings import LATEST, nanoseconds, sensible, si_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, is_overload, number
 from palpate_records.tables.clock_times import CLOCK, Days, seconds_of_day
-from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_of
+from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_of, one_table
 from palpate_records.tables.csv_names import weight_of
 from palpate_records.tables.csv_truncation import cut_number
 from palpate_records.tables.dialect import MARKS
@@ -37,6 +37,8 @@ class CsvLink:
         self._clock = log.time is not None and log.time.unit == CLOCK  # in the last of the wanted columns
         if log.time is not None:
             second = 1.0 if self._clock else to_si(f"1 {log.time.unit}", "s")
+            if log.time.nanoseconds is not None:
+                wanted.append((log.time.nanoseconds, 1e-9))
             wanted.append((log.time.column, second * log.time.scale))
         self._wanted = [column for column, _ in wanted]
         self._scales = np.array([scale for _, scale in wanted])
@@ -56,6 +58,8 @@ class CsvLink:
                 stamps = np.rint((row + np.arange(len(values))) * (_SECOND / self._log.rate)).astype(np.int64)
             else:
                 seconds, values = values[:, -1], values[:, :-1]
+                if self._log.time.nanoseconds is not None:
+                    seconds, values = seconds + values[:, -1], values[:, :-1]
                 seconds = day.unwrapped(seconds) if self._clock else seconds
                 known = np.isfinite(seconds) & (np.abs(seconds) < LATEST)
                 self._log.tally.timeless += int(np.count_nonzero(~known))
@@ -125,6 +129,8 @@ class CsvLink:
 
     def _by_line(self, rows: Iterator[tuple[int, list[str]]]) -> Iterator[Floats]:
         """The numbers (n, places) of lines that may hold anything."""
+        if self._log.header:  # of one table of several, that ends where the next begins
+            rows = one_table(rows, self._layout.names, lambda row: row[1])
         while lines := list(islice(rows, _BLOCK)):
             complete: list[tuple[int, list[str]]] = []
             for line, cells in lines:
@@ -173,8 +179,12 @@ class CsvLink:
 
     def _check_units(self) -> None:
         """Refuse units that are not those of the file's own row of units."""
-        given = [*self._log.columns.values(), *([self._log.time] if self._log.time else [])]
+        time = self._log.time
+        split = [None] if time is not None and time.nanoseconds is not None else []
+        given = [*self._log.columns.values(), *split, *([time] if time else [])]
         for column, place in zip(given, self._at, strict=True):
+            if column is None:  # nanoseconds have no unit of their own
+                continue
             written = self._layout.units[place] if place < len(self._layout.units) else ""
             if self._log.units == 0 or column.scale != 1.0 or column.unit == CLOCK:
                 continue

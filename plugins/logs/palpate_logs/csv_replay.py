@@ -34,9 +34,9 @@ class CsvReplay(CsvSettings):
     @classmethod
     def recognises(cls, path: Path) -> bool:
         """A file that is named like a table of numbers; a text only if it is one."""
-        if not path.is_file() or path.name.endswith(SUFFIXES):
+        if not path.is_file() or path.name.lower().endswith(SUFFIXES):
             return path.is_file()
-        return path.name.endswith(OTHER_SUFFIXES) and _is_table(path)
+        return path.name.lower().endswith(OTHER_SUFFIXES) and _is_table(path)
 
     @classmethod
     def survey(cls, path: Path) -> Survey:

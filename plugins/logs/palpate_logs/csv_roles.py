@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,18 @@ import numpy as np
 from palpate import Floats, LogError, suggest
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
 from palpate_kit.logs.suggestion import TIP, UNITS, assemble_suggestion, find_roles, tip_of
-from palpate_records.messages.readings import si_unit
+from palpate_records.messages.readings import LARGEST, si_unit
 from palpate_records.recording import Suggestion
-from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of
+from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of, demand_progress
 from palpate_records.tables.csv_layout import facts_worth_stating
-from palpate_records.tables.csv_names import exact_role, is_depth, is_of_retraction, role_by_words
+from palpate_records.tables.csv_names import (
+    exact_role,
+    is_depth,
+    is_of_retraction,
+    role_by_words,
+    stamp_parts,
+    words_of,
+)
 from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
 
 from palpate_logs.csv_units import DIMENSIONS, units_of
@@ -24,6 +31,9 @@ from palpate_logs.csv_units import DIMENSIONS, units_of
 _ROWS = 400_000  # that are looked into
 _NICE = (20, 25, 50, 60, 80, 100, 120, 125, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500, 2000, 2500, 4000, 5000)
 _USUAL = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
+_OF_PRESS = {"point", "points", "site", "press", "specimen", "sample", "probe", "trial", "indent"}  # what is counted
+_ROWS_OF_PRESS = 20  # of one press, at the least
+_READINGS, _SPRING = 20, 1e-5  # readings; share of a force's variance that one constant leaves
 _NEAR = 0.05  # by which a rate found from the numbers may miss one of those
 
 
@@ -38,10 +48,15 @@ class SheetRoles:
     def series(self) -> list[NumberColumn]:
         """Every column but the time, with its role by its unit or name."""
         time = self.clock.seconds if self.clock else np.arange(len(self.values), dtype=float)
-        roles = self._roles()
+        roles, stamps = self._roles(), stamp_parts(self.sheet.names).values()
         found: list[NumberColumn] = []
         for k, role in enumerate(roles):
-            if role == "time" or (self.clock is not None and k == self.clock.column) or _counts(self.values[:, k]):
+            if (
+                role == "time"
+                or k in stamps
+                or (self.clock is not None and k == self.clock.column)
+                or _counts(self.values[:, k])
+            ):
                 continue
             unit = self.sheet.unit(k)
             why = f"in {unit}" if unit else "by its name" if role else ""
@@ -93,12 +108,17 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
             raise LogError(f"{path}: a table has no {key!r}{suggest(key, known)} (there are: {', '.join(known)})")
     looked = look(path, choices)
     sheet, clock = looked.sheet, looked.clock
+    if clock is not None:
+        demand_progress(sheet, clock, looked.values)
     series = looked.series()
     chosen = {role: _chosen(sheet, looked.values, series, role, choices[role]) for role in ROLES if role in choices}
-    found = find_roles(series, chosen)
+    bent = deflections(series)
+    found = find_roles([s for s in series if s not in bent or s in chosen.values()], chosen)
     if found is None:
         there = sheet.columns
         raise LogError(f"{path}: no two columns can be force and position; choose with --force, --position ({there})")
+    if bent and "position" not in chosen and not is_depth(sheet.names[int(found.picks["position"].series.key[1])]):
+        raise LogError(f"{path}: {_of_what(bent[0], found.picks['position'].series)}")
     units, guesses = units_of(found, sheet, clock is not None, tip_of(choices))
     doubts = list(guesses.values())
     scales = {role: sheet.scale(int(pick.series.key[1])) for role, pick in found.picks.items()}
@@ -118,6 +138,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
         device["rate"] = "? Hz" if rate is None else f"{rate:g} Hz"
     device |= sheet.settings
     device["columns"] = _columns(found, sheet, units, choices, extra["blanks"])
+    doubts += _presses(sheet, looked.values)
     trials = _other_trials(found, sheet)
     doubts += [f"{role}: {names[0]} and {', '.join(names[1:])} can be it" for role, names in trials.items()]
     back = [name for name in sheet.names if is_of_retraction(name)]
@@ -132,6 +153,46 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     rivals = {**suggestion.rivals, **trials}
     stated = tuple((fact.line, fact.name, fact.value) for fact in facts)
     return replace(suggestion, guesses=keys, rivals=rivals, facts=stated, has_time=has_time)
+
+
+def deflections(series: Sequence[NumberColumn]) -> list[NumberColumn]:
+    """Lengths of several over which the force is one constant from first to last: a beam or spring, and no position."""
+    forces, lengths = ([s for s in series if s.role == role] for role in ("force", "position"))
+    found = [s for s in lengths if any(_is_spring(s.values, force.values) for force in forces)]
+    return found if len(found) < len(lengths) else []
+
+
+def _is_spring(length: Floats, force: Floats) -> bool:
+    known = (np.abs(length) < LARGEST) & (np.abs(force) < LARGEST)
+    x, y = length[known], force[known]
+    if len(x) < _READINGS or not float(np.ptp(x)) > 0.0 or not float(np.ptp(y)) > 0.0:
+        return False
+    return 1.0 - float(np.corrcoef(x, y)[0, 1]) ** 2 < _SPRING
+
+
+def _of_what(bent: NumberColumn, place: NumberColumn) -> str:
+    name, stage = (s.label.removeprefix("column ") for s in (bent, place))
+    return (
+        f"position: the force is one constant times {name}, so that is what a beam or spring yields by, and {stage} is "
+        f"the tip's only where it was taken off already: say --position '{stage}' where it was, else add a column "
+        f"'indentation' of {stage} less {name}"
+    )
+
+
+def _presses(sheet: Sheet, values: Floats) -> Iterator[str]:
+    """That a column counts the presses of one table, which are read as one."""
+    for k, name in enumerate(sheet.names):
+        column = values[:, k]
+        if not _OF_PRESS & {*words_of(name)} or not np.isfinite(column).all() or (column % 1.0).any():
+            continue
+        changes = int(np.count_nonzero(np.diff(column)))
+        if 0 < changes < len(column) / _ROWS_OF_PRESS:
+            text = column_text(sheet.column(k))
+            yield (
+                f"column {text} names {changes + 1} presses in one table, which are fitted as one: for a row of each "
+                "add it to [device.log.columns] of a pipeline, then palpate fit FILE --each --pipeline FILE.toml "
+                f"--by {text}"
+            )
 
 
 def _other_trials(found: RoleGuess, sheet: Sheet) -> dict[str, tuple[str, ...]]:

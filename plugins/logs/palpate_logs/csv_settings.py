@@ -29,6 +29,14 @@ class Column(Settings):
     scale: float = Field(default=1.0, description="how many of the unit one of its numbers is, for volts and counts")
 
 
+class TimeOfRows(Column):
+    """The column of the time."""
+
+    nanoseconds: Annotated[int, Field(ge=0)] | Annotated[str, Field(min_length=1)] | None = Field(
+        default=None, description="column of what is between the seconds, of a stamp in two columns [ns]"
+    )
+
+
 @dataclass
 class Tally:
     """What was left out of a file."""
@@ -44,7 +52,7 @@ class CsvSettings(Recording):
     file: File = Field(description="the log, .csv, .tsv, .txt, .csv.gz or .xlsx, relative to the pipeline file")
     columns: dict[str, Column] = Field(min_length=1, description="channels by name: { column = 0, unit = 'mm' }")
     rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where no column is the time")
-    time: Column | None = Field(default=None, description="the column of the time: { column = 0, unit = 's' }")
+    time: TimeOfRows | None = Field(default=None, description="the column of the time: { column = 0, unit = 's' }")
     delimiter: str = Field(
         default=",", min_length=1, max_length=1, description='separator of the columns: ",", ";", "\\t", " "'
     )

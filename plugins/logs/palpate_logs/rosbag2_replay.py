@@ -98,9 +98,9 @@ class Rosbag2Replay(Recording):
     def recognises(cls, path: Path) -> bool:
         """A folder, or a file that is named like a bag's database."""
         names = tuple(suffix for suffix in SUFFIXES if suffix != ".mcap")
-        return path.name.endswith(names) or (
+        return path.name.lower().endswith(names) or (
             path.is_dir()
-            and ((path / "metadata.yaml").is_file() or any(f.name.endswith(SUFFIXES) for f in path.iterdir()))
+            and ((path / "metadata.yaml").is_file() or any(f.name.lower().endswith(SUFFIXES) for f in path.iterdir()))
         )
 
     @classmethod

@@ -63,7 +63,7 @@ def read_text(path: Path) -> InstrumentText:
                 raise LogError(f"{path}: is not an instrument's table as text: export it from the instrument's program")
     if not any(line.strip() for line in raw):
         raise LogError(f"{path}: is empty")
-    dialect = Dialect("\t") if path.suffix in WORKBOOKS else dialect_of([line for line in raw if line.strip()])
+    dialect = Dialect("\t") if path.suffix.lower() in WORKBOOKS else dialect_of([line for line in raw if line.strip()])
     if dialect.delimiter == " ":
         raw = [line.replace("\t", " ") for line in raw]  # tabs between names above spaces between numbers
     cells = [tuple(cell.strip() for cell in next(dialect.rows([line]), [])) for line in raw]

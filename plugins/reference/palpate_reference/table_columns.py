@@ -14,6 +14,7 @@ from palpate_reference.instrument_text import InstrumentText
 from palpate_reference.table_blocks import TableBlock
 
 _UNIT_BEHIND = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
+_UNIT_NAMED = re.compile(r"\s+in\s+(\S+)$")  # as RheoWin writes it
 _UNIT_IN_NAME = re.compile(r"_(per_)?(Pa|kPa|MPa|Hz|s|m)$")
 _OF_TIME = re.compile(r"([GEJD])\(t\)")
 _ALIASES = {"sec": "s", "Pa.s": "Pa*s", "Pa-s": "Pa*s", "-": "1", "": "", "rad/sec": "rad/s"}
@@ -21,8 +22,9 @@ _ALIASES = {"sec": "s", "Pa.s": "Pa*s", "Pa-s": "Pa*s", "-": "1", "": "", "rad/s
 _ROLES: Mapping[str, tuple[str, str]] = {
     "frequency": ("Hz", r"freq(uency)?|f"),
     "angular_frequency": ("rad/s", r"ang(ular|\.)? ?freq(uency)?|omega|ω|w"),
-    "storage": ("Pa", r"((?P<kind>shear|tensile|young'?s?|[ge]) )?storage( modulus)?|(?P<kind2>[ge])(?:'| stor)"),
-    "loss": ("Pa", r"((?P<kind>shear|tensile|young'?s?|[ge]) )?loss( modulus)?|(?P<kind2>[ge])''"),
+    "storage": ("Pa", r"elastic component|"
+                r"((?P<kind>shear|tensile|young'?s?|[ge]) )?storage( modulus)?|(?P<kind2>[ge])(?:'| stor)"),
+    "loss": ("Pa", r"viscous component|((?P<kind>shear|tensile|young'?s?|[ge]) )?loss( modulus)?|(?P<kind2>[ge])''"),
     "modulus": ("Pa", r"((?P<kind>shear|tensile|young'?s?) )?relaxation modulus|(?P<kind2>[ge])(?:\(t\)| relax)?|"
                       r"modulus"),
     "compliance": ("1/Pa", r"((?P<kind>shear|tensile) )?(creep )?compliance|(?P<kind2>[jd])(?:\(t\))?"),
@@ -89,6 +91,8 @@ def name_and_unit(head: str) -> tuple[str, str]:
     head = head.strip()
     if match := _UNIT_IN_NAME.search(head):
         return head[: match.start()].replace("_", " "), f"1/{match[2]}" if match[1] else match[2]
+    if (match := _UNIT_NAMED.search(head)) and (is_unit(match[1]) or match[1].startswith("°")):
+        return head[: match.start()].strip(), match[1]
     match = None if _OF_TIME.fullmatch(head) else _UNIT_BEHIND.search(head)
     if match and (is_unit(match[1].strip()) or head[: match.start()].strip().lower() not in ("u", "std", "sd")):
         return head[: match.start()].strip().replace("_", " "), match[1].strip()

@@ -53,7 +53,10 @@ class Address:
         device |= {"interface": network.interface} if network.interface else {}
         device |= {"peers": list(network.peers)} if network.peers else {}
         reasons = tuple(text for text in found.reasons if not text.startswith("end:"))
-        return replace(found, device=device, reasons=reasons)
+        alignment = {
+            key: value for key, value in found.alignment.items() if key not in ("touch_force", "tare_duration")
+        }
+        return replace(found, device=device, alignment=alignment, reasons=reasons)
 
 
 def address_of(text: str) -> Address | None:

@@ -30,5 +30,5 @@ def _of(track: TrackEvidence) -> Flag | None:
     if turned is None or turned.tilt <= doubtful:
         return None
     known = f"a {'sphere' if is_sphere else 'tip that is no sphere'} is known to {math.degrees(doubtful):.0f} deg"
-    code = "off-normal" if turned.tilt <= most else "far-off-normal"
-    return Flag(code, f"the tool stands up to {math.degrees(turned.tilt):.3g} deg off the normal, and {known}")
+    text = f"the tool stands up to {math.degrees(turned.tilt):.3g} deg off the normal, and {known}"
+    return Flag("off-normal", text) if turned.tilt <= most else Flag("far-off-normal", text)

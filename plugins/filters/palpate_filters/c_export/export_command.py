@@ -99,7 +99,7 @@ def _write(folder: Path, filter: ExportedTrack, pipeline: Pipeline, vectors: Vec
         f"tare_offset = {c_number(settings.tare if isinstance(settings.tare, float) else 0.0)}",
         f"tare_duration = {c_number(settings.tare_duration)}",
         f"touch_lag = {c_number(settings.touch_lag)}",
-        f"touch_force = {c_number(settings.touch_force or 0.0)}",
+        f"touch_force = {c_number(settings.touch_force if isinstance(settings.touch_force, float) else 0.0)}",
         f"drift = {c_number(settings.drift)}",
         f"weight = {c_number(added_weight(pipeline))}",
         f"standstill = {c_number(-1.0 if filter.standstill is None else filter.standstill)}",

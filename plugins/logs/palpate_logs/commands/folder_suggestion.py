@@ -69,7 +69,7 @@ def _write(paths: list[Path | None], texts: list[str]) -> None:
             raise OutputError(f"{path}: cannot write: {error.strerror}") from error
 
 
-def _words(group: AlikeLogs, usual: AlikeLogs | None, path: Path | None) -> str:
+def _words(group: AlikeLogs[Path], usual: AlikeLogs[Path] | None, path: Path | None) -> str:
     """How many files are read alike, in what they differ from the usual ones, and what is to be checked of them."""
     names = ", ".join(printable(log.name) for log in group.logs[:_NAMED])
     names += f" and {len(group.logs) - _NAMED} more" if len(group.logs) > _NAMED else ""

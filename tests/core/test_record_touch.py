@@ -1,0 +1,147 @@
+"""Touch by the noise of the record: presses from 43 mN to 20 nN, and air that moves, hums, drifts."""
+
+import numpy as np
+import pytest
+from palpate import Batch, Channel, Stream
+from palpate.estimation import Samples
+from palpate_engine.alignment import Aligner, AlignmentSettings, Ports
+
+STREAM = Stream("", (Channel("force", "N"), Channel("height", "m")), None)
+
+
+def aligned(time, force, height, size=None, most_mass=1.0, **changes):
+    """Samples and report of a record that states nothing, cut into pieces of `size` readings."""
+    table = {"force": "log.force", "position": "log.height", "touch_force": "noise", **changes}
+    settings = AlignmentSettings.model_validate(table)
+    aligner = Aligner(settings, Ports.of(settings, {"log": (STREAM,)}), most_mass)
+    stamp, values = np.round(1e9 * time).astype(np.int64), np.column_stack([force, height])
+    blocks = []
+    for begin in range(0, len(time), size or len(time)):
+        rows = slice(begin, begin + (size or len(time)))
+        aligner.feed("log", Batch("", stamp[rows], stamp[rows], values[rows]))
+        blocks.append(aligner.samples())
+    blocks.append(aligner.samples(final=True))
+    return Samples.joined(blocks), aligner.report
+
+
+def press(peak, ratio, seed, rate=200.0, air=1.0, lasts=2.0, deep=3e-3, offset=0.0):
+    """Rest, way down and press of `peak` [N] by a sphere with white noise of peak/ratio; the surface is at 0."""
+    random = np.random.default_rng(seed)
+    time = np.arange(round((air + 1.6 * lasts) * rate)) / rate
+    height = 0.3 * deep - deep / lasts * np.clip(time - air, 0.0, 1.3 * lasts)
+    force = offset + peak * (np.maximum(-height, 0.0) / deep) ** 1.5 + peak / ratio * random.standard_normal(len(time))
+    return time, force, height + 1e-4 * deep * random.standard_normal(len(time))
+
+
+@pytest.mark.parametrize("ratio", [140, 400])
+@pytest.mark.parametrize("peak", [43e-3, 1e-3, 1e-6, 20e-9])
+def test_a_small_press_is_found_with_nothing_stated(peak, ratio):
+    """The threshold would be 0.05 N or 0.25 N."""
+    deep = 3e-3 if peak > 1e-4 else 3e-6
+    for seed in range(3):
+        samples, report = aligned(*press(peak, ratio, seed, deep=deep, offset=2 * peak))
+        assert report.touches == 1
+        assert abs(report.first_touch[1]) < 0.04 * deep
+        assert abs(samples.position[int(np.argmax(samples.contact))]) < 0.04 * deep
+        assert report.tare.offset == pytest.approx(2 * peak, abs=0.01 * peak)
+        assert samples.contact[-1]
+
+
+def test_a_slow_small_press_is_no_drift():
+    """1 mN in 280 s after 10 s of air, ten readings a second."""
+    record = press(1e-3, 400, 0, rate=10.0, air=10.0, lasts=280.0, deep=1e-4)
+    _, report = aligned(*record)
+    assert abs(report.first_touch[1]) < 0.04 * 1e-4
+
+
+def test_a_press_of_a_heavy_tip_is_found_where_it_is():
+    """10 mN of contact behind 60 mN by which 300 g are set in motion."""
+    rate, push = 500.0, 0.2
+    time = np.arange(2000) / rate
+    acceleration = -push * ((time >= 1.0) & (time < 1.05))
+    height = 5e-3 + np.cumsum(np.cumsum(acceleration)) / rate**2
+    contact = 10e-3 * (np.maximum(-height, 0.0) / -height.min()) ** 1.5
+    force = contact - 0.3 * acceleration + 5e-5 * np.random.default_rng(0).standard_normal(len(time))
+    _, report = aligned(time, force, height)
+    assert report.touches == 1
+    assert abs(report.first_touch[1]) < 1e-3
+    _, light = aligned(time, force, height, most_mass=0.0)
+    assert light.first_touch is None or light.first_touch[1] > 1e-3
+
+
+def test_a_robot_keeps_its_threshold():
+    """Nothing stated, and no word of noise: 50 mN, as in every live run."""
+    time, force, height = press(43e-3, 400, 0)
+    _, report = aligned(time, force, height, touch_force=None)
+    assert report.first_touch is None
+    assert report.touch_force == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("size", [7, 333])
+def test_how_a_record_is_cut_changes_nothing(size):
+    record = press(10e-3, 200, 2)
+    whole, told = aligned(*record)
+    cut, report = aligned(*record, size)
+    for name in Samples.__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(cut, name), getattr(whole, name), err_msg=name)
+    assert (report.tare, report.first_touch) == (told.tare, told.first_touch)
+
+
+NOISE = 1e-3
+
+
+def way(random, rate):
+    """Time [s], height [m] and acceleration [m/s2] of a way in air: a trapezoid of the speed, or a sine."""
+    time = np.arange(round(6.0 * rate)) / rate
+    since = np.maximum(time - random.uniform(0.4, 1.5), 0.0)
+    if random.random() < 0.5:
+        turn = 2 * np.pi * random.uniform(0.3, 2.0)
+        size = random.uniform(0.5e-3, 4e-3)
+        return time, 0.05 - size * (1 - np.cos(turn * since)), -size * turn**2 * np.cos(turn * since) * (since > 0)
+    speed, ramp, until = random.uniform(2e-3, 2e-2), random.uniform(0.03, 0.2), random.uniform(2.0, 3.5)
+    push = speed / ramp
+    acceleration = -push * ((since > 0) & (since < ramp)) + push * ((since > until) & (since < until + ramp))
+    return time, 0.05 + np.cumsum(np.cumsum(acceleration)) / rate**2, acceleration
+
+
+def air_of(kind, seed):
+    random = np.random.default_rng(seed)
+    rate = float(random.choice([100.0, 250.0, 500.0]))
+    time, height, acceleration = way(random, rate)
+    force = NOISE * random.standard_normal(len(time))
+    match kind:
+        case "hum":
+            force += random.uniform(0.5, 5) * NOISE * np.sin(2 * np.pi * 50.03 * time)
+        case "inertia":
+            force -= random.uniform(0.0, 0.5) * acceleration
+        case "drift":
+            force += random.uniform(-40, 40) * NOISE * time / time[-1]
+        case "cable":
+            force += random.uniform(-2.0, 2.0) * (height - height[0])
+        case "low-pass":
+            width = round(random.uniform(0.01, 0.1) * rate)
+            force = np.convolve(force, np.ones(width) / np.sqrt(width), "same")
+        case "rounding":
+            step = random.uniform(0.5, 8) * NOISE
+            force = step * np.round((force + random.uniform(-20, 20) * NOISE * time / time[-1]) / step)
+    return time, force, height + random.choice([1e-7, 1e-6, 5e-6]) * random.standard_normal(len(time))
+
+
+KINDS = ["white", "hum", "inertia", "drift", "cable", "low-pass", "rounding"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_air_is_no_touch(kind):
+    assert aligned(*air_of(kind, 0))[1].first_touch is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_air_is_no_touch_however_it_moves(kind):
+    assert not [seed for seed in range(1, 40) if aligned(*air_of(kind, seed))[1].first_touch is not None]
+
+
+@pytest.mark.parametrize("word", ["nois", "0 N", "-1 N", 1e6])
+def test_what_is_no_force_of_touch_is_refused(word):
+    with pytest.raises(ValueError, match="touch_force"):
+        AlignmentSettings.model_validate({"force": "a.b", "position": "a.c", "touch_force": word})

@@ -1,0 +1,57 @@
+"""Several tables under each other in one file: each is a record, and one table ends where the next begins."""
+
+import json
+
+import numpy as np
+import pytest
+from palpate_kit.curves.alike_logs import specimens_of
+from palpate_logs.csv_roles import look
+
+NAMES = "Time,Extension,Load"
+
+
+def stacked(path, moduli, title="Specimen {}", units='"(s)","(mm)","(N)"\n'):
+    """Presses of a sphere of 3 mm on half-spaces [kPa], each under a title, its names and its units."""
+    time = np.arange(300) / 100.0
+    depth = np.clip(time - 0.7, 0.0, 2.0) * 0.5 - 0.3
+    text = 'Results Table 1\n,"Modulus"\n,"(kPa)"\n1,"30.1"\n\n'
+    for k, modulus in enumerate(moduli, 1):
+        force = 16 / 9 * 1e3 * modulus * np.sqrt(3e-3) * np.maximum(1e-3 * depth, 0.0) ** 1.5
+        force += 1e-3 * np.random.default_rng(k).standard_normal(len(time))
+        rows = (f'"{t:.3f}","{d:.5f}","{f:.5f}"\n' for t, d, f in zip(time, depth, force, strict=True))
+        text += f"{title.format(k)}\n{NAMES}\n{units}" + "".join(rows) + "\n"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("title", ["Specimen {}", "again"])
+def test_every_table_of_a_file_is_a_specimen(tmp_path, title):
+    parts = specimens_of(stacked(tmp_path / "two.csv", (30.0, 60.0), title))
+    assert [part.part for part in parts] == (["Specimen 1", "Specimen 2"] if "{}" in title else ["1", "2"])
+    for part in parts:
+        assert len(look(part.path, dict(part.keys)).values) == 300
+
+
+def test_one_table_is_the_file(tmp_path):
+    assert [part.part for part in specimens_of(stacked(tmp_path / "one.csv", (30.0,)))] == [None]
+
+
+def test_a_text_within_a_table_is_still_refused(palpate, tmp_path):
+    """What goes on after a line of words is no other table."""
+    path = stacked(tmp_path / "broken.csv", (30.0,))
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([*lines[:150], "lost connection\n", *lines[150:]]))
+    found = palpate("fit", str(path), "--tip", "sphere 3 mm", "-o", str(tmp_path / "fit"))
+    assert found.returncode
+    assert "'lost connection' is no row of numbers" in found.stderr
+
+
+@pytest.mark.slow
+def test_each_table_is_a_row(palpate, tmp_path):
+    """It was refused at the title of the second, with no way on."""
+    path = stacked(tmp_path / "two.csv", (30.0, 60.0))
+    told = palpate("fit", str(path), "--tip", "sphere 3 mm", "--json", "-o", str(tmp_path / "fit"))
+    rows = json.loads(told.stdout)["files"]
+    assert [row["curve"] for row in rows] == [f"{path}:Specimen 1", f"{path}:Specimen 2"]
+    found = [next(float(v) for k, v in row.items() if k.endswith("elasticity")) for row in rows]
+    np.testing.assert_allclose(found, [30e3, 60e3], rtol=0.03)

@@ -1,0 +1,107 @@
+"""Time before all else: split stamps, rows written twice, rounded and backward times; endings of files in any case."""
+
+import shutil
+
+import numpy as np
+import pytest
+from palpate import LogError
+from palpate_kit.logs.draft_pipeline import recording_of, suggestion_of
+from palpate_logs.csv_replay import CsvReplay
+from palpate_logs.csv_roles import suggest_csv
+from tests.logs.bags import press, transforms_message, wrench_message, write_bag
+
+RATE, COUNT = 50.0, 400
+
+
+def table(path, times, repeats=1):
+    """A press of 0.3 N under columns of time, by name."""
+    down = np.linspace(2.0, -2.0, COUNT)
+    force = 0.3 * (np.maximum(-down, 0.0) / 2.0) ** 1.5 + 1e-3 * np.random.default_rng(0).standard_normal(COUNT)
+    rows = [[*cells, f"{z:.5f}", f"{f:.5f}"] for *cells, z, f in zip(*times.values(), down, force)]
+    lines = [",".join(map(str, row)) + "\n" for row in rows for _ in range(repeats)]
+    path.write_text(",".join([*times, "height (mm)", "force (N)"]) + "\n" + "".join(lines))
+    return path
+
+
+def nanoseconds():
+    return (np.arange(COUNT) * round(1e9 / RATE)).tolist()
+
+
+def test_seconds_and_nanoseconds_are_one_time(tmp_path):
+    """Nanoseconds alone were the time: a saw of one second, and no contact in the record."""
+    stamps = nanoseconds()
+    times = {"stamp.sec": [1_700_000_000 + t // 10**9 for t in stamps], "stamp.nanosec": [t % 10**9 for t in stamps]}
+    path = table(tmp_path / "stamps.csv", times)
+    device = suggest_csv(path, {}).device
+    assert device["time"] == {"column": "stamp.sec", "unit": "s", "nanoseconds": "stamp.nanosec"}
+    log = CsvReplay.model_validate({key: value for key, value in device.items() if key != "type"})
+    with log.connect(0) as link:
+        stamp = np.concatenate([batch.time for batch in link.batches()])
+    np.testing.assert_allclose(stamp - stamp[0], stamps, atol=500)
+
+
+def test_nanoseconds_alone_are_no_time(tmp_path):
+    path = table(tmp_path / "nano.csv", {"stamp.nanosec": [t % 10**9 for t in nanoseconds()]})
+    with pytest.raises(LogError, match=r"begins anew every second.*--time"):
+        suggest_csv(path, {})
+
+
+def test_rows_written_twice_are_told(tmp_path):
+    path = table(tmp_path / "twice.csv", {"time (s)": [f"{t / RATE:.3f}" for t in range(COUNT)]}, repeats=2)
+    with pytest.raises(LogError, match=r"400 of 800 rows have the time of the row before.*written twice"):
+        suggest_csv(path, {})
+
+
+def test_whole_seconds_need_a_rate_and_take_it(tmp_path):
+    path = table(tmp_path / "whole.csv", {"time (s)": [int(t / RATE) for t in range(COUNT)]})
+    with pytest.raises(LogError, match=r"whole seconds.*--rate"):
+        suggest_csv(path, {})
+    assert suggest_csv(path, {"rate": "50 Hz"}).device["rate"] == "50 Hz"
+
+
+def test_a_time_that_runs_backwards_is_told(tmp_path):
+    path = table(tmp_path / "back.csv", {"time (s)": [f"{(COUNT - t) / RATE:.3f}" for t in range(COUNT)]})
+    with pytest.raises(LogError, match=r"runs backwards"):
+        suggest_csv(path, {})
+
+
+@pytest.mark.parametrize("name", ["UPPER.CSV", "Mixed.Csv", "UPPER.TXT"])
+def test_endings_are_read_in_any_case(tmp_path, name):
+    path = table(tmp_path / "lower.csv", {"time (s)": [f"{t / RATE:.3f}" for t in range(COUNT)]})
+    shutil.copy(path, tmp_path / name)
+    assert recording_of(tmp_path / name) is CsvReplay
+    assert suggestion_of(tmp_path / name, {}).alignment["force"]["sign"] == 1
+
+
+def log_of_a_press(folder, late=0, frames=("tool0",)):
+    """A bag with a wrench, `late` [ns] by its stamps alone, and transforms of frames one after the other."""
+    start, wrench, moved = 1_700_000_000 * 10**9, [], []
+    for k, (t, z, _, f) in enumerate(zip(*press(), strict=True)):
+        stamp = start + round(t * 1e9)
+        wrench.append((stamp, wrench_message(stamp + late, "ft", (0, 0, f, 0, 0, 0))))
+        for n, name in enumerate(frames):
+            place = (0.4, 0.0, z if not n else 0.7 + 0.001 * np.sin(0.01 * k), 0, 0, 0, 1)
+            moved.append((stamp + n, transforms_message([(stamp, "base", name, place)])))
+    topics = [
+        ("/wrench", "geometry_msgs/msg/WrenchStamped", wrench),
+        ("/tf", "tf2_msgs/msg/TFMessage", moved),
+    ]
+    return write_bag(folder / f"press_{late}.db3", topics)
+
+
+def test_stamps_that_do_not_overlap_are_named_and_the_time_of_the_log_is_taken(tmp_path):
+    found = suggestion_of(log_of_a_press(tmp_path, late=3600 * 10**9), {})
+    assert found.device["time"] == "log"
+    assert any(
+        "do not overlap" in text and "3600 s apart" in text and "device.log.time=log" in text for text in found.doubts
+    )
+    assert "time" not in suggestion_of(log_of_a_press(tmp_path), {}).device
+
+
+def test_several_frames_are_asked_about_and_one_is_read(tmp_path):
+    """Both frames were one position."""
+    path = log_of_a_press(tmp_path, frames=("tool0", "camera_link"))
+    with pytest.raises(LogError, match=r"/tf holds the frames camera_link, tool0.*--position tool0"):
+        suggestion_of(path, {})
+    signal = suggestion_of(path, {"position": "tool0"}).device["signals"]["position"]
+    assert (signal["field"], signal["select"]) == ("transforms.transform.translation.z", "tool0")
