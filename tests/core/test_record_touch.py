@@ -13,7 +13,7 @@ def aligned(time, force, height, size=None, most_mass=1.0, **changes):
     """Samples and report of a record that states nothing, cut into pieces of `size` readings."""
     table = {"force": "log.force", "position": "log.height", "touch_force": "noise", **changes}
     settings = AlignmentSettings.model_validate(table)
-    aligner = Aligner(settings, Ports.of(settings, {"log": (STREAM,)}), most_mass)
+    aligner = Aligner(settings, Ports.of(settings, {"log": (STREAM,)}), most_mass=most_mass)
     stamp, values = np.round(1e9 * time).astype(np.int64), np.column_stack([force, height])
     blocks = []
     for begin in range(0, len(time), size or len(time)):

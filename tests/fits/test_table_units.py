@@ -7,6 +7,7 @@ from palpate import ConfigurationError
 from palpate_engine import registry
 from palpate_fits.file_facts import stated_facts
 from palpate_fits.file_pipelines import file_groups
+from palpate_kit.curves.alike_logs import LogPart
 from palpate_kit.logs.suggestion import force_unit, length_unit, tip_of
 
 from tests.fits.test_fit_files import rows_of
@@ -27,7 +28,7 @@ def read_as(tmp_path, text, tip, **facts):
     file.write_text(text)
     stated = stated_facts([file], [f"rig.tip={tip}"]).with_facts(**facts)
     questions, refused = {}, {}
-    groups = list(file_groups([file], stated, {}, refused, [], questions))
+    groups = list(file_groups([LogPart(file)], stated, {}, refused, [], questions))
     assert groups, refused
     device = groups[0].pipeline.devices["log"]
     return {name: (column.unit, column.scale) for name, column in device.columns.items()}, questions
