@@ -8,6 +8,7 @@ from palpate import LogError
 from palpate_kit.logs.draft_pipeline import recording_of, suggestion_of
 from palpate_logs.csv_replay import CsvReplay
 from palpate_logs.csv_roles import suggest_csv
+
 from tests.records.bags import press, transforms_message, wrench_message, write_bag
 
 RATE, COUNT = 50.0, 400

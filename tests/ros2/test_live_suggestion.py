@@ -5,6 +5,7 @@ from pathlib import Path
 from palpate_kit.logs.topic_suggestion import suggestion_for
 from palpate_logs.rosbag2_replay import Rosbag2Replay
 from palpate_ros2 import domain_survey
+
 from tests.records.bags import press, transforms_message, wrench_message, write_bag
 
 
