@@ -77,7 +77,7 @@ def test_an_analysis_of_a_stranger_stands_beside_ours(palpate, installed, point_
     environment = {"PYTHONPATH": str(installed)}
     assert "histogram" in palpate("--help", **environment).stdout
     point_pipeline.write_text(point_pipeline.read_text() + "\n[histogram]\nbins = 1\n")
-    short = ["--set", "trajectory.press.duration=2 s", "--set", 'run.tracks=["dr/ekf"]']
+    short = ["--set", "trajectory.press.duration=6 s", "--set", 'run.tracks=["dr/ekf"]']
     done = palpate("run", point_pipeline, "--out", tmp_path / "out", *short, **environment)
     assert done.returncode == 0, done.stderr
     assert "histogram: 1 tracks to count" in done.stdout

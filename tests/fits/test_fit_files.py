@@ -59,8 +59,8 @@ def test_a_folder_in_two_dialects_is_one_table_and_what_was_done_stands_beside_i
     again = palpate("fit", "curves", *TIP, "--out", "out")
     assert again.stdout == done.stdout
     tables = tomllib.loads((files / "out" / "pipeline.toml").read_text())
-    assert set(tables["dialect"]["2"]) <= {"device", "alignment", "run"}  # what the other kind of file has otherwise
-    words = ["--pipeline", "out/pipeline.toml", "--set", "run.dialect=2", "--out", "alone"]
+    assert set(tables["dialect"]["d2"]) <= {"device", "alignment", "run"}  # what the other kind of file has otherwise
+    words = ["--pipeline", "out/pipeline.toml", "--set", "run.dialect=d2", "--out", "alone"]
     alone = palpate("fit", "curves/2.csv", *words, "--json")
     assert alone.returncode == 0, alone.stderr
     (track,) = json.loads(alone.stdout)["logs"]["2"]["tracks"].values()

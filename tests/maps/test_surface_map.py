@@ -183,7 +183,6 @@ def grid_run(root, breast, tmp_path_factory):
     return folder / "run"
 
 
-@pytest.mark.gate
 @pytest.mark.slow
 def test_the_commands_map_a_run_on_its_surface(grid_run, palpate, tmp_path):
     done = palpate("map", grid_run, "--cell", "2 mm", "--json")

@@ -295,6 +295,7 @@ def test_a_wrong_value_of_a_record_turns_outside(palpate, tmp_path, monkeypatch,
     assert done.returncode == (1 if wrong else 0)
 
 
+@pytest.mark.gate
 @pytest.mark.slow
 def test_without_recordings_all_of_them_are_named_and_skipped(palpate, tmp_path):
     done = palpate("reproduce", "visc_silic", "--out", tmp_path / "out")
@@ -336,7 +337,6 @@ def test_the_authors_recordings_give_what_they_tell(palpate, shared, tmp_path):
     assert str(shared) not in text
 
 
-@pytest.mark.gate
 @pytest.mark.slow
 @pytest.mark.parametrize("sign", [1, -1])
 def test_no_row_agrees_by_construction(palpate, shared, tmp_path, monkeypatch, sign):

@@ -297,11 +297,11 @@ def test_workers_that_come_later_go_on_and_are_looked_at(own_cluster, monkeypatc
 def test_repeats_compare_and_reproduction_are_those_of_this_machine(
     scheduler, place, palpate, point_pipeline, tmp_path
 ):
-    text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "1 s"')
+    text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "6 s"')
     file = tmp_path / "own.toml"
-    file.write_text(text.replace("seed = 1\n", 'seed = 1\ntracks = ["dr/kinematic"]\n', 1) + "[repeat]\ncount = 2\n")
+    file.write_text(text.replace("seed = 1\n", 'seed = 1\ntracks = ["dr/ekf"]\n', 1) + "[repeat]\ncount = 2\n")
     commands = {
-        "repeat": ("repeat", file, "--track", "dr/kinematic"),
+        "repeat": ("repeat", file, "--track", "dr/ekf"),
         "compare": ("compare", file, "--estimators", "ekf"),
         "reproduce": ("reproduce", "loadcycle"),
     }

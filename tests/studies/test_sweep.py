@@ -19,7 +19,7 @@ estimator.ekf.force_std = ["0.05 N", "-1 N"]
 
 
 def with_sweep(pipeline, table):
-    text = pipeline.read_text().replace('duration = "10 s"', 'duration = "2 s"')
+    text = pipeline.read_text().replace('duration = "10 s"', 'duration = "6 s"')
     text = text.replace("seed = 1\n", 'seed = 1\ntracks = ["dr/ekf"]\n', 1)
     pipeline.write_text(text + table)
     return pipeline

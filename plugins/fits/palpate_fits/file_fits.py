@@ -128,7 +128,7 @@ def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, cells: E
     with progress("fit", "files", sum(len(group.curves) for group in groups)):
         done = 0
         for number, group in enumerate(groups, start=1):
-            dialect = "" if number == 1 else str(number)
+            dialect = "" if number == 1 else f"d{number}"
             reader = CurveReader(group.text, str(group.path), wanted.stated.overrides, DEVICE, approved_plugins())
             workers = wanted.jobs or (1 if len(group.curves) < FEW else None)
             table = fit_each(
@@ -169,7 +169,7 @@ def _show(
     if first is not None:
         page = folder / "page"
         numbers = [n for n, group in enumerate(groups, 1) if first in {curve.name for curve in group.curves}]
-        chosen = ["--set", f"run.dialect={numbers[0]}"] if numbers[0] > 1 else []
+        chosen = ["--set", f"run.dialect=d{numbers[0]}"] if numbers[0] > 1 else []
         words = [
             "palpate",
             "fit",

@@ -63,6 +63,8 @@ def _judge(track: TrackEvidence, known: dict[Any, RefittedModel]) -> Diagnosed |
     if not enough:
         return None
     base = refitted_model(track, known)
+    if not base.course.used.any():  # too few rows a second for a motion that is known
+        return None
     found = base.test(base.fit.residual)
     if fitted and (own := by_innovations(track)).p < found.p:
         found = base.by_motion(own, float(np.var(base.fit.residual)))
