@@ -91,7 +91,8 @@ def test_a_filter_that_fails_ends_its_track_alone(palpate, with_plugin, tmp_path
     assert tracks["dr/own"]["verdict"] == "invalid"
     assert tracks["dr/own"]["parameters"]["elasticity"]["value"] is None
     assert all(word in flags[code] for word in words), flags
-    assert tracks["dr/ekf"]["parameters"]["elasticity"]["value"] > 0
+    other = tracks["dr/ekf"]["parameters"]["elasticity"]  # of a run too short to determine it
+    assert (other["estimate"] if other["value"] is None else other["value"]) > 0
     assert "failed" not in {flag["code"] for flag in tracks["dr/ekf"]["flags"]}
     header, *rows = (tmp_path / "out" / "estimates.csv").read_text().splitlines()
     assert "dr/own:elasticity" in header

@@ -14,8 +14,8 @@ from tests.live_page.conftest import meanwhile, opened, read_any
 
 @pytest.fixture(scope="module")
 def record(root, tmp_path_factory):
-    """The folder of a run of 3 s with a filter and its smoother."""
-    sets = ["trajectory.press.duration=3 s", 'run.tracks=["dr/ekf", "dr/smoother"]']
+    """The folder of a run of 6 s with a filter and its smoother."""
+    sets = ["trajectory.press.duration=6 s", 'run.tracks=["dr/ekf", "dr/smoother"]']
     pipeline = load_pipeline(
         root / "pipelines" / "filters.toml", [*sets, 'estimator.smoother.type="kinematic-smoother"']
     )
@@ -87,7 +87,7 @@ def test_a_recorded_run_is_watched(log, when, record, addresses, monkeypatch, tm
     assert run["recorded"]
     assert len(time) == columns.shape[1]
     assert (np.diff(time) > 0).all()
-    assert time[-1] == pytest.approx(6.0, abs=0.5)
+    assert time[-1] == pytest.approx(9.0, abs=0.5)
     assert columns[0].max() > 3.0
     assert sorted(folder.iterdir()) == before  # nothing was written
 
