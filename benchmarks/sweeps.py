@@ -20,7 +20,6 @@ import numpy as np
 from palpate.device import Batch
 from palpate.estimation import Samples, Status
 from palpate_engine import TrackName
-from palpate_engine.alignment import Aligner
 from palpate_engine.config import Pipeline, load_pipeline
 from palpate_engine.pipeline import start_tracks
 from palpate_engine.pipeline.planned_motion import single_trajectory
@@ -71,7 +70,7 @@ def _aligned(given: Pipeline, arriving: Iterable[Batch]) -> Samples:
     batches: dict[str, list[Batch]] = {}
     for batch in arriving:
         batches.setdefault(batch.stream, []).append(batch)
-    aligner = Aligner(given.alignment, given.ports)
+    aligner = given.new_aligner()
     for stream, group in batches.items():
         time, received, values = (
             np.concatenate([getattr(b, key) for b in group]) for key in ("time", "received", "values")

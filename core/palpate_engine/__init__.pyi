@@ -51,7 +51,7 @@ from .config.migrations import FORMAT as FORMAT, KEY as KEY
 from .config.rig_facts import (
     MEASURED as MEASURED,
     MEASUREMENT as MEASUREMENT,
-    OF_FILES as OF_FILES,
+    NO_SETTINGS as NO_SETTINGS,
     RIG as RIG,
     RigFacts as RigFacts,
     facts_of as facts_of,

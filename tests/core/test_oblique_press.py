@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from palpate import Batch
 from palpate.errors import ConfigurationError
-from palpate_engine.alignment import Aligner
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline.tracks import start_tracks
 from palpate_kit.kinematics.ur_arm import quaternion
@@ -106,7 +105,7 @@ def press(angle, friction, rock=0.0, seed=0, rates=(800.0, 500.0)):
 
 def estimated(pipeline, batches):
     """E [Pa] and eta [Pa s], the alignment's report and the samples."""
-    aligner = Aligner(pipeline.alignment, pipeline.ports, pipeline.tip_radius)
+    aligner = pipeline.new_aligner()
     samples = aligner.aligned([("rig", batch) for batch in batches], final=True)
     (track,) = start_tracks(pipeline)
     track.run(samples)

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate.errors import ConfigurationError
-from palpate_engine.alignment import Aligner
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline.tracks import start_tracks
 from palpate_kit.logs.draft_pipeline import suggestion_of
@@ -51,7 +50,7 @@ def record():
 
 def estimated(pipeline):
     """E [Pa] and the alignment's report of a replay."""
-    aligner = Aligner(pipeline.alignment, pipeline.ports, pipeline.tip_radius)
+    aligner = pipeline.new_aligner()
     with pipeline.devices["log"].connect(0) as link:
         samples = aligner.aligned((("log", batch) for batch in link.batches()), final=True)
     (track,) = start_tracks(pipeline)

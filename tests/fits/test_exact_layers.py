@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import Batch
-from palpate_engine.alignment import Aligner
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline.tracks import Tracks, start_tracks
 
@@ -98,7 +97,7 @@ def results(tmp_path, layers, deepest=DEEPEST, seed=0):
     """Of each model, by its name."""
     (tmp_path / "layers.toml").write_text(PIPELINE.format(thickness=1e3 * layers[2]))
     pipeline = load_pipeline(tmp_path / "layers.toml")
-    aligner, tracks = Aligner(pipeline.alignment, pipeline.ports), Tracks(start_tracks(pipeline))
+    aligner, tracks = pipeline.new_aligner(), Tracks(start_tracks(pipeline))
     tracks.estimate(aligner.aligned([("rig", batch) for batch in press(*layers, deepest, seed)], final=True))
     tracks.estimate_offline()
     found = tracks.results(pipeline, aligner.report)

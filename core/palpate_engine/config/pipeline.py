@@ -22,7 +22,7 @@ from palpate.twin import Twin
 from palpate.units import Time
 from pydantic import Field
 
-from palpate_engine.alignment import AlignmentSettings, Ports
+from palpate_engine.alignment import Aligner, AlignmentSettings, Ports
 from palpate_engine.config.signal_wiring import ports_of
 from palpate_engine.safety import SafetySettings
 from palpate_engine.track_name import TrackName
@@ -187,6 +187,10 @@ class Pipeline:
         radii = [getattr(tip, "radius", None) for tip in self.indenters.values()]
         small = bool(radii) and all(radius is not None and radius < _SMALL for radius in radii)
         return 0.0 if small or self.alignment.tip_mass == 0 else _MOST_MASS
+
+    def new_aligner(self) -> Aligner:
+        """What joins the streams of the devices, of one run."""
+        return Aligner(self.alignment, self.ports, self.tip_radius, self.most_mass)
 
     @cached_property
     def _ports(self) -> Ports:

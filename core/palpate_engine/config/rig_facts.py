@@ -19,8 +19,9 @@ from pydantic_core import PydanticCustomError
 from palpate_engine.config.pipeline_source import Source
 
 RIG = "rig.toml"
-OF_FILES = ("columns", "units", "rate", "not_known")  # keys that concern the reading and asking of files alone
 MEASURED, MEASUREMENT = "measured", "measurement"  # tables that `palpate calibrate` writes
+# Keys that are no settings of every pipeline: the first concern the reading and asking of files alone.
+NO_SETTINGS = ("columns", "units", "rate", "not_known", "model", MEASURED, MEASUREMENT)
 _PLUS_MINUS = re.compile(r"\s*(?:\+-|\+/-|±)\s*")
 ROLES = ("force", "position", "velocity", "time")
 

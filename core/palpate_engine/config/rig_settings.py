@@ -20,9 +20,7 @@ from palpate_engine.config.pipeline_source import Source
 from palpate_engine.config.rig_facts import (
     FREE_AIR,
     HALF_SPACE,
-    MEASURED,
-    MEASUREMENT,
-    OF_FILES,
+    NO_SETTINGS,
     ZEROED,
     RigFacts,
     facts_of,
@@ -71,7 +69,7 @@ def apply_rig(source: Source, path: Path | None, known: Registry) -> bool:
 
 def plain_facts(facts: RigFacts) -> dict[str, Any]:
     """The facts that are settings of a pipeline, as its table `rig`."""
-    return facts.model_dump(exclude_defaults=True, exclude={*OF_FILES, "model", MEASURED, MEASUREMENT})
+    return facts.model_dump(exclude_defaults=True, exclude={*NO_SETTINGS})
 
 
 def rig_assignments(facts: RigFacts, path: Path) -> list[str]:

@@ -96,7 +96,7 @@ def _read(
     pipeline: Pipeline, tracks: Tracks, batches: Iterable[tuple[str, Batch]] | None
 ) -> tuple[Aligner, Samples, dict[str, list[Estimates]]]:
     """A record taken along the data path to its end: what aligned it, its samples, and the blocks of every track."""
-    aligner = Aligner(pipeline.alignment, pipeline.ports, pipeline.tip_radius, pipeline.most_mass)
+    aligner = pipeline.new_aligner()
     blocks: list[Samples] = []
     found: dict[str, list[Estimates]] = {}
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from palpate.device import is_live
 from palpate.errors import DeviceError, UserError, error_text
 
-from palpate_engine.alignment import Aligner, AlignmentReport
+from palpate_engine.alignment import AlignmentReport
 from palpate_engine.config import Pipeline
 from palpate_engine.pipeline.arrivals import Arrivals, Progress
 from palpate_engine.pipeline.data_path import DataPath
@@ -46,7 +46,7 @@ class Session:
         begun: Event,
     ) -> None:
         live = is_live(pipeline.devices)
-        self._aligner = Aligner(pipeline.alignment, pipeline.ports, pipeline.tip_radius, pipeline.most_mass)
+        self._aligner = pipeline.new_aligner()
         self._latency = Latency(pipeline.ports["position"]) if live and pipeline.tracks else None
         self._path = DataPath(self._aligner, tracks, outputs, self._latency)
         self._flow = Flow(pipeline, self._take, interrupt, declared_noise(pipeline))

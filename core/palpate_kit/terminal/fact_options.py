@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate_engine import MEASURED, MEASUREMENT, OF_FILES, RigFacts, option_of
+from palpate_engine import NO_SETTINGS, RigFacts, option_of
 
-_NONE = (*OF_FILES, "model", MEASURED, MEASUREMENT)  # keys that are no options of every command
 _PANEL = "Facts of rig and specimen"
 
 
@@ -20,7 +19,9 @@ def with_facts(command: Callable[..., None]) -> Callable[..., None]:
     """A command with an option for each fact, which is one more of its `overrides`; and --rig for a file of them."""
     signature = inspect.signature(command, eval_str=True)
     names = [
-        name for name in RigFacts.model_fields if name not in (*_NONE, *signature.parameters) or name == "position"
+        name
+        for name in RigFacts.model_fields
+        if name not in (*NO_SETTINGS, *signature.parameters) or name == "position"
     ]
     parameters = {f"fact_{name}": _option(name) for name in names}
     rig = Annotated[

@@ -54,38 +54,35 @@ def stated_facts(sources: Sequence[Path], overrides: Iterable[str], **given: str
     """The facts beside files, with those among overrides and those `given` on top; raises ConfigurationError."""
     table: dict[str, Any] = {key: text for key, text in given.items() if text is not None}
     settings: list[str] = []
-    path: Path | None = None
+    named: Path | None = None
     for text in overrides:
         keys, value = parsed_assignment(text)
         if keys == _RIG:
-            path = Path(str(value))
+            named = Path(str(value))
         elif keys[0] == "rig":
             table[".".join(keys[1:])] = value
         else:
             settings.append(text)
     options = facts_of(table)
-    named_file = path is not None
-    path = path or _beside(sources)
-    is_there = named_file or (path.is_file() and not _is_pipeline(path))
-    found = read_rig(path) if is_there else RigFacts()
-    stated = StatedFacts(found, path, tuple(settings), is_there, named_file, of_options=frozenset(table))
+    there = named or rig_beside(sources)
+    found, path = (read_rig(there), there) if there is not None else (RigFacts(), _places(sources)[0])
+    stated = StatedFacts(
+        found, path, tuple(settings), there is not None, named is not None, of_options=frozenset(table)
+    )
     return stated.with_facts(**options.model_dump(exclude_defaults=True)) if table else stated
 
 
 def rig_beside(sources: Sequence[Path]) -> Path | None:
     """The file of facts beside files, where there is one; raises ConfigurationError for several."""
-    path = _beside(sources)
-    return path if path.is_file() and not _is_pipeline(path) else None
-
-
-def _beside(sources: Sequence[Path]) -> Path:
-    """Where the file of facts of files is, or would be; raises ConfigurationError for several that there are."""
-    folders = dict.fromkeys(source if source.is_dir() else source.parent for source in sources)
-    paths = [folder / RIG for folder in folders]
-    there = [path for path in paths if path.is_file() and not _is_pipeline(path)]
+    there = [path for path in _places(sources) if path.is_file() and not _is_pipeline(path)]
     if len(there) > 1:
         raise ConfigurationError(f"{there[0]} and {there[1]}: which holds the facts? Name it with --rig FILE")
-    return next(iter(there), paths[0])
+    return next(iter(there), None)
+
+
+def _places(sources: Sequence[Path]) -> list[Path]:
+    """Where files of facts of files would be."""
+    return [folder / RIG for folder in dict.fromkeys(s if s.is_dir() else s.parent for s in sources)]
 
 
 def _is_pipeline(path: Path) -> bool:

@@ -128,7 +128,7 @@ def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, cells: E
     with progress("fit", "files", sum(len(group.curves) for group in groups)):
         done = 0
         for number, group in enumerate(groups, start=1):
-            dialect = "" if number == 1 else f"d{number}"
+            dialect = _dialect(number)
             reader = CurveReader(group.text, str(group.path), wanted.stated.overrides, DEVICE, approved_plugins())
             workers = wanted.jobs or (1 if len(group.curves) < FEW else None)
             table = fit_each(
@@ -169,7 +169,7 @@ def _show(
     if first is not None:
         page = folder / "page"
         numbers = [n for n, group in enumerate(groups, 1) if first in {curve.name for curve in group.curves}]
-        chosen = ["--set", f"run.dialect=d{numbers[0]}"] if numbers[0] > 1 else []
+        chosen = ["--set", f"run.dialect={name}"] if (name := _dialect(numbers[0])) else []
         words = [
             "palpate",
             "fit",
@@ -183,6 +183,11 @@ def _show(
         report = shlex.join(["palpate", "report", str(page / Path(paths[first]).name.split(".")[0])])
         typer.echo(f"a page on one: {shlex.join(words)} && {report}")
     typer.echo(count_line(rows, known))
+
+
+def _dialect(number: int) -> str:
+    """What the dialect of a group is called, from 1: no number, which a program for tables would round."""
+    return "" if number == 1 else f"d{number}"
 
 
 def _no_option(name: str) -> str:

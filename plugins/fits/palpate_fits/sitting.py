@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +42,18 @@ def prompt(text: str) -> str:
 def ask_fact(stated: StatedFacts, key: str, effect: str, ask: Ask) -> StatedFacts:
     """A fact asked until the answer is one; an empty one leaves it open."""
     question, example = question_of(key)
+    return _asked(stated, f'{question} As in "{example}" [Enter: {effect}]', lambda answer: {key: answer}, ask)
+
+
+def _asked(
+    stated: StatedFacts, text: str, facts_of: Callable[[str], dict[str, Any]], ask: Ask, guess: str = ""
+) -> StatedFacts:
+    """What is stated with the facts of an answer, asked until it is one; an empty one is the guess, or none."""
     for _ in range(_ATTEMPTS):
-        answer = ask(f'{question} As in "{example}" [Enter: {effect}]')
-        if not answer:
+        if not (answer := ask(text) or guess):
             break
         try:
-            return stated.answered(**{key: answer})
+            return stated.answered(**facts_of(answer))
         except ConfigurationError as error:
             typer.echo(str(error), err=True)
     return stated
@@ -64,22 +71,15 @@ def ask_of_files(stated: StatedFacts, questions: Mapping[str, FileQuestion], ask
         answered.add((question.key, question.name))
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
         empty = question.guess or "they are not read" if others else question.guess or "it is not read"
-        for _ in range(_ATTEMPTS):
-            answer = ask(f"{names[0]}{others}: {question.text}. Which is it? [Enter: {empty}]") or question.guess
-            if not answer:
-                break
-            if question.choices and answer not in question.choices:
-                typer.echo(f"{answer}: is none of {', '.join(question.choices)}", err=True)
-                continue
-            try:
-                stated = stated.answered(**_answered(stated, question, answer))
-                break
-            except ConfigurationError as error:
-                typer.echo(str(error), err=True)
+        text = f"{names[0]}{others}: {question.text}. Which is it? [Enter: {empty}]"
+        stated = _asked(stated, text, partial(_answered, stated, question), ask, question.guess)
     return stated
 
 
 def _answered(stated: StatedFacts, question: FileQuestion, answer: str) -> dict[str, Any]:
+    """The facts of an answer; raises ConfigurationError where it is none of those to choose from."""
+    if question.choices and answer not in question.choices:
+        raise ConfigurationError(f"{answer}: is none of {', '.join(question.choices)}")
     if question.key == "columns":
         columns = dict(stated.facts.columns or {})
         return {"columns": {**columns, question.name: (*columns.get(question.name, ()), answer)}}
