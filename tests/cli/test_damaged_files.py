@@ -1,6 +1,7 @@
 """One test over the kinds of files that are read: whatever is damaged in one is one error that names it."""
 
 import builtins
+import csv
 import errno
 import io
 import json
@@ -226,12 +227,17 @@ def test_materials_beside_a_mesh_are_not_opened(file, palpate):
 
 
 @pytest.mark.slow
-def test_a_pipeline_that_a_table_of_curves_names_is_one_of_its_folder(file, palpate, tmp_path):
+def test_a_dialect_that_a_table_of_curves_names_is_no_file(file, palpate, tmp_path):
     path, command = file("curves.csv")
-    path.write_text(path.read_text().replace("pipeline.toml", "/dev/zero"))
+    with path.open(newline="") as text:
+        rows = list(csv.DictReader(text))
+    with path.open("w", newline="") as text:
+        table = csv.DictWriter(text, list(rows[0]))
+        table.writeheader()
+        table.writerows(row | {"dialect": "/dev/zero"} for row in rows)
     done = palpate(*command)
     assert_clear(done, path, must=True)
-    assert "'/dev/zero' is no pipeline of the folder" in done.stderr
+    assert "there is no dialect '/dev/zero'" in done.stderr
 
 
 @pytest.mark.slow

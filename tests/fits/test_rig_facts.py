@@ -159,25 +159,24 @@ def test_the_file_beside_the_curves_is_found_and_said_and_one_command_is_enough(
     assert done.stdout.startswith("tip: sphere, radius 3 mm (diameter 6 mm); dr, nu 0.5, thick; force ")
     rows = rows_of(curves / "out")
     assert float(rows["0"]["elasticity"]) == pytest.approx(1e5, rel=0.01)
-    assert float(rows["1"]["elasticity"]) < 0.9 * 1.1e5  # of a layer of 5 mm
+    assert rows["1"]["verdict"] == "not determined"  # its record is of no layer of 5 mm
     options = ["--thickness", "half-space", "--rig", "curves/rig.toml"]
     again = palpate("fit", "curves", "--out", "thick", *options)
     rows = rows_of(curves / "thick")
     assert float(rows["1"]["elasticity"]) == pytest.approx(1.1e5, rel=0.01), again.stderr
     changed = palpate("fit", "out", "--where", "curve=curves/0.csv", "--thickness", "5 mm")
     assert changed.returncode == 0, changed.stderr
-    rows = rows_of(curves / "out")
-    assert float(rows["0"]["elasticity"]) < 0.9e5
+    assert rows_of(curves / "out")["0"]["verdict"] == "not determined"
 
 
 @pytest.mark.slow
 def test_run_and_indentation_read_the_same_file(curves, palpate):
-    (curves / "rig.toml").write_text('thickness = "5 mm"\ntare = "none"\n')
+    (curves / "rig.toml").write_text('thickness = "20 mm"\ntare = "none"\n')
     (curves / "p.toml").write_text(PIPELINE.replace("STATED", ""))
     ran = palpate("run", "p.toml", "--json", "--out", "run")
     assert ran.returncode == 0, ran.stderr
     track = json.loads(ran.stdout)["tracks"]["dr/fit"]
-    assert track["parameters"]["elasticity"]["value"] < 0.9e5
+    assert track["parameters"]["elasticity"]["value"] < 0.95e5
     pressed = palpate("fit", "indentation", "p.toml", "--out", "pressed")
     assert pressed.returncode == 0, pressed.stderr
     contradicted = palpate("fit", "curves/0.csv", "--pipeline", "p.toml", "--set", "model.dr.thickness=half-space")
@@ -186,11 +185,11 @@ def test_run_and_indentation_read_the_same_file(curves, palpate):
 
 @pytest.mark.slow
 def test_python_reads_the_same_file_and_refuses_what_contradicts_the_record(curves):
-    (curves / "rig.toml").write_text('tip = "sphere 3 mm"\nthickness = "5 mm"\ntip_mass = "0 g"\n')
+    (curves / "rig.toml").write_text('tip = "sphere 3 mm"\nthickness = "20 mm"\ntip_mass = "0 g"\n')
     record = python.read("curves/0.csv", timing="0.1 ms")
     thin = python.fit(record, rig="rig.toml")
-    assert thin.elasticity.value < 0.9e5
-    keys = python.fit(record, rig={"tip": "sphere 3 mm", "thickness": "5 mm", "tip_mass": "0 g"})
+    assert thin.elasticity.value < 0.95e5
+    keys = python.fit(record, rig={"tip": "sphere 3 mm", "thickness": "20 mm", "tip_mass": "0 g"})
     assert keys.elasticity.value == thin.elasticity.value
     (curves / "rig.toml").write_text('tip = "sphere 3 mm"\nthickness = "half-space"\ntip_mass = "0 g"\n')
     thick = python.fit(record, rig="rig.toml")  # another content is another fit

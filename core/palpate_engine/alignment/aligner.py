@@ -121,9 +121,10 @@ class Aligner:
             position = np.concatenate([[self._previous[1]], position])
         velocity = np.full(len(stamps), np.nan)
         if len(stamps) > 2:
-            step = np.diff(stamps) / _SECOND
+            width = np.diff(stamps)
+            step = width / _SECOND
             slope = np.diff(position) / step
-            slope[step > self._settings.gap] = np.nan
+            slope[width > self._roles["position"].gap] = np.nan
             velocity[1:-1] = (slope[1:] * step[:-1] + slope[:-1] * step[1:]) / (step[1:] + step[:-1])
         return velocity[1:] if self._previous is not None else velocity
 

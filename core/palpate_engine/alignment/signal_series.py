@@ -22,7 +22,7 @@ class Series:
         self._watched = watched  # for a sensor that is stuck
         self._column = column
         self._delay = round(signal.delay * _SECOND)
-        self._gap = round(gap * _SECOND)
+        self.gap = round(gap * _SECOND)  # [ns]
         self._limits = limits
         self.stamps: NDArray[np.int64] = np.zeros(0, np.int64)
         self.values: Floats = np.zeros(0)
@@ -86,7 +86,7 @@ class Series:
         width = self.stamps[right] - self.stamps[left]
         weight = (instants[inside] - self.stamps[left]) / np.maximum(width, 1)
         found = self.values[left] + weight * (self.values[right] - self.values[left])
-        lost = (width > self._gap) | self._saturated[left] | self._saturated[right]
+        lost = (width > self.gap) | self._saturated[left] | self._saturated[right]
         values[inside] = np.where(lost, np.nan, found)
         return values
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, Indenter
-from palpate_engine import registry, tip_table
+from palpate_engine import AlignmentSettings, registry, tip_table
 from palpate_records.messages.readings import LARGEST
 from palpate_records.recording import Suggestion
 
@@ -15,6 +15,7 @@ from palpate_kit.logs.delay_from_free_air import air_delay
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, Pick, RoleGuess, Search
 
 _TARE = 0.9  # [s]
+_PAUSE = 5.0  # usual intervals, from which on a pause between readings is a gap
 _FEWEST = 12  # readings
 _PARTS, _WANDER = 6, 1.5  # of those first moments; of the scatter within a part, that their means have at rest
 _FREE = 0.05  # of the force's range by which its rest may be away from where it touches nothing
@@ -156,6 +157,9 @@ def assemble_suggestion(
     seconds = air_window(series["force"][0])
     if seconds > _TARE:
         alignment["tare_duration"] = f"{seconds:.3g} s"
+    pause = _PAUSE * float(np.median(np.diff(series["position"][0])))
+    if pause > AlignmentSettings.model_fields["gap"].default:
+        alignment["gap"] = f"{pause:.3g} s"
     why = no_tare(*series["force"])
     if why is not None:
         alignment["tare"] = "none"

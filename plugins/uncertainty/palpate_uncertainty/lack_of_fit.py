@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from palpate import Diagnosed, Flag, TrackEvidence
+from palpate import Condition, Diagnosed, Flag, TrackEvidence
 
 from palpate_uncertainty.model_alternatives import refit
 from palpate_uncertainty.refit import make_course, possible, sweeps
@@ -24,11 +24,13 @@ from palpate_uncertainty.refitted_model import (
     refitted_model,
     with_noise,
 )
+from palpate_uncertainty.residual_null import air_readings
 from palpate_uncertainty.residual_tests import LEVEL, ResidualTests, refit_tests, residual_tests
 
 _IDENTIFIABLE = 10.0  # times one step to the alternative, beyond which a refit of it is not identifiable
 _STRETCH = 4.0  # [s] of a sweep
 _OF_A_SWEEP = 0.015  # of the variance of innovations; the most of 28 tracks of clean sweeps was 0.008
+_UNTESTED = "the residual is noise, which too few samples without air do not show"
 _DEEP = 3e-3  # [m], where the surface is looked for first
 
 
@@ -38,7 +40,7 @@ def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     found = {}
     for track in tracks:
         try:
-            finding = _judge(track, known)
+            finding = _beside_open_noise(track, _judge(track, known))
         except (ValueError, ArithmeticError) as error:  # a model without a force at such numbers; the others are judged
             finding = Diagnosed((Flag("diagnosis-failed", f"lack-of-fit: {error}"),))
         if finding is not None:
@@ -46,11 +48,22 @@ def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     return found
 
 
+def _beside_open_noise(track: TrackEvidence, finding: Diagnosed | None) -> Diagnosed | None:
+    """A finding, with the condition on the noise where no air shows that; None where nothing was tested and it does."""
+    if track.ending is None or air_readings(track) is not None:
+        return finding
+    text = _UNTESTED if finding is None else "noise of the force as in its upper band"
+    noise = Condition("noise", text, "record 0.2 s at rest in air first")
+    return replace(finding or Diagnosed(), conditions=(noise,))
+
+
 def _judge(track: TrackEvidence, known: dict[Any, RefittedModel]) -> Diagnosed | None:
     """By the residual along each alternative; by refits where the noise is open, or the model remembers."""
     if not possible(track):
         return None
     fitted = track.report is not None and bool(np.isfinite(track.kept.innovation).any())
+    if not make_course(track, judged_rows(track)).used.any():
+        raise ValueError("no sample in contact has a known motion; is [alignment] gap below the interval of readings?")
     enough = np.count_nonzero(track.kept.used & ~track.kept.hesitating) >= ENOUGH
     if sweeps(track) and not fitted:
         return _along_a_sweep(track) if enough else None
@@ -63,8 +76,6 @@ def _judge(track: TrackEvidence, known: dict[Any, RefittedModel]) -> Diagnosed |
     if not enough:
         return None
     base = refitted_model(track, known)
-    if not base.course.used.any():  # too few rows a second for a motion that is known
-        return None
     found = base.test(base.fit.residual)
     if fitted and (own := by_innovations(track)).p < found.p:
         found = base.by_motion(own, float(np.var(base.fit.residual)))

@@ -15,7 +15,6 @@ from palpate_uncertainty.delay.commanded_motion import position_noise, share_of_
 from palpate_uncertainty.delay.one_frequency import one_frequency_text
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
 from palpate_uncertainty.refit import depths_in_contact
-from palpate_uncertainty.residual_null import air_readings
 from palpate_uncertainty.undeclared_thickness import half_space_from, stiffer_by
 
 # The alternatives, one for each fact: a change of this table is a change of schema.
@@ -181,13 +180,8 @@ def _frequency(track: _OpenTrack) -> Iterator[Condition]:
         yield Condition("frequency", text, "palpate at several frequencies", code="one-frequency")
 
 
-def _noise(track: _OpenTrack) -> Iterator[Condition]:
-    if air_readings(track.evidence) is None:
-        yield Condition("noise", "noise of the force as in its upper band", "record 0.2 s at rest in air first")
-
-
 _FACTS: tuple[Callable[[_OpenTrack], Iterator[Condition]], ...] = (
-    _thickness, _delay, _tare, _mass, _poisson, _level, _mount, _position, _frequency, _noise,
+    _thickness, _delay, _tare, _mass, _poisson, _level, _mount, _position, _frequency,
 )  # fmt: skip
 
 

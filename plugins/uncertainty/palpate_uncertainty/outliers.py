@@ -22,7 +22,7 @@ def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     for track in tracks:
         used = track.kept.used
         force = _left(track)[used]
-        noise = ForceNoise.of(track)
+        noise = ForceNoise.of(track, force)
         spikes = spikes_of(force, ~track.kept.hesitating[used], noise.std if noise is not None else 0.0)
         if not len(spikes):
             continue

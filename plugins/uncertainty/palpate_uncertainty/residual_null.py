@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from palpate import Floats, SampleStore, TrackEvidence
+from palpate import Floats, TrackEvidence
 from palpate_engine import force_slopes
 from palpate_kit.numerics.tip_travel import noise_of, rate_kernels
 
@@ -17,7 +17,10 @@ from palpate_uncertainty.refit import Course
 AIR, READINGS = 0.2, 100  # [s] and readings without contact that tell the noise
 _STILL = 1e-4  # [m]
 _NEAR = 0.05  # of the way in contact, above which the air before it is air
-_FLAT = 1.5  # by which parts of a flat band may differ
+_LOWEST = 0.125  # of the band, from which on what a model leaves is noise
+_FLAT, _CHANCE = 1.5, 3.8  # by which parts of a flat band differ: a factor, or standard deviations of few readings
+_NEW = 0.7  # of the readings, fewer of which differ from the one before where a sensor is held
+_PER_LINE = 1.94  # variance of the mean of lines of a Hann window, of that of independent ones (Harris 1978)
 _COARSE = 0.5  # of the noise, above which a step of the readings counts beside it
 
 
@@ -31,11 +34,14 @@ class ForceNoise:
     excess: float = 1.0  # of the variance of slow means, by what is not known of the coefficients
 
     @classmethod
-    def of(cls, track: TrackEvidence) -> ForceNoise | None:
-        """From standstill, else from the air before the contact, else from the upper band; None where it is open."""
+    def of(cls, track: TrackEvidence, left: Floats) -> ForceNoise | None:
+        """From standstill, else from the air before the contact, else from the upper band of what is left (n,) [N].
+
+        None where it is open.
+        """
         rest = air_readings(track)
         if rest is None:
-            return upper_band(track.kept)
+            return upper_band(left, track.kept.force)
         null, std = null_of(rest), float(np.std(rest, ddof=1))
         steps = np.abs(np.diff(track.kept.force))
         least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
@@ -70,21 +76,23 @@ def air_readings(track: TrackEvidence) -> Floats | None:
     return np.asarray(force[:until])
 
 
-def upper_band(kept: SampleStore) -> ForceNoise | None:
-    """White noise by the upper half of the band; None where that is not flat, or below the step of the readings."""
-    force = kept.force[kept.runs == np.bincount(kept.runs).argmax()] if len(kept.runs) else kept.force
-    if len(force) < 2 * READINGS or not np.isfinite(force).all():
+def upper_band(left: Floats, readings: Floats) -> ForceNoise | None:
+    """White noise of at most the power of the upper band of what a model has left (n,) [N] of readings (m,) [N].
+
+    None where that is not flat, or below the step of the readings. A few samples tell little of how flat it is.
+    """
+    steps = np.abs(np.diff(readings))
+    if len(left) < READINGS or not np.isfinite(left).all() or np.count_nonzero(steps) < _NEW * len(steps):
         return None
-    window = np.hanning(len(force))
-    power = np.abs(np.fft.rfft(np.diff(force, 2) * window[1:-1])) ** 2 / float(window @ window)
-    angle = np.linspace(0.0, np.pi, len(power))
-    band = power[len(power) // 2 :] / (2.0 * np.sin(angle[len(power) // 2 :] / 2.0)) ** 4
+    window = np.hanning(len(left))
+    power = np.abs(np.fft.rfft(np.diff(left, 2) * window[1:-1])) ** 2 / float(window @ window)
+    angle = np.linspace(0.0, np.pi, len(power))[int(_LOWEST * len(power)) :]
+    band = power[-len(angle) :] / (2.0 * np.sin(angle / 2.0)) ** 4
     parts = [float(np.mean(part)) for part in np.array_split(band, 4)]
-    steps = np.abs(np.diff(force))
-    least = float(steps[steps > 0].min(initial=np.inf))
-    if max(parts) > _FLAT * min(parts) or not least < min(parts) ** 0.5:
+    flat = max(_FLAT, float(np.exp(_CHANCE * np.sqrt(_PER_LINE * 4 / len(band)))))
+    if max(parts) > flat * min(parts) or not float(steps[steps > 0].min()) < min(parts) ** 0.5:
         return None
-    return ForceNoise(float(np.mean(band)) ** 0.5, np.zeros(0), len(band))
+    return ForceNoise(max(parts) ** 0.5, np.zeros(0), len(band))
 
 
 @dataclass(frozen=True)

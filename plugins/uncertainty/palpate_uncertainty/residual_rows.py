@@ -31,6 +31,7 @@ _TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)  # [s] of what may relax
 _SMALL = 0.5e-3  # [m] radius of a tip
 _WIDE, _NARROW = 0.08, 11  # [s] and samples of the window of slow accelerations
 _NEAR = 0.05  # of the way in contact, below which it is no air
+_OPEN_DELAY, _OPEN_MASS = 0.02, 0.5  # [s], [kg] of facts that nobody has stated, one standard uncertainty
 
 
 @dataclass(frozen=True)
@@ -82,29 +83,26 @@ class JudgedRows:
         return bool(getattr(getattr(self.track.model, "indenter", None), "radius", _SMALL) < _SMALL)
 
     def stated(self) -> Iterator[Floats]:
-        """(n,) [N] of each stated quantity, one standard uncertainty of it."""
+        """(n,) [N] of each quantity that is not exactly known, one standard uncertainty of it."""
         end, mass = self.track.ending, self.track.tip_mass
         if end is None:
             return
-        if (timing := end.settings.timing_uncertainty) is not None:
-            yield timing * self.change
+        timing = end.settings.timing_uncertainty
+        yield (_OPEN_DELAY if timing is None else timing) * self.change
         if (tare := end.report.tare) is not None and tare.offset_std is not None and not self._tells_zero:
             yield np.full(len(self.time), tare.offset_std)
-        if mass:
+        if end.settings.tip_mass is None:
+            yield _OPEN_MASS * self.acceleration
+        elif mass:
             share = end.settings.tip_mass_uncertainty
             yield (0.05 * mass if share is None else share) * self.acceleration
         if end.settings.drift != type(end.settings).model_fields["drift"].default:
             yield end.settings.drift * (self.time - self.course.begin)
 
     def open(self) -> Iterator[Floats]:
-        """(n,) what facts that nobody has stated may add, and a zero that the air tells: nothing is said of these."""
-        end = self.track.ending
+        """(n,) a zero that the air tells: nothing is said of it."""
         if self._tells_zero:
             yield np.ones(len(self.time))
-        if end is not None and end.settings.timing_uncertainty is None:
-            yield self.change
-        if end is not None and end.settings.tip_mass is None:
-            yield self.acceleration
 
     @property
     def _has_air(self) -> bool:
@@ -185,7 +183,8 @@ class JudgedRows:
         if self._bends:
             yield "command", _AHEAD**2, self.by_depth * self.acceleration
         if end is not None and (end.report.tare is None or end.report.tare.offset_std is None):
-            yield "zero of the force", 0.05 * most, np.ones(len(self.time))
+            # A force that was zeroed in contact lacks what the tip already bore.
+            yield "zero of the force", (0.05 if self._has_air else 0.5) * most, np.ones(len(self.time))
         yield "drift", 0.05 * most, self._since
         yield "drift in steps", math.inf, bins_of(self.time, _STEPS)
 

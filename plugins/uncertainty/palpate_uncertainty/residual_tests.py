@@ -111,15 +111,13 @@ def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> Residual
         return None
     if not report.rss > 0 or not np.isfinite(track.values).all():
         return None
-    force = ForceNoise.of(track)
-    if force is None:
-        return None
     course = make_course(track, rows)
     free = sum(unknown.free for unknown in report.unknowns.values())
     scale = math.sqrt(report.rss / max(report.samples - free, 1))
     own = -scale * kept.innovation  # measured less model
-    rest = _left(track, course)
-    return _tests(track, course, np.where(kept.used & np.isfinite(own), own, rest)[course.used], force)
+    residual = np.where(kept.used & np.isfinite(own), own, _left(track, course))[course.used]
+    force = ForceNoise.of(track, residual)
+    return None if force is None else _tests(track, course, residual, force)
 
 
 def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTests | None:
@@ -127,8 +125,8 @@ def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTes
 
     Innovations of a filter are not white where its model is right. Rate and acceleration are derived as by a fit.
     """
-    kept, force = track.kept, ForceNoise.of(track)
-    if force is None or track.model.memory or not np.isfinite(track.values).all():
+    kept = track.kept
+    if track.model.memory or not np.isfinite(track.values).all():
         return None
     interval, always = np.diff(kept.time, prepend=kept.time[0]), np.ones(len(kept.time), bool)
     stamp = np.rint(kept.time * 1e9).astype(np.int64)
@@ -140,6 +138,9 @@ def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTes
     if np.count_nonzero(course.used) < _ENOUGH:
         return None
     fit = refit(course, track.values, track.surface)
+    force = ForceNoise.of(track, fit.residual)
+    if force is None:
+        return None
     return _tests(replace(track, values=fit.theta, surface=fit.surface), course, fit.residual, force)
 
 
