@@ -63,7 +63,6 @@ def test_a_short_run_and_its_replay(rig):
     check_replay(rig, result)
 
 
-@pytest.mark.gate
 @pytest.mark.slow
 def test_the_example_as_it_stands(simulated):
     twin = simulated()
@@ -199,9 +198,8 @@ def test_a_force_that_is_not_true_presses_nothing(simulated, fault, words):
     assert state["height"] > 0.002
 
 
-@pytest.mark.gate
 @pytest.mark.slow
-@pytest.mark.parametrize("control", ["pd", "servo"])
+@pytest.mark.parametrize("control", ["pd", pytest.param("servo", marks=pytest.mark.gate)])
 def test_a_motion_goes_by_time_however_often_the_controller_sends_its_state(simulated, capsys, control):
     """It took 6.7 s in place of 3.9 s where it went by the number of states."""
     twin, lasted, truth = simulated(*SHORT, f'device.arm.control="{control}"'), {}, {}
@@ -306,9 +304,8 @@ def test_an_exception_in_the_job_itself(rig, monkeypatch, tmp_path):
     assert readings(tmp_path / "out" / "log.mcap", "arm", "tip")
 
 
-@pytest.mark.gate
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.gate), signal.SIGTERM, signal.SIGHUP])
 def test_each_signal_ends_a_run_with_the_arm_retracted(rig, number, tmp_path):
     raised = []
 

@@ -135,7 +135,6 @@ def test_estimates_that_lag_are_all_made_with_the_same_bits_and_flagged(run_live
         np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in found]), getattr(whole, name))
 
 
-@pytest.mark.gate
 @pytest.mark.slow
 def test_a_run_that_keeps_up_says_how_late_its_estimates_are(run_live):
     result = run_live("trajectory.press.duration=0.3 s")
@@ -184,7 +183,6 @@ def test_a_stopped_run_does_not_wait_for_its_backlog(run_live, replay, slow):
     assert f"end at {until:.2f} s" in next(flag.message for flag in result.flags if flag.code == "backlog")
 
 
-@pytest.mark.gate
 @pytest.mark.slow
 def test_a_recording_without_tracks_has_no_estimates_that_could_lag(live_pipeline, tmp_path, slow):
     slow["seconds"] = 0.004

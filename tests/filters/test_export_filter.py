@@ -50,21 +50,16 @@ def _exported(palpate, tmp_path, estimator, track="dr/filter"):
     return palpate("model", "export", file, "--track", track, "-o", tmp_path / "filter")
 
 
-@pytest.mark.gate
 @pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize(
     ("estimator", "track"),
     [
-        pytest.param('type = "kinematic-ekf"', "dr/filter", marks=pytest.mark.slow),
-        pytest.param(
-            'type = "kinematic-ekf"\nbias_std = "20 mN"\nnoise = "measure"\nstudent = 4',
-            "dr/filter",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param('type = "kinematic-ekf"', "sls/filter", marks=pytest.mark.slow),
+        pytest.param('type = "kinematic-ekf"', "dr/filter", marks=pytest.mark.gate),
+        ('type = "kinematic-ekf"\nbias_std = "20 mN"\nnoise = "measure"\nstudent = 4', "dr/filter"),
+        ('type = "kinematic-ekf"', "sls/filter"),
         ('type = "ekf"', "dr/filter"),
-        pytest.param('type = "afukf"\nstart_from = "fit"', "dr/filter", marks=pytest.mark.slow),
+        pytest.param('type = "afukf"\nstart_from = "fit"', "dr/filter", marks=pytest.mark.gate),
     ],
 )
 def test_c_gives_the_same_numbers_over_a_whole_run(palpate, tmp_path, estimator, track):

@@ -38,10 +38,16 @@ def shown(page):
             others.append(header)
 
 
-@pytest.mark.gate
 @pytest.mark.slow
-@pytest.mark.parametrize("log", [True, False], ids=["by its log", "by its tables"])
-@pytest.mark.parametrize("when", ["before the first row", "after the last"])
+@pytest.mark.parametrize(
+    ("log", "when"),
+    [
+        pytest.param(True, "before the first row", marks=pytest.mark.gate),
+        (True, "after the last"),
+        (False, "before the first row"),
+        (False, "after the last"),
+    ],
+)
 def test_a_recorded_run_is_watched(log, when, record, addresses, monkeypatch, tmp_path):
     """A browser that is quick comes before the first row, another when the page has all of the record."""
     folder = Path(shutil.copytree(record, tmp_path / "watched"))
