@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from palpate_kit.runs.result_file import estimate_of
 
 from tests.records.bags import array_message, press, write_bag
 
@@ -78,7 +79,8 @@ def from_suggestion_to_elasticity(palpate, tmp_path, *arguments):
     (tmp_path / "log.toml").write_text(suggested.stdout)
     done = palpate("run", "log.toml", "--json")
     assert done.returncode == 0, done.stderr
-    return suggested.stdout, json.loads(done.stdout)["tracks"]["dr/ekf"]["parameters"]["elasticity"]["value"]
+    found = json.loads(done.stdout)["tracks"]["dr/ekf"]["parameters"]["elasticity"]
+    return suggested.stdout, estimate_of(found)
 
 
 TRUTH = 0.75 * 0.75 * 1.2e4 / np.sqrt(0.005)  # of the force that `press` answers with, on a tip of 5 mm

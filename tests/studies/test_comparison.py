@@ -95,7 +95,7 @@ def test_what_cannot_run_is_a_row_with_the_reason(palpate, point_pipeline, tmp_p
     (point_pipeline.parent / "own.py").write_text(OWN)
     point_pipeline.write_text(point_pipeline.read_text() + '\n[model.sticky]\ntype = "sticky"\n')
     short = ["--set", "trajectory.press.duration=1 s", "--set", 'run.tracks=["*"]', "--set", 'run.plugins=["own.py"]']
-    kinds = ["--models", "dr,jkr,sticky", "--estimators", "ekf"]
+    kinds = ["--models", "dr,jkr,sticky", "--estimators", "kinematic"]
     done = palpate("compare", point_pipeline, *short, *kinds, "--out", "out")
     assert done.returncode == 0, done.stderr
     with (tmp_path / "out" / "compare.csv").open(newline="") as file:

@@ -162,7 +162,8 @@ def _along_the_way(table: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         places = value["places"]
         word, factor = display_unit(value["unit"])
         doubt = number_texts.number_text(value["std"], value["unit"]) if value["std"] is not None else "not known"
-        mean = f"mean of {places['places']} places {number_texts.number_text(value['value'], value['unit'])}"
+        number = None if value["value"] is None else number_texts.number_text(value["value"], value["unit"])
+        mean = f"mean of {places['places']} places {number or number_texts.value_of(value)}"
         span = f"{factor * places['low']:.4g} to {factor * places['high']:.4g} {word}"
         yield number_texts.readable(name), span, f"along the path; {mean}; u of a place about {doubt}"
 
