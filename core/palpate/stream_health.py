@@ -84,7 +84,7 @@ class Health:
         every = np.concatenate([self._repeats, np.column_stack([counts, changes])])
         every = every[np.lexsort((-every[:, 1], -every[:, 0]))]
         before = np.maximum.accumulate(np.concatenate([[-1.0], every[:-1, 1]]))
-        self._repeats = every[every[:, 1] > before]
+        self._repeats = np.asarray(every[every[:, 1] > before], float)
 
     @property
     def longest_repeat(self) -> int:

@@ -60,7 +60,7 @@ def test_the_authors_bags_from_a_first_look_to_a_fit(palpate, shared, tmp_path, 
     assert tracks.keys() == {"dr/ekf", "dr/fit"}
     for track in tracks.values():
         found = track["parameters"]["elasticity"]
-        assert 10e3 < found["value"] < 500e3
+        assert 10e3 < estimate_of(found) < 500e3
         assert found["combined"] > 0
     fitted = palpate("fit", "bag.toml", "--no-pictures")
     assert fitted.returncode == 0, fitted.stderr

@@ -87,10 +87,10 @@ def test_the_interval_with_the_geometry_overlaps_the_dynamometer(authors_log, tm
 def test_spikes_are_counted_and_a_clean_record_has_none(evidence):
     track = evidence("clean", CasadiFit())
     assert outliers([track]) == {}
-    force = track.kept.force.copy()
+    left = track.kept.innovation.copy()
     rows = np.flatnonzero(track.kept.used)[100:4100:500]
-    force[rows] += 12.0
-    spiked = replace(track, kept=replace(track.kept, force=force))
+    left[rows] += 12.0 / np.sqrt(track.report.rss / track.report.samples)
+    spiked = replace(track, kept=replace(track.kept, innovation=left))
     (finding,) = outliers([spiked]).values()
     assert [flag.code for flag in finding.flags] == ["outliers"]
     assert finding.table["count"] == len(rows)

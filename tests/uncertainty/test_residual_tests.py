@@ -75,7 +75,7 @@ def test_with_nothing_stated_elasticity_is_good_and_viscosity_needs_the_delay(ju
 @pytest.mark.slow
 def test_a_wrong_record_of_a_small_tip_is_off_by_as_much_as_is_said(judged):
     """Values of 1e4 Pa beside a surface of 1e-7 m: the shifts of one are no rounding of the other."""
-    found, specimen = judged("afm", "stage and deflection", 50)
+    found, specimen = judged("afm", "a power law", 50)
     assert abs(found["elasticity"]["value"] - specimen.elasticity) < 2 * found["elasticity"]["combined"]
     assert "can move elasticity" in found["words"]
 

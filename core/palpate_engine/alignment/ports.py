@@ -9,7 +9,7 @@ from palpate.alignment_settings import AlignmentSettings, Signal
 from palpate.device import Stream, address
 
 PLACE = dict.fromkeys("xyz", "m")
-TURNS = (  # how a pose may state the tool's orientation
+TURNS: tuple[Mapping[str, str], ...] = (  # how a pose may state the tool's orientation
     dict.fromkeys(("qx", "qy", "qz", "qw"), "1"),  # quaternion
     dict.fromkeys(("rx", "ry", "rz"), "rad"),  # rotation vector
     dict.fromkeys(("roll", "pitch", "yaw"), "rad"),  # turns about x, y and z, in the order that is stated

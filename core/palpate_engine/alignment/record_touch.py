@@ -175,11 +175,11 @@ def _surface(
 def _basis(terms: list[Floats]) -> Floats:
     """Orthonormal columns (n, k) that span some terms: at a constant speed travel is time."""
     left, sizes, _ = np.linalg.svd(np.column_stack([term / (np.linalg.norm(term) or 1.0) for term in terms]), False)
-    return np.asarray(left[:, sizes > _ALIKE * sizes[0]])
+    return np.asarray(left[:, sizes > _ALIKE * sizes[0]], float)
 
 
 def _fitted(terms: list[Floats], force: Floats) -> Floats:
-    return np.asarray(np.linalg.lstsq(np.column_stack(terms), force, rcond=None)[0])
+    return np.asarray(np.linalg.lstsq(np.column_stack(terms), force, rcond=None)[0], float)
 
 
 def _as_one(residual: Floats) -> float:

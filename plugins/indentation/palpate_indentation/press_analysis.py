@@ -140,9 +140,9 @@ def _explained(
     sticking = None if settings.retract or known else law_that_sticks(law, branch, press.noise, fit, tilt=settings.tilt)
     if sticking is None:
         tilt = settings.tilt and fitted.untold is None
-        doubts = _of_viscosity(law, press, branch, fit, viscosity, tilt=tilt, robust=settings.robust)
-        return law, fitted, [*doubts, ("tilt", None, "", fitted.by_tilt)], None
-    doubts = [("theory of adhesion", None, "", sticking.apart)]
+        of_viscosity = _of_viscosity(law, press, branch, fit, viscosity, tilt=tilt, robust=settings.robust)
+        return law, fitted, [*of_viscosity, ("tilt", None, "", fitted.by_tilt)], None
+    doubts: list[Doubt] = [("theory of adhesion", None, "", sticking.apart)]
     if viscosity is not None:
         bound, moved = bound_of_viscosity(sticking.law, law, branch, sticking.fit)
         doubts.append(("viscosity", bound, viscosity.unit, min(moved, sticking.fit.modulus)))

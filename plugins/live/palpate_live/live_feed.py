@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Estimates, Flag, FlagMeaning, Floats, GuardState, Run, Samples
-from palpate_engine import display_unit, finite_tree
+from palpate_engine import display_unit, finite_tree, has_no_number
 from palpate_kit.page.datagrams import pack, pack_rows, pieces
 
 from palpate_live.row_columns import RowColumns, Table, beyond, describe_run, rows_of
@@ -142,5 +142,7 @@ class PageFeed:
 
 
 def _value(part: Mapping[str, Any]) -> list[Any]:
-    """Value and combined standard uncertainty [SI], the unit that is shown, and how many of it one SI unit is."""
-    return [part["value"], part["combined"], *display_unit(part["unit"])]
+    """Value and combined standard uncertainty [SI], the unit that is shown, how many of it one SI unit is, and why there
+    is no number."""
+    word = part.get("verdict") or ""
+    return [part["value"], part["combined"], *display_unit(part["unit"]), word if has_no_number(word) else ""]

@@ -45,18 +45,18 @@ export class Cards {
   show(record, rows, state) {
     for (const card of this.cards) {
       const { track } = card, found = state.found[track.name], n = track.parameters.length;
-      const verdict = worst(state, track.name);
-      card.verdict.textContent = !found ? "± of the estimator alone" : found.final ? `${WORDS[verdict]} (result)` : `${WORDS[verdict]} so far`;
-      card.verdict.className = !found || verdict === "note" ? "note-flag" : verdict;
+      const verdict = found?.verdict ?? worst(state, track.name), words = WORDS[verdict] ?? verdict;
+      card.verdict.textContent = !found ? "± of the estimator alone" : `${words} ${found.final ? "(result)" : "so far"}`;
+      card.verdict.className = !found || verdict === "note" || !(verdict in WORDS) ? "note-flag" : verdict;
       track.parameters.forEach((parameter, k) => {
         const final = found?.final ? found.parameters[parameter.name] : null;
         const value = final ? final[0] ?? NaN : record.last(track.begin + k, rows);
         const u = final ? final[1] : record.last(track.begin + n + k, rows);
-        card.rows[k].textContent = measured(value * parameter.factor, u === null ? null : u * parameter.factor);
+        card.rows[k].textContent = final?.[4] || measured(value * parameter.factor, u === null ? null : u * parameter.factor);
       });
-      for (const [name, [value, combined, unit, factor]] of Object.entries(found?.derived ?? {})) {
+      for (const [name, [value, combined, unit, factor, word]] of Object.entries(found?.derived ?? {})) {
         if (!card.derived.has(name)) card.derived.set(name, this.row(card.table, `${name} (derived)`, unit));
-        card.derived.get(name).textContent = measured((value ?? NaN) * factor, combined === null ? null : combined * factor);
+        card.derived.get(name).textContent = word || measured((value ?? NaN) * factor, combined === null ? null : combined * factor);
       }
     }
   }
