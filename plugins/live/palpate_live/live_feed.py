@@ -142,7 +142,6 @@ class PageFeed:
 
 
 def _value(part: Mapping[str, Any]) -> list[Any]:
-    """Value and combined standard uncertainty [SI], the unit that is shown, how many of it one SI unit is, and why there
-    is no number."""
+    """Value and combined standard uncertainty [SI], the unit shown, how many of it one SI unit is, why there is none."""
     word = part.get("verdict") or ""
     return [part["value"], part["combined"], *display_unit(part["unit"]), word if has_no_number(word) else ""]
