@@ -24,8 +24,8 @@ stated and no record shows is a *condition* and no flag. The file that decides i
   diagnosis finds to be harmless moves nothing.
 - The terminal shows at most three flags of a track, those that move a value most.
 
-What is flagged on real logs, and whether it is true: [measured](flags-real-logs.md). What is said of 99 mistakes of
-laboratories: [measured](flags-measured.md).
+What is flagged on real logs, and whether it is true: [measured](../benchmarks/results/flags-real-logs.md). What is said of 99 mistakes of
+laboratories: [measured](../benchmarks/results/flags-measured.md).
 """
 
 
