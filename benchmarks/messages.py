@@ -1,4 +1,4 @@
-"""Write benchmarks/results/messages.md, 25 mistakes and a broken plugin of each kind: ``python benchmarks/messages.py``."""
+"""Write results/messages.md, 25 mistakes and a broken plugin of each kind: ``python benchmarks/messages.py``."""
 
 from __future__ import annotations
 

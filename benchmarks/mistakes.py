@@ -1,7 +1,7 @@
 """Mistakes of laboratories: what every estimator says of each, and what the record could have shown.
 
 ``python benchmarks/mistakes.py [KIND ...] [--seeds 5] [-o mistakes.jsonl]``: a line of the file for each palpation;
-started again it goes on with those that the file lacks. ``--table`` writes benchmarks/results/flags-measured.md from the file. The
+started again it goes on with those that the file lacks. ``--table`` writes results/flags-measured.md from the file. The
 kinds, with their sizes, are in `laboratory/kinds.py`; they were written down before any was run. No force is taken from
 the product: each is written out from the literature's formulas.
 """
