@@ -53,6 +53,32 @@ def test_the_readme_is_one_screen_and_its_links_lead_somewhere():
         assert link.startswith("https://") or (ROOT / link).exists(), link
 
 
+DOCUMENTS = sorted(
+    path
+    for folder in (".", "benchmarks", "docs", "plugins")
+    for path in (ROOT.glob("*.md") if folder == "." else (ROOT / folder).rglob("*.md"))
+    if ROOT / "docs" / "reference" not in path.parents
+)
+
+
+def anchors(page):
+    """What a link to a page can name: its headings, as GitHub and the site write them, and its labels."""
+    text = page.read_text()
+    titles = (re.sub(r"[^\w\- ]", "", title.lower()) for title in re.findall(r"^#+ (.+)$", text, re.MULTILINE))
+    return {title.replace(" ", "-") for title in titles} | set(re.findall(r"^\(([\w-]+)\)=$", text, re.MULTILINE))
+
+
+@pytest.mark.parametrize("page", DOCUMENTS, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_links_lead_to_files_and_headings(page):
+    """The site's build looks at its own pages only; reference pages are written by it."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    for link in re.findall(r"\]\(([^)\s:]+)\)", text):
+        path, _, anchor = link.partition("#")
+        target = page.parent / path if path else page
+        assert target.exists() or "reference/" in path, link
+        assert not anchor or anchor in anchors(target), link
+
+
 def test_versions_agree():
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     changes = (ROOT / "CHANGELOG.md").read_text()
