@@ -1,7 +1,7 @@
 """Every fault of the twins during contact: what the user sees, when the job learns of it, when the arm has stopped.
 
 ``python benchmarks/faults.py [contact] [start] [force] [tricks] [--repeats 3] [-o faults.jsonl]``: measures those
-tables of docs/devices.md, all where none is named. Each measurement is a line of the file as soon as it is made;
+tables of results/faults.md, all where none is named. Each measurement is a line of the file as soon as it is made;
 started again it goes on with those that the file lacks, and prints the tables of all. ``--table`` only prints. "still"
 is when the tip first stood or turned, "free" when it was out of the material by itself, "deeper" how far it went on.
 """

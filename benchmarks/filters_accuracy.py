@@ -1,6 +1,6 @@
 """How accurate the filters are in simulation: point palpations against the Cramer-Rao bound, and sweeps over lumps.
 
-Run it with: python benchmarks/filters_accuracy.py [runs]. Seeds are fixed. It prints the tables of docs/filters.md.
+Run it with: python benchmarks/filters_accuracy.py [runs]. Seeds are fixed. It prints the tables of results/filters.md.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """How fast the filters are: kernels against filterpy and against C by hand, interleaved in one process.
 
 Run it with: python benchmarks/filters_speed.py [samples], with "memory" for the memory of a long stream, and with
-"online" for one sample at a time. It prints medians and ratios for docs/filters.md.
+"online" for one sample at a time. It prints medians and ratios for benchmarks/results/filters.md.
 """
 
 from __future__ import annotations

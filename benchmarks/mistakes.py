@@ -1,7 +1,7 @@
 """Mistakes of laboratories: what every estimator says of each, and what the record could have shown.
 
 ``python benchmarks/mistakes.py [KIND ...] [--seeds 5] [-o mistakes.jsonl]``: a line of the file for each palpation;
-started again it goes on with those that the file lacks. ``--table`` writes docs/flags-measured.md from the file. The
+started again it goes on with those that the file lacks. ``--table`` writes results/flags-measured.md from the file. The
 kinds, with their sizes, are in `laboratory/kinds.py`; they were written down before any was run. No force is taken from
 the product: each is written out from the literature's formulas.
 """
@@ -24,7 +24,7 @@ from palpate_models import DimensionalityReduction, Sphere
 
 ROOT = Path(__file__).parent.parent
 ESTIMATORS = ("ekf", "ukf", "kinematic-ekf", "kinematic-smoother", "casadi-fit")
-PAGE = ROOT / "docs" / "flags-measured.md"
+PAGE = ROOT / "benchmarks" / "results" / "flags-measured.md"
 BEHIND = "# The verdict, measured on records"  # what `verdicts.py` measures, behind the page
 _GROUPS = {"Nothing": (NONE,), "Tip": TIP, "Specimen": SPECIMEN, "Rig": RIG, "Force": FORCE, "Log": LOG}
 GROUPS = {**_GROUPS, "Together": TOGETHER}
@@ -60,7 +60,7 @@ def measured(mistake: Mistake, seed: int) -> dict[str, Any]:
 
 
 def page(rows: Sequence[dict[str, Any]]) -> str:
-    """docs/flags-measured.md."""
+    """benchmarks/results/flags-measured.md."""
     return "\n".join([*_head(rows), *(line for name, kinds in GROUPS.items() for line in _group(name, kinds, rows))])
 
 

@@ -1,4 +1,4 @@
-"""The table of docs/benchmarks.md: each row with its command, and its ratio to a peer or a limit of the same run.
+"""The table of results/speed-and-memory.md: each row with its command, and its ratio to a peer or a limit.
 
 Run it on a quiet machine; some ten minutes. The rows go to the standard output as Markdown, to be pasted; what the
 benchmarks print goes to the standard error. A row whose figure a benchmark does not print fails the command.

@@ -7,25 +7,19 @@ from palpate.registry import Registry, load
 
 _HEAD = """# Flags
 
-A result never hides a failed assumption: it carries flags, each a code, a sentence, a severity and what to do. What the
-verdict of a value and of a track is, and what is a condition and no flag: [verdict](verdict.md). The numbers of a track
-that is `invalid` are not shown, and no statistic or comparison uses them. `palpate describe CODE` says the same as this
-page, which `docs/make_flags.py` writes from the registry of flags. A plugin registers its own by `palpate_flags`.
+With this page you can look up what a flag says of a result and what to do; `palpate describe CODE` says the same.
+`docs/make_flags.py` writes the page from the registry, which plugins extend by `palpate_flags`. How flags make the
+verdict of a value: [verdict](verdict.md).
 
-**What becomes of a flag.** A *finding* speaks against a value; a *note* is for information; what nobody has
-stated and no record shows is a *condition* and no flag. The file that decides is
-`core/palpate_engine/result/materiality.py`:
-
-- A flag says by how much what it names can move each value. It is a doubt where that is more than the value's combined
-  standard uncertainty *without* the flag's own row of the budget, so that a larger uncertainty makes no doubt smaller,
-  and where it is not known.
+- A flag states by how much what it names can move each value. It makes a value doubtful where that is unknown, or more
+  than the value's combined standard uncertainty without the flag's own row of the budget.
 - What moves less is a row of the budget, and stands under `immaterial` in `result.json`.
-- A code that is a sign of another raises that one, and stands under its `evidence`: one cause, one flag. What a later
-  diagnosis finds to be harmless moves nothing.
-- The terminal shows at most three flags of a track, those that move a value most.
+- A sign of another flag raises that one, and stands under its `evidence`: one cause, one flag.
+- The terminal shows at most three flags of a track, those that move a value most. Numbers of a track that is `invalid`
+  are not shown, and no statistic uses them.
 
-What is flagged on real logs, and whether it is true: [measured](flags-real-logs.md). What is said of 99 mistakes of
-laboratories: [measured](flags-measured.md).
+How often flags are right: on [real logs](../benchmarks/results/flags-real-logs.md), and on
+[99 mistakes of laboratories](../benchmarks/results/flags-measured.md).
 """
 
 

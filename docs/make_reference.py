@@ -1,15 +1,17 @@
-"""Reference pages from what is installed: every part by kind, commands, tables, the Python face. Run by conf.py."""
+"""Reference pages of what is installed: parts by kind, commands, tables, results, the Python face. Run by conf.py."""
 
 import inspect
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import typer
 from formulas import with_math
 from palpate import Settings
 from palpate_commands.describe import _default, _type
 from palpate_engine import AlignmentSettings, Registry, RunSettings, SafetySettings, function_of, registry
+from palpate_kit.runs.result_model import result_schema
 
 _KINDS = {
     "indenter": "Tips",
@@ -30,7 +32,8 @@ def write_reference(folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     known = registry.load()
     pages = {f"{kind}s": "\n".join(_of_kind(kind, title, known)) for kind, title in _KINDS.items()}
-    pages |= {"tables": "\n".join(_tables(known)), "options": "\n".join(_commands()), "python": "\n".join(_python())}
+    makers = {"tables": _tables(known), "options": _commands(), "python": _python(), "result": _result()}
+    pages |= {name: "\n".join(lines) for name, lines in makers.items()}
     for name, text in pages.items():
         path = folder / f"{name}.md"
         if not path.is_file() or path.read_text(encoding="utf-8") != text + "\n":
@@ -55,6 +58,26 @@ def _tables(known: Registry) -> Iterator[str]:
     for name, settings in tables.items():
         yield f"## [{name}]\n\n{_document(settings)}\n"
         yield from _keys(settings)
+
+
+def _result() -> Iterator[str]:
+    schema = result_schema()
+    yield "# Keys of result.json\n\nBy `palpate describe schema result`, which is for programs.\n"
+    for name, table in (("result.json", schema), *schema["$defs"].items()):
+        yield f"## {name}\n\n{_cell(table.get('description', ''))}\n"
+        yield from ("| key | | meaning |", "|---|---|---|")
+        for key, value in table.get("properties", {}).items():
+            yield f"| `{key}` | {_cell(_json_type(value))} | {_cell(value.get('description', ''))} |"
+        yield ""
+
+
+def _json_type(value: dict[str, Any]) -> str:
+    if "anyOf" in value:
+        return " or ".join(map(_json_type, value["anyOf"]))
+    inner = value.get("items") or value.get("additionalProperties")
+    return value.get("$ref", value.get("type", "any")).split("/")[-1] + (
+        f" of {_json_type(inner)}" if isinstance(inner, dict) and inner else ""
+    )
 
 
 def _document(part: type) -> str:

@@ -9,6 +9,7 @@ from palpate import hooks
 from palpate.registry import load
 from palpate_engine.cli.commands import command_offers
 from palpate_engine.config.migrations import FORMAT
+from palpate_engine.result.result_folder import SCHEMA
 
 ROOT = Path(__file__).parent.parent
 COMMANDS = (ROOT / "docs" / "commands.md").read_text()
@@ -45,17 +46,52 @@ def test_decisions_are_numbered_without_repetition():
 def test_the_readme_is_one_screen_and_its_links_lead_somewhere():
     text = (ROOT / "README.md").read_text()
     assert len(text.splitlines()) < 90
+    assert len(text.split()) < 700
     links = re.findall(r"\]\(([^)#]+)\)", text)
     assert links
     for link in links:
         assert link.startswith("https://") or (ROOT / link).exists(), link
 
 
+DOCUMENTS = sorted(
+    path
+    for folder in (".", "benchmarks", "docs", "plugins")
+    for path in (ROOT.glob("*.md") if folder == "." else (ROOT / folder).rglob("*.md"))
+    if ROOT / "docs" / "reference" not in path.parents
+)
+
+
+def anchors(page):
+    """What a link to a page can name: its headings, as GitHub and the site write them, and its labels."""
+    text = page.read_text()
+    titles = (re.sub(r"[^\w\- ]", "", title.lower()) for title in re.findall(r"^#+ (.+)$", text, re.MULTILINE))
+    return {title.replace(" ", "-") for title in titles} | set(re.findall(r"^\(([\w-]+)\)=$", text, re.MULTILINE))
+
+
+@pytest.mark.parametrize("page", DOCUMENTS, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_links_lead_to_files_and_headings(page):
+    """The site's build looks at its own pages only; reference pages are written by it."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    for link in re.findall(r"\]\(([^)\s:]+)\)", text):
+        path, _, anchor = link.partition("#")
+        target = page.parent / path if path else page
+        assert target.exists() or "reference/" in path, link
+        assert not anchor or anchor in anchors(target), link
+
+
 def test_versions_agree():
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    changes = (ROOT / "CHANGELOG.md").read_text()
     assert f"version: {version}\n" in (ROOT / "CITATION.cff").read_text()
     assert ".".join(version.split(".")[:2]) == FORMAT
-    assert (ROOT / "CHANGELOG.md").read_text().startswith(f"# Changelog\n\n## {version}")
+    assert changes.startswith(f"# Changelog\n\n## {version}")
+    assert f'palpate = "{FORMAT}"' in changes
+    assert f"`result.json` has schema {SCHEMA} " in changes
+    assert f'`"schema": {SCHEMA}`' in (ROOT / "docs" / "versions.md").read_text()
+
+
+def test_the_changelog_is_that_of_a_release():
+    assert len((ROOT / "CHANGELOG.md").read_text().splitlines()) <= 80
 
 
 INDEXES = [ROOT / "docs" / name for name in ("index.md", "how-to.md", "reference.md", "background.md")]
@@ -73,6 +109,18 @@ def test_every_page_is_on_the_site_once(page):
     """Those that no index names would be built, and found by nobody."""
     name = page.relative_to(ROOT / "docs").with_suffix("").as_posix()
     assert sum(entries(index).count(name) for index in INDEXES) == (name != "index")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_page_begins_with_what_its_reader_can_do(page):
+    (first,) = re.findall(r"^# [^\n]+\n\n(.+?)(?:\. |\.\n|:\n|;)", page.read_text(), re.MULTILINE | re.DOTALL)[:1]
+    assert "you can" in first
+
+
+def test_the_documents_are_what_a_reader_finishes():
+    """Words of site, README and families' READMEs without the flags, which a program writes."""
+    readmes = [ROOT / "README.md", ROOT / "plugins" / "README.md", *(ROOT / "plugins").glob("*/README.md")]
+    assert sum(len(page.read_text().split()) for page in [*PAGES, *readmes] if page.stem != "flags") <= 50_000
 
 
 def test_the_first_level_of_the_site_is_short():

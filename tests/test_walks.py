@@ -3,11 +3,14 @@
 The page of the roboticist rehearses a whole raster twice, which takes longer than all others: the site executes it.
 """
 
+import csv
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parent.parent
@@ -53,6 +56,26 @@ def test_the_readme_shows_what_its_first_run_prints(palpate, tmp_path):
     for track in ("dr/kinematic", "truth"):
         assert row_of(track, shown.splitlines()) in printed_rows
     assert shown.splitlines()[-1].split() in printed_rows
+
+
+@pytest.mark.slow
+def test_the_readme_leads_from_a_table_to_a_number(palpate, tmp_path):
+    """Its third command, on a press of 100 kPa under a sphere of 5 mm."""
+    readme = (ROOT / "README.md").read_text()
+    (command,) = re.findall(r"\.venv/bin/palpate (fit .+)$", readme, re.MULTILINE)
+    what, folder, *options = shlex.split(command)
+    time = np.arange(0.0, 8.0, 0.004)
+    depth = np.interp(time, [0, 1, 3, 8], [-1e-3, -1e-3, 3e-3, 3e-3]) + 5e-4 * np.sin(4 * np.pi * time) * (time > 3)
+    force = 16 / 9 * 100e3 * np.sqrt(5e-3) * np.maximum(depth, 0) ** 1.5
+    force += 0.02 * np.random.default_rng(1).standard_normal(len(time))
+    rows = np.column_stack([time, force, 1e3 * (20e-3 - depth)])
+    (tmp_path / folder).mkdir()
+    header = "time (s),force (N),height (mm)"
+    np.savetxt(tmp_path / folder / "press.csv", rows, delimiter=",", header=header, comments="", fmt="%.6f")
+    done = palpate(what, tmp_path / folder, *options, "--out", tmp_path / "fits")
+    (row,) = csv.DictReader((tmp_path / "fits" / "fits.csv").read_text().splitlines())
+    value, spread = float(row["elasticity"]), float(row["elasticity_combined"])
+    assert abs(value - 100e3) < 2 * spread < 40e3, done.stdout
 
 
 def row_of(track, lines):

@@ -1,10 +1,10 @@
-"""The messages that docs/devices.md quotes are those of the code."""
+"""The messages that benchmarks/results/faults.md quotes are those of the code."""
 
 import ast
 import re
 from functools import cache
 
-PAGE = "docs/devices.md"
+PAGE = "benchmarks/results/faults.md"
 CODE = (
     "core/palpate/*.py",
     "core/palpate_engine/pipeline",

@@ -1,4 +1,4 @@
-"""Write docs/mistakes.md, 25 mistakes and a broken plugin of each kind: ``python docs/make_mistakes.py``."""
+"""Write results/messages.md, 25 mistakes and a broken plugin of each kind: ``python benchmarks/messages.py``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from palpate_engine.cli import main
 ROOT = Path(__file__).parent.parent
 _HEAD = """# Mistakes, and what palpate says of them
 
-`docs/make_mistakes.py` writes this page by making every mistake on `pipelines/point.toml`; a test makes them again.
+`benchmarks/messages.py` writes this page by making every mistake on `pipelines/point.toml`; a test makes them again.
 Exit code 2 is a mistake of the user, 1 one that the user cannot mend.
 """
 CHECK, RUN = ("check", "point.toml"), ("run", "point.toml", "--out", "out")
@@ -166,4 +166,4 @@ def _section(title: str, command: tuple[str, ...], files: dict[str, str]) -> lis
 
 
 if __name__ == "__main__":
-    Path(__file__).with_name("mistakes.md").write_text(pages(), encoding="utf-8")
+    (ROOT / "benchmarks" / "results" / "messages.md").write_text(pages(), encoding="utf-8")

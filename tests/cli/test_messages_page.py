@@ -1,4 +1,4 @@
-"""docs/mistakes.md: every mistake is made again, and palpate says what the page says."""
+"""benchmarks/results/messages.md: every mistake is made again, and palpate says what the page says."""
 
 import importlib.util
 import re
@@ -13,7 +13,7 @@ ROOT = Path(__file__).parent.parent.parent
 @pytest.fixture(scope="module")
 def maker():
     """The script that writes the page."""
-    spec = importlib.util.spec_from_file_location("make_mistakes", ROOT / "docs" / "make_mistakes.py")
+    spec = importlib.util.spec_from_file_location("messages", ROOT / "benchmarks" / "messages.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -22,11 +22,11 @@ def maker():
 @pytest.mark.slow
 @pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="the page has messages of Python 3.11 itself")
 def test_the_page_is_what_palpate_says(maker):
-    assert maker.pages() == (ROOT / "docs" / "mistakes.md").read_text(encoding="utf-8")
+    assert maker.pages() == (ROOT / "benchmarks" / "results" / "messages.md").read_text(encoding="utf-8")
 
 
 def test_there_are_25_and_each_ends_well():
-    text = (ROOT / "docs" / "mistakes.md").read_text(encoding="utf-8")
+    text = (ROOT / "benchmarks" / "results" / "messages.md").read_text(encoding="utf-8")
     mistakes, _, plugins = text.partition("## Broken plugins")
     assert mistakes.count("\n### ") == 25
     assert re.findall(r"Exit code (\d+)\.", mistakes) == ["2"] * 25
