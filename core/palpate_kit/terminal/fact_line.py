@@ -16,10 +16,17 @@ def fact_line(pipeline: Pipeline) -> str:
 
     As in "tip: sphere, radius 6 mm (diameter 12 mm); dr, nu 0.5, thick; force zeroed in air".
     """
+    words = facts_in_words(pipeline)
+    head = [f"tip: {words['tip']}"] if "tip" in words else []
+    return "; ".join([*head, words["model"], words["force"]])
+
+
+def facts_in_words(pipeline: Pipeline) -> dict[str, str]:
+    """What is taken for the tip, where the model has one, the model and the force of the first track."""
     model = pipeline.tracks[0].model
     tip = getattr(model, "indenter", None)
-    words = [f"tip: {', '.join(_tip(tip, pipeline))}"] if isinstance(tip, Indenter) else []
-    return "; ".join([*words, ", ".join(_model(model, pipeline)), ", ".join(_force(pipeline.alignment))])
+    found = {"tip": ", ".join(_tip(tip, pipeline))} if isinstance(tip, Indenter) else {}
+    return {**found, "model": ", ".join(_model(model, pipeline)), "force": ", ".join(_force(pipeline.alignment))}
 
 
 def _tip(tip: Indenter, pipeline: Pipeline) -> Iterator[str]:
