@@ -9,7 +9,7 @@ import numpy as np
 from palpate import ConfigurationError, Floats
 
 from palpate_reference.agreement.bland_altman import DemingLine, LimitsOfAgreement, deming_line, limits_of_agreement
-from palpate_reference.agreement.precision import (
+from palpate_kit.numerics.precision import (
     Correlation,
     Precision,
     grouped,
