@@ -7,7 +7,7 @@ import pytest
 from palpate import ConfigurationError
 from palpate_kit.numerics.group_comparison import compare_groups, holm
 from palpate_kit.numerics.precision import repeat_correlation
-from scipy.stats import f_oneway, tukey_hsd, ttest_ind
+from scipy.stats import f_oneway, ttest_ind, tukey_hsd
 
 
 def draw(units, curves=6, between=1.0, within=0.5, seed=0, shift=0.0):

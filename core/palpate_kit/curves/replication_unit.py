@@ -71,8 +71,8 @@ def replication_unit(groups: Mapping[str, Sequence[Cells]], unit: str | None = N
         (a, b) for a in found for b in found if not (_lies_within(a, b, everything) or _lies_within(b, a, everything))
     )
     raise ConfigurationError(
-        f"{one} and {other} of curves.csv may both name the units that are compared, and neither lies within the other: "
-        f"give --unit {one} or --unit {other}"
+        f"{one} and {other} of curves.csv may both name the units that are compared, and neither lies within the "
+        f"other: give --unit {one} or --unit {other}"
     )
 
 
@@ -105,7 +105,7 @@ def _demand_unit(groups: Mapping[str, Sequence[Cells]], columns: Sequence[str], 
         raise ConfigurationError(f"--unit {unit}: curves.csv has no such column{suggest(unit, [CURVE, *columns])}")
     if shared := shared_units(groups, unit):
         raise ConfigurationError(
-            f"--unit {unit}: {shared[0]} lies in several groups, and a unit lies in one: call units of different groups "
-            "by different names; groups that share their units are not compared"
+            f"--unit {unit}: {shared[0]} lies in several groups, and a unit lies in one: call units of different "
+            "groups by different names; groups that share their units are not compared"
         )
     return unit

@@ -10,93 +10,15 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, Floats
+from palpate import ConfigurationError
 
 from palpate_kit.numerics.mixed_model import mixed_differences
-from palpate_kit.numerics.precision import Precision, precision
+from palpate_kit.numerics.unit_group import Scatter, UnitGroup, scatters
 
 FEWEST = 3  # units of a group for a p-value
 _LIBERAL = 10  # units of each group below which Games and Howell's test finds too many differences
 SHOWN = 20  # pairs of a printed table
 CURVE, RUN = "curve", "run"  # units that are single values
-
-
-def no_scatter(values: Floats) -> bool:
-    """Whether values (n,) differ by no more than rounding."""
-    return not np.ptp(values) > 1e-12 * np.abs(values).max()
-
-
-@dataclass(frozen=True)
-class UnitGroup:
-    """A group of units of replication, such as animals, each with the values of its curves [SI]."""
-
-    name: str
-    values: Mapping[str, Floats]  # (m,) of each unit
-
-    @cached_property
-    def means(self) -> Floats:
-        """Mean (n,) of each unit."""
-        return np.array([one.mean() for one in self.values.values()])
-
-    @property
-    def units(self) -> int:
-        """How many units there are."""
-        return len(self.values)
-
-    @property
-    def curves(self) -> int:
-        """How many values they have together."""
-        return sum(len(one) for one in self.values.values())
-
-    @property
-    def mean(self) -> float:
-        """Mean of the units' means."""
-        return float(self.means.mean())
-
-    @property
-    def std(self) -> float:
-        """Standard deviation of the units' means; NaN for a single one."""
-        return float(self.means.std(ddof=1)) if self.units > 1 else math.nan
-
-    @property
-    def std_of_mean(self) -> float:
-        """Standard uncertainty of the mean by the scatter of its units; NaN for a single one."""
-        return self.std / math.sqrt(self.units)
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Interval of 95 % of the mean, by Student's t of the units' means; NaN for a single one."""
-        from scipy.stats import t as student
-
-        half = self.std_of_mean * float(student.ppf(0.975, self.units - 1)) if self.units > 1 else math.nan
-        return self.mean - half, self.mean + half
-
-    @property
-    def scatter(self) -> Scatter:
-        """Between and within its units."""
-        return Scatter.of([self])
-
-
-@dataclass(frozen=True)
-class Scatter:
-    """Standard deviations [SI] between units and within them; NaN where nothing shows one of them."""
-
-    between: float
-    within: float
-
-    @classmethod
-    def of(cls, groups: Sequence[UnitGroup]) -> Scatter:
-        """What groups show together, by their degrees of freedom; where no unit has two values both are between."""
-        found: Precision | None = precision([list(group.values.values()) for group in groups if group.units])
-        if found is None or all(group.units < 2 for group in groups):
-            return cls(math.nan, math.nan if found is None else found.repeatability)
-        return cls(found.reproducibility if math.isnan(found.between) else found.between, found.repeatability)
-
-    @property
-    def correlation(self) -> float:
-        """ICC(1,1): the share of the variance of single values that is between units; NaN where it does not show."""
-        whole = self.between**2 + self.within**2
-        return self.between**2 / whole if whole > 0 else math.nan
 
 
 @dataclass(frozen=True)
@@ -199,7 +121,7 @@ class GroupComparison:
 
     @property
     def _several(self) -> bool:
-        testable = all(group.units >= FEWEST and not no_scatter(group.means) for group in self.groups)
+        testable = all(group.units >= FEWEST and scatters(group.means) for group in self.groups)
         return len(self.groups) > 2 and testable
 
     def most_significant(self, count: int = SHOWN) -> list[PairTest]:
@@ -215,10 +137,11 @@ class GroupComparison:
         counts = f"{self.curves} single {self.unit}s" if self.singles else f"{self.units} units ({self.unit})"
         ranges = f"{_range(group.units for group in self.groups)} in each of {len(self.groups)} groups"
         if self.mixed:
+            freedom = self.units - len(self.groups)
             test = (
                 f"{self.curves} curves of {counts}, {ranges}, were compared by a linear mixed model with a random "
-                f"intercept for each {self.unit} (restricted maximum likelihood); t has {self.units - len(self.groups)} "
-                "degrees of freedom, units less groups"
+                f"intercept for each {self.unit} (restricted maximum likelihood); t has {freedom} degrees of freedom, "
+                "units less groups"
             )
         else:
             of = counts if self.singles else f"The means of {counts} with {self.curves} curves"
@@ -238,7 +161,7 @@ class GroupComparison:
             "between": self.scatter.between,
             "within": self.scatter.within,
             "icc": self.scatter.correlation,
-            "groups": {group.name: _group_table(group) for group in self.groups},
+            "groups": {group.name: group.table() for group in self.groups},
             "test": "mixed" if self.mixed else "welch",
             "sentence": self.sentence,
             "untested": self.untested,
@@ -254,15 +177,6 @@ class GroupComparison:
                 for pair, games in zip(self.pairs, howell, strict=True)
             ],
         }  # fmt: skip
-
-
-def _group_table(group: UnitGroup) -> dict[str, Any]:
-    scatter, (low, high) = group.scatter, group.interval
-    return {
-        "units": group.units, "curves": group.curves, "mean": group.mean, "std": group.std,
-        "std_of_mean": group.std_of_mean, "low": low, "high": high, "between": scatter.between,
-        "within": scatter.within, "means": dict(zip(group.values, group.means.tolist(), strict=True)),
-    }  # fmt: skip
 
 
 def _range(counts: Iterable[int]) -> str:
@@ -298,14 +212,15 @@ _Numbers = tuple[float, float, float, float, float, float]  # difference, its in
 
 
 def _pair(a: UnitGroup, b: UnitGroup, numbers: _Numbers | None) -> tuple[tuple[str, str], _Numbers]:
-    return (a.name, b.name), numbers or (b.mean - a.mean, *[math.nan] * 5)
+    none = math.nan
+    return (a.name, b.name), numbers or (b.mean - a.mean, none, none, none, none, none)
 
 
 def _welch(a: UnitGroup, b: UnitGroup) -> _Numbers | None:
     """Welch's t-test of b against a; None where it is not made."""
     from scipy.stats import ttest_ind
 
-    if min(a.units, b.units) < FEWEST or (no_scatter(a.means) and no_scatter(b.means)):
+    if min(a.units, b.units) < FEWEST or not (scatters(a.means) or scatters(b.means)):
         return None
     found: Any = ttest_ind(b.means, a.means, equal_var=False)
     low, high = found.confidence_interval(0.95)
