@@ -32,8 +32,8 @@ def facts_in_words(pipeline: Pipeline) -> dict[str, str]:
 def _tip(tip: Indenter, pipeline: Pipeline) -> Iterator[str]:
     yield pipeline.registry.name_of(type(tip))
     for path, value, unit in numbers_of(tip):
-        across = f" (diameter {_quantity(2 * value, unit)})" if path == ("radius",) else ""
-        yield f"{' '.join(path).replace('_', ' ')} {_quantity(value, unit)}{across}"
+        across = f" (diameter {quantity_text(2 * value, unit)})" if path == ("radius",) else ""
+        yield f"{' '.join(path).replace('_', ' ')} {quantity_text(value, unit)}{across}"
 
 
 def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[str]:
@@ -43,7 +43,7 @@ def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[str]:
         yield f"nu {nu:g}"
     if "thickness" in type(model).model_fields:
         height = getattr(getattr(model, "thickness", None), "height", None)
-        yield "thick" if height is None else f"{_quantity(height, 'm')} thick"
+        yield "thick" if height is None else f"{quantity_text(height, 'm')} thick"
 
 
 def _force(alignment: AlignmentSettings) -> Iterator[str]:
@@ -59,7 +59,8 @@ def _force(alignment: AlignmentSettings) -> Iterator[str]:
         yield f"{1e3 * alignment.tip_mass:g} g behind the sensor"
 
 
-def _quantity(value: float, unit: str) -> str:
+def quantity_text(value: float, unit: str) -> str:
+    """A length in mm or um, an angle in degrees, any other number in its SI unit."""
     if unit == "rad":
         return f"{math.degrees(value):.4g} deg"
     if unit != "m":

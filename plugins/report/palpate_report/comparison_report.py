@@ -65,6 +65,7 @@ def page_of_runs(
     track: str | None,
     noun: str = "run",
     notes: Sequence[str] = (),
+    study: Mapping[str, Any] | None = None,
 ) -> str:
     """The whole page of runs, or of what else a noun calls them, in groups; raises LogError where none has a result."""
     if not any(run.tracks for run in runs):
@@ -99,6 +100,7 @@ def page_of_runs(
         rows=[_row(run, chosen, parameters) for run in runs[:_SHOWN]],
         hidden=max(len(runs) - _SHOWN, 0),
         pipeline=_pipelines(runs),
+        study=study,
     )
 
 

@@ -19,6 +19,7 @@ class FolderFacts:
     """A folder of fits, and those of its rows that are reported: of one track, one for each curve."""
 
     folder: FitFolder
+    track: str
     rows: Sequence[CurveRow]
 
     @cached_property
@@ -85,7 +86,7 @@ class FolderFacts:
 def exclusion_of(row: CurveRow) -> str:
     """Why a curve is not used."""
     if row.rejected is not None:
-        return f"rejected: {row.rejected or 'no reason stated'}"
+        return f"rejected on inspection: {row.rejected or 'no reason stated'}"
     if row.state == "missing":
         return "not fitted yet"
     flags = ", ".join(row.flags)

@@ -13,7 +13,7 @@ from palpate_engine import RecordOutcome
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import curve_outcome, record_tracks
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
-from palpate_kit.figures import WIDTHS, figure_of, legend_outside, style
+from palpate_kit.figures import WIDTHS, figure_of, style
 
 from palpate_report.figure_data import thin_rows
 from palpate_report.folder_facts import FolderFacts, exclusion_of
@@ -97,7 +97,7 @@ def used_curves_figure(drawings: Sequence[CurveDrawing]) -> Any:
         above.sharex(below)
     axes[0, 0].set(ylabel="force [N]")
     axes[1, 0].set(ylabel="residual [mN]")
-    legend_outside(axes[0, 0], 2)
+    axes[0, 0].legend(loc="upper left")
     return figure
 
 
