@@ -25,13 +25,25 @@ class Reference:
     def text(self) -> str:
         """Author, title and place in one line."""
         known = {name: re.sub(r"[{}]", "", text).replace("--", "\N{EN DASH}") for name, text in self.fields.items()}
-        authors = ", ".join(known["author"].split(" and ")) if ", " in known["author"] else known["author"]
+        authors = ", ".join(map(_short_name, known["author"].split(" and ")))
         where = known.get("journal") or known.get("publisher") or known["institution"]
         number = f"({known['number']})" if "number" in known and "volume" in known else ""
-        volume = f" {known['volume']}{number}" if "volume" in known else f", {known['number']}" if "number" in known else ""
+        volume = (
+            f" {known['volume']}{number}" if "volume" in known else f", {known['number']}" if "number" in known else ""
+        )
         pages = f", {known['pages']}" if "pages" in known else ""
         doi = f", doi:{known['doi']}" if "doi" in known else ""
         return f"{authors} ({known['year']}). {known['title']}. {where}{volume}{pages}{doi}."
+
+
+def _short_name(author: str) -> str:
+    """Surname and initials.
+
+    >>> _short_name("Popov, Valentin L."), _short_name("Joint Committee for Guides in Metrology")
+    ('Popov VL', 'Joint Committee for Guides in Metrology')
+    """
+    surname, comma, given = author.partition(", ")
+    return f"{surname} {''.join(name[0] for name in given.replace('-', ' ').split())}" if comma else author
 
 
 @cache

@@ -97,7 +97,9 @@ def _origin(facts: FolderFacts, hide: Callable[[str], str]) -> dict[str, str]:
     known = facts.provenance
     if not known:
         return {"made by": "not known: the rows were fitted by a palpate that did not note it"}
-    found = {f"command {number}" if len(known) > 1 else "command": hide(one.command) for number, one in enumerate(known, 1)}
+    found = {
+        f"command {number}" if len(known) > 1 else "command": hide(one.command) for number, one in enumerate(known, 1)
+    }
     others = {one.versions.get("palpate", "?") for one in known}
     found["versions"] = ", ".join(f"{name} {version}" for name, version in libraries(known).items())
     if len(others) > 1:

@@ -1,4 +1,4 @@
-"""The methods section of a folder of fits: how it was measured, fitted, judged and compared, every number from its files."""
+"""The methods section of a folder of fits: how its curves were measured, fitted, judged and compared."""
 
 from __future__ import annotations
 
@@ -149,7 +149,11 @@ def _fit(pipeline: Pipeline) -> Iterator[str]:
     part = _SEGMENTS.get(segment, f"the segment '{segment}'")
     loss = getattr(estimator, "loss", "linear")
     robust = "" if loss == "linear" else f" with the robust loss '{loss}'"
-    free = ", with the height of the surface as a further unknown" if getattr(estimator, "contact_point", "") == "free" else ""
+    free = (
+        ", with the height of the surface as a further unknown"
+        if getattr(estimator, "contact_point", "") == "free"
+        else ""
+    )
     yield f"Each curve was fitted by itself to {part} by nonlinear least squares{robust}{free}."
 
 
@@ -182,7 +186,8 @@ def _assumptions(facts: FolderFacts) -> Iterator[str]:
         for sentence, count in facts.conditions.values()
     ]
     if told:
-        yield f"The following {'was' if len(told) == 1 else 'were'} assumed, not measured: {'; '.join(map(printable, told))}."
+        were = "was" if len(told) == 1 else "were"
+        yield f"The following {were} assumed, not measured: {'; '.join(map(printable, told))}."
 
 
 def _uncertainty(facts: FolderFacts) -> Iterator[str]:

@@ -74,7 +74,13 @@ def report(
         with progress(f"report of {curves}"):
             _hand_over(curves_page(curves, track, anonymous, by, where), out or curves / "report.html", pdf)
         return
-    for option, asked in (("by", by), ("where", where), ("unit", unit), ("methods", methods), ("supplement", supplement)):
+    for option, asked in (
+        ("by", by),
+        ("where", where),
+        ("unit", unit),
+        ("methods", methods),
+        ("supplement", supplement),
+    ):
         if asked:
             raise ConfigurationError(f"--{option}: is for a folder of fits of many curves")
     groups = groups_of(runs or [], group or [])

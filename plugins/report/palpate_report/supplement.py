@@ -35,7 +35,7 @@ def write_supplement(facts: FolderFacts, path: Path) -> None:
 
 
 def supplement_table(facts: FolderFacts) -> Table:
-    """Curve, its columns of ``curves.csv``, values with combined uncertainty, residual, verdict, and whether it is used."""
+    """Curve, its columns of ``curves.csv``, values with combined uncertainty, residual, verdict, whether it is used."""
     folder = facts.folder
     shown = {name: display_unit(folder.units.get(name, "1")) for name in facts.values}
     heads = [f"{name.replace('_', ' ')}\n{word}" if word != "1" else name for name, (word, _) in shown.items()]

@@ -131,7 +131,9 @@ def _demand_plain(path: Path, archive: ZipFile) -> Sequence[ZipInfo]:
         names.add(info.filename)
     size, packed = sum(info.file_size for info in members), sum(info.compress_size for info in members)
     if size > _LARGEST or packed > path.stat().st_size:
-        raise LogError(f"{path}: would be {size} bytes unpacked from {packed}; at most {_LARGEST} are unpacked, each once")
+        raise LogError(
+            f"{path}: would be {size} bytes unpacked from {packed}; at most {_LARGEST} are unpacked, each once"
+        )
     return members
 
 

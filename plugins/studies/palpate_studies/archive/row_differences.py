@@ -30,7 +30,9 @@ def row_differences(packed: Iterable[Row], found: Iterable[Row]) -> Iterator[Row
     for curve, track in {**before, **after}:
         old, new = before.get((curve, track)), after.get((curve, track))
         if old is None or new is None:
-            yield RowDifference(curve, track, "row", "none" if old is None else "there", "none" if new is None else "there")
+            yield RowDifference(
+                curve, track, "row", "none" if old is None else "there", "none" if new is None else "there"
+            )
             continue
         for column in {**old, **new}:
             one, other = old.get(column, ""), new.get(column, "")

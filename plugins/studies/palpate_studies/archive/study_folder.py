@@ -42,7 +42,9 @@ def write_study(folder: FitFolder, root: Path) -> None:
 
 def _demand_complete(folder: FitFolder) -> None:
     if old := sum(row.state != "current" for row in folder.rows):
-        raise ConfigurationError(f"{folder.path}: {old} rows are not of the present settings: palpate fit {folder.path}")
+        raise ConfigurationError(
+            f"{folder.path}: {old} rows are not of the present settings: palpate fit {folder.path}"
+        )
     for name in folder.names:
         file = folder.file_of(name)
         if not file or not Path(file).exists():
@@ -166,7 +168,9 @@ class _Study:
             text = path.read_text(encoding="utf-8", errors="replace")
             known = [place for place in self._places if f"{place}/" in text]
             if known or re.search(rf"/(?:home|Users)/|/{re.escape(user)}/", text):
-                raise OutputError(f"{path.name}: names a folder of this machine, and is not packed: {known[:1] or user}")
+                raise OutputError(
+                    f"{path.name}: names a folder of this machine, and is not packed: {known[:1] or user}"
+                )
 
 
 def _members(files: Iterable[Path], folder: str) -> dict[Path, str]:

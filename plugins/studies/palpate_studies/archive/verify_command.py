@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
@@ -14,6 +15,7 @@ from typing import Annotated
 import typer
 from palpate import ConfigurationError, LogError, OutputError, printable
 from palpate_engine import (
+    ConsentError,
     Enclosure,
     Source,
     analysis,
@@ -28,7 +30,6 @@ from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.fit_provenance import PROVENANCE
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption
-from palpate_kit.terminal.progress import progress
 
 from palpate_studies.archive.archive_file import FITS, Manifest, digest_of, unpack
 from palpate_studies.archive.row_differences import RowDifference, row_differences
@@ -74,7 +75,12 @@ def verify(
     with _place(out) as root:
         manifest = unpack(archive, root)
         _take_curves(archive, root, manifest, curves)
-        _demand_harmless(archive, root)
+        try:
+            _demand_harmless(archive, root)
+        except ConsentError as error:
+            told = str(error).replace(str(root), str(out or "FOLDER"))
+            more = "" if out else f"; FOLDER is what palpate verify {shlex.quote(str(archive))} --out FOLDER unpacks"
+            raise ConsentError(f"{told}{more}") from error
         with print_aside(as_json):
             found = _made_again(root / FITS, manifest, jobs)
     if as_json:
@@ -106,7 +112,11 @@ def _take_curves(archive: Path, root: Path, manifest: Manifest, curves: Path | N
     if not manifest.left_out:
         return
     if curves is None or not curves.is_dir():
-        told = f"--curves {curves}: is no folder" if curves else "has hashes of its curves only: name theirs, --curves FOLDER"
+        told = (
+            f"--curves {curves}: is no folder"
+            if curves
+            else "has hashes of its curves only: name theirs, --curves FOLDER"
+        )
         raise ConfigurationError(f"{archive}: {told}")
     names = {Path(name).name for name in manifest.left_out}
     known = {digest_of(path): path for path in sorted(curves.rglob("*")) if path.name in names and path.is_file()}
@@ -132,9 +142,7 @@ def _demand_harmless(archive: Path, root: Path) -> None:
         if not (file.resolve().is_relative_to(root) and file.exists()):
             raise LogError(f"{outside}, or that it has not: {printable(str(file))} of the curve {printable(name)}")
     for dialect, own in dict.fromkeys((folder.dialect_of(name), folder.settings_of(name)) for name in folder.names):
-        source = Source(
-            folder.settings_text(dialect), root / FITS / SETTINGS, enclosure=Enclosure(root / archive.name)
-        )
+        source = Source(folder.settings_text(dialect), root / FITS / SETTINGS, enclosure=Enclosure(root / archive.name))
         for assignment in own:
             source.override(assignment)
         plugin_files(source)
@@ -153,7 +161,7 @@ def _made_again(fits: Path, manifest: Manifest, jobs: int | None) -> Verificatio
         (fits / name).unlink()
     names = list(dict.fromkeys(row["curve"] for row in before))
     write_rows(fits / TABLE, columns_of_fits(offline(FitFolder(fits).pipeline())), ())
-    with progress("fit"), redirect_stdout(StringIO()), suppress(typer.Exit):
+    with redirect_stdout(StringIO()), suppress(typer.Exit):  # of curves that cannot be fitted, which are rows, too
         analysis("fit")([fits], jobs=jobs)
     after = latest_rows(fits / TABLE)
     if made_by is not None:
@@ -161,7 +169,9 @@ def _made_again(fits: Path, manifest: Manifest, jobs: int | None) -> Verificatio
     write_pages(fits, manifest.options)
     same = [name for name, content in packed.items() if (fits / name).read_bytes() == content]
     here = library_versions()
-    others = {name: (said, here.get(name, "none")) for name, said in manifest.versions.items() if here.get(name) != said}
+    others = {
+        name: (said, here.get(name, "none")) for name, said in manifest.versions.items() if here.get(name) != said
+    }
     return Verification(
         len(names), manifest.versions.get("palpate", "?"), here["palpate"], others, same,
         [name for name in packed if name not in same], list(row_differences(before, after)),
@@ -180,9 +190,13 @@ def _show(archive: Path, found: Verification) -> None:
         typer.echo(f"every number is the same; of other bytes: {', '.join(found.other_files)}")
         return
     typer.echo(f"{len(found.differences)} cells of {TABLE} differ{_worst(found.differences)}:")
-    for one in sorted(found.differences, key=lambda one: -(one.in_u if one.in_u is not None else float("inf")))[:_SHOWN]:
+    for one in sorted(found.differences, key=lambda one: -(one.in_u if one.in_u is not None else float("inf")))[
+        :_SHOWN
+    ]:
         by = "" if one.in_u is None else f" ({one.in_u:.2g} u)"
-        typer.echo(printable(f"  {one.curve} {one.column}: {one.packed or 'none'} packed, {one.found or 'none'} here{by}"))
+        typer.echo(
+            printable(f"  {one.curve} {one.column}: {one.packed or 'none'} packed, {one.found or 'none'} here{by}")
+        )
     if more := len(found.differences) - _SHOWN:
         typer.echo(f"  and {more} more: --json shows all") if more > 0 else None
 
