@@ -14,7 +14,7 @@ _SOURCE = re.compile(r"Source: (.*?)(?:\n\s*\n|$)", re.DOTALL)
 
 
 @dataclass(frozen=True)
-class Reference:
+class CitedWork:
     """A work that is cited."""
 
     key: str
@@ -47,14 +47,14 @@ def _short_name(author: str) -> str:
 
 
 @cache
-def references() -> dict[str, Reference]:
+def references() -> dict[str, CitedWork]:
     """Every reference by its key."""
     text = files("palpate_report").joinpath("references.bib").read_text(encoding="utf-8")
     found = {}
     for match in _ENTRY.finditer(text):
         fields = {field["name"]: field["text"] for field in _FIELD.finditer(match["fields"])}
         bibtex = re.sub(r",\n  sources = \{.*\}\n", "\n", match[0])
-        found[match["key"]] = Reference(match["key"], bibtex, fields)
+        found[match["key"]] = CitedWork(match["key"], bibtex, fields)
     return found
 
 

@@ -171,8 +171,8 @@ def _exclusions(facts: FolderFacts) -> Iterator[str]:
     doubtful = [row for row in facts.used if row.verdict == "doubtful"]
     if doubtful:
         codes = Counter(code for row in doubtful for code in row.flags)
-        why = ", ".join(f"{code}: {count}" for code, count in codes.most_common())
-        yield f"{len(doubtful)} of those used {'is' if len(doubtful) == 1 else 'are'} doubtful ({why})."
+        told = ", ".join(f"{code}: {count}" for code, count in codes.most_common())
+        yield f"{len(doubtful)} of those used {'is' if len(doubtful) == 1 else 'are'} doubtful ({told})."
     for name in facts.values:
         if lost := sum(has_no_number(row.verdict_of(name)) for row in facts.used):
             yield f"{name.replace('_', ' ').capitalize()} could not be determined from {lost} of them."

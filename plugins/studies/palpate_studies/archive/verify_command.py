@@ -147,8 +147,8 @@ def _demand_harmless(archive: Path, root: Path) -> None:
             source.override(assignment)
         plugin_files(source)
         for device in build_pipeline(source).devices.values():
-            file = getattr(device, "file", None)
-            if not (isinstance(file, Path) and file.resolve().is_relative_to(root)):
+            log = getattr(device, "file", None)
+            if not (isinstance(log, Path) and log.resolve().is_relative_to(root)):
                 raise LogError(f"{outside}, or reads none: [device.*] of {SETTINGS}")
 
 
