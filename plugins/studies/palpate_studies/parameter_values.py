@@ -101,16 +101,18 @@ def _of_curves(
         raise ConfigurationError(
             f"{folder.path}: there is no parameter {parameter!r}{suggest(parameter, folder.values)}"
         )
-    chosen: CurveFilter = curve_filter(where, folder, registry.load().meanings)
+    meanings = registry.load().meanings
+    chosen: CurveFilter = curve_filter(where, folder, meanings)
     if old := stale_words(folder):
         typer.echo(old, err=True)
     for row in sorted(chosen.choose(folder.rows), key=lambda row: natural(row.curve)):
         if row.track in (name, ""):
-            yield _of_curve(folder, row, name, parameter)
+            yield _of_curve(folder, row, name, parameter, meanings)
 
 
-def _of_curve(folder: FitFolder, row: CurveRow, track: str, parameter: str) -> ParameterValue:
-    meanings = registry.load().meanings
+def _of_curve(
+    folder: FitFolder, row: CurveRow, track: str, parameter: str, meanings: Mapping[str, Any]
+) -> ParameterValue:
     flags = tuple(
         Flag(code, meanings[code].meaning if code in meanings else code,
              meanings[code].severity if code in meanings else "doubtful")
