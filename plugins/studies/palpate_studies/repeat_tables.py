@@ -20,7 +20,7 @@ _CAUTIONS = {
     RUN: "p is the chance of such a difference between repeats at one site each. Sites of one material differ, too: "
     "before a difference is called a lump, compare it with the spread over a dozen baseline sites.",
     CURVE: "Each curve is compared as if it were of a specimen of its own; curves of one animal or sample are not, and "
-    "differ less from each other. Enter in curves.csv of which each is, and give --unit COLUMN.",
+    "differ less from each other. Enter in curves.csv of which each is, by names that differ from group to group.",
 }
 
 
