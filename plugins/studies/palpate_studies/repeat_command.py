@@ -13,7 +13,7 @@ from palpate import ConfigurationError, to_si
 from palpate_engine import finite_tree
 from palpate_kit.jobs.engines import SchedulerOption, StageOption
 from palpate_kit.numerics.group_comparison import GroupComparison
-from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, WhereOption
+from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, UnitOption, WhereOption
 from palpate_kit.terminal.table import console
 
 from palpate_studies.force_error import force_error
@@ -40,14 +40,7 @@ def repeat(
     by: Annotated[
         str | None, typer.Option(metavar="COLUMN", help="Groups of curves by a column of curves.csv, such as sample.")
     ] = None,
-    unit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="COLUMN",
-            help="What is compared: means of units by a column of curves.csv, such as animal, or curve. [default: the "
-            "column with at least two values in each group, each value in one group]",
-        ),
-    ] = None,
+    unit: UnitOption = None,
     mixed: Annotated[
         bool,
         typer.Option("--mixed", help="Compare by a mixed model, with a random intercept of each unit (statsmodels)."),

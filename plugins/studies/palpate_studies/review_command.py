@@ -13,6 +13,7 @@ import numpy as np
 import typer
 from palpate import ConfigurationError, UserError, suggest
 from palpate_engine import display_unit, finite_tree, verdict_word
+from palpate_kit.figures import force_unit
 from palpate_kit.runs.review_file import Mark, write_mark
 from palpate_kit.terminal.options import FormatOption, TrackOption, WhereOption
 from palpate_kit.terminal.quantities import value_with_uncertainty
@@ -164,7 +165,9 @@ def _row(one: RatedValue) -> dict[str, object]:
 
 def _table(found: Sequence[RatedValue], parameter: str) -> Table:
     word, factor = display_unit(found[0].reading.unit)
-    headings = ["run", "rating", f"{parameter}\n{word}", "apart\nsigma", "residual\nN", "verdict", "flags"]
+    known = [abs(one.reading.residual) for one in found if one.reading.residual is not None]
+    force, newtons = force_unit(float(np.median(known)) if known else 1.0)
+    headings = ["run", "rating", f"{parameter}\n{word}", "apart\nsigma", f"residual\n{force}", "verdict", "flags"]
     folders = dict.fromkeys(one.reading.folder for one in found)
     short = len(folders) == 1 and all(one.reading.key for one in found)
     rows = []
@@ -179,7 +182,7 @@ def _table(found: Sequence[RatedValue], parameter: str) -> Table:
         said = verdict_word(reading.verdict) if reading.rejected is None else f"rejected:\n{reading.rejected}"
         rows.append([
             reading.key if short else reading.name, f"{one.rating:.1f}", value, _number(one.apart, "+.1f"),
-            _number(reading.residual, ".3f"), said, codes,
+            "-" if reading.residual is None else f"{newtons * reading.residual:.3g}", said, codes,
         ])  # fmt: skip
     tracks = ", ".join(dict.fromkeys(one.reading.track for one in found))
     place = f" in {next(iter(folders))}" if short else ""
