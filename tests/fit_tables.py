@@ -11,6 +11,7 @@ radius = 0.003
 
 [model.dr]
 type = "dimensionality-reduction"
+indenter = "tip"
 """
 _VALUE = ("elasticity", "elasticity_std", "elasticity_combined", "elasticity_verdict")
 _SURFACE = ("surface", "surface_std", "surface_combined")

@@ -10,6 +10,7 @@ from palpate_engine import has_no_number
 from palpate_kit.curves.curve_list import FACTS, PLACES, columns_of
 from palpate_kit.curves.fit_folder import CurveRow
 from palpate_kit.numerics.group_comparison import CURVE, GroupComparison, compare_groups
+from palpate_kit.runs.run_groups import natural
 
 Cells = Mapping[str, str]  # of a curve, by column
 NO_GROUP = "none"  # of curves without a cell in the column of the groups
@@ -25,7 +26,7 @@ def compare_rows(
     groups: dict[str, list[CurveRow]] = {}
     for row in rows:
         groups.setdefault((row.groups.get(by) or NO_GROUP) if by else "curves", []).append(row)
-    groups = {name: groups[name] for name in sorted(groups)}
+    groups = {name: groups[name] for name in sorted(groups, key=natural)}
     chosen = replication_unit({name: [row.groups for row in found] for name, found in groups.items()}, unit)
     values = {
         name: [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
@@ -29,27 +28,6 @@ _CAUTION = (
     "p is the chance of such a difference between repeats (Welch's t-test). Sites of one material differ, too: before "
     "calling a difference a lump, compare it with the spread over a dozen sites."
 )
-
-
-def groups_of(runs: Sequence[Path], patterns: Sequence[str]) -> dict[str, list[Path]]:
-    """Run folders by group, in the natural order of their names; raises ConfigurationError."""
-    found: dict[str, list[Path]] = {"runs": list(runs)} if runs else {}
-    for text in patterns:
-        name, equals, pattern = text.partition("=")
-        if not (name and equals and pattern):
-            raise ConfigurationError(f'--group {text}: write NAME=PATTERN, such as soft="runs/soft_*"')
-        base = Path(pattern).anchor or "."
-        paths = list(Path(base).glob(str(Path(pattern).relative_to(base)) if Path(pattern).anchor else pattern))
-        if not paths:
-            raise ConfigurationError(f"--group {text}: nothing matches {pattern!r}")
-        found[name] = [*found.get(name, []), *paths]
-    if not found:
-        raise ConfigurationError("name at least one run folder, or a --group NAME=PATTERN")
-    return {name: sorted(set(paths), key=_natural) for name, paths in found.items()}
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", str(path)) if part]
 
 
 def comparison_page(groups: Mapping[str, Sequence[Path]], track: str | None, anonymous: bool) -> str:

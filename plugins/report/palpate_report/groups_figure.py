@@ -19,7 +19,7 @@ from palpate_kit.numerics.group_comparison import GroupComparison
 
 _DRAWN = 2000  # points that are drawn one by one; more of them are a picture of dots
 _HALF = 0.3  # of a group's width, the distance of groups being 1
-_LETTER = 1.3  # [mm]
+_LETTER = 1.5  # [mm]
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,7 @@ def folder_comparison(
 @style()
 def groups_figure(comparison: GroupComparison, parameter: str, unit: str, width: float) -> GroupsFigure:
     """The figure of a comparison of a parameter with an SI unit, of a width [mm]; it reads in grey."""
+    words = parameter.replace("_", " ")
     word, factor = display_unit(unit)
     figure, axes = figure_of(width=width, height=min(0.7 * width, 80.0))
     axis = axes[0, 0]
@@ -74,7 +75,7 @@ def groups_figure(comparison: GroupComparison, parameter: str, unit: str, width:
     turned = _LETTER * max(len(line) for label in labels for line in label.splitlines()) > room
     axis.set_xticks(range(len(labels)), labels, **({"rotation": 90} if turned else {}))
     axis.grid(visible=False, axis="x")
-    axis.set(xlim=(-0.6, len(labels) - 0.4), ylabel=f"{parameter.replace('_', ' ')} [{word}]")
+    axis.set(xlim=(-0.6, len(labels) - 0.4), ylabel=f"{words} [{word}]" if word else words)
     points = "Values of single curves" if comparison.singles else f"Means of units ({comparison.unit})"
     caption = f"{points} over the mean of their group and its 95 % interval. {comparison.sentence}".strip()
     return GroupsFigure(figure, caption, _csv(comparison, parameter, unit))
@@ -84,9 +85,9 @@ def _csv(comparison: GroupComparison, parameter: str, unit: str) -> str:
     """A row for each unit [SI], with mean and interval of its group."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
-    end = f"[{unit}]" if unit else ""
-    names = (f"{parameter} {end}", f"mean of group {end}", f"low of 95 % {end}", f"high of 95 % {end}")
-    writer.writerow(["group", comparison.unit, "curves", *(name.strip() for name in names)])
+    end = f" [{unit}]" if unit else ""
+    names = (parameter, "mean of group", "low of 95 %", "high of 95 %")
+    writer.writerow(["group", comparison.unit, "curves", *(f"{name}{end}" for name in names)])
     for group in comparison.groups:
         numbers = (group.mean, *group.interval)
         for (name, values), mean in zip(group.values.items(), group.means.tolist(), strict=True):

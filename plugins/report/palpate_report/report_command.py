@@ -9,6 +9,7 @@ import typer
 from palpate import ConfigurationError, suggest
 from palpate_engine import write_whole
 from palpate_kit.curves.fit_folder import is_fit_folder
+from palpate_kit.runs.run_groups import groups_of
 from palpate_kit.terminal.options import WhereOption
 from palpate_kit.terminal.progress import progress
 
@@ -40,7 +41,7 @@ def report(
     pdf: Annotated[bool, typer.Option("--pdf", help="Print it to a PDF, too; needs Chromium or Chrome.")] = False,
 ) -> None:
     """Write one page on a run, or on many runs: verdict, numbers, flags, budget, pictures, pipeline."""
-    from palpate_report.comparison_report import comparison_page, groups_of
+    from palpate_report.comparison_report import comparison_page
 
     if out is not None and out.suffix not in _PAGES:
         raise ConfigurationError(f"--out {out}: a page's name ends in {' or '.join(_PAGES)}")

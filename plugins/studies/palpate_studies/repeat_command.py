@@ -13,11 +13,11 @@ from palpate import ConfigurationError, to_si
 from palpate_engine import finite_tree
 from palpate_kit.jobs.engines import SchedulerOption, StageOption
 from palpate_kit.numerics.group_comparison import GroupComparison
+from palpate_kit.runs.run_groups import groups_of, natural
 from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, UnitOption, WhereOption
 from palpate_kit.terminal.table import console
 
 from palpate_studies.force_error import force_error
-from palpate_studies.parameter_values import natural
 from palpate_studies.repeat_figure import draw_repeatability
 from palpate_studies.repeat_tables import views
 from palpate_studies.repeatability import against_truth, repeatability, uncertainty_of_mean
@@ -70,7 +70,7 @@ def repeat(
     more also by Welch's analysis of variance and Games and Howell's test.
     """
     files: dict[str, list[Path]] = {}
-    for name, paths in _groups(sources or [], group or []).items():
+    for name, paths in groups_of(sources or [], group or []).items():
         files[name] = [run for path in paths for run in _runs(path, overrides or [], out, scheduler, stage)]
     if by is None:
         groups = read_groups(files, track, parameter, where)
@@ -135,21 +135,3 @@ def _truth(text: str, unit: str) -> float:
     if not value:
         raise ConfigurationError("--truth: an error relative to 0 says nothing")
     return value
-
-
-def _groups(sources: list[Path], groups: list[str]) -> dict[str, list[Path]]:
-    """Files by group, each group in the natural order of its names, so that no order of arguments matters."""
-    found: dict[str, list[Path]] = {"runs": list(sources)} if sources else {}
-    for text in groups:
-        name, equals, pattern = text.partition("=")
-        if not equals or not name or not pattern:
-            raise ConfigurationError(f'--group {text}: write NAME=PATTERN, such as soft="runs/soft_*"')
-        base = Path(pattern).anchor or "."
-        relative = str(Path(pattern).relative_to(base)) if Path(pattern).anchor else pattern
-        paths = list(Path(base).glob(relative))
-        if not paths:
-            raise ConfigurationError(f"--group {text}: nothing matches {pattern!r}")
-        found[name] = [*found.get(name, []), *paths]
-    if not found:
-        raise ConfigurationError("name at least one run folder, or a --group NAME=PATTERN")
-    return {name: sorted(set(paths), key=natural) for name, paths in found.items()}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 from palpate_kit.numerics.unit_group import scatters
+from palpate_kit.runs.run_groups import natural
 
 WINDOW = 30  # of the moving average, as in the paper
 _LAGS = 30
@@ -133,6 +134,6 @@ def against_truth(mean: float, std_of_mean: float, combined: Floats, truth: floa
 
 def repeatability(groups: Mapping[str, Sequence[float]]) -> dict[str, Any]:
     """Statistics of each group; groups in the order of their names."""
-    ordered = {name: np.asarray(groups[name], float) for name in sorted(groups)}
+    ordered = {name: np.asarray(groups[name], float) for name in sorted(groups, key=natural)}
     edges = common_edges(list(ordered.values()))
     return {name: Repeatability(values).table(edges) for name, values in ordered.items()}

@@ -15,11 +15,12 @@ from palpate import ConfigurationError, UserError, suggest
 from palpate_engine import display_unit, finite_tree, verdict_word
 from palpate_kit.figures import force_unit
 from palpate_kit.runs.review_file import Mark, write_mark
+from palpate_kit.runs.run_groups import natural
 from palpate_kit.terminal.options import FormatOption, TrackOption, WhereOption
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console, shortened
 
-from palpate_studies.parameter_values import ParameterValue, natural, readings, tell_left_out
+from palpate_studies.parameter_values import ParameterValue, readings, tell_left_out
 
 # What is left of the rating by a verdict; what cannot be used is worth nothing.
 _BY_VERDICT = {"good": 1.0, "note": 1.0, "doubtful": 0.6, "invalid": 0.0}

@@ -11,6 +11,7 @@ from palpate_engine import ConsentError
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.curves.replication_unit import NO_GROUP, Cells, replication_unit, unit_of
 from palpate_kit.numerics.group_comparison import CURVE, RUN, GroupComparison, compare_groups
+from palpate_kit.runs.run_groups import natural
 
 from palpate_studies.log_estimates import LogRuns
 from palpate_studies.parameter_values import ParameterValue, readings, tell_left_out
@@ -107,7 +108,7 @@ def compare(groups: Mapping[str, ValueGroup], unit: str | None, mixed: bool) -> 
 
     Raises ConfigurationError for a unit that is none, and for a mixed model that cannot be fitted.
     """
-    ordered = {name: groups[name] for name in sorted(groups)}
+    ordered = {name: groups[name] for name in sorted(groups, key=natural)}
     if not any(group.cells for group in ordered.values()):
         if unit not in (None, RUN, CURVE):
             raise ConfigurationError(f"--unit {unit}: only curves of a folder of fits have columns, in its curves.csv")
