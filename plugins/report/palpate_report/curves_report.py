@@ -17,10 +17,12 @@ from palpate_report.group_numbers import GroupRun
 from palpate_report.run_verdict import LEVELS, RunVerdict, TrackVerdict
 
 
-def curves_page(path: Path, track: str | None, anonymous: bool, by: str | None, where: str | None) -> str:
-    """The whole page of a folder of fits, its curves in groups by a column of ``curves.csv``.
+def curves_page(
+    path: Path, track: str | None, anonymous: bool, by: str | None, where: str | None, unit: str | None = None
+) -> str:
+    """The whole page of a folder of fits, its curves in groups by a column of ``curves.csv``, compared by units.
 
-    Raises LogError, and ConfigurationError for a track, a column or filter words that are none.
+    Raises LogError, and ConfigurationError for a track, a column, a unit or filter words that are none.
     """
     folder = FitFolder(path)
     for option, name, known in (("--track", track, folder.tracks), ("--by", by, folder.columns)):
@@ -35,7 +37,7 @@ def curves_page(path: Path, track: str | None, anonymous: bool, by: str | None, 
     first, *others = [_run(folder, row, by) for row in rows]
     runs = [replace(first, pipeline=folder.settings_text(), veil=veil), *others]
     groups = list(dict.fromkeys(run.group for run in runs))
-    return page_of_runs(runs, groups, chosen, "curve", _notes(rows, where, path))
+    return page_of_runs(runs, groups, chosen, "curve", _notes(rows, where, path), unit=unit)
 
 
 def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
@@ -55,7 +57,7 @@ def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
     level = advice_on(verdict)
     judged = RunVerdict(level, (TrackVerdict(row.track, level, _reasons(row, level)),), _reasons(row, level), row.track)
     group = (row.groups.get(by) or "none") if by else "curves"
-    return GroupRun(row.curve, group, judged, row.place, {row.track: table} if row.track else {})
+    return GroupRun(row.curve, group, judged, row.place, {row.track: table} if row.track else {}, cells=row.groups)
 
 
 def _reasons(row: CurveRow, level: str) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from palpate import ConfigurationError, suggest
 from palpate_engine import write_whole
 from palpate_kit.curves.fit_folder import is_fit_folder
 from palpate_kit.runs.run_groups import groups_of
-from palpate_kit.terminal.options import WhereOption
+from palpate_kit.terminal.options import UnitOption, WhereOption
 from palpate_kit.terminal.progress import progress
 
 from palpate_report.run_contents import RunContents
@@ -32,6 +32,7 @@ def report(
     by: Annotated[
         str | None, typer.Option(metavar="COLUMN", help="Groups of curves by a column of curves.csv, such as sample.")
     ] = None,
+    unit: UnitOption = None,
     where: WhereOption = None,
     track: Annotated[str | None, typer.Option(help="Track to show first, such as dr/fit. [default: the best]")] = None,
     out: Annotated[
@@ -51,10 +52,11 @@ def report(
         from palpate_report.curves_report import curves_page
 
         with progress(f"report of {curves}"):
-            _hand_over(curves_page(curves, track, anonymous, by, where), out or curves / "report.html", pdf)
+            _hand_over(curves_page(curves, track, anonymous, by, where, unit), out or curves / "report.html", pdf)
         return
-    if by or where:
-        raise ConfigurationError(f"--{'by' if by else 'where'}: is for a folder of fits of many curves")
+    for option, given in (("--by", by), ("--unit", unit), ("--where", where)):
+        if given is not None:
+            raise ConfigurationError(f"{option}: is for a folder of fits of many curves")
     groups = groups_of(runs or [], group or [])
     paths = [path for found in groups.values() for path in found]
     with progress(f"report of {len(paths)} run{'s' * (len(paths) != 1)}"):
