@@ -23,6 +23,7 @@ from palpate_studies.repeat_tables import views
 from palpate_studies.repeatability import against_truth, repeatability, uncertainty_of_mean
 from palpate_studies.repeated_runs import perform
 from palpate_studies.value_group import ValueGroup, compare, groups_by_column, read_groups
+from palpate_studies.value_rows import write_value_table
 
 
 def repeat(
@@ -47,12 +48,20 @@ def repeat(
     ] = False,
     where: WhereOption = None,
     track: Annotated[str | None, typer.Option(help="Track, such as dr/fit. [default: the only one]")] = None,
-    parameter: Annotated[str, typer.Option(help="Parameter, or surface.")] = "elasticity",
+    parameter: Annotated[
+        str | None, typer.Option(help="Parameter, or surface. [default: elasticity; of --table all]")
+    ] = None,
     picture: Annotated[
         Path | None, typer.Option(help="Draw histogram, autocorrelation, moving average and force error here.")
     ] = None,
     truth: Annotated[
         str | None, typer.Option(help='What it is known to be, such as "282.1 kPa": prints the error of each group.')
+    ] = None,
+    table: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write every value of all runs and fits, a row each, to .csv, .parquet or .xlsx."
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder of the runs of a pipeline file; must be new or empty.")
@@ -69,6 +78,17 @@ def repeat(
     Every two groups are compared by Welch's t-test of their units, with Holm's correction for several pairs; three or
     more also by Welch's analysis of variance and Games and Howell's test.
     """
+    if table is not None:
+        others = {
+            "--group": group, "--by": by, "--unit": unit, "--mixed": mixed, "--picture": picture, "--truth": truth,
+            "--out": out, "--set": overrides, "--scheduler": scheduler, "--json": as_json,
+        }  # fmt: skip
+        if given := next((option for option, value in others.items() if value), None):
+            raise ConfigurationError(f"--table: writes all values and compares nothing; {given} is for statistics")
+        if write_value_table(table, sources or [], track, parameter, where):
+            raise typer.Exit(1)
+        return
+    parameter = parameter or "elasticity"
     files: dict[str, list[Path]] = {}
     for name, paths in groups_of(sources or [], group or []).items():
         files[name] = [run for path in paths for run in _runs(path, overrides or [], out, scheduler, stage)]
