@@ -7,9 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from palpate import ConfigurationError, suggest
 from palpate_engine import has_no_number
 
-from palpate_kit.curves.curve_list import FACTS, PLACES
+from palpate_kit.curves.curve_list import FACTS, PLACES, columns_of
 from palpate_kit.curves.fit_folder import CurveRow
 from palpate_kit.numerics.group_comparison import CURVE, GroupComparison, compare_groups
+from palpate_kit.runs.run_groups import natural
 
 Cells = Mapping[str, str]  # of a curve, by column
 NO_GROUP = "none"  # of curves without a cell in the column of the groups
@@ -25,7 +26,7 @@ def compare_rows(
     groups: dict[str, list[CurveRow]] = {}
     for row in rows:
         groups.setdefault((row.groups.get(by) or NO_GROUP) if by else "curves", []).append(row)
-    groups = {name: groups[name] for name in sorted(groups)}
+    groups = {name: groups[name] for name in sorted(groups, key=natural)}
     chosen = replication_unit({name: [row.groups for row in found] for name, found in groups.items()}, unit)
     values = {
         name: [
@@ -57,13 +58,13 @@ def replication_unit(groups: Mapping[str, Sequence[Cells]], unit: str | None = N
     coarsest. Raises ConfigurationError where none of them is the coarsest, and for a given `unit` that is no such
     column.
     """
-    columns = list(dict.fromkeys(name for cells in groups.values() for of_curve in cells for name in of_curve))
+    everything = [cells for of_group in groups.values() for cells in of_group]
+    columns = columns_of(everything)
     if unit is not None:
         return _demand_unit(groups, columns, unit)
     found = [name for name in columns if name not in (*PLACES, *FACTS) and _names_units(groups, name)]
     if len(groups) < 2 or not found:
         return CURVE
-    everything = [cells for of_group in groups.values() for cells in of_group]
     for coarse in found:
         if all(_lies_within(fine, coarse, everything) for fine in found):
             return coarse

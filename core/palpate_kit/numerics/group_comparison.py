@@ -90,7 +90,7 @@ class GroupComparison:
 
     @cached_property
     def variance_analysis(self) -> tuple[float, float] | None:
-        """F and p of Welch's analysis of variance; None for fewer than three groups, or one that cannot be tested.
+        """F and p of Welch's analysis of variance; None for fewer than three groups, one without a test, or a model.
 
         Source: Welch 1951.
         """
@@ -101,18 +101,16 @@ class GroupComparison:
         whole = f_oneway(*(group.means for group in self.groups), equal_var=False)
         return float(whole.statistic), float(whole.pvalue)
 
-    @cached_property
-    def games_howell(self) -> list[float]:
-        """The p-value of each pair by Games and Howell's test; empty where the analysis of variance is None.
+    def games_howell(self, pair: PairTest) -> float | None:
+        """The p-value of a pair by Games and Howell's test; None where the analysis of variance is.
 
         Source: Games and Howell 1976.
         """
-        from scipy.stats import tukey_hsd
+        from scipy.stats import studentized_range
 
         if not self._several:
-            return []
-        found = tukey_hsd(*(group.means for group in self.groups), equal_var=False).pvalue
-        return [float(found[i, j]) for i, j in combinations(range(len(self.groups)), 2)]
+            return None
+        return float(studentized_range.sf(math.sqrt(2.0) * abs(pair.t), len(self.groups), pair.freedom))
 
     @property
     def liberal(self) -> bool:
@@ -122,7 +120,7 @@ class GroupComparison:
     @property
     def _several(self) -> bool:
         testable = all(group.units >= FEWEST and scatters(group.means) for group in self.groups)
-        return len(self.groups) > 2 and testable
+        return len(self.groups) > 2 and testable and not self.mixed
 
     def most_significant(self, count: int = SHOWN) -> list[PairTest]:
         """At most so many pairs, those of the smallest p-values, in their order."""
@@ -151,30 +149,27 @@ class GroupComparison:
         return f"{test}."
 
     def table(self) -> dict[str, Any]:
-        """Everything, as plain data [SI]."""
-        howell: list[float] | list[None] = self.games_howell or [None] * len(self.pairs)
-        whole = self.variance_analysis
+        """Everything but the groups, as plain data [SI]."""
+        shown = set(self.most_significant())  # the others would take minutes
+        whole, scatter = self.variance_analysis, self.scatter
         return {
-            "unit_of_replication": self.unit,
-            "units": self.units,
-            "curves": self.curves,
-            "between": self.scatter.between,
-            "within": self.scatter.within,
-            "icc": self.scatter.correlation,
-            "groups": {group.name: group.table() for group in self.groups},
+            "replication": {
+                "unit": self.unit, "units": self.units, "curves": self.curves, "between": scatter.between,
+                "within": scatter.within, "icc": scatter.correlation,
+            },
             "test": "mixed" if self.mixed else "welch",
             "sentence": self.sentence,
             "untested": self.untested,
-            "analysis_of_variance": None if whole is None else {"f": whole[0], "p": whole[1]},
-            "games_howell_is_liberal": self.liberal if self.games_howell else None,
-            "pairs": [
+            "anova": None if whole is None else {"f": whole[0], "p": whole[1]},
+            "games_howell_is_liberal": self.liberal if whole else None,
+            "tests": [
                 {
                     "first": pair.first, "second": pair.second, "difference_is": pair.difference_is,
                     "difference": pair.difference, "low": pair.low, "high": pair.high, "t": pair.t,
                     "degrees_of_freedom": pair.freedom, "p": pair.p, "p_corrected": pair.corrected,
-                    "p_games_howell": games,
+                    "p_games_howell": self.games_howell(pair) if pair in shown else None,
                 }
-                for pair, games in zip(self.pairs, howell, strict=True)
+                for pair in self.pairs
             ],
         }  # fmt: skip
 

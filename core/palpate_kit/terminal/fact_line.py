@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from palpate import ContactModel, Indenter
-from palpate_engine import AlignmentSettings, Pipeline, numbers_of
+from palpate_engine import AlignmentSettings, Pipeline, Registry, numbers_of
 
 _TARES = {"free-air": "force zeroed in air", "none": "force as recorded", "calibrated": "force zeroed by calibration"}
 
@@ -25,15 +25,17 @@ def facts_in_words(pipeline: Pipeline) -> dict[str, str]:
     """What is taken for the tip, where the model has one, the model and the force of the first track."""
     model = pipeline.tracks[0].model
     tip = getattr(model, "indenter", None)
-    found = {"tip": ", ".join(_tip(tip, pipeline))} if isinstance(tip, Indenter) else {}
+    found = {"tip": tip_words(tip, pipeline.registry)} if isinstance(tip, Indenter) else {}
     return {**found, "model": ", ".join(_model(model, pipeline)), "force": ", ".join(_force(pipeline.alignment))}
 
 
-def _tip(tip: Indenter, pipeline: Pipeline) -> Iterator[str]:
-    yield pipeline.registry.name_of(type(tip))
+def tip_words(tip: Indenter, known: Registry) -> str:
+    """A tip by its kind and numbers, as in "sphere, radius 6 mm (diameter 12 mm)"."""
+    words = [known.name_of(type(tip))]
     for path, value, unit in numbers_of(tip):
         across = f" (diameter {quantity_text(2 * value, unit)})" if path == ("radius",) else ""
-        yield f"{' '.join(path).replace('_', ' ')} {quantity_text(value, unit)}{across}"
+        words.append(f"{' '.join(path).replace('_', ' ')} {quantity_text(value, unit)}{across}")
+    return ", ".join(words)
 
 
 def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[str]:

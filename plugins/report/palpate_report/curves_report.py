@@ -20,10 +20,12 @@ from palpate_report.group_numbers import GroupRun
 from palpate_report.run_verdict import LEVELS, RunVerdict, TrackVerdict
 
 
-def curves_page(path: Path, track: str | None, anonymous: bool, by: str | None, where: str | None) -> str:
-    """The whole page of a folder of fits, its curves in groups by a column of ``curves.csv``.
+def curves_page(
+    path: Path, track: str | None, anonymous: bool, by: str | None, where: str | None, unit: str | None = None
+) -> str:
+    """The whole page of a folder of fits, its curves in groups by a column of ``curves.csv``, compared by units.
 
-    Raises LogError, and ConfigurationError for a track, a column or filter words that are none.
+    Raises LogError, and ConfigurationError for a track, a column, a unit or filter words that are none.
     """
     facts = folder_facts(path, track, by, where)
     folder, rows = facts.folder, facts.rows
@@ -32,7 +34,7 @@ def curves_page(path: Path, track: str | None, anonymous: bool, by: str | None, 
     runs = [replace(first, pipeline=folder.settings_text(), veil=veil), *others]
     groups = list(dict.fromkeys(run.group for run in runs))
     study = folder_section(facts, veil.text if veil else str)
-    return page_of_runs(runs, groups, facts.track, "curve", _notes(rows, where, path), study)
+    return page_of_runs(runs, groups, facts.track, "curve", _notes(rows, where, path), study, unit)
 
 
 def folder_facts(path: Path, track: str | None, by: str | None, where: str | None) -> FolderFacts:
@@ -66,7 +68,7 @@ def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
     level = advice_on(verdict)
     judged = RunVerdict(level, (TrackVerdict(row.track, level, _reasons(row, level)),), _reasons(row, level), row.track)
     group = (row.groups.get(by) or "none") if by else "curves"
-    return GroupRun(row.curve, group, judged, row.place, {row.track: table} if row.track else {})
+    return GroupRun(row.curve, group, judged, row.place, {row.track: table} if row.track else {}, cells=row.groups)
 
 
 def _reasons(row: CurveRow, level: str) -> tuple[str, ...]:

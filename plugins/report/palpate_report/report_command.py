@@ -9,7 +9,8 @@ import typer
 from palpate import ConfigurationError, suggest
 from palpate_engine import RIG, write_whole
 from palpate_kit.curves.fit_folder import is_fit_folder
-from palpate_kit.terminal.options import WhereOption
+from palpate_kit.runs.run_groups import groups_of
+from palpate_kit.terminal.options import UnitOption, WhereOption
 from palpate_kit.terminal.progress import progress
 
 from palpate_report.run_contents import RunContents
@@ -34,14 +35,11 @@ def report(
     by: Annotated[
         str | None, typer.Option(metavar="COLUMN", help="Groups of curves by a column of curves.csv, such as sample.")
     ] = None,
+    unit: UnitOption = None,
     where: WhereOption = None,
     track: Annotated[str | None, typer.Option(help="Track to show first, such as dr/fit. [default: the best]")] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Page to write. [default: RUN/report.html, or comparison.html]")
-    ] = None,
-    unit: Annotated[
-        str | None,
-        typer.Option(metavar="COLUMN", help="With --by: the column of the units of replication, such as animal."),
     ] = None,
     methods: Annotated[
         bool, typer.Option("--methods", help="Of a folder of fits: a methods section, as text, LaTeX and BibTeX.")
@@ -54,7 +52,7 @@ def report(
     pdf: Annotated[bool, typer.Option("--pdf", help="Print it to a PDF, too; needs Chromium or Chrome.")] = False,
 ) -> None:
     """Write one page on a run, or on many runs: verdict, numbers, flags, budget, pictures, pipeline."""
-    from palpate_report.comparison_report import comparison_page, groups_of
+    from palpate_report.comparison_report import comparison_page
 
     if out is not None and out.suffix not in _PAGES:
         raise ConfigurationError(f"--out {out}: a page's name ends in {' or '.join(_PAGES)}")
@@ -72,7 +70,7 @@ def report(
             _write_texts(folder_facts(curves, track, by, where), methods, supplement, by, unit)
             return
         with progress(f"report of {curves}"):
-            _hand_over(curves_page(curves, track, anonymous, by, where), out or curves / "report.html", pdf)
+            _hand_over(curves_page(curves, track, anonymous, by, where, unit), out or curves / "report.html", pdf)
         return
     for option, asked in (
         ("by", by),
@@ -81,7 +79,7 @@ def report(
         ("methods", methods),
         ("supplement", supplement),
     ):
-        if asked:
+        if asked is not None and asked is not False:
             raise ConfigurationError(f"--{option}: is for a folder of fits of many curves")
     groups = groups_of(runs or [], group or [])
     paths = [path for found in groups.values() for path in found]

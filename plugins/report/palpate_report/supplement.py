@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from palpate import ConfigurationError, is_number
-from palpate_engine import display_unit, whole_file, write_whole
+from palpate_engine import display_unit, write_whole
 from palpate_kit.curves.fit_folder import CurveRow
 from palpate_kit.terminal.layout import text_of
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table
+from palpate_kit.terminal.table_file import Column, write_table
 
 from palpate_report.folder_facts import FolderFacts, exclusion_of
 
@@ -27,11 +28,15 @@ def write_supplement(facts: FolderFacts, path: Path) -> None:
     if path.suffix == ".tex":
         write_whole(path, text_of(view, "latex"))
         return
-    text = text_of(view, "csv")
-    if path.suffix == ".csv":
-        write_whole(path, text)
-    else:
-        _write_workbook(list(csv.reader(io.StringIO(text))), path)
+    head, *rows = csv.reader(io.StringIO(text_of(view, "csv")))  # uncertainties in columns of their own
+    write_table(path, {name: _column([row[place] for row in rows]) for place, name in enumerate(head)})
+
+
+def _column(cells: Sequence[str]) -> Column:
+    """Texts, or numbers where all are."""
+    if not all(is_number(cell) for cell in cells if cell):
+        return cells
+    return [float(cell) if cell else None for cell in cells]
 
 
 def supplement_table(facts: FolderFacts) -> Table:
@@ -62,22 +67,3 @@ def _value(row: CurveRow, name: str, factor: float) -> str:
 def _rms(row: CurveRow) -> str:
     rms = row.number("rms")
     return "" if rms is None else f"{1e3 * rms:.3g}"
-
-
-def _write_workbook(rows: list[list[str]], path: Path) -> None:
-    try:
-        from openpyxl import Workbook
-    except ImportError as error:
-        raise ConfigurationError(f"{path}: a workbook needs openpyxl: pip install 'palpate[excel]'") from error
-    book = Workbook()
-    sheet: Any = book.active
-    sheet.title = "curves"
-    for number, row in enumerate(rows):
-        for column, cell in enumerate(row, start=1):
-            place = sheet.cell(number + 1, column)
-            place.value = float(cell) if number and is_number(cell) else cell
-            if not isinstance(place.value, float) and cell:
-                place.data_type = "s"  # a text, whatever it begins with: never a formula
-    sheet.freeze_panes = "B2"
-    with whole_file(path, binary=True) as file:
-        book.save(file)
