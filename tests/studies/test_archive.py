@@ -56,7 +56,7 @@ def test_an_archive_has_all_of_a_study_and_nothing_of_the_machine(study):
     assert {f"curves/{name}" for name in FEW} <= set(contents)
     assert {f"fits/{name}" for name in ("fits.csv", "curves.csv", "pipeline.toml", "review.json", "provenance.json",
             "rig.toml", "report.html", "methods.txt", "methods.tex", "methods.bib", "supplement.csv",
-            "supplement.tex")} <= set(contents)  # fmt: skip
+            "supplement.tex", "pictures/elasticity-groups.svg")} <= set(contents)  # fmt: skip
     for name, content in contents.items():
         text = content.decode()
         assert str(study.parent) not in text, name

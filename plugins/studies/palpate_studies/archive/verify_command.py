@@ -31,9 +31,9 @@ from palpate_kit.curves.fit_provenance import PROVENANCE
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption
 
-from palpate_studies.archive.archive_file import FITS, Manifest, digest_of, unpack
+from palpate_studies.archive.archive_file import FITS, Manifest, digest_of, files_below, unpack
 from palpate_studies.archive.row_differences import RowDifference, row_differences
-from palpate_studies.archive.study_pages import PAGES, write_pages
+from palpate_studies.archive.study_pages import write_pages
 
 _SHOWN = 20  # differences on a screen
 
@@ -154,27 +154,24 @@ def _demand_harmless(archive: Path, root: Path) -> None:
 
 def _made_again(fits: Path, manifest: Manifest, jobs: int | None) -> Verification:
     """The folder of fits without its results, fitted and reported again, and compared with what was packed."""
-    packed = {name: (fits / name).read_bytes() for name in (TABLE, *PAGES) if (fits / name).is_file()}
-    before, provenance = latest_rows(fits / TABLE), fits / PROVENANCE
-    made_by = provenance.read_text(encoding="utf-8") if provenance.is_file() else None
-    for name in packed:
-        (fits / name).unlink()
-    names = list(dict.fromkeys(row["curve"] for row in before))
+    packed = {name: path.read_bytes() for name, path in files_below(fits).items()}
+    before = latest_rows(fits / TABLE)
+    (fits / TABLE).unlink()
     write_rows(fits / TABLE, columns_of_fits(offline(FitFolder(fits).pipeline())), ())
     with redirect_stdout(StringIO()), suppress(typer.Exit):  # of curves that cannot be fitted, which are rows, too
         analysis("fit")([fits], jobs=jobs)
-    after = latest_rows(fits / TABLE)
-    if made_by is not None:
-        write_whole(provenance, made_by)
-    write_pages(fits, manifest.options)
-    same = [name for name, content in packed.items() if (fits / name).read_bytes() == content]
+    if PROVENANCE in packed:
+        write_whole(fits / PROVENANCE, packed[PROVENANCE])
+    made = [TABLE, *write_pages(fits, manifest.options)]
+    same = [name for name in made if (fits / name).read_bytes() == packed.get(name)]
+    differences = list(row_differences(before, latest_rows(fits / TABLE)))
     here = library_versions()
     others = {
         name: (said, here.get(name, "none")) for name, said in manifest.versions.items() if here.get(name) != said
     }
     return Verification(
-        len(names), manifest.versions.get("palpate", "?"), here["palpate"], others, same,
-        [name for name in packed if name not in same], list(row_differences(before, after)),
+        len({row["curve"] for row in before}), manifest.versions.get("palpate", "?"), here["palpate"], others, same,
+        [name for name in made if name not in same], differences,
     )  # fmt: skip
 
 
