@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
-from palpate import ContactModel, Indenter, PalpateError, printable
+from palpate import ContactModel, Indenter, PalpateError, printable, to_si
 from palpate_engine import AlignmentSettings, Pipeline, display_unit, has_no_number, numbers_of
 from palpate_kit.curves.replication_unit import compare_rows
 from palpate_kit.numerics.group_comparison import GroupComparison
@@ -79,17 +79,22 @@ def _measurement(facts: FolderFacts, model: ContactModel, pipeline: Pipeline) ->
     if isinstance(tip, Indenter):
         name = pipeline.registry.name_of(type(tip))
         words = _TIPS.get(name, name.replace("-", " "))
-        sizes = [f"a {' '.join(path).replace('_', ' ')} of {quantity_text(v, u)}" for path, v, u in numbers_of(tip)]
-        std = pipeline.run.uncertainties.get("radius")
-        doubt = f" (standard uncertainty {_stated(std, 'm')})" if std is not None else ""
+        sizes = [f"a {' '.join(path).replace('_', ' ')} of {_size(v, u)}" for path, v, u in numbers_of(tip)]
+        doubt = _std(pipeline, "radius", "m")
         yield f"The tip was {_article(words)} {words}{f' with {_joined(sizes)}' if sizes else ''}{doubt}."
     different = len({(p.tracks[0].model, p.alignment.model_dump_json()) for p in facts.pipelines}) > 1
     if different:
         yield f"The curves are in {len(facts.pipelines)} file formats; what follows is of most of them."
 
 
-def _stated(value: object, unit: str) -> str:
-    return quantity_text(float(value), unit) if isinstance(value, int | float) else str(value)
+def _std(pipeline: Pipeline, key: str, unit: str) -> str:
+    """The standard uncertainty that is stated of a number of the model or its tip, in brackets."""
+    stated = pipeline.run.uncertainties.get(key)
+    return "" if stated is None else f" (standard uncertainty {_size(to_si(stated, unit), unit)})"
+
+
+def _size(value: float, unit: str) -> str:
+    return quantity_text(value, unit).replace(" um", " µm")
 
 
 def _force(alignment: AlignmentSettings) -> Iterator[str]:
@@ -125,7 +130,7 @@ def _model(facts: FolderFacts, model: ContactModel, pipeline: Pipeline) -> Itera
     keys = keys_of(sources)
     stated = f" ({sources.removesuffix('.')})" if sources and not keys else ""
     nu = getattr(model, "poisson", None)
-    poisson = f", with a Poisson's ratio of {nu:g}" if isinstance(nu, float) else ""
+    poisson = f", with a Poisson's ratio of {nu:g}{_std(pipeline, 'poisson', '1')}" if isinstance(nu, float) else ""
     yield f"{_joined(_readable(facts.values)).capitalize()} were estimated by {words}{stated}{cite(keys)}{poisson}."
     if "thickness" in type(model).model_fields:
         layer = getattr(model, "thickness", None)
@@ -134,7 +139,7 @@ def _model(facts: FolderFacts, model: ContactModel, pipeline: Pipeline) -> Itera
             law = str(getattr(layer, "law", ""))
             keys = keys_of(law)
             by = f"the law '{law}'" if not keys else f"the law of {law.capitalize()} et al.{cite(keys)}"
-            yield f"The finite thickness of the specimens, {quantity_text(height, 'm')}, was corrected by {by}."
+            yield f"The finite thickness of the specimens, {_size(height, 'm')}, was corrected by {by}."
         else:
             yield "The specimens were treated as a half-space, without a correction of their thickness."
 

@@ -25,8 +25,8 @@ def write_supplement(facts: FolderFacts, path: Path) -> None:
     if path.suffix not in SUFFIXES:
         raise ConfigurationError(f"--supplement {path}: a table's name ends in {', '.join(SUFFIXES)}")
     view = supplement_table(facts).view()
-    if path.suffix == ".tex":
-        write_whole(path, text_of(view, "latex"))
+    if path.suffix != ".xlsx":
+        write_whole(path, text_of(view, "latex" if path.suffix == ".tex" else "csv"))
         return
     head, *rows = csv.reader(io.StringIO(text_of(view, "csv")))  # uncertainties in columns of their own
     write_table(path, {name: _column([row[place] for row in rows]) for place, name in enumerate(head)})
