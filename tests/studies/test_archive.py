@@ -107,7 +107,7 @@ def test_a_number_that_was_changed_is_named(study, palpate):
 
     done = palpate("verify", altered(study, change))
     assert done.returncode == 1
-    assert "1 cells of fits.csv differ, numbers by at most" in done.stdout
+    assert "fits.csv: 1 cell differs, numbers by at most" in done.stdout
     assert re.search(r"control/a_0.csv elasticity: \S+ packed, \S+ here \([\d.]+ u\)", done.stdout)
     found = json.loads(palpate("verify", "altered.zip", "--json").stdout)
     assert not found["same"]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from io import StringIO
@@ -186,18 +187,14 @@ def _show(archive: Path, found: Verification) -> None:
     if not found.differences:
         typer.echo(f"every number is the same; of other bytes: {', '.join(found.other_files)}")
         return
-    typer.echo(f"{len(found.differences)} cells of {TABLE} differ{_worst(found.differences)}:")
-    for one in sorted(found.differences, key=lambda one: -(one.in_u if one.in_u is not None else float("inf")))[
-        :_SHOWN
-    ]:
+    ranked = sorted(found.differences, key=lambda one: -math.inf if one.in_u is None else -one.in_u)
+    known = [one.in_u for one in ranked if one.in_u is not None]
+    most = f", numbers by at most {max(known):.2g} u" if known else ""
+    cells = "1 cell differs" if len(ranked) == 1 else f"{len(ranked)} cells differ"
+    typer.echo(f"{TABLE}: {cells}{most}")
+    for one in ranked[:_SHOWN]:
         by = "" if one.in_u is None else f" ({one.in_u:.2g} u)"
-        typer.echo(
-            printable(f"  {one.curve} {one.column}: {one.packed or 'none'} packed, {one.found or 'none'} here{by}")
-        )
-    if more := len(found.differences) - _SHOWN:
-        typer.echo(f"  and {more} more: --json shows all") if more > 0 else None
-
-
-def _worst(differences: Sequence[RowDifference]) -> str:
-    known = [one.in_u for one in differences if one.in_u is not None]
-    return f", numbers by at most {max(known):.2g} u" if known else ""
+        pair = f"{one.packed or 'none'} packed, {one.found or 'none'} here"
+        typer.echo(printable(f"  {one.curve} {one.column}: {pair}{by}"))
+    if len(ranked) > _SHOWN:
+        typer.echo(f"  and {len(ranked) - _SHOWN} more: --json shows all")
