@@ -13,7 +13,7 @@ import numpy as np
 from palpate import ConfigurationError
 
 from palpate_kit.numerics.mixed_model import mixed_differences
-from palpate_kit.numerics.unit_group import Scatter, UnitGroup, scatters
+from palpate_kit.numerics.unit_group import UnitGroup, UnitScatter, scatters
 
 FEWEST = 3  # units of a group for a p-value
 _LIBERAL = 10  # units of each group below which Games and Howell's test finds too many differences
@@ -75,9 +75,9 @@ class GroupComparison:
         return sum(math.isfinite(pair.p) for pair in self.pairs)
 
     @cached_property
-    def scatter(self) -> Scatter:
+    def scatter(self) -> UnitScatter:
         """Between and within units, of all groups together."""
-        return Scatter.of(self.groups)
+        return UnitScatter.of(self.groups)
 
     @property
     def untested(self) -> str:
