@@ -175,6 +175,12 @@ def test_a_sentence_says_which_test_and_of_what():
         "8 single runs, 4 in each of 2 groups, were compared by Welch's t-test."
     )
     assert compare_groups(draw((4,)), "animal").sentence == ""
+    few = compare_groups(draw((2, 4)), "animal")
+    assert few.sentence == f"6 units (animal), 2 to 4 in each of 2 groups, were not compared: {few.untested}."
+
+
+def test_a_column_may_be_called_run():
+    assert compare_groups(draw((4, 4)), "run").sentence.startswith("The means of 8 units (run) with 48 curves")
 
 
 @pytest.mark.slow

@@ -186,7 +186,7 @@ function takeGroups(m) {
   const [most, apart] = [20, m.found.tests.filter((t) => t.p !== null).sort((a, b) => a.p - b.p)];
   const lines = apart.slice(0, most).map((t) => `${t.difference_is}: ${number(t.difference)} ${unit}, p = ${t.p_corrected.toPrecision(2)}`);
   if (apart.length > most) lines.push(`and ${apart.length - most} pairs of a larger p`);
-  const tests = [m.found.sentence, ...lines, m.found.untested].filter((text) => text).map((text) => {
+  const tests = [m.found.sentence, ...lines].filter((text) => text).map((text) => {
     const line = document.createElement("p");
     line.textContent = text;
     return line;
