@@ -159,7 +159,7 @@ def test_many_groups_print_at_most_twenty_pairs_with_corrected_values(palpate, t
 
 @pytest.mark.parametrize("command", [["repeat", "fits", "--by", "treatment"], ["repeat", "review", "fits"]])
 def test_many_curves_are_a_screen_and_ask_for_the_plugins_once(palpate, fits, command, monkeypatch):
-    """Once the registry of plugins was loaded for each curve: 24 s for 2000 of them, and 16 002 lines."""
+    """Once the registry of plugins was loaded for each curve: 24 s for 2000 of them, and 14 002 lines."""
     calls, load = [], registry.load
     monkeypatch.setattr(registry, "load", lambda *files: calls.append(files) or load(*files))
     done = palpate(*command)

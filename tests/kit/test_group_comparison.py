@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from palpate import ConfigurationError
+from palpate import ConfigurationError, LogError
 from palpate_kit.numerics.group_comparison import compare_groups, holm
 from palpate_kit.numerics.precision import repeat_correlation
 from scipy.stats import f_oneway, ttest_ind, tukey_hsd
@@ -155,6 +155,17 @@ def test_without_statsmodels_a_mixed_model_fails_by_name(monkeypatch):
         compare_groups(draw((4, 4)), "animal", mixed=True)
 
 
+@pytest.mark.slow
+def test_a_mixed_model_at_its_bound_is_one_and_without_scatter_is_none():
+    """With less scatter between units than curves explain, gradients do not converge; without any there is no model."""
+    pytest.importorskip("statsmodels")
+    alike = {name: [(f"{name}{u}", float(c)) for u in range(3) for c in range(3)] for name in "ab"}
+    assert compare_groups(alike, "animal", mixed=True).pairs[0].p == 1.0
+    flat = {name: [(f"{name}{u}", float(u)) for u in range(3) for c in range(3)] for name in "ab"}
+    with pytest.raises(LogError, match="--mixed: the model cannot be fitted"):
+        compare_groups(flat, "animal", mixed=True)
+
+
 def test_a_sentence_says_which_test_and_of_what():
     assert compare_groups(draw((4, 5, 5)), "animal").sentence == (
         "The means of 14 units (animal) with 84 curves, 4 to 5 in each of 3 groups, were compared by Welch's t-test; "
@@ -164,3 +175,29 @@ def test_a_sentence_says_which_test_and_of_what():
         "8 single runs, 4 in each of 2 groups, were compared by Welch's t-test."
     )
     assert compare_groups(draw((4,)), "animal").sentence == ""
+    few = compare_groups(draw((2, 4)), "animal")
+    assert few.sentence == f"6 units (animal), 2 to 4 in each of 2 groups, were not compared: {few.untested}."
+
+
+def test_a_column_may_be_called_run():
+    assert compare_groups(draw((4, 4)), "run").sentence.startswith("The means of 8 units (run) with 48 curves")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("groups", "units", "most"), [(2, 3, 0.06), (2, 10, 0.06), (3, 5, 0.07)])
+def test_what_does_not_differ_is_rarely_found_to(groups, units, most):
+    """A thousand draws without an effect; benchmarks/false_positives.py has all cases with two thousand."""
+    found = 0
+    for seed in range(1000):
+        pairs = compare_groups(draw((units,) * groups, curves=3, seed=[56, seed]), "animal").pairs
+        found += min(pair.corrected for pair in pairs) < 0.05
+    assert found / 1000 <= most
+
+
+@pytest.mark.slow
+def test_games_and_howell_find_rarely_what_is_not_there_from_ten_units_on():
+    found = 0
+    for seed in range(500):
+        comparison = compare_groups(draw((10,) * 3, curves=2, seed=[57, seed]), "animal")
+        found += min(comparison.games_howell(pair) for pair in comparison.most_significant(1)) < 0.05
+    assert found / 500 <= 0.07

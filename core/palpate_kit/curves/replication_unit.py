@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from palpate import ConfigurationError, suggest
@@ -80,8 +81,8 @@ def replication_unit(groups: Mapping[str, Sequence[Cells]], unit: str | None = N
 def shared_units(groups: Mapping[str, Sequence[Cells]], column: str) -> list[str]:
     """The values of a column that several groups have, in their order."""
     of_group = [dict.fromkeys(cells.get(column) or "" for cells in found) for found in groups.values()]
-    everything = [value for values in of_group for value in values if value]
-    return [value for value in dict.fromkeys(everything) if everything.count(value) > 1]
+    counts = Counter(value for values in of_group for value in values if value)
+    return [value for value, count in counts.items() if count > 1]
 
 
 def _names_units(groups: Mapping[str, Sequence[Cells]], column: str) -> bool:

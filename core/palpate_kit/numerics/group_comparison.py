@@ -13,7 +13,7 @@ import numpy as np
 from palpate import ConfigurationError
 
 from palpate_kit.numerics.mixed_model import mixed_differences
-from palpate_kit.numerics.unit_group import Scatter, UnitGroup, scatters
+from palpate_kit.numerics.unit_group import UnitGroup, UnitScatter, scatters
 
 FEWEST = 3  # units of a group for a p-value
 _LIBERAL = 10  # units of each group below which Games and Howell's test finds too many differences
@@ -66,8 +66,8 @@ class GroupComparison:
 
     @property
     def singles(self) -> bool:
-        """Whether each value is a unit by itself."""
-        return self.unit in (CURVE, RUN)
+        """Whether each value is a unit by itself, and no column says of which it is."""
+        return self.unit in (CURVE, RUN) and self.units == self.curves
 
     @property
     def tests(self) -> int:
@@ -75,9 +75,9 @@ class GroupComparison:
         return sum(math.isfinite(pair.p) for pair in self.pairs)
 
     @cached_property
-    def scatter(self) -> Scatter:
+    def scatter(self) -> UnitScatter:
         """Between and within units, of all groups together."""
-        return Scatter.of(self.groups)
+        return UnitScatter.of(self.groups)
 
     @property
     def untested(self) -> str:
@@ -134,6 +134,8 @@ class GroupComparison:
             return ""
         counts = f"{self.curves} single {self.unit}s" if self.singles else f"{self.units} units ({self.unit})"
         ranges = f"{_range(group.units for group in self.groups)} in each of {len(self.groups)} groups"
+        if not self.tests:
+            return f"{counts[0].upper()}{counts[1:]}, {ranges}, were not compared: {self.untested}."
         if self.mixed:
             freedom = self.units - len(self.groups)
             test = (
@@ -155,7 +157,7 @@ class GroupComparison:
         return {
             "replication": {
                 "unit": self.unit, "units": self.units, "curves": self.curves, "between": scatter.between,
-                "within": scatter.within, "icc": scatter.correlation,
+                "within": scatter.within, "icc": scatter.correlation, "singles": self.singles,
             },
             "test": "mixed" if self.mixed else "welch",
             "sentence": self.sentence,
@@ -192,7 +194,7 @@ def compare_groups(
         for one, value in values:
             of_unit.setdefault(one, []).append(value)
         found.append(UnitGroup(name, {one: np.array(numbers) for one, numbers in of_unit.items()}))
-    if mixed and (unit in (CURVE, RUN) or all(group.units == group.curves for group in found)):
+    if mixed and all(group.units == group.curves for group in found):
         raise ConfigurationError(f"--mixed: each unit ({unit}) has one value; Welch's test of the units needs no model")
     testable = [group for group in found if group.units >= FEWEST]
     tested = mixed_differences({group.name: group.values for group in testable}) if mixed and testable[1:] else {}

@@ -17,7 +17,7 @@ def mixed_differences(
     """Of every two groups of units with values (m,): difference, its 95 % interval, t, degrees of freedom, p.
 
     By restricted maximum likelihood; the degrees of freedom are units less groups. Raises ConfigurationError without
-    statsmodels, and LogError where the fit does not converge.
+    statsmodels, and LogError where it cannot be fitted.
     """
     try:
         from statsmodels.regression.mixed_linear_model import MixedLM
@@ -33,9 +33,13 @@ def mixed_differences(
     labels = np.repeat(np.arange(len(units)), [len(one) for _, one in units])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a variance between units at its bound, 0, which is an estimate like others
-        fit = MixedLM((values - values.mean()) / scale, design, groups=labels).fit(reml=True)
-    if not fit.converged:
-        raise LogError("--mixed: the linear mixed model does not converge for these values")
+        model = MixedLM((values - values.mean()) / scale, design, groups=labels)
+        try:  # gradients fail at that bound
+            fit = model.fit(reml=True, method="powell", xtol=1e-8, ftol=1e-12)
+        except np.linalg.LinAlgError:
+            fit = None
+    if fit is None or not fit.converged:
+        raise LogError("--mixed: the model cannot be fitted to these values: do the curves of a unit scatter at all?")
     means, covariance = np.asarray(fit.fe_params), np.asarray(fit.cov_params())[: len(names), : len(names)]
     freedom = float(len(units) - len(names))
     half = float(student.ppf(0.975, freedom))

@@ -65,9 +65,9 @@ class UnitGroup:
         return self.mean - half, self.mean + half
 
     @property
-    def scatter(self) -> Scatter:
+    def scatter(self) -> UnitScatter:
         """Between and within its units."""
-        return Scatter.of([self])
+        return UnitScatter.of([self])
 
     def table(self) -> dict[str, Any]:
         """Everything, as plain data [SI]."""
@@ -80,14 +80,14 @@ class UnitGroup:
 
 
 @dataclass(frozen=True)
-class Scatter:
+class UnitScatter:
     """Standard deviations [SI] between units and within them; NaN where nothing shows one of them."""
 
     between: float
     within: float
 
     @classmethod
-    def of(cls, groups: Sequence[UnitGroup]) -> Scatter:
+    def of(cls, groups: Sequence[UnitGroup]) -> UnitScatter:
         """What groups show together, by their degrees of freedom; where no unit has two values both are between."""
         found: Precision | None = precision([list(group.values.values()) for group in groups if group.units])
         if found is None or all(group.units < 2 for group in groups):

@@ -187,7 +187,7 @@ def _cautions(comparisons: Mapping[str, GroupComparison]) -> list[str]:
     found: list[str] = []
     for name, comparison in comparisons.items():
         most = f" Shown are the {SHOWN} smallest p." if comparison.tests > SHOWN else ""
-        words = [f"{comparison.sentence}{most}" if comparison.tests else "", comparison.untested]
+        words = [f"{comparison.sentence}{most}", comparison.untested if comparison.tests else ""]
         found += [f"{name.replace('_', ' ')}: {text}" for text in words if text]
     return found + ([_CAUTION] if any(one.singles and one.tests for one in comparisons.values()) else [])
 

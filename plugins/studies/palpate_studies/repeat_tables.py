@@ -27,8 +27,7 @@ _CAUTIONS = {
 def views(document: dict[str, Any], details: bool) -> Iterator[Any]:
     """Mean and scatter of every group, errors and tests; with `details` all statistics and a histogram."""
     word, factor = display_unit(document["unit"])
-    unit = document["replication"]["unit"]
-    singles = unit in _CAUTIONS
+    unit, singles = (document["replication"][key] for key in ("unit", "singles"))
     names = ("mean", "scatter", *(() if singles else _OF_UNITS), *(_DETAILS if details else ()))
     counts = [f"{unit}s"] if singles else [f"units\n({unit})", "curves"]
     heads = ["group", *counts, *(f"{name}\n{word}" if name in _LENGTHS else name for name in names)]
@@ -78,9 +77,9 @@ def _judgements(document: dict[str, Any], word: str, factor: float, details: boo
         yield f"Welch's analysis of variance: F = {whole['f']:.3g}, p = {whole['p']:.2g}"
     if document["games_howell_is_liberal"]:
         yield "Games-Howell is liberal with fewer than 10 units in a group: it finds too many differences"
-    if document["untested"]:
+    if document["untested"] and document["untested"] not in document["sentence"]:
         yield document["untested"]
-    if document["tests"] and replication["unit"] in _CAUTIONS:
+    if document["tests"] and replication["singles"]:
         yield _CAUTIONS[replication["unit"]]
     told = [f"{name} was rejected and is left out: {reason}" for name, reason in document["rejected"].items()]
     yield from told if details else told[:SHOWN]
@@ -125,9 +124,9 @@ def _histogram(name: str, found: dict[str, Any], factor: float) -> Iterator[str]
 def _tests(document: dict[str, Any], word: str, factor: float, details: bool) -> Any:
     """The pairs, unless `details` those of the smallest p-values, in their order."""
     rows = document["tests"]
-    several = sum(row["p"] is not None for row in rows) > 1
-    title = "mixed model" if document["test"] == "mixed" else "Welch's t-test"
-    heads = ["difference of", f"means\n{word}", "t", "degrees of\nfreedom", "p by Holm" if several else "p"]
+    tested = sum(row["p"] is not None for row in rows)
+    title = "not tested" if not tested else "mixed model" if document["test"] == "mixed" else "Welch's t-test"
+    heads = ["difference of", f"means\n{word}", "t", "degrees of\nfreedom", "p by Holm" if tested > 1 else "p"]
     keys = ["t", "degrees_of_freedom", "p_corrected"]
     if document["games_howell_is_liberal"] is not None:
         heads.append("p by Games-\nHowell")
