@@ -89,6 +89,7 @@ from .hooks import plugin as plugin
 from .notebook import (
     compare as compare,
     fit as fit,
+    fit_folder as fit_folder,
     load as load,
     open_run as open_run,
     prepare as prepare,

@@ -126,6 +126,7 @@ from .pipeline import (
 )
 from .pipeline.live.guard import Guard as Guard
 from .pipeline.live.links import LiveLinks as LiveLinks
+from .pipeline.provenance import library_versions as library_versions
 from .result import (
     GIVEN as GIVEN,
     PIPELINE as PIPELINE,

@@ -63,6 +63,22 @@ def legend_outside(axes: Any, columns: int = 3) -> None:
         axes.legend(handles, labels, ncols=max(1, min(columns, fitting, len(labels))), **place)
 
 
+def force_unit(size: float) -> tuple[str, float]:
+    """The unit in which forces of a size [N] show their digits, and how many of it one newton is.
+
+    >>> force_unit(0.02)
+    ('mN', 1000.0)
+    """
+    return ("N", 1.0) if size > 0.1 else ("mN", 1e3) if size > 1e-4 else ("uN", 1e6) if size > 1e-7 else ("nN", 1e9)
+
+
+def label_forces(axis: Any, words: str) -> None:
+    """Label the y axis of forces [N] that are already drawn, in the unit that shows their digits."""
+    unit, factor = force_unit(max(map(abs, axis.get_ylim())))
+    axis.yaxis.set_major_formatter(lambda force, _: f"{factor * force:g}")
+    axis.set_ylabel(f"{words} [{unit}]")
+
+
 def common_limits(curves: Sequence[Floats], settled_from: float = 0.5) -> tuple[float, float] | None:
     """Limits of axes for curves of one quantity, each by its later part; a curve far from most others is cut off.
 

@@ -494,8 +494,8 @@ def test_times_that_are_none(arrays):
 
 
 def test_what_is_no_record_is_told(tmp_path):
-    with pytest.raises(ConfigurationError, match=r"a str is no record: palpate\.read\(path\) makes one"):
-        palpate.fit("a.csv", tip="sphere 5 mm")
+    with pytest.raises(ConfigurationError, match=r"a list is no record: palpate\.read\(path\) makes one"):
+        palpate.fit(["a.csv"], tip="sphere 5 mm")
     with pytest.raises(LogError, match=r"is a folder, and no log; read its files one by one"):
         palpate.read(tmp_path)
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from palpate_kit.numerics.precision import method_correlation, precision, repeat_correlation
 from palpate_reference.agreement.bland_altman import deming_line, limits_of_agreement
-from palpate_reference.agreement.precision import method_correlation, precision, repeat_correlation
 from palpate_reference.run_values import conditions_of
 
 # Peak expiratory flow [l/min] of 17 subjects by two meters, first readings: Bland and Altman 1986, table 1.

@@ -21,7 +21,7 @@ from palpate_engine.config.pipeline_source import Source
 RIG = "rig.toml"
 MEASURED, MEASUREMENT = "measured", "measurement"  # tables that `palpate calibrate` writes
 # Keys that are no settings of every pipeline: the first concern the reading and asking of files alone.
-NO_SETTINGS = ("columns", "units", "rate", "not_known", "model", MEASURED, MEASUREMENT)
+NO_SETTINGS = ("instrument", "columns", "units", "rate", "not_known", "model", MEASURED, MEASUREMENT)
 _PLUS_MINUS = re.compile(r"\s*(?:\+-|\+/-|±)\s*")
 ROLES = ("force", "position", "velocity", "time")
 
@@ -144,6 +144,7 @@ class RigFacts(Settings):
         '"tip": the position is measured, and that of the tip', "position",
         "Is the position measured at the tip?", "tip", option="position-of",
     )  # fmt: skip
+    instrument: str | None = _fact('what presses and measures, in words of a methods section: "a UR3e with a SensONE"')
     columns: Annotated[dict[str, tuple[str | int, ...]], BeforeValidator(_columns)] | None = _fact(
         "of files without a pipeline, the columns that cannot be recognised: "
         '{ force = "Load", position = ["Ext", "z"], time = "t" }; a file takes the first that it has'

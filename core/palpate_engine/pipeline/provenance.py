@@ -28,8 +28,6 @@ _LOOK = 0.01  # [s] between the places that count for the box of a motion
 
 def run_facts(pipeline: Pipeline) -> dict[str, Any]:
     """Name, pipeline, command, seed, versions, plugins, hashes of the inputs, host."""
-    versions = {"palpate": _version("palpate"), "python": platform.python_version()}
-    versions |= {name: _version(name) for name in _LIBRARIES}
     inputs = {f"{name}.{key}": text for name, d in pipeline.devices.items() for key, text in d.provenance.items()}
     for plugin in pipeline.registry.plugins:
         if plugin.digest:
@@ -46,7 +44,7 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
         "pipeline": str(pipeline.path),
         "command": sys.argv,
         "seed": pipeline.run.seed,
-        "versions": versions,
+        "versions": library_versions(),
         "plugins": [plugin.name for plugin in pipeline.registry.plugins],
         "inputs": inputs,
         "host": socket.gethostname(),
@@ -74,7 +72,11 @@ def facts_beside(pipeline: Pipeline) -> Future[dict[str, Any]]:
     return found
 
 
-_version = cache(importlib.metadata.version)
+@cache
+def library_versions() -> dict[str, str]:
+    """Versions of palpate, of Python and of the libraries on which numbers depend."""
+    found = {"palpate": importlib.metadata.version("palpate"), "python": platform.python_version()}
+    return found | {name: importlib.metadata.version(name) for name in _LIBRARIES}
 
 
 def lift_facts(pipeline: Pipeline) -> dict[str, Any]:

@@ -117,6 +117,7 @@ def _rows(reader: CurveReader, curve: Curve) -> Iterator[Row]:
 def error_rows(reader: CurveReader, curve: Curve, error: Exception) -> Iterator[Row]:
     """The rows of a curve that could not be fitted."""
     told = str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
+    told = told.replace(curve.file, curve.name) if curve.file else told  # the folder can be moved with its curves
     try:
         tracks = record_tracks(reader).pipeline.tracks
     except PalpateError:

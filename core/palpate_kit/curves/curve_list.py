@@ -125,7 +125,7 @@ def add_groups(folder: Path, table: Path, known: Collection[str]) -> None:
     write_list(folder / LIST, entries)
 
 
-def columns_of(entries: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """The columns by which curves can be grouped, in their order."""
-    names: Iterable[str] = (column for cells in entries.values() for column in cells)
+def columns_of(curves: Iterable[Mapping[str, str]]) -> list[str]:
+    """The columns by which curves with such cells can be grouped, in their order."""
+    names: Iterable[str] = (column for cells in curves for column in cells)
     return [name for name in dict.fromkeys(names) if name not in _OWN]

@@ -29,6 +29,7 @@ from palpate_records.log_files import readable, regular
 
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
+from palpate_kit.curves.fit_provenance import add_provenance
 from palpate_kit.runs.pipeline_diff import differences
 
 TABLE, SETTINGS = "fits.csv", "pipeline.toml"
@@ -46,12 +47,13 @@ class FitTable:
         self.columns = columns_of_fits(pipeline)
         self.names = tuple(name.removesuffix("_std") for name in self.columns if name.endswith("_std"))
         self._tracks = len(pipeline.tracks)
+        self._noted = False  # by which command and versions rows are added
         self.path = folder / TABLE
         self._settle(folder, pipeline, device, dialect)
         self.settings = settings_text(folder / SETTINGS, dialect)
         self.done = self._whole() if self.path.exists() else dict[str, str]()
         if not self.path.exists():
-            write_whole(self.path, self._text([dict(zip(self.columns, self.columns, strict=True))]))
+            write_rows(self.path, self.columns, ())
 
     def _settle(self, folder: Path, pipeline: Pipeline, device: str, dialect: str) -> None:
         """Begin a folder, or go on with one that was begun with the same settings; raises OutputError."""
@@ -99,6 +101,9 @@ class FitTable:
 
     def add(self, rows: Sequence[Row]) -> None:
         """The rows of one curve, in one writing."""
+        if not self._noted:
+            add_provenance(self.path.parent)
+            self._noted = True
         lines = [{key: " ".join(value.split()) for key, value in row.items()} for row in rows]
         with file_in_place(self.path) as file:
             file.seek(0, io.SEEK_END)
@@ -117,7 +122,7 @@ class FitTable:
         with self.path.open("rb") as file:
             lines = sum(1 for _ in file) - 1
         if lines > len(rows) or rows != known:
-            write_whole(self.path, self._text([dict(zip(self.columns, self.columns, strict=True)), *rows]))
+            write_rows(self.path, self.columns, rows)
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """By track: curves, those that failed or are flagged, and median and quartiles of each parameter."""
@@ -148,7 +153,11 @@ def _quartiles(values: Floats) -> list[float]:
 
 def replace_columns(path: Path, columns: Sequence[str]) -> None:
     """Write a table of fits anew with other columns; a cell of one that is new is empty."""
-    rows = latest_rows(path)
+    write_rows(path, columns, latest_rows(path))
+
+
+def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, str]]) -> None:
+    """Write a whole table of fits; a cell that a row lacks is empty."""
     text = io.StringIO()
     table = csv.DictWriter(text, columns, lineterminator="\n", restval="", extrasaction="ignore")
     table.writeheader()

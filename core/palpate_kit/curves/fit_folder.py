@@ -173,7 +173,7 @@ class FitFolder:
     @property
     def columns(self) -> list[str]:
         """Columns of ``curves.csv`` by which curves can be grouped."""
-        return columns_of(self.entries)
+        return columns_of(self.entries.values())
 
     @cached_property
     def names(self) -> list[str]:

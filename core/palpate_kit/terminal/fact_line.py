@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from palpate import ContactModel, Indenter
-from palpate_engine import AlignmentSettings, Pipeline, numbers_of
+from palpate_engine import AlignmentSettings, Pipeline, Registry, numbers_of
 
 _TARES = {"free-air": "force zeroed in air", "none": "force as recorded", "calibrated": "force zeroed by calibration"}
 
@@ -16,17 +16,26 @@ def fact_line(pipeline: Pipeline) -> str:
 
     As in "tip: sphere, radius 6 mm (diameter 12 mm); dr, nu 0.5, thick; force zeroed in air".
     """
+    words = facts_in_words(pipeline)
+    head = [f"tip: {words['tip']}"] if "tip" in words else []
+    return "; ".join([*head, words["model"], words["force"]])
+
+
+def facts_in_words(pipeline: Pipeline) -> dict[str, str]:
+    """What is taken for the tip, where the model has one, the model and the force of the first track."""
     model = pipeline.tracks[0].model
     tip = getattr(model, "indenter", None)
-    words = [f"tip: {', '.join(_tip(tip, pipeline))}"] if isinstance(tip, Indenter) else []
-    return "; ".join([*words, ", ".join(_model(model, pipeline)), ", ".join(_force(pipeline.alignment))])
+    found = {"tip": tip_words(tip, pipeline.registry)} if isinstance(tip, Indenter) else {}
+    return {**found, "model": ", ".join(_model(model, pipeline)), "force": ", ".join(_force(pipeline.alignment))}
 
 
-def _tip(tip: Indenter, pipeline: Pipeline) -> Iterator[str]:
-    yield pipeline.registry.name_of(type(tip))
+def tip_words(tip: Indenter, known: Registry) -> str:
+    """A tip by its kind and numbers, as in "sphere, radius 6 mm (diameter 12 mm)"."""
+    words = [known.name_of(type(tip))]
     for path, value, unit in numbers_of(tip):
-        across = f" (diameter {_quantity(2 * value, unit)})" if path == ("radius",) else ""
-        yield f"{' '.join(path).replace('_', ' ')} {_quantity(value, unit)}{across}"
+        across = f" (diameter {quantity_text(2 * value, unit)})" if path == ("radius",) else ""
+        words.append(f"{' '.join(path).replace('_', ' ')} {quantity_text(value, unit)}{across}")
+    return ", ".join(words)
 
 
 def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[str]:
@@ -36,7 +45,7 @@ def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[str]:
         yield f"nu {nu:g}"
     if "thickness" in type(model).model_fields:
         height = getattr(getattr(model, "thickness", None), "height", None)
-        yield "thick" if height is None else f"{_quantity(height, 'm')} thick"
+        yield "thick" if height is None else f"{quantity_text(height, 'm')} thick"
 
 
 def _force(alignment: AlignmentSettings) -> Iterator[str]:
@@ -52,7 +61,8 @@ def _force(alignment: AlignmentSettings) -> Iterator[str]:
         yield f"{1e3 * alignment.tip_mass:g} g behind the sensor"
 
 
-def _quantity(value: float, unit: str) -> str:
+def quantity_text(value: float, unit: str) -> str:
+    """A length in mm or um, an angle in degrees, any other number in its SI unit."""
     if unit == "rad":
         return f"{math.degrees(value):.4g} deg"
     if unit != "m":

@@ -103,17 +103,17 @@ def _both(first: str, second: str, two: bool) -> Iterable[str]:
 def _latex(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]], sides: Sequence[str]) -> str:
     lines = [f"% {title}"] if title else []
     lines += [rf"\begin{{tabular}}{{{' '.join(sides)}}}", r"\toprule"]
-    lines += [" & ".join(map(_tex, headings)) + r" \\", r"\midrule"]
-    lines += [" & ".join(map(_tex, row)) + r" \\" for row in rows]
+    lines += [" & ".join(map(latex_text, headings)) + r" \\", r"\midrule"]
+    lines += [" & ".join(map(latex_text, row)) + r" \\" for row in rows]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
-def _tex(text: str) -> str:
+def latex_text(text: str) -> str:
     """A text as LaTeX has it.
 
-    >>> _tex("5 ± 1 %")
+    >>> latex_text("5 ± 1 %")
     '5 $\\\\pm$ 1 \\\\%'
-    >>> _tex("N^2")
+    >>> latex_text("N^2")
     'N$^2$'
     """
     escaped = "".join(_ESCAPED.get(character, character) for character in text)

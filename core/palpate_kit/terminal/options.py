@@ -36,4 +36,12 @@ WhereOption = Annotated[
         help="Of a folder of fits of many curves only these, such as 'verdict:doubtful sample=S1 E>100 rms<0.05'.",
     ),
 ]  # fmt: skip
+UnitOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="COLUMN",
+        help="What is compared: means of units by a column of curves.csv, such as animal, or curve. [default: the "
+        "column with at least two values in each group, each value in one group]",
+    ),
+]
 UnchangedOption = Annotated[bool, typer.Option("--yes", help="Ask nothing: specimen and tool are still the same.")]

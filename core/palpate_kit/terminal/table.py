@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -12,6 +12,9 @@ from palpate_kit.terminal.layout import layout, tables_in, text_of
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
+
+_SCREEN = 40  # rows
+_BLOCKS = 10  # rows that are printed as blocks where a table is too wide
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,15 @@ class Table:
         for row in self.rows:
             view.add_row(*(Text(cell) for cell in row))
         return view
+
+
+def shortened(table: Table, whole: bool = False) -> RenderableType:
+    """The view of a table whose first rows fill a screen, and how many more there are; all of it as CSV and LaTeX."""
+    more = len(table.rows) - _SCREEN
+    if whole or more <= 0 or layout() != "table":
+        return table.view()
+    title = f"{table.title}: {_SCREEN} of {len(table.rows)} rows, all with --format csv"
+    return replace(table, title=title, rows=table.rows[:_SCREEN]).view()
 
 
 def console(width: int = 80) -> Console:
@@ -116,15 +128,17 @@ def _plain(cell: Any) -> str:
 
 
 def _row_by_row(table: Any) -> RenderableType:
-    """A table as lines "heading: cell", one block for each row."""
+    """A table as lines "heading: cell", one block for each row; of many rows each is one paragraph."""
     from rich.text import Text
 
     def plain(cell: Any) -> str:
         return " ".join(_plain(cell).split())
 
     headings = [plain(column.header) for column in table.columns]
+    few = table.row_count <= _BLOCKS
     lines = [plain(table.title)] if table.title else []
     for row in zip(*(list(column.cells) for column in table.columns), strict=True):
         cells = [(heading, plain(cell)) for heading, cell in zip(headings, row, strict=True)]
-        lines += ["", *(f"{heading}: {cell}" if heading else cell for heading, cell in cells if cell)]
+        parts = [f"{heading}: {cell}" if heading else cell for heading, cell in cells if cell]
+        lines += ["", *parts] if few else ["; ".join(parts)]
     return Text("\n".join(lines))

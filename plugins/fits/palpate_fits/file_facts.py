@@ -18,6 +18,7 @@ from palpate_engine import (
     read_rig,
     rig_assignments,
     toml_tables,
+    write_whole,
 )
 
 _RIG = ("run", "rig")
@@ -78,6 +79,12 @@ def rig_beside(sources: Sequence[Path]) -> Path | None:
     if len(there) > 1:
         raise ConfigurationError(f"{there[0]} and {there[1]}: which holds the facts? Name it with --rig FILE")
     return next(iter(there), None)
+
+
+def keep_facts(folder: Path, path: Path) -> None:
+    """Copy the file of facts, where there is one, into the folder of the fits that were made with it."""
+    if path.is_file():
+        write_whole(folder / RIG, bounded_text(path))
 
 
 def _places(sources: Sequence[Path]) -> list[Path]:

@@ -21,7 +21,7 @@ from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
 from palpate_records.recording import Suggestion
 
-from palpate_fits.file_facts import StatedFacts
+from palpate_fits.file_facts import StatedFacts, keep_facts
 from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, with_overrides
 from palpate_fits.file_questions import FileQuestion
 from palpate_fits.file_tables import count_line, is_usable, show_rows
@@ -68,6 +68,7 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     order = {str(file): place for place, file in enumerate(files)}
     paths = {str(file): str(file.path) for file in files}
     rows = [row for row in _fitted(groups, folder, wanted, cells) if row["curve"] in order]
+    keep_facts(folder, wanted.stated.path)
     if not wanted.fitting:
         for name, error in refused.items():
             typer.echo(f"{name}: {error}", err=True)

@@ -24,7 +24,7 @@ from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
 
 from palpate_fits.curve_files import curve_files, curves_by
-from palpate_fits.file_facts import StatedFacts, rig_beside, stated_facts
+from palpate_fits.file_facts import StatedFacts, keep_facts, rig_beside, stated_facts
 from palpate_fits.fit_sources import log_device
 from palpate_fits.fit_tables import each_table
 from palpate_fits.folder_fits import fit_each
@@ -152,7 +152,12 @@ def _has_run(source: Path) -> bool:
 
 
 def _names_rig(overrides: Sequence[str]) -> bool:
-    return any(parsed_assignment(text)[0] == ("run", "rig") for text in overrides)
+    return bool(_rigs(overrides))
+
+
+def _rigs(overrides: Sequence[str]) -> list[Path]:
+    """The file of facts that is named, or found beside the curves."""
+    return [Path(str(value)) for keys, value in map(parsed_assignment, overrides) if keys == ("run", "rig")]
 
 
 def _demand_seen_files(by: str | None, stage: str | None, jobs: int | None) -> None:
@@ -193,6 +198,8 @@ def _each(
         pool = partial(on_workers, scheduler, folder.resolve())
     with progress("fit", "curves", None if by else len(files)):
         table = fit_each(pipeline, told, curves, folder, workers, fitting=fitting, pool=pool)
+    for path in _rigs(overrides):
+        keep_facts(folder, path)
     if not fitting:
         typer.echo(f"{len(files)} curves to fit: palpate fit {folder}")
         return

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Estimates, FitReport, Floats, Samples
 from palpate_engine import acceleration
-from palpate_kit.figures import figure_of, legend_outside, quartiles, save_figure, style
+from palpate_kit.figures import figure_of, label_forces, legend_outside, quartiles, save_figure, style
 
 _MOST = 20_000  # points in a curve
 
@@ -69,5 +69,6 @@ def _residuals(axes: Any, label: str, samples: Samples, estimates: Estimates, fo
     depth, (low, middle, high) = quartiles(1e3 * (estimates.surface[rows] - samples.position[rows]), left)
     (line,) = axes[1].plot(depth, middle, label=label)
     axes[1].fill_between(depth, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
-    axes[0].set(xlabel="time [s]", ylabel="model less measured [N]")
-    axes[1].set(xlabel="depth [mm]", ylabel="model less measured [N]")
+    for axis, across in zip(axes, ("time [s]", "depth [mm]"), strict=True):
+        axis.set(xlabel=across)
+        label_forces(axis, "model less measured")

@@ -13,6 +13,7 @@ import numpy as np
 import typer
 from palpate import ConfigurationError, to_si
 from palpate_engine import display_unit, make_folder, withdraw_folder, write_new
+from palpate_kit.figures import force_unit
 from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, JsonOption, Overrides
@@ -206,10 +207,7 @@ def _length(depth: float) -> tuple[str, float]:
 
 
 def _force(value: float) -> str:
-    size = abs(value)
-    unit, factor = (
-        ("N", 1.0) if size > 0.1 else ("mN", 1e3) if size > 1e-4 else ("uN", 1e6) if size > 1e-7 else ("nN", 1e9)
-    )
+    unit, factor = force_unit(abs(value))
     return f"{factor * value:.3g} {unit}"
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate_engine import display_unit
-from palpate_kit.figures import common_limits, figure_of, legend_outside, save_figure, style
+from palpate_kit.figures import common_limits, figure_of, force_unit, legend_outside, save_figure, style
 
 from palpate_indentation.press_analysis import Indentation
 
@@ -20,7 +20,7 @@ def draw(found: Indentation, path: Path) -> None:
     figure, panels = figure_of(2, 2)
     axes = panels.ravel()
     length, scale = ("mm", 1e3) if found.depth > 1e-4 else ("um", 1e6)
-    force, per_force = ("N", 1.0) if np.ptp(found.branch.force) > 1e-2 else ("nN", 1e9)
+    force, per_force = force_unit(float(np.ptp(found.branch.force)))
     thin = slice(None, None, max(len(found.branch) // _MOST, 1))
     fit, branch = found.fit, found.branch
     depth = scale * (fit.surface - branch.height[thin])

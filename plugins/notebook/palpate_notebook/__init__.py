@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from palpate_notebook.fit_functions import compare, fit, prepare
     from palpate_notebook.fit_object import Fit
     from palpate_notebook.fitter_object import Fitter
+    from palpate_notebook.folder_fits import fit_folder
     from palpate_notebook.map_object import MapView
     from palpate_notebook.memory_device import MemoryRecord
     from palpate_notebook.pipeline_changes import Draft, load, run
@@ -32,6 +33,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "fit_object": ["Fit"],
         "fit_functions": ["compare", "fit", "prepare"],
         "fitter_object": ["Fitter"],
+        "folder_fits": ["fit_folder"],
         "map_object": ["MapView"],
         "memory_device": ["MemoryRecord"],
         "figure_object": ["Picture"],
@@ -57,6 +59,7 @@ __all__ = [
     "UncertainQuantity",
     "compare",
     "fit",
+    "fit_folder",
     "load",
     "open_run",
     "prepare",

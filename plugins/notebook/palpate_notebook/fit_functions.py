@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from palpate import ContactModel, Estimator, Indenter, Part
 from palpate_engine import input_files
 
 from palpate_notebook.fit_object import Fit
 from palpate_notebook.fitter_object import Fitter, RecordEstimator, Rig, facts_in
+from palpate_notebook.record_from_frame import record_of
 from palpate_notebook.record_object import Record
 from palpate_notebook.run_object import FinishedRun
+
+if TYPE_CHECKING:
+    import pandas
 
 _latest = threading.local()  # the estimator of the latest call in each thread, and what it was made of
 
 
 def fit(
-    record: Record,
+    record: Record | str | Path | pandas.DataFrame,
     *,
+    signals: Mapping[str, str | float] | None = None,
     tip: Indenter | str | None = None,
     model: str | ContactModel = "dr",
     estimator: str | Estimator = "casadi-fit",
@@ -27,8 +33,10 @@ def fit(
     rig: Rig = None,
     name: str | None = None,
 ) -> Fit:
-    """Fit a model to a record, all of it at once.
+    """Fit a model to a record, to a log by its path, or to a table of pandas, all of it at once.
 
+    The columns of a log or table are recognised by their names and numbers; `signals` says which is which, as in
+    `palpate.read`; units of a table may be in ``frame.attrs["units"]``.
     `model` and `estimator` are parts, as in ``DimensionalityReduction(indenter=Sphere(radius="5 mm"), poisson=0.49)``,
     or names of parts with their defaults, in full or by their initials: "dr" is "dimensionality-reduction", on the
     `tip`, which is a part or words such as "sphere 3 mm". `uncertainties` are the standard uncertainties of what is
@@ -38,7 +46,8 @@ def fit(
 
     Raises ConfigurationError for what does not fit together, LogError for a record that cannot be read.
     """
-    return Fit(_estimator([model], [estimator], tip, uncertainties, rig).estimate(record, name))
+    known = record_of(record, signals)
+    return Fit(_estimator([model], [estimator], tip, uncertainties, rig).estimate(known, name))
 
 
 def prepare(

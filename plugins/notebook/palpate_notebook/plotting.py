@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from palpate import ConfigurationError, Floats, Samples, suggest
 from palpate_engine import display_unit
-from palpate_kit.figures import common_limits, figure_of, legend_outside, style
+from palpate_kit.figures import common_limits, figure_of, label_forces, legend_outside, style
 
 from palpate_notebook.figure_object import Picture
 from palpate_notebook.run_data import RunData
@@ -140,7 +140,8 @@ def fit_picture(run: RunData, name: str) -> Picture:
         axis.plot(along, modelled, linewidth=0.8, label=name)
         axis.set(xlabel=label, ylabel="contact force [N]")
     axes[0, 2].plot(time, measured - modelled, ".", markersize=1, label="measured less model")
-    axes[0, 2].set(xlabel="time [s]", ylabel="residual [N]")
+    axes[0, 2].set(xlabel="time [s]")
+    label_forces(axes[0, 2], "residual")
     for axis in axes[0]:
         legend_outside(axis)
     return Picture(figure)

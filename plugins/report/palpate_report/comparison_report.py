@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, LogError
 from palpate_engine import display_unit
+from palpate_kit.numerics.group_comparison import SHOWN, GroupComparison
 from palpate_kit.runs.pipeline_diff import differences
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 
 from palpate_report.anonymous import Anonymous
 from palpate_report.comparison_figures import caption_of, sites_of, values_by_run
-from palpate_report.group_numbers import APART, GroupRun, common_of, numbers_of
+from palpate_report.group_numbers import APART, GroupRun, common_of, compare_runs, numbers_of
 from palpate_report.run_contents import RunContents
 from palpate_report.run_report import render
 from palpate_report.run_verdict import LEVELS, judge, levels_of
@@ -26,30 +25,9 @@ from palpate_report.svg import svg_text
 _SHOWN = 200  # runs whose rows are on the page
 _COMPARED = ("value", "combined", "systematic", "unit", "verdict")  # of each parameter
 _CAUTION = (
-    "p is the chance of such a difference between repeats (Welch's t-test). Sites of one material differ, too: before "
-    "calling a difference a lump, compare it with the spread over a dozen sites."
+    "p is the chance of such a difference between repeats. Sites of one material differ, too: before calling a "
+    "difference a lump, compare it with the spread over a dozen sites."
 )
-
-
-def groups_of(runs: Sequence[Path], patterns: Sequence[str]) -> dict[str, list[Path]]:
-    """Run folders by group, in the natural order of their names; raises ConfigurationError."""
-    found: dict[str, list[Path]] = {"runs": list(runs)} if runs else {}
-    for text in patterns:
-        name, equals, pattern = text.partition("=")
-        if not (name and equals and pattern):
-            raise ConfigurationError(f'--group {text}: write NAME=PATTERN, such as soft="runs/soft_*"')
-        base = Path(pattern).anchor or "."
-        paths = list(Path(base).glob(str(Path(pattern).relative_to(base)) if Path(pattern).anchor else pattern))
-        if not paths:
-            raise ConfigurationError(f"--group {text}: nothing matches {pattern!r}")
-        found[name] = [*found.get(name, []), *paths]
-    if not found:
-        raise ConfigurationError("name at least one run folder, or a --group NAME=PATTERN")
-    return {name: sorted(set(paths), key=_natural) for name, paths in found.items()}
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", str(path)) if part]
 
 
 def comparison_page(groups: Mapping[str, Sequence[Path]], track: str | None, anonymous: bool) -> str:
@@ -65,8 +43,13 @@ def page_of_runs(
     track: str | None,
     noun: str = "run",
     notes: Sequence[str] = (),
+    study: Mapping[str, Any] | None = None,
+    unit: str | None = None,
 ) -> str:
-    """The whole page of runs, or of what else a noun calls them, in groups; raises LogError where none has a result."""
+    """The whole page of runs, or of what else a noun calls them, in groups that are compared by units of replication.
+
+    Raises LogError where none has a result, ConfigurationError for a unit that is none.
+    """
     if not any(run.tracks for run in runs):
         raise LogError(f"none of these {noun}s has a result: look at them one by one to see why")
     chosen = _track_of(runs, track)
@@ -77,6 +60,7 @@ def page_of_runs(
         {"svg": svg_text(values_by_run(runs, chosen, name, unit)), "caption": caption_of(name, noun)}
         for name, unit in parameters.items()
     ]
+    comparisons = {name: compare_runs(runs, groups, chosen, name, unit) for name in parameters}
     sites = sites_of(runs, chosen, *next(iter(parameters.items()))) if parameters else None
     return render(
         "comparison.html",
@@ -88,17 +72,21 @@ def page_of_runs(
         levels=levels,
         trusted=LEVELS[0],
         statistics=[
-            _statistics(runs, group, chosen, name, unit) for name, unit in parameters.items() for group in groups
+            _statistics(runs, comparisons[name], group, chosen, name, parameters[name])
+            for name in parameters
+            for group in groups
         ],
         grouped=len(groups) > 1,
-        tests=[row for name, unit in parameters.items() for row in _tests(runs, groups, chosen, name, unit)],
-        caution=_CAUTION,
+        tests=[row for name, found in comparisons.items() for row in _tests(found, name, parameters[name])],
+        cautions=_cautions(comparisons),
+        replicated=any(not comparison.singles for comparison in comparisons.values()),
         pictures=pictures,
         sites=svg_text(sites) if sites is not None else None,
         parameters=list(parameters),
         rows=[_row(run, chosen, parameters) for run in runs[:_SHOWN]],
         hidden=max(len(runs) - _SHOWN, 0),
         pipeline=_pipelines(runs),
+        study=study,
     )
 
 
@@ -148,13 +136,16 @@ def _parameters(runs: Sequence[GroupRun], track: str) -> dict[str, str]:
     return {name: found["unit"] for table in tables for name, found in table.items()}
 
 
-def _statistics(runs: Sequence[GroupRun], group: str, track: str, parameter: str, unit: str) -> dict[str, Any]:
+def _statistics(
+    runs: Sequence[GroupRun], comparison: GroupComparison, group: str, track: str, parameter: str, unit: str
+) -> dict[str, Any]:
     values, combined = numbers_of(runs, group, track, parameter)
     word, factor = display_unit(unit)
     of_group = sum(run.group == group for run in runs)
     row: dict[str, Any] = {"parameter": parameter, "group": group, "unit": word, "count": len(values), "of": of_group}
     if len(values) < 2:
         return row | {
+            "units": "" if comparison.singles or not len(values) else f"1 ({comparison.unit})",
             "mean": "–" if not len(values) else round_number(factor * values[0]),
             "std": "–",
             "combined": "–",
@@ -164,40 +155,41 @@ def _statistics(runs: Sequence[GroupRun], group: str, track: str, parameter: str
         float(values.std(ddof=1)),
         float(np.sqrt(np.nanmean(combined**2))) if np.isfinite(combined).any() else math.nan,
     )
+    units = next(found for found in comparison.groups if found.name == group)
     # What the runs have in common does not scatter, and no mean takes any of it away.
-    of_mean = math.hypot(std / math.sqrt(len(values)), common_of(runs, group, track, parameter))
+    of_mean = math.hypot(units.std_of_mean, common_of(runs, group, track, parameter))
     return row | {
-        "mean": value_with_uncertainty(factor * float(values.mean()), factor * of_mean),
+        "units": "" if comparison.singles else f"{units.units} ({comparison.unit})",
+        "mean": value_with_uncertainty(factor * units.mean, factor * of_mean),
         "std": f"{factor * std:.3g}",
         "combined": f"{factor * stated:.3g}" if math.isfinite(stated) else "?",
         "ratio": f"{std / stated:.2f}" if stated > 0 else "–",
     }
 
 
-def _tests(
-    runs: Sequence[GroupRun], groups: Sequence[str], track: str, parameter: str, unit: str
-) -> list[dict[str, str]]:
-    """Welch's t-test between each two groups of at least two runs each."""
+def _tests(comparison: GroupComparison, parameter: str, unit: str) -> list[dict[str, str]]:
+    """The differences of groups that were tested, those of the smallest p-values."""
     word, factor = display_unit(unit)
-    rows = []
-    for first, second in combinations(groups, 2):
-        (a, _), (b, _) = (numbers_of(runs, group, track, parameter) for group in (first, second))
-        if min(len(a), len(b)) < 2 or a.var() + b.var() == 0:
-            continue
-        from scipy.stats import ttest_ind
+    return [
+        {
+            "parameter": parameter,
+            "groups": f"{pair.first}, {pair.second}",
+            "difference": f"{factor * pair.difference:.4g} {word}",
+            "p": f"{pair.corrected:.2g}",
+        }
+        for pair in comparison.most_significant()
+        if math.isfinite(pair.p)
+    ]
 
-        tested: Any = ttest_ind(a, b, equal_var=False)
-        p = float(tested.pvalue)
-        change = factor * float(b.mean() - a.mean())
-        rows.append(
-            {
-                "parameter": parameter,
-                "groups": f"{first}, {second}",
-                "difference": f"{change:.4g} {word}",
-                "p": f"{p:.2g}",
-            }
-        )
-    return rows
+
+def _cautions(comparisons: Mapping[str, GroupComparison]) -> list[str]:
+    """How groups were compared, and what that does not say."""
+    found: list[str] = []
+    for name, comparison in comparisons.items():
+        most = f" Shown are the {SHOWN} smallest p." if comparison.tests > SHOWN else ""
+        words = [f"{comparison.sentence}{most}", comparison.untested if comparison.tests else ""]
+        found += [f"{name.replace('_', ' ')}: {text}" for text in words if text]
+    return found + ([_CAUTION] if any(one.singles and one.tests for one in comparisons.values()) else [])
 
 
 def _row(run: GroupRun, track: str, parameters: Mapping[str, str]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,15 +14,31 @@ from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 
 from palpate_report.anonymous import Anonymous
 from palpate_report.comparison_report import page_of_runs
+from palpate_report.folder_facts import FolderFacts
+from palpate_report.folder_section import folder_section
 from palpate_report.group_numbers import GroupRun
 from palpate_report.run_verdict import LEVELS, RunVerdict, TrackVerdict
 
 
-def curves_page(path: Path, track: str | None, anonymous: bool, by: str | None, where: str | None) -> str:
-    """The whole page of a folder of fits, its curves in groups by a column of ``curves.csv``.
+def curves_page(
+    path: Path, track: str | None, anonymous: bool, by: str | None, where: str | None, unit: str | None = None
+) -> str:
+    """The whole page of a folder of fits, its curves in groups by a column of ``curves.csv``, compared by units.
 
-    Raises LogError, and ConfigurationError for a track, a column or filter words that are none.
+    Raises LogError, and ConfigurationError for a track, a column, a unit or filter words that are none.
     """
+    facts = folder_facts(path, track, by, where)
+    folder, rows = facts.folder, facts.rows
+    veil = Anonymous({}, {}, folder.path) if anonymous else None
+    first, *others = [_run(folder, row, by) for row in rows]
+    runs = [replace(first, pipeline=folder.settings_text(), veil=veil), *others]
+    groups = list(dict.fromkeys(run.group for run in runs))
+    study = folder_section(facts, veil.text if veil else str)
+    return page_of_runs(runs, groups, facts.track, "curve", _notes(rows, where, path), study, unit)
+
+
+def folder_facts(path: Path, track: str | None, by: str | None, where: str | None) -> FolderFacts:
+    """The rows of a folder of fits that are reported; raises LogError, ConfigurationError."""
     folder = FitFolder(path)
     for option, name, known in (("--track", track, folder.tracks), ("--by", by, folder.columns)):
         if name is not None and name not in known:
@@ -31,11 +48,7 @@ def curves_page(path: Path, track: str | None, anonymous: bool, by: str | None, 
     rows = [row for row in rows if row.track in (chosen, "")]
     if not rows:
         raise ConfigurationError(f"--where {where!r}: holds of no curve" if where else f"{path}: has no curves")
-    veil = Anonymous({}, {}, folder.path) if anonymous else None
-    first, *others = [_run(folder, row, by) for row in rows]
-    runs = [replace(first, pipeline=folder.settings_text(), veil=veil), *others]
-    groups = list(dict.fromkeys(run.group for run in runs))
-    return page_of_runs(runs, groups, chosen, "curve", _notes(rows, where, path))
+    return FolderFacts(folder, chosen, rows)
 
 
 def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
@@ -55,7 +68,7 @@ def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
     level = advice_on(verdict)
     judged = RunVerdict(level, (TrackVerdict(row.track, level, _reasons(row, level)),), _reasons(row, level), row.track)
     group = (row.groups.get(by) or "none") if by else "curves"
-    return GroupRun(row.curve, group, judged, row.place, {row.track: table} if row.track else {})
+    return GroupRun(row.curve, group, judged, row.place, {row.track: table} if row.track else {}, cells=row.groups)
 
 
 def _reasons(row: CurveRow, level: str) -> tuple[str, ...]:
@@ -66,7 +79,7 @@ def _reasons(row: CurveRow, level: str) -> tuple[str, ...]:
     return row.flags if level != LEVELS[0] else ()
 
 
-def _notes(rows: list[CurveRow], where: str | None, path: Path) -> list[str]:
+def _notes(rows: Sequence[CurveRow], where: str | None, path: Path) -> list[str]:
     """What must be known of the rows that are shown."""
     rejected = sum(row.rejected is not None for row in rows)
     found = [f"Only curves of {where}."] if where else []

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from palpate_kit.curves.replication_unit import replication_unit, unit_of
+from palpate_kit.numerics.group_comparison import RUN, GroupComparison, compare_groups
 from palpate_kit.runs.result_file import usable_value
 
 from palpate_report.anonymous import Anonymous
@@ -28,6 +30,7 @@ class GroupRun:
     truth: Mapping[str, float | None] = field(default_factory=dict)
     pipeline: str | None = None  # as run; None where it is not known
     veil: Anonymous | None = None  # for what is shown of the pipeline
+    cells: Mapping[str, str] | None = None  # of a curve, by column of ``curves.csv``
 
 
 def number_of(run: GroupRun, track: str, parameter: str) -> Mapping[str, Any] | None:
@@ -53,3 +56,25 @@ def numbers_of(
     ]
     values = np.array(pairs).reshape(len(pairs), 2)
     return values[:, 0], values[:, 1]
+
+
+def compare_runs(
+    runs: Sequence[GroupRun], groups: Sequence[str], track: str, parameter: str, unit: str | None = None
+) -> GroupComparison:
+    """Groups of runs or curves, of those that have values, compared by a parameter [SI].
+
+    Raises ConfigurationError for a unit of replication that is none.
+    """
+    by_group = {group: [run for run in runs if run.group == group] for group in groups}
+    chosen = RUN
+    if any(run.cells is not None for run in runs):
+        chosen = replication_unit({group: [run.cells or {} for run in by_group[group]] for group in groups}, unit)
+    values = {
+        group: [
+            (str(i) if run.cells is None else unit_of(run.name, run.cells, chosen), float(found["value"]))
+            for i, run in enumerate(by_group[group])
+            if (found := number_of(run, track, parameter)) is not None
+        ]
+        for group in groups
+    }
+    return compare_groups({group: found for group, found in values.items() if found}, chosen)

@@ -6,12 +6,14 @@ import csv
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, Floats, LogError, OutputError, suggest
 from palpate_engine import write_whole
+from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.figures import FORMATS, WIDTHS, save_figure
+from palpate_kit.terminal.options import UnitOption, WhereOption
 
 from palpate_report.run_contents import RunContents
 
@@ -19,7 +21,7 @@ _WIDTHS = {f"{width:g}": width for width in WIDTHS.values()}
 
 
 def plot(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or a folder of fits of many curves.")],
     what: Annotated[
         list[str] | None,
         typer.Argument(
@@ -29,16 +31,34 @@ def plot(
     track: Annotated[
         list[str] | None, typer.Option(help="Tracks to draw, the main one first. [default: all usable]")
     ] = None,
+    by: Annotated[
+        str | None, typer.Option(metavar="COLUMN", help="Groups of curves by a column of curves.csv, such as sample.")
+    ] = None,
+    parameter: Annotated[str, typer.Option(help="Parameter of curves.")] = "elasticity",
+    unit: UnitOption = None,
+    where: WhereOption = None,
     width: Annotated[str, typer.Option(help="Width of the picture [mm]: 85, 120 or 175, or a column's name.")] = "85",
     format: Annotated[list[str] | None, typer.Option("--format", help="png, svg or pdf; can be repeated.")] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to. [default: RUN/pictures]")] = None,
 ) -> None:
-    """Draw pictures of a run as PDF, SVG or PNG in widths of journals, each with a CSV of its numbers beside it."""
+    """Draw pictures of a run, or of groups of curves, as PDF, SVG or PNG in widths of journals.
+
+    Each has a CSV of its numbers beside it.
+    """
     from palpate_report.figure_subject import Subject
     from palpate_report.run_figures import PICTURES, draw
     from palpate_report.run_report import subject_of
     from palpate_report.run_verdict import judge
 
+    endings, millimetres = _formats(format or ["pdf"]), _width(width)
+    if is_fit_folder(run):
+        if what or len(track or ()) > 1:
+            raise ConfigurationError(f"{run}: of a folder of fits its groups are drawn, of one track")
+        _draw_groups(run, by, parameter, unit, where, next(iter(track or ()), None), endings, millimetres, out)
+        return
+    for option, given in (("--by", by), ("--unit", unit), ("--where", where)):
+        if given is not None:
+            raise ConfigurationError(f"{option} {given}: {run} is no folder of fits of many curves")
     record = RunContents.read(run)
     if record.unreadable is not None:
         raise LogError(record.unreadable)
@@ -48,7 +68,7 @@ def plot(
     for name in track or ():
         if name not in record.tracks:
             raise ConfigurationError(f"{run}: has no estimates of {name!r}{suggest(name, record.tracks)}")
-    endings, millimetres, folder = _formats(format or ["pdf"]), _width(width), out or record.path / "pictures"
+    folder = out or record.path / "pictures"
     subject = subject_of(record, judge(record))
     tracks = track or list(subject.tracks)
     subject = Subject(record, tracks[0] if tracks else None, tracks, millimetres)
@@ -61,14 +81,32 @@ def plot(
                     f"{run}: has nothing to draw for {name!r}: {_MISSING.get(name, 'no estimates')}"
                 )
             continue
-        _make(folder)
-        write_whole(folder / f"{name}.csv", _csv(picture.data))
-        for ending in endings:
-            save_figure(picture.figure, folder / f"{name}.{ending}")
-        typer.echo(f"{', '.join(str(folder / f'{name}.{ending}') for ending in endings)}: {picture.caption}")
+        _write(picture.figure, picture.caption, _csv(picture.data), folder / name, endings)
         drawn += 1
     if not drawn:
         raise ConfigurationError(f"{run}: has nothing to draw: no estimate was made")
+
+
+def _draw_groups(
+    path: Path, by: str | None, parameter: str, unit: str | None, where: str | None, track: str | None,
+    endings: list[str], width: float, out: Path | None,
+) -> None:  # fmt: skip
+    """Draw the groups of a folder of fits; raises UserError."""
+    from palpate_report.groups_figure import folder_comparison, groups_figure
+
+    comparison = folder_comparison(path, by, parameter, unit, where, track)
+    picture = groups_figure(comparison, parameter, FitFolder(path).units.get(parameter, ""), width)
+    _write(picture.figure, picture.caption, picture.data, (out or path / "pictures") / f"{parameter}-groups", endings)
+
+
+def _write(figure: Any, caption: str, data: str, path: Path, endings: list[str]) -> None:
+    """Write a picture in its formats, and its numbers beside it."""
+    _make(path.parent)
+    files = [path.with_name(f"{path.name}.{ending}") for ending in endings]
+    write_whole(path.with_name(f"{path.name}.csv"), data)
+    for file in files:
+        save_figure(figure, file)
+    typer.echo(f"{', '.join(map(str, files))}: {caption}")
 
 
 _MISSING = {

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import ConfigurationError, suggest
-from palpate_engine import write_whole
+from palpate_engine import RIG, write_whole
 from palpate_kit.curves.fit_folder import is_fit_folder
-from palpate_kit.terminal.options import WhereOption
+from palpate_kit.runs.run_groups import groups_of
+from palpate_kit.terminal.options import UnitOption, WhereOption
 from palpate_kit.terminal.progress import progress
 
 from palpate_report.run_contents import RunContents
+
+if TYPE_CHECKING:
+    from palpate_report.folder_facts import FolderFacts
 
 _PAGES = (".html", ".htm")
 
@@ -31,29 +35,52 @@ def report(
     by: Annotated[
         str | None, typer.Option(metavar="COLUMN", help="Groups of curves by a column of curves.csv, such as sample.")
     ] = None,
+    unit: UnitOption = None,
     where: WhereOption = None,
     track: Annotated[str | None, typer.Option(help="Track to show first, such as dr/fit. [default: the best]")] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Page to write. [default: RUN/report.html, or comparison.html]")
     ] = None,
+    methods: Annotated[
+        bool, typer.Option("--methods", help="Of a folder of fits: a methods section, as text, LaTeX and BibTeX.")
+    ] = False,
+    supplement: Annotated[
+        Path | None,
+        typer.Option(metavar="TABLE", help="Of a folder of fits: a table of all curves, .csv, .tex or .xlsx."),
+    ] = None,
     anonymous: Annotated[bool, typer.Option("--anonymous", help="Leave out the host and every path.")] = False,
     pdf: Annotated[bool, typer.Option("--pdf", help="Print it to a PDF, too; needs Chromium or Chrome.")] = False,
 ) -> None:
     """Write one page on a run, or on many runs: verdict, numbers, flags, budget, pictures, pipeline."""
-    from palpate_report.comparison_report import comparison_page, groups_of
+    from palpate_report.comparison_report import comparison_page
 
     if out is not None and out.suffix not in _PAGES:
         raise ConfigurationError(f"--out {out}: a page's name ends in {' or '.join(_PAGES)}")
     if curves := next((run for run in runs or () if is_fit_folder(run)), None):
         if len(runs or ()) > 1 or group:
             raise ConfigurationError(f"{curves}: is a folder of fits of many curves, which is reported by itself")
-        from palpate_report.curves_report import curves_page
+        from palpate_report.curves_report import curves_page, folder_facts
 
+        if unit and not by:
+            raise ConfigurationError("--unit: is for groups, with --by COLUMN")
+        if methods or supplement is not None:
+            for option, given in (("--out", out), ("--pdf", pdf), ("--anonymous", anonymous)):
+                if given:
+                    raise ConfigurationError(f"{option}: is for the page, without --methods and --supplement")
+            _write_texts(folder_facts(curves, track, by, where), methods, supplement, by, unit)
+            return
         with progress(f"report of {curves}"):
-            _hand_over(curves_page(curves, track, anonymous, by, where), out or curves / "report.html", pdf)
+            _hand_over(curves_page(curves, track, anonymous, by, where, unit), out or curves / "report.html", pdf)
         return
-    if by or where:
-        raise ConfigurationError(f"--{'by' if by else 'where'}: is for a folder of fits of many curves")
+    for option, asked in (
+        ("by", by),
+        ("where", where),
+        ("unit", unit),
+        ("methods", methods),
+        ("supplement", supplement),
+    ):
+        if asked is not None and asked is not False:
+            raise ConfigurationError(f"--{option}: is for a folder of fits of many curves")
     groups = groups_of(runs or [], group or [])
     paths = [path for found in groups.values() for path in found]
     with progress(f"report of {len(paths)} run{'s' * (len(paths) != 1)}"):
@@ -63,6 +90,25 @@ def report(
         else:
             path, text = out or Path("comparison.html"), comparison_page(groups, track, anonymous)
     _hand_over(text, path, pdf)
+
+
+def _write_texts(facts: FolderFacts, methods: bool, supplement: Path | None, by: str | None, unit: str | None) -> None:
+    """Write the methods section beside the fits, and the table of the supplement."""
+    if methods:
+        from palpate_report.methods_text import UNSTATED, methods_text
+
+        with progress("methods"):
+            text = methods_text(facts, by, unit)
+        for suffix, content in ((".txt", text.plain), (".tex", text.latex), (".bib", text.bibtex)):
+            write_whole(facts.folder.path / f"methods{suffix}", content)
+        typer.echo(text.plain, nl=False)
+        if UNSTATED in text.plain:
+            typer.echo(f'state it: instrument = "..." in {facts.folder.path / RIG}', err=True)
+    if supplement is not None:
+        from palpate_report.supplement import write_supplement
+
+        write_supplement(facts, supplement)
+        typer.echo(f"table: {supplement}")
 
 
 def _hand_over(text: str, path: Path, pdf: bool) -> None:

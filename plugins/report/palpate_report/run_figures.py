@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from palpate import Floats
-from palpate_kit.figures import figure_of, legend_outside, quartiles, style
+from palpate_kit.figures import figure_of, label_forces, legend_outside, quartiles, style
 
 from palpate_report.estimates_figure import estimates
 from palpate_report.figure_data import Curves, swept, thin_rows
@@ -104,7 +104,8 @@ def residuals(subject: Subject) -> ReportFigure | None:
             data[f"{name}:high_{key[0]}_N"] = high
     for axis, word in zip(axes, ("time [s]", "depth [mm]"), strict=True):
         axis.axhline(0.0, color="black", linewidth=0.5, linestyle="-")
-        axis.set(xlabel=word, ylabel="measured less model [N]")
+        axis.set(xlabel=word)
+        label_forces(axis, "measured less model")
     legend_outside(axes[0])
     caption = "Residual of the force: medians, and the band that contains the middle half"
     return ReportFigure(figure, caption, data)

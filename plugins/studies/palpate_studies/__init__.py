@@ -28,6 +28,12 @@ def palpate_commands() -> dict[str, Command]:
         "repeat review": Command(
             "palpate_studies.review_command:review", "Rate runs, and mark those to leave out.", former="review"
         ),
+        "pack": Command(
+            "palpate_studies.archive.pack_command:pack", "A folder of fits as one file that others can check.", "share"
+        ),
+        "verify": Command(
+            "palpate_studies.archive.verify_command:verify", "Make a packed study again, and compare.", "share"
+        ),
         "plan design": Command(
             "palpate_studies.design.design_command:design",
             "Bounds of a palpation, and its best settings.",

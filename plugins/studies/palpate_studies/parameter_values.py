@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from palpate_kit.curves.curve_filter import CurveFilter, curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder, stale_words
 from palpate_kit.runs.result_file import read_flags, read_results, value_verdict
 from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.runs.run_groups import natural
 
 _TOLD = 20  # files that are left out, one line each
 
@@ -53,11 +53,6 @@ def tell_left_out(failures: Mapping[str, UserError], others: bool) -> None:
         typer.echo(f"and {len(told) - _TOLD} more", err=True)
     if failures and not others:
         raise next(iter(failures.values()))
-
-
-def natural(path: Path | str) -> list[tuple[int, str]]:
-    """A key that sorts run_2 before run_10."""
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", str(path)) if part]
 
 
 def readings(
@@ -101,16 +96,18 @@ def _of_curves(
         raise ConfigurationError(
             f"{folder.path}: there is no parameter {parameter!r}{suggest(parameter, folder.values)}"
         )
-    chosen: CurveFilter = curve_filter(where, folder, registry.load().meanings)
+    meanings = registry.load().meanings
+    chosen: CurveFilter = curve_filter(where, folder, meanings)
     if old := stale_words(folder):
         typer.echo(old, err=True)
     for row in sorted(chosen.choose(folder.rows), key=lambda row: natural(row.curve)):
         if row.track in (name, ""):
-            yield _of_curve(folder, row, name, parameter)
+            yield _of_curve(folder, row, name, parameter, meanings)
 
 
-def _of_curve(folder: FitFolder, row: CurveRow, track: str, parameter: str) -> ParameterValue:
-    meanings = registry.load().meanings
+def _of_curve(
+    folder: FitFolder, row: CurveRow, track: str, parameter: str, meanings: Mapping[str, Any]
+) -> ParameterValue:
     flags = tuple(
         Flag(code, meanings[code].meaning if code in meanings else code,
              meanings[code].severity if code in meanings else "doubtful")

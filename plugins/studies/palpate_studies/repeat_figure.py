@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from palpate_engine import display_unit
-from palpate_kit.figures import figure_of, legend_outside, save_figure, style
+from palpate_kit.figures import figure_of, label_forces, legend_outside, save_figure, style
 
 
 @style()
@@ -40,7 +40,8 @@ def draw_repeatability(document: Mapping[str, Any], path: Path) -> None:
             mean, std = np.array(band["mean"]), np.array(band["std"])
             axes[3].plot(band["time"], mean, linewidth=0.8, color=f"C{i}")
             axes[3].fill_between(band["time"], mean - std, mean + std, color=f"C{i}", alpha=0.2, linewidth=0)
-            axes[3].set(xlabel="time tracked [s] (band: std between runs)", ylabel="force less model [N]")
+            axes[3].set(xlabel="time tracked [s] (band: std between runs)")
+            label_forces(axes[3], "force less model")
     over = ", ".join(map(str, sorted(windows)))
     axes[2].set(xlabel=f"run (line: mean over {over})", ylabel=f"{document['parameter']} [{word}]")
     legend_outside(axes[0])

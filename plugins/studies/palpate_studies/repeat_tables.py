@@ -7,31 +7,39 @@ from collections.abc import Iterator
 from typing import Any
 
 from palpate_engine import display_unit
+from palpate_kit.numerics.group_comparison import CURVE, RUN, SHOWN
+from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.quantities import value_with_uncertainty
-from palpate_kit.terminal.table import Table
+from palpate_kit.terminal.table import Table, shortened
 
-_LENGTHS = ("mean", "scatter", "scatter of mean", "common")  # in the unit of the value
+_LENGTHS = ("mean", "scatter", "scatter of mean", "common", "between", "within")  # in the unit of the value
 _DETAILS = ("scatter of mean", "common", "correlation\nof neighbours", "correlation\nwith order", "p of order")
+_OF_UNITS = ("between", "within")  # of a group whose units are no single values
 _BAR = 40  # characters of the tallest bar
-_CAUTION = (
-    "p is the chance of such a difference between repeats at one site each. Sites of one material differ, too: before "
-    "a difference is called a lump, compare it with the spread over a dozen baseline sites."
-)
+_CAUTIONS = {
+    RUN: "p is the chance of such a difference between repeats at one site each. Sites of one material differ, too: "
+    "before a difference is called a lump, compare it with the spread over a dozen baseline sites.",
+    CURVE: "Each curve is compared as if it were of a specimen of its own; curves of one animal or sample are not, and "
+    "differ less from each other. Enter in curves.csv of which each is, by names that differ from group to group.",
+}
 
 
 def views(document: dict[str, Any], details: bool) -> Iterator[Any]:
     """Mean and scatter of every group, errors and tests; with `details` all statistics and a histogram."""
     word, factor = display_unit(document["unit"])
-    names = ("mean", "scatter", *(_DETAILS if details else ()))
-    heads = ["group", "runs", *(f"{name}\n{word}" if name in _LENGTHS else name for name in names)]
-    rows = [
-        [name, str(found["count"]), *_statistics(found, factor)[: len(names)]]
-        for name, found in document["groups"].items()
-    ]
-    yield Table.of(document["parameter"], heads, rows, ["group"]).view()
+    unit, singles = (document["replication"][key] for key in ("unit", "singles"))
+    names = ("mean", "scatter", *(() if singles else _OF_UNITS), *(_DETAILS if details else ()))
+    counts = [f"{unit}s"] if singles else [f"units\n({unit})", "curves"]
+    heads = ["group", *counts, *(f"{name}\n{word}" if name in _LENGTHS else name for name in names)]
+    rows = []
+    for name, found in document["groups"].items():
+        cells = _statistics(found, factor)
+        number = [str(found["curves"])] if singles else [str(found["units"]), str(found["curves"])]
+        rows.append([name, *number, *(cells[key] for key in names)])
+    yield shortened(Table.of(document["parameter"], heads, rows, ["group"]), details)
     if details:
         yield from _distributions(document, word, factor)
-    yield from _judgements(document, word, factor)
+    yield from _judgements(document, word, factor, details)
 
 
 def _distributions(document: dict[str, Any], word: str, factor: float) -> Iterator[Any]:
@@ -51,37 +59,53 @@ def _distributions(document: dict[str, Any], word: str, factor: float) -> Iterat
             )
 
 
-def _judgements(document: dict[str, Any], word: str, factor: float) -> Iterator[Any]:
+def _judgements(document: dict[str, Any], word: str, factor: float, details: bool) -> Iterator[Any]:
     """The error of each group, tests between groups, and what was left out."""
     for name, found in document["groups"].items():
         if error := found.get("truth"):
             said = f"{100 * error['error']:+.2f} ± {100 * error['error_std']:.2g} %"
             scatter = f"{100 * error['by_scatter']:.2g} %"
             yield f"{name}: {said} from {error['truth'] * factor:.5g} {word} (scatter alone {scatter})"
-    if whole := document["anova"]:
-        pairs = ", ".join(f"{row['first']} and {row['second']} p = {row['p']:.2g}" for row in whole["pairs"])
-        yield f"Welch's analysis of variance: F = {whole['f']:.3g}, p = {whole['p']:.2g}; Games-Howell: {pairs}"
+    replication = document["replication"]
+    if (shared := replication["icc"]) is not None and replication["within"] is not None:
+        between, within = (f"{replication[key] * factor:.3g}" for key in ("between", "within"))
+        yield f"scatter between units {between} {word}, within them {within} {word}: ICC {shared:.2f}"
     if document["tests"]:
-        yield _tests(document["tests"], word, factor)
-        yield _CAUTION
-    for name, reason in document["rejected"].items():
-        yield f"{name} was rejected and is left out: {reason}"
+        yield document["sentence"]
+        yield _tests(document, word, factor, details)
+    if whole := document["anova"]:
+        yield f"Welch's analysis of variance: F = {whole['f']:.3g}, p = {whole['p']:.2g}"
+    if document["games_howell_is_liberal"]:
+        yield "Games-Howell is liberal with fewer than 10 units in a group: it finds too many differences"
+    if document["untested"] and document["untested"] not in document["sentence"]:
+        yield document["untested"]
+    if document["tests"] and replication["singles"]:
+        yield _CAUTIONS[replication["unit"]]
+    told = [f"{name} was rejected and is left out: {reason}" for name, reason in document["rejected"].items()]
+    yield from told if details else told[:SHOWN]
+    if len(told) > SHOWN and not details:
+        yield f"and {len(told) - SHOWN} more"
     if document["skipped"]:
         yield f"{document['skipped']} runs without a value, or with an invalid one, were left out"
 
 
-def _statistics(found: dict[str, Any], factor: float) -> list[str]:
-    std = (found["std"] or 0.0) * factor
+def _statistics(found: dict[str, Any], factor: float) -> dict[str, str]:
     trend = found["correlation_with_order"]
-    return [
-        value_with_uncertainty(found["mean"] * factor, _or_unknown(found["combined_of_mean"]) * factor),
-        f"{std:.3g}",
-        f"{(found['std_of_mean'] or 0.0) * factor:.3g}",
-        "-" if found["common"] is None else f"{found['common'] * factor:.3g}",
-        "-" if found["correlation"] is None else f"{found['correlation']:+.2f}",
-        "-" if trend is None else f"{trend:+.2f}",
-        "-" if trend is None else f"{found['correlation_with_order_p']:.2g}",
-    ]
+
+    def length(key: str) -> str:
+        return "-" if found[key] is None else f"{found[key] * factor:.3g}"
+
+    return {
+        "mean": value_with_uncertainty(found["mean"] * factor, _or_unknown(found["combined_of_mean"]) * factor),
+        "scatter": length("std"),
+        "between": length("between"),
+        "within": length("within"),
+        "scatter of mean": length("std_of_mean"),
+        "common": length("common"),
+        "correlation\nof neighbours": "-" if found["correlation"] is None else f"{found['correlation']:+.2f}",
+        "correlation\nwith order": "-" if trend is None else f"{trend:+.2f}",
+        "p of order": "-" if trend is None else f"{found['correlation_with_order_p']:.2g}",
+    }
 
 
 def _or_unknown(value: float | None) -> float:
@@ -97,13 +121,23 @@ def _histogram(name: str, found: dict[str, Any], factor: float) -> Iterator[str]
         yield f"  {low * factor:10.5g} .. {high * factor:10.5g}  {'#' * round(_BAR * count / tallest)} {count}"
 
 
-def _tests(rows: list[dict[str, Any]], word: str, factor: float) -> Any:
-    from rich.table import Table
-
-    table = Table(title="Welch's t-test", title_justify="left")
-    for heading in ("difference of", f"means\n{word}", "t", "degrees of\nfreedom", "p"):
-        table.add_column(heading, justify="left" if heading == "difference of" else "right")
-    for row in rows:
-        cells = ["-" if row[key] is None else f"{row[key]:.3g}" for key in ("t", "degrees_of_freedom", "p")]
-        table.add_row(row["difference_is"], f"{row['difference'] * factor:+.4g}", *cells)
-    return table
+def _tests(document: dict[str, Any], word: str, factor: float, details: bool) -> Any:
+    """The pairs, unless `details` those of the smallest p-values, in their order."""
+    rows = document["tests"]
+    tested = sum(row["p"] is not None for row in rows)
+    title = "not tested" if not tested else "mixed model" if document["test"] == "mixed" else "Welch's t-test"
+    heads = ["difference of", f"means\n{word}", "t", "degrees of\nfreedom", "p by Holm" if tested > 1 else "p"]
+    keys = ["t", "degrees_of_freedom", "p_corrected"]
+    if document["games_howell_is_liberal"] is not None:
+        heads.append("p by Games-\nHowell")
+        keys.append("p_games_howell")
+    if not details and layout() == "table" and len(rows) > SHOWN:
+        smallest = sorted(range(len(rows)), key=lambda i: (rows[i]["p"] is None, rows[i]["p"] or 0.0, i))[:SHOWN]
+        title += f": the {SHOWN} smallest p of {len(rows)} pairs, all with --details"
+        rows = [rows[i] for i in sorted(smallest)]
+    cells = [
+        [row["difference_is"], f"{row['difference'] * factor:+.4g}"]
+        + ["-" if row[key] is None else f"{row[key]:.3g}" for key in keys]
+        for row in rows
+    ]
+    return Table.of(title, heads, cells, ["difference of"]).view()

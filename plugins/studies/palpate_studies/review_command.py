@@ -13,17 +13,20 @@ import numpy as np
 import typer
 from palpate import ConfigurationError, UserError, suggest
 from palpate_engine import display_unit, finite_tree, verdict_word
+from palpate_kit.figures import force_unit
 from palpate_kit.runs.review_file import Mark, write_mark
+from palpate_kit.runs.run_groups import natural
 from palpate_kit.terminal.options import FormatOption, TrackOption, WhereOption
 from palpate_kit.terminal.quantities import value_with_uncertainty
-from palpate_kit.terminal.table import Table, console
+from palpate_kit.terminal.table import Table, console, shortened
 
-from palpate_studies.parameter_values import ParameterValue, natural, readings, tell_left_out
+from palpate_studies.parameter_values import ParameterValue, readings, tell_left_out
 
 # What is left of the rating by a verdict; what cannot be used is worth nothing.
 _BY_VERDICT = {"good": 1.0, "note": 1.0, "doubtful": 0.6, "invalid": 0.0}
 _FAR = 3.5  # robust standard deviations (Iglewicz and Hoaglin 1993)
 _FEWEST = 4  # of a group; among fewer nobody stands out
+_WIDE = 110  # characters of a line where there is no terminal
 _SURELY = 0.01  # of the median: a spread below is none that matters
 
 
@@ -102,11 +105,11 @@ def review(
     if as_json:
         typer.echo(json.dumps(finite_tree({"parameter": parameter, "runs": [_row(one) for one in found]}), indent=2))
     else:
-        console().print(_table(found, parameter).view(), highlight=False)
+        terminal = console(_WIDE)
+        terminal.print(shortened(_table(found, parameter)), highlight=False)
         out = sum(one.reading.rejected is not None for one in found)
-        console().print(
-            f"{sum(one.reading.usable for one in found)} of {len(found)} usable, {out} rejected", highlight=False
-        )
+        usable = sum(one.reading.usable for one in found)
+        terminal.print(f"{usable} of {len(found)} usable, {out} rejected", highlight=False)
     if failures:
         raise typer.Exit(1)
 
@@ -163,7 +166,11 @@ def _row(one: RatedValue) -> dict[str, object]:
 
 def _table(found: Sequence[RatedValue], parameter: str) -> Table:
     word, factor = display_unit(found[0].reading.unit)
-    headings = ["run", "rating", f"{parameter}\n{word}", "apart\nsigma", "residual\nN", "verdict", "flags"]
+    known = [abs(one.reading.residual) for one in found if one.reading.residual is not None]
+    force, newtons = force_unit(float(np.median(known)) if known else 1.0)
+    headings = ["run", "rating", f"{parameter}\n{word}", "apart\nsigma", f"residual\n{force}", "verdict", "flags"]
+    folders = dict.fromkeys(one.reading.folder for one in found)
+    short = len(folders) == 1 and all(one.reading.key for one in found)
     rows = []
     for one in found:
         reading = one.reading
@@ -175,11 +182,12 @@ def _table(found: Sequence[RatedValue], parameter: str) -> Table:
         codes = "\n".join(dict.fromkeys(flag.code for flag in reading.flags if flag.severity != "note"))
         said = verdict_word(reading.verdict) if reading.rejected is None else f"rejected:\n{reading.rejected}"
         rows.append([
-            reading.name, f"{one.rating:.1f}", value, _number(one.apart, "+.1f"), _number(reading.residual, ".3f"),
-            said, codes,
+            reading.key if short else reading.name, f"{one.rating:.1f}", value, _number(one.apart, "+.1f"),
+            "-" if reading.residual is None else f"{newtons * reading.residual:.3g}", said, codes,
         ])  # fmt: skip
     tracks = ", ".join(dict.fromkeys(one.reading.track for one in found))
-    return Table.of(f"{tracks}, the worst first", headings, rows, ["run", "verdict", "flags"])
+    place = f" in {next(iter(folders))}" if short else ""
+    return Table.of(f"{tracks}{place}, the worst first", headings, rows, ["run", "verdict", "flags"])
 
 
 def _number(value: float | None, form: str) -> str:

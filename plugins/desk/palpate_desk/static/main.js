@@ -183,9 +183,12 @@ function takeGroups(m) {
     const u = found.combined_of_mean === null ? null : factor * found.combined_of_mean;
     for (const text of [name, found.count, measured(factor * found.mean, u), number(found.std)]) line.insertCell().textContent = text;
   }
-  const tests = m.found.tests.map((t) => {
+  const [most, apart] = [20, m.found.tests.filter((t) => t.p !== null).sort((a, b) => a.p - b.p)];
+  const lines = apart.slice(0, most).map((t) => `${t.difference_is}: ${number(t.difference)} ${unit}, p = ${t.p_corrected.toPrecision(2)}`);
+  if (apart.length > most) lines.push(`and ${apart.length - most} pairs of a larger p`);
+  const tests = [m.found.sentence, ...lines].filter((text) => text).map((text) => {
     const line = document.createElement("p");
-    line.textContent = `Welch's t-test, ${t.difference_is}: ${number(t.difference)} ${unit}, p = ${t.p === null ? "-" : t.p.toPrecision(2)}`;
+    line.textContent = text;
     return line;
   });
   $("groups-table").replaceChildren(list, ...tests);

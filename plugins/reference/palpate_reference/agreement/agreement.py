@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import ConfigurationError, Floats
-
-from palpate_reference.agreement.bland_altman import DemingLine, LimitsOfAgreement, deming_line, limits_of_agreement
-from palpate_reference.agreement.precision import (
+from palpate_kit.numerics.precision import (
     Correlation,
     Precision,
     grouped,
@@ -17,6 +15,8 @@ from palpate_reference.agreement.precision import (
     precision,
     repeat_correlation,
 )
+
+from palpate_reference.agreement.bland_altman import DemingLine, LimitsOfAgreement, deming_line, limits_of_agreement
 from palpate_reference.agreement.reference_source import QUANTITIES
 from palpate_reference.agreement.value_pairs import FACTORS, ValuePair
 

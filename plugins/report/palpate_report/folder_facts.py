@@ -1,0 +1,98 @@
+"""What is known of how the curves of a folder were measured and fitted: for its report and its methods."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from palpate_engine import RIG, Pipeline, read_rig
+from palpate_kit.curves.curve_fits import row_conditions
+from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.curves.fit_provenance import FitProvenance, read_provenance
+
+
+@dataclass(frozen=True)
+class FolderFacts:
+    """A folder of fits, and those of its rows that are reported: of one track, one for each curve."""
+
+    folder: FitFolder
+    track: str
+    rows: Sequence[CurveRow]
+
+    @cached_property
+    def pipelines(self) -> list[Pipeline]:
+        """The pipelines that the rows were made with, that of most of them first; raises UserError."""
+        counts = Counter(self.folder.dialect_of(row.curve) for row in self.rows)
+        return [self.folder.pipeline(name) for name, _ in counts.most_common()]
+
+    @cached_property
+    def used(self) -> list[CurveRow]:
+        """The rows whose values enter statistics."""
+        return [row for row in self.rows if row.usable]
+
+    @cached_property
+    def values(self) -> list[str]:
+        """Names of the values of which a used row has a number, but for the surface."""
+        return [name for name in self.folder.values[:-1] if any(row.number(name) is not None for row in self.used)]
+
+    @cached_property
+    def exclusions(self) -> dict[str, int]:
+        """Why curves are not used, with how many, the most first."""
+        return dict(Counter(exclusion_of(row) for row in self.rows if not row.usable).most_common())
+
+    @cached_property
+    def conditions(self) -> dict[str, tuple[str, int]]:
+        """The facts that nobody has stated, each with its most frequent sentence, and the number of rows it is of."""
+        told: dict[str, Counter[str]] = {}
+        for row in self.used:
+            for fact, sentence in row_conditions(row.cells).items():
+                told.setdefault(fact, Counter())[sentence] += 1
+        return {fact: (said.most_common(1)[0][0], said.total()) for fact, said in told.items()}
+
+    @cached_property
+    def instrument(self) -> str | None:
+        """What the file of facts in the folder states; raises ConfigurationError."""
+        path = self.folder.path / RIG
+        return read_rig(path).instrument if path.is_file() else None
+
+    @property
+    def provenance(self) -> list[FitProvenance]:
+        """Commands and versions; raises LogError."""
+        return read_provenance(self.folder.path)
+
+    @property
+    def own_settings(self) -> int:
+        """Of how many rows the curve has settings of its own."""
+        return sum(bool(self.folder.settings_of(row.curve)) for row in self.rows)
+
+    def typical(self, name: str) -> CurveRow | None:
+        """The used row whose value is the middle one; None where none has a number."""
+        known = sorted((value, row.curve, row) for row in self.used if (value := row.number(name)) is not None)
+        return known[(len(known) - 1) // 2][2] if known else None
+
+    def relative_uncertainty(self, name: str) -> tuple[float, float] | None:
+        """Median of the relative combined uncertainty of a value, and of its part that all curves share."""
+        pairs = [
+            (row.number(f"{name}_combined"), row.systematic(name), row.number(name))
+            for row in self.used
+        ]  # fmt: skip
+        known = [(u / abs(v), (shared or 0.0) / abs(v)) for u, shared, v in pairs if u is not None and v]
+        return tuple(float(number) for number in np.median(np.array(known), axis=0)) if known else None  # type: ignore[return-value]
+
+
+def exclusion_of(row: CurveRow) -> str:
+    """Why a curve is not used."""
+    if row.rejected is not None:
+        return f"rejected on inspection: {row.rejected or 'no reason stated'}"
+    if row.state == "missing":
+        return "not fitted yet"
+    flags = ", ".join(row.flags)
+    return f"invalid: {flags}" if flags else "could not be read or fitted"
+
+
+def libraries(entries: Sequence[FitProvenance]) -> Mapping[str, str]:
+    """The versions of the latest command, by name."""
+    return entries[-1].versions if entries else {}

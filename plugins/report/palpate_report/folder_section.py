@@ -1,0 +1,107 @@
+"""What the report of a folder of fits says beside its numbers: how they came about, drawn curves, a typical budget."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from palpate import PalpateError
+from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.figures import WIDTHS
+from palpate_kit.terminal.fact_line import facts_in_words
+
+from palpate_report.bibliography import sources_of
+from palpate_report.folder_facts import FolderFacts, exclusion_of, libraries
+from palpate_report.run_report import budget_rows
+from palpate_report.svg import svg_text
+from palpate_report.typical_curves import (
+    captions,
+    drawing,
+    excluded_curves_figure,
+    excluded_rows,
+    outcome_of,
+    ranked_rows,
+    used_curves_figure,
+)
+
+
+def folder_section(facts: FolderFacts, hide: Callable[[str], str] = str) -> dict[str, Any]:
+    """Everything of the section, `hide` taking paths out of texts; what cannot be made here is said in its place."""
+    notes: list[str] = []
+    found: dict[str, Any] = {"measured": {}, "budget": None}
+    for key, make in (("measured", _measured), ("budget", _typical_budget)):
+        try:
+            found[key] = make(facts)
+        except PalpateError as error:
+            notes.append(hide(f"Not shown, since the fits cannot be made again here: {error}"))
+    return {
+        **found,
+        "notes": list(dict.fromkeys(notes)),
+        "exclusions": facts.exclusions,
+        "conditions": facts.conditions,
+        "used_count": len(facts.used),
+        "figures": _figures(facts) if not notes else [],
+        "origin": _origin(facts, hide),
+    }
+
+
+def _measured(facts: FolderFacts) -> Mapping[str, str]:
+    """Tip, model and force, of each dialect where they differ."""
+    pipelines = facts.pipelines
+    found = {"instrument": facts.instrument or 'not stated (rig.toml of the folder: instrument = "...")'}
+    for key, name in (("tip", "tip"), ("model", "model"), ("force", "force and position")):
+        words = dict.fromkeys(facts_in_words(pipeline).get(key, "none") for pipeline in pipelines)
+        found[name] = "; or ".join(words)
+    track = pipelines[0].tracks[0]
+    found["model by name"] = pipelines[0].registry.name_of(type(track.model))
+    found["source of the model"] = sources_of(type(track.model)) or "none stated"
+    found["estimator"] = pipelines[0].registry.name_of(type(track.estimator))
+    if facts.own_settings:
+        found["settings of single curves"] = f"of {facts.own_settings} curves (curves.csv, own.toml)"
+    return found
+
+
+def _typical_budget(facts: FolderFacts) -> dict[str, Any] | None:
+    """The budget of the row whose first value is the middle one, as its fit finds it again."""
+    row = facts.typical(facts.values[0]) if facts.values else None
+    if row is None or not facts.folder.file_of(row.curve):
+        return None
+    table = outcome_of(facts.folder, row.curve).result.tracks[row.track].table()
+    rows = budget_rows(table)
+    return {"curve": row.curve, "parameters": table["parameters"], "rows": rows} if rows else None
+
+
+def _figures(facts: FolderFacts) -> list[dict[str, Any]]:
+    """The best, the middle and the worst curve, and some that are not used."""
+    folder: FitFolder = facts.folder
+    found = []
+    ranked = ranked_rows(facts)
+    if ranked:
+        drawings = [drawing(folder, row, word) for word, row in ranked.items()]
+        said = f"Least, middle and largest residual of the curves used ({'; '.join(captions(ranked))})"
+        found.append(_picture(used_curves_figure(drawings), said))
+    if excluded := excluded_rows(facts):
+        drawings = [drawing(folder, row, str(number)) for number, row in enumerate(excluded, start=1)]
+        why = "; ".join(f"{number}: {exclusion_of(row)}" for number, row in enumerate(excluded, start=1))
+        said = f"{len(excluded)} of {sum(facts.exclusions.values())} curves that are not used ({why})"
+        found.append(_picture(excluded_curves_figure(drawings), said))
+    return found
+
+
+def _picture(figure: Any, caption: str) -> dict[str, Any]:
+    share = 100 * figure.get_figwidth() / (WIDTHS["double"] / 25.4)
+    return {"svg": svg_text(figure), "caption": caption, "share": share}
+
+
+def _origin(facts: FolderFacts, hide: Callable[[str], str]) -> dict[str, str]:
+    known = facts.provenance
+    if not known:
+        return {"made by": "not known: the rows were fitted by a palpate that did not note it"}
+    found = {
+        f"command {number}" if len(known) > 1 else "command": hide(one.command) for number, one in enumerate(known, 1)
+    }
+    others = {one.versions.get("palpate", "?") for one in known}
+    found["versions"] = ", ".join(f"{name} {version}" for name, version in libraries(known).items())
+    if len(others) > 1:
+        found["rows of several versions"] = ", ".join(sorted(others))
+    return found

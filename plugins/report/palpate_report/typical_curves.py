@@ -1,0 +1,133 @@
+"""Curves of a folder that are drawn: the best, the middle and the worst by their residual, and those not used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate import Floats, PalpateError
+from palpate_engine import RecordOutcome
+from palpate_kit.curves.curve import Curve
+from palpate_kit.curves.curve_fits import curve_outcome, record_tracks
+from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.figures import WIDTHS, figure_of, style
+
+from palpate_report.figure_data import thin_rows
+from palpate_report.folder_facts import FolderFacts, exclusion_of
+
+_ACROSS = 3  # panels beside each other
+_EXCLUDED = 6  # curves that are not used, of which each reason has one first
+_POINTS = 1500  # of a curve
+_LETTERS = 34  # of a title
+
+
+@dataclass(frozen=True)
+class CurveDrawing:
+    """One curve: measured and modelled force (n,) [N] over depth (n,) [m] below the surface of its fit."""
+
+    title: str
+    depth: Floats
+    force: Floats
+    model: Floats  # NaN where there is none
+    error: str = ""  # why there is nothing to draw
+
+
+def ranked_rows(facts: FolderFacts) -> dict[str, CurveRow]:
+    """The used rows of least, middle and largest residual, as many as there are, by what they are called."""
+    known = [row for row in facts.used if row.number("rms") is not None]
+    known.sort(key=lambda row: (row.number("rms"), row.curve))
+    last = len(known) - 1
+    found = {"best": 0, "median": last // 2, "worst": last}
+    return {name: known[place] for name, place in found.items() if known and (name == "worst" or place < last)}
+
+
+def excluded_rows(facts: FolderFacts) -> list[CurveRow]:
+    """Rows that are not used: of each reason one, then others."""
+    left = [row for row in facts.rows if not row.usable]
+    first = {exclusion_of(row): row for row in reversed(left)}
+    every = [row for row in left if first[exclusion_of(row)] is row]
+    return [*every, *(row for row in left if row not in every)][:_EXCLUDED]
+
+
+def outcome_of(folder: FitFolder, curve: str) -> RecordOutcome:
+    """What the fit of a curve finds, made again from its file; raises PalpateError."""
+    reader, own = folder.reader(folder.dialect_of(curve)), folder.settings_of(curve)
+    return curve_outcome(record_tracks(reader, own), reader.device, Curve(curve, folder.file_of(curve), own=own))
+
+
+def drawing(folder: FitFolder, row: CurveRow, word: str) -> CurveDrawing:
+    """A curve as its fit sees it."""
+    title = f"{word}: {_short(row.curve)}"
+    nothing = np.zeros(0)
+    file = folder.file_of(row.curve)
+    if not file or not Path(file).exists():
+        return CurveDrawing(title, nothing, nothing, nothing, "its file is not here")
+    try:
+        outcome = outcome_of(folder, row.curve)
+    except PalpateError as error:
+        return CurveDrawing(title, nothing, nothing, nothing, str(error).replace(file, row.curve))
+    samples, name = outcome.samples, row.track or str(outcome.pipeline.tracks[0].name)
+    found = outcome.result.tracks[name]
+    blocks = [block.force for block in outcome.estimates.get(name, ())]
+    model = np.concatenate(blocks) if found.usable and blocks else np.full(len(samples), np.nan)
+    surface = found.surface.value if found.usable and np.isfinite(found.surface.value) else np.nanmax(samples.position)
+    # What a fit takes for offset and drift is no force of the contact.
+    bias = found.report.table().get("bias", 0.0) if found.report is not None else 0.0
+    kept = thin_rows(len(samples), _POINTS)
+    return CurveDrawing(title, (surface - samples.position)[kept], (samples.force - bias)[kept], model[kept])
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= _LETTERS else f"...{name[3 - _LETTERS :]}"
+
+
+@style()
+def used_curves_figure(drawings: Sequence[CurveDrawing]) -> Any:
+    """Force with its model over depth, and the residual below, of curves beside each other."""
+    figure, axes = figure_of(len(drawings), 2, width=WIDTHS["double"], height=44.0)
+    for column, curve in enumerate(drawings):
+        above, below = axes[0, column], axes[1, column]
+        _draw_force(above, curve)
+        below.plot(1e3 * curve.depth, 1e3 * (curve.force - curve.model), ".", markersize=1.5, color="C1")
+        below.axhline(0.0, color="black", linewidth=0.5)
+        below.set(xlabel="depth [mm]")
+        above.sharex(below)
+    axes[0, 0].set(ylabel="force [N]")
+    axes[1, 0].set(ylabel="residual [mN]")
+    axes[0, 0].legend(loc="upper left")
+    return figure
+
+
+@style()
+def excluded_curves_figure(drawings: Sequence[CurveDrawing]) -> Any:
+    """Force over depth of curves that are not used."""
+    columns = min(_ACROSS, len(drawings))
+    rows = -(-len(drawings) // columns)
+    figure, axes = figure_of(columns, rows, width=WIDTHS["double"] * columns / _ACROSS, height=48.0)
+    for axis, curve in zip(axes.ravel(), drawings, strict=False):
+        _draw_force(axis, curve)
+        axis.set(xlabel="depth [mm]")
+    for axis in axes.ravel()[len(drawings) :]:
+        axis.set_axis_off()
+    for row in axes:
+        row[0].set(ylabel="force [N]")
+    return figure
+
+
+def _draw_force(axis: Any, curve: CurveDrawing) -> None:
+    axis.set_title(curve.title, fontsize="small")
+    if curve.error:
+        axis.text(0.5, 0.5, "nothing to draw", ha="center", va="center", transform=axis.transAxes)
+        return
+    axis.plot(1e3 * curve.depth, curve.force, ".", markersize=1.5, color="C0", label="measured")
+    if np.isfinite(curve.model).any():
+        axis.plot(1e3 * curve.depth, curve.model, "-", color="black", linewidth=0.9, label="model")
+
+
+def captions(rows: Mapping[str, CurveRow]) -> Iterator[str]:
+    """Of each drawn curve its residual."""
+    for word, row in rows.items():
+        yield f"{word}: {row.curve}, residual {1e3 * (row.number('rms') or 0.0):.3g} mN RMS"

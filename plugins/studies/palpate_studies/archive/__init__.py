@@ -1,0 +1,1 @@
+"""A study as one file that a reader can check: packed, unpacked with suspicion, and made again."""
