@@ -15,10 +15,10 @@ from palpate_engine import DIALECT, write_whole
 from palpate_kit.curves.curve import Curve
 
 LIST = "curves.csv"
-CURVE, FILE = "curve", "file"
+CURVE, FILE, RECORD = "curve", "file", "record"  # the last of a file of several
 _LINE = 1 << 16  # [characters] of the head
 PLACES = ("x_m", "y_m")
-_OWN = (CURVE, FILE, DIALECT)
+_OWN = (CURVE, FILE, RECORD, DIALECT)
 FACTS = ("tip", "tip_uncertainty", "thickness", "delay", "tare", "tip_mass", "poisson", "inclination", "mount")
 Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
 
@@ -59,7 +59,9 @@ def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
 
 def write_list(path: Path, entries: Mapping[str, Mapping[str, str]]) -> None:
     """Write the cells of every curve; raises OutputError."""
-    columns = dict.fromkeys((*_OWN, *(column for cells in entries.values() for column in cells)))
+    there = {column for cells in entries.values() for column in cells}
+    own = [name for name in _OWN if name != RECORD or name in there]
+    columns = dict.fromkeys((*own, *(column for cells in entries.values() for column in cells)))
     text = io.StringIO()
     table = csv.DictWriter(text, columns, lineterminator="\n", restval="")
     table.writeheader()
@@ -78,7 +80,8 @@ def add_curves(folder: Path, curves: Sequence[Curve], dialect: str, more: Mappin
         if curve.file:
             cells = entries.setdefault(curve.name, {})
             file = os.path.relpath(Path(curve.file).resolve(), folder.resolve())  # so that both can be moved together
-            cells |= {FILE: file, DIALECT: dialect, **more.get(curve.name, {})}
+            record = {} if curve.record is None else {RECORD: curve.record}
+            cells |= {FILE: file, **record, DIALECT: dialect, **more.get(curve.name, {})}
     if entries != before:
         write_list(folder / LIST, entries)
 

@@ -29,6 +29,7 @@ from palpate_records.log_files import readable, regular
 
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
+from palpate_kit.curves.curve_list import RECORD
 from palpate_kit.runs.pipeline_diff import differences
 
 TABLE, SETTINGS = "fits.csv", "pipeline.toml"
@@ -56,7 +57,7 @@ class FitTable:
     def _settle(self, folder: Path, pipeline: Pipeline, device: str, dialect: str) -> None:
         """Begin a folder, or go on with one that was begun with the same settings; raises OutputError."""
         text = resolved_text(pipeline, folder)
-        ignored = {*pipeline.registry.tables, f"device.{device}.file"}
+        ignored = {*pipeline.registry.tables, f"device.{device}.file", f"device.{device}.{RECORD}"}
         settings = folder / SETTINGS
         if dialect and settings.exists() and dialect not in dialects_in(settings):  # files that are read in another way
             write_dialects(settings, {dialect: text})

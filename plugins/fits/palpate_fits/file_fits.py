@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -14,7 +15,7 @@ from palpate import ConfigurationError, printable
 from palpate_engine import Registry, approved_plugins, make_folder, option_of, registry
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve_fits import CurveReader, Row
-from palpate_kit.curves.curve_list import FACTS, Entries, cells_beside
+from palpate_kit.curves.curve_list import FACTS, RECORD, Entries, cells_beside
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
 from palpate_kit.terminal.fact_line import fact_line
 from palpate_kit.terminal.json_output import print_json
@@ -22,7 +23,7 @@ from palpate_kit.terminal.progress import progress, report_progress
 from palpate_records.recording import Suggestion
 
 from palpate_fits.file_facts import StatedFacts
-from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, with_overrides
+from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, reader_keys, with_overrides
 from palpate_fits.file_questions import FileQuestion
 from palpate_fits.file_tables import count_line, is_usable, show_rows
 from palpate_fits.folder_fits import FEW, fit_each
@@ -50,10 +51,8 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     notes: list[str] = []
     with progress("look for files"):
         known = registry.load()
-        chosen = tuple(f"device.{DEVICE}.{key}" for key in ("sheet", "header"))
-        one = any(text.strip().startswith(chosen) for text in wanted.stated.settings)
-        logs = logs_among(sources, known)
-        files = [part for log in logs for part in ([LogPart(log)] if one else specimens_of(log))]
+        stated = reader_keys(wanted.stated.settings)
+        files = [part for log in logs_among(sources, known) for part in specimens_of(log, known, stated)]
     groups, wanted = _groups(files, wanted, refused, notes)
     if wanted.stated.is_read:
         notes.insert(0, f"facts of the rig: {wanted.stated.path}")
@@ -66,7 +65,7 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     folder = wanted.out or make_folder("fit", None, datetime.now(UTC).astimezone())
     cells = _cells(sources, groups, wanted.stated)
     order = {str(file): place for place, file in enumerate(files)}
-    paths = {str(file): str(file.path) for file in files}
+    parts = {str(file): file for file in files}
     rows = [row for row in _fitted(groups, folder, wanted, cells) if row["curve"] in order]
     if not wanted.fitting:
         for name, error in refused.items():
@@ -78,7 +77,7 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     if wanted.as_json:
         print_json({"table": str(folder / TABLE), "files": rows})
     else:
-        _show(rows, groups, paths, folder, known, wanted, _command(sources, wanted))
+        _show(rows, groups, parts, folder, known, wanted, _command(sources, wanted))
     if not all(map(is_usable, rows)):
         raise typer.Exit(1)
 
@@ -155,7 +154,7 @@ def _command(sources: Sequence[Path], wanted: FileFit) -> str:
 def _show(
     rows: Sequence[Row],
     groups: Sequence[FileGroup],
-    paths: Mapping[str, str],
+    parts: Mapping[str, LogPart],
     folder: Path,
     known: Registry,
     wanted: FileFit,
@@ -170,17 +169,11 @@ def _show(
         page = folder / "page"
         numbers = [n for n, group in enumerate(groups, 1) if first in {curve.name for curve in group.curves}]
         chosen = ["--set", f"run.dialect={name}"] if (name := _dialect(numbers[0])) else []
-        words = [
-            "palpate",
-            "fit",
-            _no_option(paths[first]),
-            "--pipeline",
-            str(folder / SETTINGS),
-            *chosen,
-            "-o",
-            str(page),
-        ]
-        report = shlex.join(["palpate", "report", str(page / Path(paths[first]).name.split(".")[0])])
+        shown = parts[first]
+        chosen += ["--set", f"device.{DEVICE}.{RECORD}={json.dumps(shown.part)}"] if shown.part is not None else []
+        words = ["palpate", "fit", _no_option(str(shown.path)), "--pipeline", str(folder / SETTINGS)]
+        words += [*chosen, "-o", str(page)]
+        report = shlex.join(["palpate", "report", str(page / shown.path.name.split(".")[0])])
         typer.echo(f"a page on one: {shlex.join(words)} && {report}")
     typer.echo(count_line(rows, known))
 

@@ -17,6 +17,7 @@ from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_o
 from palpate_records.tables.csv_names import weight_of
 from palpate_records.tables.csv_truncation import cut_number
 from palpate_records.tables.dialect import MARKS
+from palpate_records.tables.table_records import record_named
 from palpate_records.tables.table_text import bounded_lines, open_text
 from pydantic_core import from_json
 
@@ -33,6 +34,9 @@ class CsvLink:
 
     def __init__(self, log: CsvSettings) -> None:
         self._log, self._dialect = log, log.dialect
+        self._record = None if log.record is None else record_named(log.file, log.record, log.written)
+        self._header = log.header if self._record is None else self._record.header or log.header
+        self._sheet = log.sheet if self._record is None else self._record.sheet or log.sheet
         wanted = [(column.column, si_unit(column.unit)[1] * column.scale) for column in log.columns.values()]
         self._clock = log.time is not None and log.time.unit == CLOCK  # in the last of the wanted columns
         if log.time is not None:
@@ -85,10 +89,11 @@ class CsvLink:
 
     def _blocks(self) -> Iterator[Floats]:
         log, path = self._log, self._log.file
-        with open_text(path, log.encoding, log.sheet) as file:
-            self._layout = layout_of(
-                path, first_lines(file, path, log.header or 0), self._dialect, log.header, log.units
-            )
+        with open_text(path, log.encoding, self._sheet) as file:
+            lines = first_lines(file, path, self._header or 0)
+            self._layout = layout_of(path, lines, self._dialect, self._header, log.units)
+            if self._record is not None:
+                self._layout = self._record.layout(self._layout)
             self._at = self._places()
             self._check_units()
             file.seek(0)
@@ -112,6 +117,8 @@ class CsvLink:
         What is left without the characters of numbers must be the same separators in every line.
         """
         comma, width = self._dialect.delimiter, self._layout.width
+        if self._record is not None:
+            return None
         if '"' in text or self._clock or self._dialect.thousands or (self._dialect.decimal == "," and "." in text):
             return None
         text = text.replace("\r\n", "\n") if "\r" in text else text
@@ -129,8 +136,11 @@ class CsvLink:
 
     def _by_line(self, rows: Iterator[tuple[int, list[str]]]) -> Iterator[Floats]:
         """The numbers (n, places) of lines that may hold anything."""
-        if self._log.header:  # of one table of several, that ends where the next begins
+        if self._header:  # of one table of several, that ends where the next begins
             rows = one_table(rows, self._layout.names, lambda row: row[1])
+        if self._record is not None:
+            picked = self._record.picked
+            rows = ((line, picked(cells)) for line, cells in self._record.rows(rows, lambda row: row[1]))
         while lines := list(islice(rows, _BLOCK)):
             complete: list[tuple[int, list[str]]] = []
             for line, cells in lines:

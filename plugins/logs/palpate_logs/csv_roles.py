@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,14 +25,13 @@ from palpate_records.tables.csv_names import (
     words_of,
 )
 from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
+from palpate_records.tables.table_records import RECORD, sheet_of
 
 from palpate_logs.csv_units import DIMENSIONS, units_of
 
 _ROWS = 400_000  # that are looked into
 _NICE = (20, 25, 50, 60, 80, 100, 120, 125, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500, 2000, 2500, 4000, 5000)
 _USUAL = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
-_OF_PRESS = {"point", "points", "site", "press", "specimen", "sample", "probe", "trial", "indent"}  # what is counted
-_ROWS_OF_PRESS = 20  # of one press, at the least
 _READINGS, _SPRING = 20, 1e-5  # readings; share of a force's variance that one constant leaves
 _NEAR = 0.05  # by which a rate found from the numbers may miss one of those
 
@@ -89,7 +88,7 @@ def _counts(values: Floats) -> bool:
 
 def look(path: Path, choices: Mapping[str, str]) -> SheetRoles:
     """A file with its numbers and its time; raises LogError."""
-    sheet = Sheet.of(path, {key: choices[key] for key in KEYS if key in choices})
+    sheet = sheet_of(path, {key: choices[key] for key in (*KEYS, RECORD) if key in choices})
     units = {key.removeprefix(UNITS): text for key, text in choices.items() if key.startswith(UNITS)}
     sheet = replace(sheet, own_units=units) if units else sheet
     values = together(sheet.blocks(), _ROWS)
@@ -102,7 +101,7 @@ def look(path: Path, choices: Mapping[str, str]) -> SheetRoles:
 
 def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     """Tables that read a CSV file; raises LogError where nothing in it can be a force or a position."""
-    known = [*ROLES, "time", "rate", *KEYS]
+    known = [*ROLES, "time", "rate", RECORD, *KEYS]
     for key in choices:
         if key not in (*known, TIP, "file", "type") and not key.startswith(("columns.", UNITS)):
             raise LogError(f"{path}: a table has no {key!r}{suggest(key, known)} (there are: {', '.join(known)})")
@@ -138,7 +137,6 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
         device["rate"] = "? Hz" if rate is None else f"{rate:g} Hz"
     device |= sheet.settings
     device["columns"] = _columns(found, sheet, units, choices, extra["blanks"])
-    doubts += _presses(sheet, looked.values)
     trials = _other_trials(found, sheet)
     doubts += [f"{role}: {names[0]} and {', '.join(names[1:])} can be it" for role, names in trials.items()]
     back = [name for name in sheet.names if is_of_retraction(name)]
@@ -147,12 +145,15 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     facts = facts_worth_stating(sheet.facts)
     extra["hints"] += [f"line {fact.line} states: {fact.name}: {fact.value}" for fact in facts]
     channels = {role: f"log.{role}" for role in found.picks}
+    places = _places(sheet) if sheet.record is not None else {}
+    device["columns"] |= places
     second = 1.0 if clock is not None else 1.0 / (rate or _USUAL)
     suggestion = assemble_suggestion(found, device, channels, factors, extra, second)
+    alignment = {**suggestion.alignment, **{f"lateral_{name}": f"log.{name}" for name in places}}
     keys = {f"columns.{role}.unit": text for role, text in guesses.items()}
     rivals = {**suggestion.rivals, **trials}
     stated = tuple((fact.line, fact.name, fact.value) for fact in facts)
-    return replace(suggestion, guesses=keys, rivals=rivals, facts=stated, has_time=has_time)
+    return replace(suggestion, alignment=alignment, guesses=keys, rivals=rivals, facts=stated, has_time=has_time)
 
 
 def deflections(series: Sequence[NumberColumn]) -> list[NumberColumn]:
@@ -179,20 +180,14 @@ def _of_what(bent: NumberColumn, place: NumberColumn) -> str:
     )
 
 
-def _presses(sheet: Sheet, values: Floats) -> Iterator[str]:
-    """That a column counts the presses of one table, which are read as one."""
+def _places(sheet: Sheet) -> dict[str, dict[str, Any]]:
+    """The columns that say where along the skin a record is; none where one of the two is missing."""
+    found: dict[str, dict[str, Any]] = {}
     for k, name in enumerate(sheet.names):
-        column = values[:, k]
-        if not _OF_PRESS & {*words_of(name)} or not np.isfinite(column).all() or (column % 1.0).any():
-            continue
-        changes = int(np.count_nonzero(np.diff(column)))
-        if 0 < changes < len(column) / _ROWS_OF_PRESS:
-            text = column_text(sheet.column(k))
-            yield (
-                f"column {text} names {changes + 1} presses in one table, which are fitted as one: for a row of each "
-                "add it to [device.log.columns] of a pipeline, then palpate fit FILE --each --pipeline FILE.toml "
-                f"--by {text}"
-            )
+        unit, words = sheet.unit(k), words_of(name)
+        if words and words[0] in ("x", "y") and unit and si_unit(unit)[0] == "m":
+            found.setdefault(words[0], {"column": sheet.column(k), "unit": unit})
+    return found if len(found) == 2 else {}
 
 
 def _other_trials(found: RoleGuess, sheet: Sheet) -> dict[str, tuple[str, ...]]:

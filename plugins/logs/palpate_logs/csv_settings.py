@@ -15,6 +15,7 @@ from palpate_records.log_files import regular
 from palpate_records.messages.readings import si_unit
 from palpate_records.recording import Recording
 from palpate_records.tables.clock_times import CLOCK
+from palpate_records.tables.csv_sheet import KEYS
 from palpate_records.tables.dialect import Dialect
 from pydantic import Field, model_validator
 
@@ -69,6 +70,12 @@ class CsvSettings(Recording):
         default=None, ge=0, description="line of units that must agree with the columns', 0 for none; found if left out"
     )
     sheet: str | None = Field(default=None, description="of a workbook; the first with rows of numbers if left out")
+    record: str | None = Field(
+        default=None,
+        min_length=1,
+        description="of a file of several: a sheet, the title of a table or of columns, or the text in the column that "
+        "names them",
+    )
 
     @model_validator(mode="after")
     def _one_source_of_time(self) -> Self:
@@ -88,6 +95,11 @@ class CsvSettings(Recording):
     def dialect(self) -> Dialect:
         """How the file is written."""
         return Dialect(self.delimiter, self.decimal, self.thousands, self.comment)
+
+    @property
+    def written(self) -> dict[str, str]:
+        """What is stated of how the file is written, as texts."""
+        return {key: str(value) for key in KEYS if (value := getattr(self, key)) is not None}
 
     @property
     def streams(self) -> tuple[Stream, ...]:
