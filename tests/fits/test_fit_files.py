@@ -223,10 +223,10 @@ def test_units_that_are_not_known_are_asked_for(tmp_path, palpate, names, words)
     assert words in refused.stderr
 
 
-def test_one_of_several_presses_in_one_table_is_asked_for(tmp_path, palpate):
+def test_one_of_several_forces_over_one_height_is_asked_for(tmp_path, palpate):
     p = kinds.press(1)
-    extra = [("force 2 (N)", 1.3 * p.f, ".4f"), ("height 2 (mm)", 1e3 * p.z, ".4f")]
-    press_file(tmp_path / "a.csv", ("time (s)", "force 1 (N)", "height 1 (mm)"), extra)
+    extra = [("force 2 (N)", 1.3 * p.f, ".4f")]
+    press_file(tmp_path / "a.csv", ("time (s)", "force 1 (N)", "height (mm)"), extra)
     refused = palpate("fit", str(tmp_path / "a.csv"), *TIP)
     assert refused.returncode == 2
     assert "the force can be force 1 (N), force 2 (N); say which with --force" in refused.stderr

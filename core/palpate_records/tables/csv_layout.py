@@ -46,6 +46,7 @@ class TableLayout:
     units_line: int = 0  # counted from 1
     facts: tuple[StatedValue, ...] = ()
     clocks: frozenset[int] = frozenset()  # columns of times of day
+    numbers: frozenset[int] = frozenset()  # columns with one in the first row
     groups: tuple[str, ...] = ()  # titles above the names, of columns whose names alone are not unique
 
 
@@ -117,6 +118,7 @@ def layout_of(
         0 if units_at is None else units_at + 1,
         tuple(fact for i, line in enumerate(lines[:top]) if (fact := _fact(i + 1, line, dialect)) is not None),
         frozenset(k for k, cell in enumerate(first) if is_clock(cell) and not dialect.is_number(cell)),
+        frozenset(k for k, cell in enumerate(first) if dialect.is_value(cell)),
         groups,
     )
 

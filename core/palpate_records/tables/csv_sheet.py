@@ -18,6 +18,7 @@ from palpate_records.tables.clock_times import Days, seconds_or_nan
 from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_lines, layout_of, one_table
 from palpate_records.tables.csv_names import is_electrical, looks_like_unit, plain_unit, unit_of, unit_text
 from palpate_records.tables.dialect import Dialect, dialect_of, grouped_or_decimal
+from palpate_records.tables.footer import without_footer
 from palpate_records.tables.table_record import OF_RECORD, TableRecord
 from palpate_records.tables.table_text import bounded_lines, open_text
 from palpate_records.tables.workbook import WORKBOOKS
@@ -43,6 +44,7 @@ class Sheet:
     stated: Mapping[str, str | int] = field(default_factory=dict)  # keys of the device that the user gave
     own_units: Mapping[str, str] = field(default_factory=dict)  # that a person states, by column: "mN", "10 N" for one
     record: TableRecord | None = None  # of a file of several, the one that is read
+    footer: list[list[str]] = field(default_factory=list, compare=False)  # cells below the rows, once these are read
 
     @classmethod
     def of(cls, path: Path, stated: Mapping[str, str] | None = None, record: TableRecord | None = None) -> Sheet:
@@ -109,6 +111,8 @@ class Sheet:
             rows = self.dialect.rows(line for line in lines if not self.dialect.is_comment(line))
             if self.stated.get("header"):  # of one table of several, that ends where the next begins
                 rows = one_table(rows, self.layout.names, list)
+            self.footer.clear()
+            rows = without_footer(rows, list, self.layout.numbers, self.dialect, self.footer)
             if self.record is not None:
                 rows = map(self.record.picked, self.record.rows(rows, list))
             while part := list(islice(rows, _BLOCK)):

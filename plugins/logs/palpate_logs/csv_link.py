@@ -17,6 +17,7 @@ from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_o
 from palpate_records.tables.csv_names import weight_of
 from palpate_records.tables.csv_truncation import cut_number
 from palpate_records.tables.dialect import MARKS
+from palpate_records.tables.footer import without_footer
 from palpate_records.tables.table_records import record_named
 from palpate_records.tables.table_text import bounded_lines, open_text
 from pydantic_core import from_json
@@ -104,7 +105,7 @@ class CsvLink:
                     lines = chain(bounded_lines(io.StringIO(text, newline=""), path), bounded_lines(file, path))
                     mark = self._dialect.comment
                     said = ("\n" if mark in one and self._dialect.is_comment(one) else one for one in lines)
-                    yield from self._by_line(enumerate(self._dialect.rows(said), line + 1))
+                    yield from self._by_line(enumerate(self._dialect.rows(said), line + 1), line - self._layout.begin)
                     break
                 line += len(numbers)
                 self._widths = self._layout.width, self._layout.width, line
@@ -134,10 +135,13 @@ class CsvLink:
         whole = found.size == count * width and max(self._at, default=0) < width
         return found.reshape(count, width)[:, self._at] if whole else None
 
-    def _by_line(self, rows: Iterator[tuple[int, list[str]]]) -> Iterator[Floats]:
-        """The numbers (n, places) of lines that may hold anything."""
+    def _by_line(self, rows: Iterator[tuple[int, list[str]]], above: int) -> Iterator[Floats]:
+        """The numbers (n, places) of lines that may hold anything; so many rows were read above them."""
         if self._header:  # of one table of several, that ends where the next begins
             rows = one_table(rows, self._layout.names, lambda row: row[1])
+        self._log.tally.footer.clear()
+        numbers, footer = self._layout.numbers, self._log.tally.footer
+        rows = without_footer(rows, lambda row: row[1], numbers, self._dialect, footer, above)
         if self._record is not None:
             picked = self._record.picked
             rows = ((line, picked(cells)) for line, cells in self._record.rows(rows, lambda row: row[1]))

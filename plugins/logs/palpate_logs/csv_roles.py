@@ -25,6 +25,7 @@ from palpate_records.tables.csv_names import (
     words_of,
 )
 from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
+from palpate_records.tables.footer import footer_words
 from palpate_records.tables.table_records import RECORD, sheet_of
 
 from palpate_logs.csv_units import DIMENSIONS, units_of
@@ -142,6 +143,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     back = [name for name in sheet.names if is_of_retraction(name)]
     if back:
         extra["reasons"].append(f"left out: {', '.join(map(column_text, back))}: the way back, beside the way in")
+    doubts += [footer_words(sheet.footer)] if sheet.footer else []
     facts = facts_worth_stating(sheet.facts)
     extra["hints"] += [f"line {fact.line} states: {fact.name}: {fact.value}" for fact in facts]
     channels = {role: f"log.{role}" for role in found.picks}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import codecs
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from encodings.aliases import aliases
 from functools import cached_property
 from typing import Annotated, Literal, Self
@@ -17,6 +17,7 @@ from palpate_records.recording import Recording
 from palpate_records.tables.clock_times import CLOCK
 from palpate_records.tables.csv_sheet import KEYS
 from palpate_records.tables.dialect import Dialect
+from palpate_records.tables.footer import footer_words
 from pydantic import Field, model_validator
 
 
@@ -44,6 +45,7 @@ class Tally:
 
     timeless: int = 0  # rows
     overload: int = 0  # readings that the instrument could not make
+    footer: list[list[str]] = field(default_factory=list)  # cells of lines below the readings
     cut: str | None = None  # the last number, where the file ends within it
 
 
@@ -110,12 +112,14 @@ class CsvSettings(Recording):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """How many rows were left out since they have no time, and a last one that was cut."""
+        """How many rows have no time, which readings are missing, what is below them, and a last row that was cut."""
         tally, found = self.tally, []
         if tally.timeless:
             found.append(f"{self.file.name}: {tally.timeless} rows have no finite time, and were left out")
         if tally.overload:
             found.append(f"{self.file.name}: {tally.overload} cells hold a mark of overload, and no reading")
+        if tally.footer:
+            found.append(f"{self.file.name}: {footer_words(tally.footer)}")
         if tally.cut is not None:
             found.append(
                 f"{self.file.name}: the last line has no end, and its last number, {tally.cut}, fewer digits than all "
