@@ -18,7 +18,7 @@ LIST = "curves.csv"
 CURVE, FILE, RECORD = "curve", "file", "record"  # the last of a file of several
 _LINE = 1 << 16  # [characters] of the head
 PLACES = ("x_m", "y_m")
-_OWN = (CURVE, FILE, RECORD, DIALECT)
+OWN = (CURVE, FILE, RECORD, DIALECT)  # columns that palpate writes
 FACTS = ("tip", "tip_uncertainty", "thickness", "delay", "tare", "tip_mass", "poisson", "inclination", "mount")
 Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
 
@@ -60,7 +60,7 @@ def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
 def write_list(path: Path, entries: Mapping[str, Mapping[str, str]]) -> None:
     """Write the cells of every curve; raises OutputError."""
     there = {column for cells in entries.values() for column in cells}
-    own = [name for name in _OWN if name != RECORD or name in there]
+    own = [name for name in OWN if name != RECORD or name in there]
     columns = dict.fromkeys((*own, *(column for cells in entries.values() for column in cells)))
     text = io.StringIO()
     table = csv.DictWriter(text, columns, lineterminator="\n", restval="")
@@ -104,7 +104,7 @@ def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:
             file = Path(curve.file)
             name = file.relative_to(place) if file.is_relative_to(place) else file
             cells = stated.get(str(name)) or stated.get(name.stem) or {}
-            found.setdefault(curve.name, {}).update((key, cell) for key, cell in cells.items() if key not in _OWN)
+            found.setdefault(curve.name, {}).update((key, cell) for key, cell in cells.items() if key not in OWN)
     return found
 
 
@@ -124,11 +124,11 @@ def add_groups(folder: Path, table: Path, known: Collection[str]) -> None:
     if unknown := next((name for name in more if name not in known), None):
         raise LogError(f"{table}: there is no curve {unknown!r}{suggest(unknown, known)}")
     for name, cells in more.items():
-        entries.setdefault(name, {}).update((key, cell) for key, cell in cells.items() if key not in _OWN)
+        entries.setdefault(name, {}).update((key, cell) for key, cell in cells.items() if key not in OWN)
     write_list(folder / LIST, entries)
 
 
 def columns_of(entries: Mapping[str, Mapping[str, str]]) -> list[str]:
     """The columns by which curves can be grouped, in their order."""
     names: Iterable[str] = (column for cells in entries.values() for column in cells)
-    return [name for name in dict.fromkeys(names) if name not in _OWN]
+    return [name for name in dict.fromkeys(names) if name not in OWN]

@@ -40,7 +40,7 @@ def without_footer(
         cells = cells_of(row)
         cell = cells[first].strip() if first < len(cells) else ""
         if held or below or not dialect.is_value(cell):
-            if whole := _is_row(cells, numbers, dialect) or len(held) == _LINES:
+            if _is_row(cells, numbers, dialect) or len(held) == _LINES:
                 yield from held
                 held.clear()
             elif held or (

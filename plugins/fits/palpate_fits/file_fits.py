@@ -20,6 +20,7 @@ from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
 from palpate_kit.terminal.fact_line import fact_line
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
+from palpate_kit.terminal.table import console
 from palpate_records.recording import Suggestion
 
 from palpate_fits.file_facts import StatedFacts
@@ -27,6 +28,7 @@ from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, reader_k
 from palpate_fits.file_questions import FileQuestion
 from palpate_fits.file_tables import count_line, is_usable, show_rows
 from palpate_fits.folder_fits import FEW, fit_each
+from palpate_fits.name_groups import group_table, groups_by_name, name_pattern
 from palpate_fits.sitting import ask_of_files, ask_of_rig, is_asking, keep_answers, prompt
 
 _GUESSES = 6  # that are printed
@@ -43,16 +45,19 @@ class FileFit:
     as_json: bool
     fitting: bool = True
     details: bool = False
+    by: str | None = None  # pattern of names by which they are grouped
 
 
 def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     """Fit files that bring no pipeline, and print what was found of each; exit 1 where one was not usable."""
     refused: dict[str, str] = {}
     notes: list[str] = []
+    pattern = None if wanted.by is None else name_pattern(wanted.by)
     with progress("look for files"):
         known = registry.load()
         stated = reader_keys(wanted.stated.settings)
         files = [part for log in logs_among(sources, known) for part in specimens_of(log, known, stated)]
+    by_name = {} if pattern is None else groups_by_name(files, sources, pattern)
     groups, wanted = _groups(files, wanted, refused, notes)
     if wanted.stated.is_read:
         notes.insert(0, f"facts of the rig: {wanted.stated.path}")
@@ -64,6 +69,8 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         raise ConfigurationError(f"{name}: {error}{others}")
     folder = wanted.out or make_folder("fit", None, datetime.now(UTC).astimezone())
     cells = _cells(sources, groups, wanted.stated)
+    for name, of_name in by_name.items():
+        cells.setdefault(name, {}).update(of_name)
     order = {str(file): place for place, file in enumerate(files)}
     parts = {str(file): file for file in files}
     rows = [row for row in _fitted(groups, folder, wanted, cells) if row["curve"] in order]
@@ -78,6 +85,8 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         print_json({"table": str(folder / TABLE), "files": rows})
     else:
         _show(rows, groups, parts, folder, known, wanted, _command(sources, wanted))
+        if by_name:
+            console().print(group_table(rows, by_name, groups[0].pipeline).view())
     if not all(map(is_usable, rows)):
         raise typer.Exit(1)
 
@@ -147,6 +156,7 @@ def _command(sources: Sequence[Path], wanted: FileFit) -> str:
     words += [word for key, text in facts.items() for word in (option_of(key), str(text))]
     words += [word for role, text in wanted.choices.items() for word in (f"--{role}", text)]
     words += [word for text in stated.settings for word in ("--set", text)]
+    words += ["--by", wanted.by] if wanted.by is not None else []
     words += ["--rig", str(stated.path)] if stated.is_named else []
     return shlex.join(words)
 
