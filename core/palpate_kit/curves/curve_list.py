@@ -69,17 +69,25 @@ def write_list(path: Path, entries: Mapping[str, Mapping[str, str]]) -> None:
     write_whole(path, text.getvalue())
 
 
-def add_curves(folder: Path, curves: Sequence[Curve], dialect: str, more: Mapping[str, Mapping[str, str]] = {}) -> None:
+def add_curves(
+    folder: Path,
+    curves: Sequence[Curve],
+    dialect: str,
+    more: Mapping[str, Mapping[str, str]] = {},
+    base: Path | None = None,
+) -> None:
     """List curves that are known by their files, with `more` of some; what else is known of them is kept.
 
-    Raises LogError, OutputError.
+    Files are as seen from the folder, or from a `base`. Raises LogError, OutputError.
     """
     entries = read_list(folder / LIST)
     before = {name: dict(cells) for name, cells in entries.items()}
     for curve in curves:
         if curve.file:
             cells = entries.setdefault(curve.name, {})
-            file = os.path.relpath(Path(curve.file).resolve(), folder.resolve())  # so that both can be moved together
+            file = os.path.relpath(
+                Path(curve.file).resolve(), (base or folder).resolve()
+            )  # so that both can be moved together
             record = {} if curve.record is None else {RECORD: curve.record}
             cells |= {FILE: file, **record, DIALECT: dialect, **more.get(curve.name, {})}
     if entries != before:

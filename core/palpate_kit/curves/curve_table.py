@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -33,6 +34,7 @@ from palpate_kit.curves.curve_list import RECORD
 from palpate_kit.runs.pipeline_diff import differences
 
 TABLE, SETTINGS = "fits.csv", "pipeline.toml"
+CURVES = "curves"  # key of its [run]: the folder from which the files of curves are seen
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
 _TEXTS = ("curve", "track", "conditions", "needs", "flags", "settings", "error")
 _LINE = 1 << 16  # [bytes] of the head
@@ -57,7 +59,7 @@ class FitTable:
     def _settle(self, folder: Path, pipeline: Pipeline, device: str, dialect: str) -> None:
         """Begin a folder, or go on with one that was begun with the same settings; raises OutputError."""
         text = resolved_text(pipeline, folder)
-        ignored = {*pipeline.registry.tables, f"device.{device}.file", f"device.{device}.{RECORD}"}
+        ignored = {*pipeline.registry.tables, *reading_keys(device)}
         settings = folder / SETTINGS
         if dialect and settings.exists() and dialect not in dialects_in(settings):  # files that are read in another way
             write_dialects(settings, {dialect: text})
@@ -179,10 +181,23 @@ def demand_columns(path: Path) -> None:
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
 
 
+def reading_keys(device: str) -> tuple[str, ...]:
+    """Keys of a pipeline that say where one of the curves is, and not how it is read."""
+    return f"device.{device}.file", f"device.{device}.{RECORD}", f"run.{CURVES}"
+
+
+def curves_folder(folder: Path) -> Path | None:
+    """The folder from which the files of curves are seen, as the pipeline states it; None where it states none."""
+    stated = _settings(folder / SETTINGS).get("run", {}).get(CURVES)
+    return Path(os.path.normpath(folder.resolve() / str(stated))) if stated else None
+
+
 def settings_text(path: Path, dialect: str = "") -> str:
-    """The pipeline of a folder of fits by which files of a dialect are read; raises LogError."""
+    """The pipeline of a folder of fits by which files of a dialect are read, wherever these are; raises LogError."""
     try:
-        return tomli_w.dumps(dialect_tables(_settings(path), dialect))
+        tables = dialect_tables(_settings(path), dialect)
+        run = {key: value for key, value in tables.get("run", {}).items() if key != CURVES}
+        return tomli_w.dumps({**tables, **({"run": run} if "run" in tables else {})})
     except ConfigurationError as error:
         raise LogError(f"{path}: {error}") from error
 
@@ -194,7 +209,10 @@ def dialects_in(path: Path) -> list[str]:
 
 def write_dialects(path: Path, texts: Mapping[str, str]) -> None:
     """Write pipelines by dialect into the one file of a folder of fits; raises LogError, OutputError."""
-    tables = toml_tables(texts[""]) if "" in texts else _settings(path)
+    before = _settings(path)
+    tables = toml_tables(texts[""]) if "" in texts else before
+    if stated := before.get("run", {}).get(CURVES):
+        tables["run"] = {**tables["run"], CURVES: stated}
     for name, text in texts.items():
         tables = with_dialect(tables, name, toml_tables(text)) if name else tables
     write_whole(path, tomli_w.dumps(tables))

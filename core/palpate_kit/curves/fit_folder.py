@@ -40,6 +40,7 @@ from palpate_kit.curves.curve_table import (
     SETTINGS,
     TABLE,
     columns_in,
+    curves_folder,
     demand_columns,
     dialects_in,
     latest_rows,
@@ -249,9 +250,14 @@ class FitFolder:
         return Curve(name, self.file_of(name), own=self.settings_of(name), record=record)
 
     def file_of(self, curve: str) -> str:
-        """The file of a curve, which ``curves.csv`` names as seen from the folder; "" where it is not known."""
+        """The file of a curve, which ``curves.csv`` names as seen from a folder; "" where it is not known."""
         file = self.entries.get(curve, {}).get(FILE, "")
-        return os.path.normpath(self.path.resolve() / file) if file else ""
+        return os.path.normpath((self.curves_folder or self.path.resolve()) / file) if file else ""
+
+    @cached_property
+    def curves_folder(self) -> Path | None:
+        """The folder from which the files of curves are seen; None for this one."""
+        return curves_folder(self.path)
 
     @property
     def approved(self) -> frozenset[str]:

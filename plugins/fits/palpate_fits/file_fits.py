@@ -12,7 +12,7 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, printable
-from palpate_engine import Registry, approved_plugins, make_folder, option_of, registry
+from palpate_engine import Pipeline, Registry, approved_plugins, make_folder, option_of, registry
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.curves.curve_list import FACTS, RECORD, Entries, cells_beside
@@ -56,7 +56,8 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     with progress("look for files"):
         known = registry.load()
         stated = reader_keys(wanted.stated.settings)
-        files = [part for log in logs_among(sources, known) for part in specimens_of(log, known, stated)]
+        logs = logs_among(sources, known)
+        files = [part for log in logs for part in specimens_of(log, known, stated)]
     by_name = {} if pattern is None else groups_by_name(files, sources, pattern)
     groups, wanted = _groups(files, wanted, refused, notes)
     if wanted.stated.is_read:
@@ -68,6 +69,8 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         others = f" ({len(refused) - 1} more files cannot be read either)" if len(refused) > 1 else ""
         raise ConfigurationError(f"{name}: {error}{others}")
     folder = wanted.out or make_folder("fit", None, datetime.now(UTC).astimezone())
+    place = sources[0].resolve() if len(sources) == 1 and sources[0].is_dir() and sources[0] not in logs else None
+    groups = [replace(group, pipeline=_of_folder(group.pipeline, place)) for group in groups]
     cells = _cells(sources, groups, wanted.stated)
     for name, of_name in by_name.items():
         cells.setdefault(name, {}).update(of_name)
@@ -89,6 +92,11 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
             console().print(group_table(rows, by_name, groups[0].pipeline).view())
     if not all(map(is_usable, rows)):
         raise typer.Exit(1)
+
+
+def _of_folder(pipeline: Pipeline, place: Path | None) -> Pipeline:
+    """The pipeline with the folder of its curves, where all are of one."""
+    return replace(pipeline, run=pipeline.run.model_copy(update={"curves": place}))
 
 
 def _groups(
