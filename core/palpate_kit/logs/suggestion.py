@@ -23,6 +23,7 @@ _LEAST = 0.04  # of that radius, the least way of a palpation
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("m", 1.0))  # a factor of 1000 apart
 _FORCES = (("N", 1.0), ("mN", 1e-3), ("uN", 1e-6), ("nN", 1e-9))
 TIP, UNITS = "tip", "units."  # choices that are no role: the tip in words, the unit of a column
+POSITION_OF = "position-of"  # a choice: "tip", or the "stage" behind a beam
 _STIFFEST, _SOFTEST = 5e7, 50.0  # [Pa] beyond which another unit of force is likelier
 
 

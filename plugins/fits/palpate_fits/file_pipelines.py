@@ -15,7 +15,7 @@ from palpate_engine import Pipeline, Registry, RigFacts, Source, build_pipeline,
 from palpate_kit.curves.alike_logs import LogPart, alike_logs
 from palpate_kit.curves.curve import Curve
 from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
-from palpate_kit.logs.suggestion import TIP, UNITS
+from palpate_kit.logs.suggestion import POSITION_OF, TIP, UNITS
 from palpate_kit.terminal.progress import report_progress
 from palpate_records.recording import Suggestion
 
@@ -130,6 +130,7 @@ def _suggestion(
     """How a file is read, by the columns of the facts that it has; raises ConfigurationError."""
     keys = _keys_of_reader(stated)
     keys |= {TIP: facts.tip or ""} | ({"rate": str(facts.rate)} if facts.rate is not None else {})
+    keys |= {POSITION_OF: facts.position_of} if facts.position_of is not None else {}
     keys |= {f"{UNITS}{name}": unit for name, unit in (facts.units or {}).items()}
     given = {**keys, **choices}
     named = {role: names for role, names in (facts.columns or {}).items() if role not in choices}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from palpate import Floats, LogError, suggest
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
-from palpate_kit.logs.suggestion import TIP, UNITS, assemble_suggestion, find_roles, tip_of
+from palpate_kit.logs.suggestion import POSITION_OF, TIP, UNITS, assemble_suggestion, find_roles, tip_of
 from palpate_records.messages.readings import LARGEST, si_unit
 from palpate_records.recording import Suggestion
 from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of, demand_progress
@@ -102,7 +102,7 @@ def look(path: Path, choices: Mapping[str, str]) -> SheetRoles:
 
 def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     """Tables that read a CSV file; raises LogError where nothing in it can be a force or a position."""
-    known = [*ROLES, "time", "rate", RECORD, *KEYS]
+    known = [*ROLES, "time", "rate", RECORD, POSITION_OF, *KEYS]
     for key in choices:
         if key not in (*known, TIP, "file", "type") and not key.startswith(("columns.", UNITS)):
             raise LogError(f"{path}: a table has no {key!r}{suggest(key, known)} (there are: {', '.join(known)})")
@@ -117,8 +117,8 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     if found is None:
         there = sheet.columns
         raise LogError(f"{path}: no two columns can be force and position; choose with --force, --position ({there})")
-    if bent and "position" not in chosen and not is_depth(sheet.names[int(found.picks["position"].series.key[1])]):
-        raise LogError(f"{path}: {_of_what(bent[0], found.picks['position'].series)}")
+    depth = is_depth(sheet.names[int(found.picks["position"].series.key[1])])
+    bent = [] if "position" in chosen or depth or choices.get(POSITION_OF) == "tip" else bent
     units, guesses = units_of(found, sheet, clock is not None, tip_of(choices))
     doubts = list(guesses.values())
     scales = {role: sheet.scale(int(pick.series.key[1])) for role, pick in found.picks.items()}
@@ -149,9 +149,17 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     channels = {role: f"log.{role}" for role in found.picks}
     places = _places(sheet) if sheet.record is not None else {}
     device["columns"] |= places
+    beam: dict[str, str] = {}
+    if bent and choices.get(POSITION_OF) == "stage":
+        length = sheet.unit(int(bent[0].key[1])) or units["position"]
+        stiffness = _slope(bent[0].values, found.picks["force"].series.values) * factors["force"] / si_unit(length)[1]
+        beam["beam"] = f"{stiffness:.6g} N/m"
+        extra["reasons"].append(f"beam: {beam['beam']}: the force over {bent[0].label}, taken off {_stage(found)}")
+    elif bent:
+        extra["blanks"].append(f"{POSITION_OF}: {_of_what(bent[0], found)}")
     second = 1.0 if clock is not None else 1.0 / (rate or _USUAL)
     suggestion = assemble_suggestion(found, device, channels, factors, extra, second)
-    alignment = {**suggestion.alignment, **{f"lateral_{name}": f"log.{name}" for name in places}}
+    alignment = {**suggestion.alignment, **beam, **{f"lateral_{name}": f"log.{name}" for name in places}}
     keys = {f"columns.{role}.unit": text for role, text in guesses.items()}
     rivals = {**suggestion.rivals, **trials}
     stated = tuple((fact.line, fact.name, fact.value) for fact in facts)
@@ -173,12 +181,21 @@ def _is_spring(length: Floats, force: Floats) -> bool:
     return 1.0 - float(np.corrcoef(x, y)[0, 1]) ** 2 < _SPRING
 
 
-def _of_what(bent: NumberColumn, place: NumberColumn) -> str:
-    name, stage = (s.label.removeprefix("column ") for s in (bent, place))
+def _slope(length: Floats, force: Floats) -> float:
+    """The size of the constant that is the force over a length, as recorded."""
+    known = (np.abs(length) < LARGEST) & (np.abs(force) < LARGEST)
+    return abs(float(np.polyfit(length[known], force[known], 1)[0]))
+
+
+def _stage(found: RoleGuess) -> str:
+    return found.picks["position"].series.label.removeprefix("column ")
+
+
+def _of_what(bent: NumberColumn, found: RoleGuess) -> str:
+    name = bent.label.removeprefix("column ")
     return (
-        f"position: the force is one constant times {name}, so that is what a beam or spring yields by, and {stage} is "
-        f"the tip's only where it was taken off already: say --position '{stage}' where it was, else add a column "
-        f"'indentation' of {stage} less {name}"
+        f"the force is one constant times {name}, which is what a beam or spring yields by: is {_stage(found)} that of "
+        "the stage behind it (stage), or of the tip, with that taken off already (tip)"
     )
 
 
