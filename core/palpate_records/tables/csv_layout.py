@@ -11,6 +11,7 @@ from typing import IO, TypeVar
 
 from palpate import LogError
 
+from palpate_records.tables.cell_units import number_and_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma
 from palpate_records.tables.csv_names import is_electrical, is_unit, plain_unit
 from palpate_records.tables.dialect import MARKS, Dialect, is_blank, is_clock
@@ -47,6 +48,7 @@ class TableLayout:
     facts: tuple[StatedValue, ...] = ()
     clocks: frozenset[int] = frozenset()  # columns of times of day
     numbers: frozenset[int] = frozenset()  # columns with one in the first row
+    cell_units: tuple[str, ...] = ()  # behind the numbers of the first row
     groups: tuple[str, ...] = ()  # titles above the names, of columns whose names alone are not unique
 
 
@@ -119,6 +121,7 @@ def layout_of(
         tuple(fact for i, line in enumerate(lines[:top]) if (fact := _fact(i + 1, line, dialect)) is not None),
         frozenset(k for k, cell in enumerate(first) if is_clock(cell) and not dialect.is_number(cell)),
         frozenset(k for k, cell in enumerate(first) if dialect.is_value(cell)),
+        tuple(number_and_unit(cell)[1] for cell in first),
         groups,
     )
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, islice
@@ -13,6 +14,7 @@ import numpy as np
 from palpate import Floats, LogError, printable
 
 from palpate_records.messages.readings import si_unit
+from palpate_records.tables.cell_units import cell_factor, number_and_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number_or_nan
 from palpate_records.tables.clock_times import Days, seconds_or_nan
 from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_lines, layout_of, one_table
@@ -99,12 +101,7 @@ class Sheet:
     def blocks(self) -> Iterator[Floats]:
         """The numbers (n, k), some thousand rows at a time; NaN where a cell is none, seconds for times of day."""
         count = len(self.names)
-        readers = [
-            seconds_or_nan
-            if k in self.layout.clocks
-            else partial(number_or_nan, decimal=self.dialect.decimal, thousands=self.dialect.thousands)
-            for k in range(count)
-        ]
+        readers = [seconds_or_nan if k in self.layout.clocks else self._reader(k) for k in range(count)]
         days = {k: Days() for k in self.layout.clocks if k < count}
         with open_text(self.path, *self.text_keys) as file:
             lines = islice(bounded_lines(file, self.path), self.layout.begin, None)
@@ -123,6 +120,21 @@ class Sheet:
                     block[:, k] = day.unwrapped(block[:, k])
                 yield block[[bool(cells) for cells in part]]
 
+    def _reader(self, column: int) -> Callable[[str], float]:
+        """What makes a number of the cells of a column, NaN where they are none."""
+        plain = partial(number_or_nan, decimal=self.dialect.decimal, thousands=self.dialect.thousands)
+        usual = self._unit_there(column)
+        if usual is None or not self.layout.cell_units[column : column + 1] or not self.layout.cell_units[column]:
+            return plain
+
+        def read(cell: str) -> float:
+            text, unit = number_and_unit(cell.strip())
+            with suppress(ValueError):
+                return plain(text) * (cell_factor(unit, usual) if unit else 1.0)
+            return float("nan")
+
+        return read
+
     def unit(self, column: int) -> str | None:
         """The unit that the name of a column, the row of units, or else a person states; None for none.
 
@@ -132,7 +144,8 @@ class Sheet:
 
     def _unit_there(self, column: int) -> str | None:
         below = self.layout.units[column] if column < len(self.layout.units) else ""
-        return unit_of(self.names[column], below)
+        own = self.layout.cell_units[column] if column < len(self.layout.cell_units) else ""
+        return unit_of(self.names[column], below) or (unit_of(self.names[column], own) if own else None)
 
     def _is_own(self, column: int) -> bool:
         """Whether the unit of a column is that which a person states, since the file does not."""

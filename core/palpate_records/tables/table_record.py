@@ -28,9 +28,12 @@ class TableRecord:
         """The layout of its own cells."""
         if not self.cells:
             return whole
-        units = tuple(whole.units[k] if k < len(whole.units) else "" for k in self.cells) if whole.units else ()
+        units, own = (
+            tuple(row[k] if k < len(row) else "" for k in self.cells) if row else ()
+            for row in (whole.units, whole.cell_units)
+        )
         clocks = frozenset(place for place, k in enumerate(self.cells) if k in whole.clocks)
-        return replace(whole, width=len(self.cells), names=self.names, units=units, clocks=clocks)
+        return replace(whole, width=len(self.cells), names=self.names, units=units, clocks=clocks, cell_units=own)
 
     def rows(self, rows: Iterable[Row], cells_of: Callable[[Row], list[str]]) -> Iterator[Row]:
         """The rows that are its own, whole; a cell that is empty names what that above it does."""

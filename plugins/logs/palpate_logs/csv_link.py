@@ -11,6 +11,7 @@ from itertools import chain, islice
 import numpy as np
 from palpate import Batch, Floats, LogError, to_si
 from palpate_records.messages.readings import LATEST, nanoseconds, sensible, si_unit
+from palpate_records.tables.cell_units import cell_factor, number_and_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, is_overload, number
 from palpate_records.tables.clock_times import CLOCK, Days, seconds_of_day
 from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_of, one_table
@@ -46,6 +47,9 @@ class CsvLink:
                 wanted.append((log.time.nanoseconds, 1e-9))
             wanted.append((log.time.column, second * log.time.scale))
         self._wanted = [column for column, _ in wanted]
+        self._units = [column.unit for column in log.columns.values()]  # of the first of the wanted columns
+        self._units += ["s"] if log.time is not None and log.time.nanoseconds is not None else []
+        self._units += [log.time.unit] if log.time is not None else []
         self._scales = np.array([scale for _, scale in wanted])
         self._layout = TableLayout(0, 0)
         self._at: list[int] = []  # places of the wanted columns
@@ -230,12 +234,15 @@ class CsvLink:
         last = len(self._at) - 1
         return np.array(
             [
-                [self._number(cells, place, line, self._clock and k == last) for k, place in enumerate(self._at)]
+                [
+                    self._number(cells, place, line, self._units[k], self._clock and k == last)
+                    for k, place in enumerate(self._at)
+                ]
                 for line, cells in complete
             ]
         )
 
-    def _number(self, cells: list[str], place: int, line: int, clock: bool) -> float:
+    def _number(self, cells: list[str], place: int, line: int, unit: str, clock: bool) -> float:
         if place >= len(cells):
             if len(cells) == 1 and not self._dialect.is_value(cells[0]):
                 raise LogError(f"{self._log.file}:{line}: {cells[0].strip()[:40]!r} is no row of numbers")
@@ -245,7 +252,9 @@ class CsvLink:
         try:
             if clock:
                 return seconds_of_day(text) if text else np.nan
-            return number(text, self._dialect.decimal, self._dialect.thousands) if text else np.nan
+            plain, own = number_and_unit(text)
+            factor = cell_factor(own, unit) if own else 1.0
+            return number(plain, self._dialect.decimal, self._dialect.thousands) * factor if text else np.nan
         except ValueError as error:
             if is_overload(text):
                 self._log.tally.overload += 1
