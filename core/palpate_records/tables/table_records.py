@@ -155,9 +155,14 @@ def _states(word: str, role: str) -> bool:
 
 def _role(sheet: Sheet, k: int) -> str | None:
     """What a column is: a force, a position, the time, or something else."""
-    name, unit = sheet.names[k], unit_of(sheet.names[k], sheet.layout.units[k] if k < len(sheet.layout.units) else "")
+    name, unit = sheet.names[k], _stated_unit(sheet, k)
     by_unit = (_DIMENSIONS | {"s": "time"}).get(si_unit(unit)[0]) if unit else None
     return by_unit or exact_role(name) or role_by_words(name)
+
+
+def _stated_unit(sheet: Sheet, k: int) -> str | None:
+    """The unit by the name of a column, or the row of units."""
+    return unit_of(sheet.names[k], sheet.layout.units[k] if k < len(sheet.layout.units) else "")
 
 
 def _by_column(sheet: Sheet) -> list[TableRecord]:
@@ -165,7 +170,7 @@ def _by_column(sheet: Sheet) -> list[TableRecord]:
     at = [
         k
         for k, name in enumerate(sheet.names)
-        if _NAMING & {*words_of(name)} and _role(sheet, k) in (None, "other") and sheet.unit(k) is None
+        if _NAMING & {*words_of(name)} and _role(sheet, k) in (None, "other") and _stated_unit(sheet, k) is None
     ]
     if not at:
         return []
