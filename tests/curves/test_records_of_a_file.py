@@ -4,8 +4,9 @@ import csv
 import json
 
 import numpy as np
+import palpate
 import pytest
-from palpate import LogError
+from palpate import ConfigurationError, LogError
 from palpate_logs.csv_replay import CsvReplay
 from palpate_logs.csv_roles import suggest_csv
 from palpate_records.tables.table_records import records_in
@@ -117,6 +118,17 @@ def test_a_record_that_is_not_there_is_named(tmp_path):
     path = written(tmp_path / "gels.csv", KINDS["a column of names"][0])
     with pytest.raises(LogError, match=r"no record 'gel B2'; did you mean 'gel B'\?"):
         suggest_csv(path, {"record": "gel B2"})
+
+
+def test_python_reads_the_same_records(tmp_path):
+    """The first of 27 sheets was read, and nothing said of the others."""
+    path = written(tmp_path / "gels.csv", KINDS["slots"][0])
+    with pytest.raises(ConfigurationError, match=r'holds 3 records \(Slot 1, Slot 2, Slot 3\).*"record": "Slot 1"'):
+        palpate.read(path)
+    one = palpate.read(path, {"record": "Slot 3"})
+    assert one.name == "gels.csv:Slot 3"
+    (batch,) = one.readings.values()
+    assert len(batch.time) == 300
 
 
 @pytest.mark.slow
