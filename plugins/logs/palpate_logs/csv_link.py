@@ -9,6 +9,7 @@ from contextlib import suppress
 from itertools import chain, islice
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Batch, Floats, LogError, to_si
 from palpate_records.messages.readings import LATEST, nanoseconds, sensible, si_unit
 from palpate_records.tables.cell_units import cell_factor, number_and_unit
@@ -57,7 +58,7 @@ class CsvLink:
 
     def batches(self) -> Iterator[Batch]:
         """The rows of the file in order, some thousand at a time."""
-        row, day = 0, Days()
+        row, day, first = 0, Days(), None
         self._log.tally.timeless, self._log.tally.overload, self._log.tally.cut = 0, 0, None
         for numbers in self._whole():
             with np.errstate(over="ignore"):  # what is not finite counts as invalid
@@ -74,9 +75,20 @@ class CsvLink:
                 self._log.tally.timeless += int(np.count_nonzero(~known))
                 values, stamps = values[known], nanoseconds(seconds[known])
             row += len(numbers)
+            first = int(stamps[0]) if first is None and len(stamps) else first
+            kept = self._within(stamps - (first or 0))
+            stamps, values = stamps[kept], values[kept]
             yield Batch("", stamps, stamps, sensible(values))
         if row == 0:
             raise LogError(f"{self._log.file}: the file contains no rows of numbers")
+
+    def _within(self, since: NDArray[np.int64]) -> NDArray[np.bool_] | slice:
+        """Which rows are of the part that is wanted, by their time since the first [ns]."""
+        begin, end = self._log.begin, self._log.end
+        if begin is None and end is None:
+            return slice(None)
+        low, high = (None if time is None else round(time * _SECOND) for time in (begin, end))
+        return (since >= (low or 0)) & (since <= (since if high is None else high))
 
     def _whole(self) -> Iterator[Floats]:
         """The numbers (n, places) of all rows but one that was cut."""

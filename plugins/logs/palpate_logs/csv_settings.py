@@ -9,7 +9,7 @@ from encodings.aliases import aliases
 from functools import cached_property
 from typing import Annotated, Literal, Self
 
-from palpate import Channel, File, Frequency, Settings, Stream, suggest, to_si
+from palpate import Channel, File, Frequency, Settings, Stream, Time, suggest, to_si
 from palpate_kit.logs.log_link import file_facts
 from palpate_records.log_files import regular
 from palpate_records.messages.readings import si_unit
@@ -78,6 +78,11 @@ class CsvSettings(Recording):
         description="of a file of several: a sheet, the title of a table or of columns, or the text in the column that "
         "names them",
     )
+
+    begin: Time | None = Field(
+        default=None, ge=0, description="leave out what was recorded earlier, counted from the first row"
+    )
+    end: Time | None = Field(default=None, gt=0, description="leave out what was recorded later")
 
     @model_validator(mode="after")
     def _one_source_of_time(self) -> Self:
