@@ -1,5 +1,6 @@
 """Time before all else: split stamps, rows written twice, rounded and backward times; endings of files in any case."""
 
+import json
 import shutil
 
 import numpy as np
@@ -64,6 +65,23 @@ def test_a_time_that_runs_backwards_is_told(tmp_path):
     path = table(tmp_path / "back.csv", {"time (s)": [f"{(COUNT - t) / RATE:.3f}" for t in range(COUNT)]})
     with pytest.raises(LogError, match=r"runs backwards"):
         suggest_csv(path, {})
+
+
+@pytest.mark.parametrize(("rate", "gap"), [(10.0, "0.5 s"), (50.0, "0.1 s"), (1000.0, None)])
+def test_the_readings_of_a_slow_record_are_no_gaps(tmp_path, rate, gap):
+    """At 10 Hz every pause was a gap: no velocity, and values without what Poisson's ratio adds to their ±."""
+    path = table(tmp_path / "slow.csv", {"time (s)": [f"{t / rate:.4f}" for t in range(COUNT)]})
+    assert suggest_csv(path, {}).alignment.get("gap") == gap
+
+
+@pytest.mark.slow
+def test_a_slow_press_has_a_whole_uncertainty(palpate, tmp_path):
+    path = table(tmp_path / "slow.csv", {"time (s)": [f"{t / 10.0:.4f}" for t in range(COUNT)]})
+    told = palpate("fit", str(path), "--tip", "sphere 3 mm", "--json", "-o", str(tmp_path / "fit"))
+    (row,) = json.loads(told.stdout)["files"]
+    assert "gaps" not in row["flags"]
+    assert "diagnosis-failed" not in row["flags"]
+    assert float(row["elasticity_combined"]) > 0.01 * float(row["elasticity"])
 
 
 @pytest.mark.parametrize("name", ["UPPER.CSV", "Mixed.Csv", "UPPER.TXT"])

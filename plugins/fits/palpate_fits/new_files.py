@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
-from palpate import ConfigurationError, UserError
+from palpate import ConfigurationError, UserError, to_si
 from palpate_engine import (
     Pipeline,
     Registry,
@@ -121,6 +121,8 @@ def _pipeline(folder: FitFolder, tables: Mapping[str, Any], suggestion: Suggesti
             alignment[key] = {**alignment.get(key, {}), **value}
         elif key in left_out:
             alignment[key] = value
+        elif key == "gap":
+            alignment[key] = max(alignment.get(key, 0.0), to_si(value, "s"))
     device = {key: value for key, value in suggestion.device.items() if value is not None}
     source = Source(
         tomli_w.dumps({**tables, "device": {DEVICE: device}, "alignment": alignment}), folder.path / SETTINGS
