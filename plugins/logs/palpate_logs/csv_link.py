@@ -118,9 +118,9 @@ class CsvLink:
             while text := file.read(_CHARACTERS) + file.readline(_LONGEST):
                 numbers = self._plain(text)
                 if numbers is None:  # anything else than plain numbers is read line by line from there on
-                    lines = chain(bounded_lines(io.StringIO(text, newline=""), path), bounded_lines(file, path))
+                    rest = chain(bounded_lines(io.StringIO(text, newline=""), path), bounded_lines(file, path))
                     mark = self._dialect.comment
-                    said = ("\n" if mark in one and self._dialect.is_comment(one) else one for one in lines)
+                    said = ("\n" if mark in one and self._dialect.is_comment(one) else one for one in rest)
                     yield from self._by_line(enumerate(self._dialect.rows(said), line + 1), line - self._layout.begin)
                     break
                 line += len(numbers)
