@@ -111,7 +111,8 @@ def _side_by_side(sheet: Sheet) -> list[TableRecord]:
     labels = list(dict.fromkeys(label for label, _ in marks if label))
     if len(labels) < 2 or any(_role(sheet, k) in _DIMENSIONS.values() for k in shared):
         return []
-    if any(_OTHER & {*words_of(label)} for label in labels) or labels == [str(k) for k in range(len(labels))]:
+    words = [{*words_of(label)} for label in labels]
+    if any(_OTHER & some and not _NAMING & some for some in words) or labels == [str(k) for k in range(len(labels))]:
         return []
     found = []
     for label in labels:
