@@ -9,6 +9,7 @@ import pytest
 from palpate_kit.curves.fit_folder import FitFolder
 
 from tests.curves.conftest import press
+from tests.curves.test_bags_of_parts import parts
 
 HEAD = "time_s,force_N,height_mm"
 
@@ -86,3 +87,14 @@ def test_one_key_says_where_the_curves_are(palpate, place, tmp_path_factory):
     done = palpate("fit", "fits", "--set", "alignment.tip_mass=1 g")
     assert "3 curves fitted anew" in done.stdout, done.stderr
     assert f'curves = "{elsewhere}/gels"' in settings.read_text()
+
+
+@pytest.mark.slow
+def test_a_new_bag_is_one_more_of_its_kind(palpate, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    parts(tmp_path / "in" / "one", metadata=True)
+    assert palpate("fit", "in", "--tip", "sphere 5 mm", "-o", "fits").returncode in (0, 1)
+    parts(tmp_path / "in" / "two", metadata=True)
+    told = palpate("fit", "fits")
+    assert "1 curve fitted anew" in told.stdout, told.stderr
+    assert dialects(tmp_path) == {"in/one": "", "in/two": ""}

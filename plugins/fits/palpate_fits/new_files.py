@@ -103,13 +103,23 @@ def _dialect(folder: FitFolder, part: LogPart, known: Registry) -> str:
 
 
 def _choices(device: Mapping[str, Any]) -> dict[str, str]:
-    """The choices that make a file be read as by a device: its columns, their units, the rate."""
+    """The choices that make a file be read as by a device: its columns, their units and the rate, or its signals."""
+    if "signals" in device:
+        signals = device["signals"]
+        return {role: f"{signals[role]['topic']}:{_field(signals[role])}" for role in ROLES if role in signals}
     columns = device.get("columns", {})
     found = {role: str(columns[role]["column"]) for role in ROLES if role in columns}
     found |= {f"{UNITS}{column['column']}": f"{column['scale']:g} {column['unit']}" for column in columns.values()}
     if "time" in device:
         found["time"] = str(device["time"]["column"])
     return found | ({"rate": f"{device['rate']} Hz"} if "rate" in device else {})
+
+
+def _field(signal: Mapping[str, Any]) -> str:
+    """A number of a topic as a choice names it: of a child frame that frame."""
+    if "select" in signal:
+        return str(signal["select"])
+    return f"{signal['field']}[{signal['index']}]" if "index" in signal else str(signal["field"])
 
 
 def _pipeline(folder: FitFolder, tables: Mapping[str, Any], suggestion: Suggestion) -> Pipeline:
