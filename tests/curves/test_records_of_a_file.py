@@ -87,6 +87,7 @@ def test_every_record_is_read_alone(tmp_path, kind):
     for name, table in zip(names, presses(), strict=True):
         suggestion = suggest_csv(path, {"record": name})
         assert not suggestion.rivals
+        assert not any("records" in text for text in suggestion.doubts)
         device = CsvReplay.model_validate({k: v for k, v in suggestion.device.items() if k != "type"})
         with device.connect(0) as link:
             found = next(iter(link.batches()))
@@ -114,6 +115,14 @@ def test_what_is_one_record_stays_one(tmp_path, names):
     if "sample" in names:
         columns[3] = np.arange(300.0)
     assert records_in(written(tmp_path / "one.csv", [names, *np.column_stack(columns).tolist()])) == ()
+
+
+def test_a_file_of_several_says_so(palpate, tmp_path):
+    """Whoever looks at it or takes it as a whole."""
+    path = written(tmp_path / "gels.csv", KINDS["a column of names"][0])
+    words = "the file holds 3 records (gel A, gel B, C): record = NAME reads one of them"
+    assert words in suggest_csv(path, {}).doubts
+    assert words in " ".join(palpate("info", "gels.csv").stdout.split())
 
 
 def test_a_record_that_is_not_there_is_named(tmp_path):

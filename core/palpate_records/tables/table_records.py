@@ -24,6 +24,7 @@ from palpate_records.tables.workbook import WORKBOOKS, record_sheets
 RECORD = "record"  # what names one of them among the keys that can be stated
 _NAME = 40  # characters of a record's name
 _MOST = 2000  # records of a file
+_SHOWN = 6  # records that are named
 _ROWS = 20  # of a record that a column names, usually
 _FILES = 8  # whose records are remembered
 _WORDS = (
@@ -52,6 +53,15 @@ def record_named(path: Path, name: str, stated: Mapping[str, str] | None = None)
             return record
     known = [record.name for record in there]
     raise LogError(f"{path}: there is no record {name!r}{suggest(name, known) if known else ': it is one'}")
+
+
+def records_note(path: Path, stated: Mapping[str, str]) -> str | None:
+    """That a file holds several records, none of which is stated; None where it is one."""
+    names = [] if RECORD in stated else [record.name for record in records_in(path, stated)]
+    if not names:
+        return None
+    more = ", ..." if len(names) > _SHOWN else ""
+    return f"the file holds {len(names)} records ({', '.join(names[:_SHOWN])}{more}): record = NAME reads one of them"
 
 
 def sheet_of(path: Path, stated: Mapping[str, str] | None = None) -> Sheet:

@@ -101,7 +101,7 @@ class AfmReplay(Recording):
     @classmethod
     def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
         """See `Recording`; nothing is to be chosen but the rate, where the file holds no time."""
-        curve = _curves(path)[0]
+        curve, *others = _curves(path)
         device: dict[str, Any] = {"type": "afm-replay", "file": str(path)}
         blanks, doubts, reasons = [], [], ["force and height: the first curve's, as the format names them"]
         time = curve.time(None, path)
@@ -122,6 +122,10 @@ class AfmReplay(Recording):
             alignment["tare_duration"] = f"{_AIR * curve.duration:.3g} s"
             reasons.append(f"tare: the mean of the first {_AIR:.0%} of the approach, which has to be in air")
         alignment["tip_mass"] = "0 g"
+        if others:
+            doubts.append(
+                f"the file holds {len(others) + 1} curves, and the first is read: curve = NUMBER reads another"
+            )
         doubts.append("the tip: the file does not state its shape and size; state them in [indenter.tip]")
         return Suggestion(
             device, alignment, tuple(reasons), tuple(doubts), tuple(blanks), template=ANALYSIS,

@@ -12,7 +12,7 @@ import numpy as np
 from palpate import Floats, LogError, suggest
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
 from palpate_kit.logs.suggestion import POSITION_OF, TIP, UNITS, assemble_suggestion, find_roles, tip_of
-from palpate_records.messages.readings import LARGEST, si_unit
+from palpate_records.messages.readings import si_unit
 from palpate_records.recording import Suggestion
 from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of, demand_progress
 from palpate_records.tables.csv_layout import facts_worth_stating
@@ -26,14 +26,14 @@ from palpate_records.tables.csv_names import (
 )
 from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
 from palpate_records.tables.footer import footer_words
-from palpate_records.tables.table_records import RECORD, sheet_of
+from palpate_records.tables.table_records import RECORD, records_note, sheet_of
 
+from palpate_logs.csv_beam import deflections, stiffness_of, which_of_both
 from palpate_logs.csv_units import DIMENSIONS, units_of
 
 _ROWS = 400_000  # that are looked into
 _NICE = (20, 25, 50, 60, 80, 100, 120, 125, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500, 2000, 2500, 4000, 5000)
 _USUAL = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
-_READINGS, _SPRING = 20, 1e-5  # readings; share of a force's variance that one constant leaves
 _NEAR = 0.05  # by which a rate found from the numbers may miss one of those
 
 
@@ -144,6 +144,8 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     if back:
         extra["reasons"].append(f"left out: {', '.join(map(column_text, back))}: the way back, beside the way in")
     doubts += [footer_words(sheet.footer)] if sheet.footer else []
+    stated = {key: choices[key] for key in (*KEYS, RECORD) if key in choices}
+    doubts += [note] if (note := records_note(path, stated)) is not None else []
     facts = facts_worth_stating(sheet.facts)
     extra["hints"] += [f"line {fact.line} states: {fact.name}: {fact.value}" for fact in facts]
     channels = {role: f"log.{role}" for role in found.picks}
@@ -152,51 +154,18 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     beam: dict[str, str] = {}
     if bent and choices.get(POSITION_OF) == "stage":
         length = sheet.unit(int(bent[0].key[1])) or units["position"]
-        stiffness = _slope(bent[0].values, found.picks["force"].series.values) * factors["force"] / si_unit(length)[1]
-        beam["beam"] = f"{stiffness:.6g} N/m"
-        extra["reasons"].append(f"beam: {beam['beam']}: the force over {bent[0].label}, taken off {_stage(found)}")
+        each = stiffness_of(bent[0].values, found.picks["force"].series.values)
+        beam["beam"] = f"{each * factors['force'] / si_unit(length)[1]:.6g} N/m"
+        extra["reasons"].append(f"beam: {beam['beam']}: the force over {bent[0].label}, which is taken off")
     elif bent:
-        extra["blanks"].append(f"{POSITION_OF}: {_of_what(bent[0], found)}")
+        extra["blanks"].append(f"{POSITION_OF}: {which_of_both(bent[0], found.picks['position'].series)}")
     second = 1.0 if clock is not None else 1.0 / (rate or _USUAL)
     suggestion = assemble_suggestion(found, device, channels, factors, extra, second)
     alignment = {**suggestion.alignment, **beam, **{f"lateral_{name}": f"log.{name}" for name in places}}
     keys = {f"columns.{role}.unit": text for role, text in guesses.items()}
     rivals = {**suggestion.rivals, **trials}
-    stated = tuple((fact.line, fact.name, fact.value) for fact in facts)
-    return replace(suggestion, alignment=alignment, guesses=keys, rivals=rivals, facts=stated, has_time=has_time)
-
-
-def deflections(series: Sequence[NumberColumn]) -> list[NumberColumn]:
-    """Lengths of several over which the force is one constant from first to last: a beam or spring, and no position."""
-    forces, lengths = ([s for s in series if s.role == role] for role in ("force", "position"))
-    found = [s for s in lengths if any(_is_spring(s.values, force.values) for force in forces)]
-    return found if len(found) < len(lengths) else []
-
-
-def _is_spring(length: Floats, force: Floats) -> bool:
-    known = (np.abs(length) < LARGEST) & (np.abs(force) < LARGEST)
-    x, y = length[known], force[known]
-    if len(x) < _READINGS or not float(np.ptp(x)) > 0.0 or not float(np.ptp(y)) > 0.0:
-        return False
-    return 1.0 - float(np.corrcoef(x, y)[0, 1]) ** 2 < _SPRING
-
-
-def _slope(length: Floats, force: Floats) -> float:
-    """The size of the constant that is the force over a length, as recorded."""
-    known = (np.abs(length) < LARGEST) & (np.abs(force) < LARGEST)
-    return abs(float(np.polyfit(length[known], force[known], 1)[0]))
-
-
-def _stage(found: RoleGuess) -> str:
-    return found.picks["position"].series.label.removeprefix("column ")
-
-
-def _of_what(bent: NumberColumn, found: RoleGuess) -> str:
-    name = bent.label.removeprefix("column ")
-    return (
-        f"the force is one constant times {name}, which is what a beam or spring yields by: is {_stage(found)} that of "
-        "the stage behind it (stage), or of the tip, with that taken off already (tip)"
-    )
+    worth = tuple((fact.line, fact.name, fact.value) for fact in facts)
+    return replace(suggestion, alignment=alignment, guesses=keys, rivals=rivals, facts=worth, has_time=has_time)
 
 
 def _places(sheet: Sheet) -> dict[str, dict[str, Any]]:
