@@ -63,6 +63,9 @@ def test_lost_parts_are_named(tmp_path):
         Bag(parts(tmp_path / "one", (0, 2), metadata=True))
     assert Bag(parts(tmp_path / "two", (0, 2))).trouble == "part 1 of two not there"
     assert Bag(parts(tmp_path / "all")).trouble is None
+    far = parts(tmp_path / "far", (0,))
+    write_bag(far / "far_99999999999999999.db3", [("/data", ARRAY, [])])
+    assert Bag(far).trouble == "parts 1, 2, 3, 4, 5, ... of far not there"
 
 
 @pytest.mark.slow

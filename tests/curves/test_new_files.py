@@ -3,9 +3,11 @@
 import csv
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
+from palpate_kit.curves.curve_table import curves_folder, settings_text, write_dialects
 from palpate_kit.curves.fit_folder import FitFolder
 
 from tests.curves.conftest import press
@@ -46,6 +48,14 @@ def place(fitted_once, tmp_path, monkeypatch):
 def dialects(place):
     with (place / "fits" / "curves.csv").open() as file:
         return {row["curve"]: row["dialect"] for row in csv.DictReader(file)}
+
+
+@pytest.mark.parametrize("run", ["run = 5", "[run]\ncurves = 5", '[run]\ncurves = "/nowhere"'])
+def test_settings_that_are_damaged_are_no_traceback(tmp_path, run):
+    (tmp_path / "pipeline.toml").write_text(run + "\n")
+    assert curves_folder(tmp_path) in (None, tmp_path / "5", Path("/nowhere"))
+    assert "curves" not in settings_text(tmp_path / "pipeline.toml")
+    write_dialects(tmp_path / "pipeline.toml", {"": '[run]\nname = "a"\n'})
 
 
 @pytest.mark.slow

@@ -188,7 +188,7 @@ def reading_keys(device: str) -> tuple[str, ...]:
 
 def curves_folder(folder: Path) -> Path | None:
     """The folder from which the files of curves are seen, as the pipeline states it; None where it states none."""
-    stated = _settings(folder / SETTINGS).get("run", {}).get(CURVES)
+    stated = _run_table(_settings(folder / SETTINGS)).get(CURVES)
     return Path(os.path.normpath(folder.resolve() / str(stated))) if stated else None
 
 
@@ -196,8 +196,9 @@ def settings_text(path: Path, dialect: str = "") -> str:
     """The pipeline of a folder of fits by which files of a dialect are read, wherever these are; raises LogError."""
     try:
         tables = dialect_tables(_settings(path), dialect)
-        run = {key: value for key, value in tables.get("run", {}).items() if key != CURVES}
-        return tomli_w.dumps({**tables, **({"run": run} if "run" in tables else {})})
+        if CURVES in (run := _run_table(tables)):
+            tables = {**tables, "run": {key: value for key, value in run.items() if key != CURVES}}
+        return tomli_w.dumps(tables)
     except ConfigurationError as error:
         raise LogError(f"{path}: {error}") from error
 
@@ -211,11 +212,17 @@ def write_dialects(path: Path, texts: Mapping[str, str]) -> None:
     """Write pipelines by dialect into the one file of a folder of fits; raises LogError, OutputError."""
     before = _settings(path)
     tables = toml_tables(texts[""]) if "" in texts else before
-    if stated := before.get("run", {}).get(CURVES):
-        tables["run"] = {**tables["run"], CURVES: stated}
+    if stated := _run_table(before).get(CURVES):
+        tables["run"] = {**_run_table(tables), CURVES: stated}
     for name, text in texts.items():
         tables = with_dialect(tables, name, toml_tables(text)) if name else tables
     write_whole(path, tomli_w.dumps(tables))
+
+
+def _run_table(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The table ``[run]``; empty where it is none, which whoever builds the pipeline says."""
+    run = tables.get("run")
+    return run if isinstance(run, dict) else {}
 
 
 def _settings(path: Path) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from functools import cached_property
+from itertools import chain, islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -145,12 +146,13 @@ def _follows(span: tuple[int, int] | None, before: tuple[int, int] | None) -> bo
 
 def _lost(files: Sequence[Path]) -> str | None:
     """The parts that are missing between those of a bag without metadata, in words; None where none is."""
-    numbers = [_number(file)[1] for file in files]
-    missing = sorted({*range(numbers[0], numbers[-1])} - {*numbers}) if len(files) > 1 else []
-    if not missing:
+    if len({_number(file)[0] for file in files}) > 1:
         return None
-    named = ", ".join(map(str, missing[:_NAMED])) + (", ..." if len(missing) > _NAMED else "")
-    return f"part{'s' if len(missing) > 1 else ''} {named} of {printable(_number(files[0])[0])} not there"
+    gaps = (range(_number(one)[1] + 1, _number(other)[1]) for one, other in pairwise(files))
+    first = list(islice(chain.from_iterable(gaps), _NAMED + 1))
+    named = ", ".join(map(str, first[:_NAMED])) + (", ..." if len(first) > _NAMED else "")
+    parts = f"part{'s' if len(first) > 1 else ''} {named} of {printable(_number(files[0])[0])}"
+    return f"{parts} not there" if first else None
 
 
 def _is(kind: Callable[[Path], bool], path: Path) -> bool:
