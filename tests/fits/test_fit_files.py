@@ -111,10 +111,11 @@ def test_a_folder_that_is_fitted_again_shows_its_files_and_what_ails_many_is_tol
     assert "curves/n0.csv and 2 more: rate: " in first.stderr
     assert "RMS" in first.stdout
     again = palpate("fit", "out", "--set", "alignment.tare=free-air")
-    assert again.returncode == 0, again.stderr
-    assert [line.split()[1] for line in again.stdout.splitlines() if ".csv │" in line] == [
-        "curves/0.csv", "curves/1.csv", "curves/2.csv",
-    ]  # fmt: skip
+    assert again.returncode == 1, again.stderr  # files of the folder are still not read
+    assert [line.split()[1] for line in again.stdout.splitlines() if line.startswith("│ curves/")] == [
+        *(f"curves/{name}.csv" for name in ("0", "1", "2", "bad", "n0", "n1", "n2")),
+    ]
+    assert again.stdout.count("not read") == 4
     assert "3 curves fitted anew" in again.stdout
 
 
