@@ -112,6 +112,12 @@ class AlignmentSettings(Settings):
         gt=0,
         description="stiffness of robot and sensor, which yield before the material; its effect is reported",
     )
+    beam: Stiffness | None = Field(
+        default=None,
+        gt=0,
+        description="stiffness of the beam or spring between a stage, whose height the position is, and the tip: what "
+        "it yields by under the force is added to the height",
+    )
     tare: Annotated[float | Literal["free-air", "none", "calibrated"], WithJsonSchema(_TARE)] = Field(
         default="free-air",
         description='"free-air": mean of the first tare_duration, at rest in air; "calibrated": the offset of '
@@ -176,6 +182,10 @@ class AlignmentSettings(Settings):
     def _one_normal(self) -> AlignmentSettings:
         if self.normal is not None and self.surface is not None:
             raise ValueError("give either normal or surface")
+        if self.beam is not None and (self.is_oriented or self.velocity is not None):
+            raise ValueError(
+                "beam: is for a tool that does not turn, and whose velocity is that of its height: leave it out"
+            )
         return self
 
     @field_validator("gravity", "normal")

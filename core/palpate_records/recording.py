@@ -134,6 +134,11 @@ class Recording(Device, ABC):
         """
 
     @classmethod
+    def records(cls, path: Path, choices: Mapping[str, str]) -> tuple[str, ...]:
+        """Names of the records of a log that holds several by themselves; none where it is one. Raises LogError."""
+        return ()
+
+    @classmethod
     @abstractmethod
     def tables(cls, path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
         """Every topic that contains numbers, in blocks: its name, the names of its columns, the numbers as recorded.

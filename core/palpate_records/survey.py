@@ -8,10 +8,11 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from palpate import Floats, LogError
+from palpate import Floats, LogError, printable
 
 from palpate_records.field_statistics import FieldStatistics
 from palpate_records.messages.decoders import decoder_of
+from palpate_records.messages.definitions import short_name
 from palpate_records.messages.readable_messages import ReadableMessages
 from palpate_records.messages.readings import SECOND, FieldReading, MessageDecoder, TopicTable
 from palpate_records.messages.topics import Container, Messages, Stamps, Topic
@@ -21,6 +22,7 @@ from palpate_records.recording import Survey, TopicSurvey
 _PAUSE = 10.0  # usual intervals that make a gap
 _KEPT = 200_000  # intervals of a topic that are held at once
 _SHOWN = 40  # fields of one topic
+_LOOKED = 200  # messages of a block in which frames are looked for
 
 
 class SampleOfRow:
@@ -63,6 +65,7 @@ class _TopicCounts:
         self._stamps: tuple[int, int] | None = None  # the least and the greatest
         self._readable = ReadableMessages(topic.name)
         self._gathered: FieldStatistics | None = None
+        self._frames: set[str] = set()
 
     def add(self, messages: Messages) -> None:
         self._time(np.sort(messages.logged))
@@ -80,6 +83,9 @@ class _TopicCounts:
         if self._gathered is None:
             self.fields = dict(decoder.fields(messages.payload(0)))
             self._gathered = FieldStatistics(list(islice(columns_of(self.fields), _SHOWN)))
+        if len(self._frames) < _SHOWN and short_name(self.topic.type) == "tf2_msgs/TFMessage":
+            rows = range(min(len(messages), _LOOKED))
+            self._frames.update(name for row in rows for name in decoder.names(messages.payload(row)))
         names = self._gathered.names
         return self._gathered, decoder.read(messages, [FieldReading.parse(name) for name in names])
 
@@ -99,6 +105,12 @@ class _TopicCounts:
             every = np.concatenate([held, steps])
             self._usual = float(np.median(every))
             self._pauses = int(np.count_nonzero(every > _PAUSE * self._usual)) if self._usual else 0
+
+    @property
+    def _frames_note(self) -> str:
+        """The child frames of transforms, which its numbers are of in turn; empty for other topics."""
+        names = printable(", ".join(sorted(self._frames)))
+        return f"its transforms are of {names}: select = NAME chooses one" if self._frames else ""
 
     def survey(self) -> TopicSurvey:
         """All of it in numbers."""
@@ -121,7 +133,7 @@ class _TopicCounts:
             lateness=(float(np.median(late)), float(np.percentile(late, 99))) if len(late) else None,
             fields=names[:_SHOWN],
             numbers=self._gathered.surveys() if self._gathered else (),
-            note="its stamps do not move" if still else self.note or self._readable.note,
+            note="its stamps do not move" if still else self.note or self._readable.note or self._frames_note,
         )
 
 

@@ -46,9 +46,11 @@ def test_each_sheet_is_a_row(palpate, tmp_path, monkeypatch, results):
 
 
 def test_the_sheets_of_a_workbook_are_specimens(tmp_path):
+    from palpate_engine import registry
     from palpate_kit.curves.alike_logs import specimens_of
 
+    known = registry.load()
     workbook(tmp_path / "gels.xlsx", {"soft": 30.0, "stiff": 90.0})
-    assert [part.name for part in specimens_of(tmp_path / "gels.xlsx")] == ["gels.xlsx:soft", "gels.xlsx:stiff"]
+    assert [part.name for part in specimens_of(tmp_path / "gels.xlsx", known)] == ["gels.xlsx:soft", "gels.xlsx:stiff"]
     workbook(tmp_path / "one.xlsx", {"soft": 30.0})
-    assert [part.name for part in specimens_of(tmp_path / "one.xlsx")] == ["one.xlsx"]
+    assert [part.name for part in specimens_of(tmp_path / "one.xlsx", known)] == ["one.xlsx"]

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from palpate_kit.curves.alike_logs import specimens_of
 from palpate_logs.csv_roles import look
+from palpate_records.tables.table_records import records_in
 
 NAMES = "Time,Extension,Load"
 
@@ -26,14 +26,15 @@ def stacked(path, moduli, title="Specimen {}", units='"(s)","(mm)","(N)"\n'):
 
 @pytest.mark.parametrize("title", ["Specimen {}", "again"])
 def test_every_table_of_a_file_is_a_specimen(tmp_path, title):
-    parts = specimens_of(stacked(tmp_path / "two.csv", (30.0, 60.0), title))
-    assert [part.part for part in parts] == (["Specimen 1", "Specimen 2"] if "{}" in title else ["1", "2"])
-    for part in parts:
-        assert len(look(part.path, dict(part.keys)).values) == 300
+    path = stacked(tmp_path / "two.csv", (30.0, 60.0), title)
+    names = [record.name for record in records_in(path)]
+    assert names == (["Specimen 1", "Specimen 2"] if "{}" in title else ["1", "2"])
+    for name in names:
+        assert len(look(path, {"record": name}).values) == 300
 
 
 def test_one_table_is_the_file(tmp_path):
-    assert [part.part for part in specimens_of(stacked(tmp_path / "one.csv", (30.0,)))] == [None]
+    assert records_in(stacked(tmp_path / "one.csv", (30.0,))) == ()
 
 
 def test_a_text_within_a_table_is_still_refused(palpate, tmp_path):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from palpate import LogError
 from palpate_kit.logs.draft_pipeline import UNREAD, recording_of
-from palpate_logs.csv_roles import suggest_csv
 
 
 @pytest.mark.parametrize("ending", UNREAD)
@@ -30,14 +29,3 @@ def test_a_file_that_cannot_be_read_is_a_row(palpate, tmp_path):
     assert set(rows) == {"old.xls", "press.csv"}
     assert "save it as .xlsx" in rows["old.xls"]["error"]
     assert found.returncode == 1
-
-
-def test_a_column_that_counts_presses_is_told(tmp_path):
-    """Twenty presses were one: 61 kPa for 40 to 160."""
-    time = np.arange(400) / 25.0
-    height = np.tile(np.concatenate([np.zeros(25), -np.linspace(0.0, 1.0, 75)]), 4)
-    force = 0.5 * np.maximum(-height, 0.0) ** 1.5 + 1e-3 * np.random.default_rng(0).standard_normal(400)
-    rows = zip(time, height, force, np.repeat(range(4), 100), strict=True)
-    path = tmp_path / "grid.csv"
-    path.write_text("time_s,z_mm,force_N,point\n" + "".join(f"{t:.3f},{z:.5f},{f:.5f},{n}\n" for t, z, f, n in rows))
-    assert any("point names 4 presses" in text and "--by point" in text for text in suggest_csv(path, {}).doubts)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from palpate_kit.runs.result_file import estimate_of
 
-from tests.records.bags import array_message, press, write_bag
+from tests.records.bags import array_message, press, transforms_message, write_bag
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
 
@@ -25,6 +25,15 @@ def test_what_a_log_holds(palpate, bag):
     assert done.returncode == 0, done.stderr
     for text in ("/data_control", ARRAY, "4000", "500.0", "data[3]", "not finite", "▁", "4000 messages over 7.998 s"):
         assert text in done.stdout
+
+
+def test_the_frames_of_transforms_are_named(palpate, tmp_path):
+    """Their numbers stand in one row, of whichever frame comes, and nothing said of which."""
+    numbers = (0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0)
+    names = ("tool0", "camera_link")
+    messages = [(10**6 * i, transforms_message([(10**6 * i, "base", names[i % 2], numbers)])) for i in range(40)]
+    write_bag(tmp_path / "bag.db3", [("/tf", "tf2_msgs/msg/TFMessage", messages)])
+    assert "/tf: its transforms are of camera_link, tool0: select = NAME" in palpate("info", "bag.db3").stdout
 
 
 @pytest.mark.gate

@@ -1,5 +1,6 @@
 """Time before all else: split stamps, rows written twice, rounded and backward times; endings of files in any case."""
 
+import json
 import shutil
 
 import numpy as np
@@ -66,6 +67,23 @@ def test_a_time_that_runs_backwards_is_told(tmp_path):
         suggest_csv(path, {})
 
 
+@pytest.mark.parametrize(("rate", "gap"), [(10.0, "0.5 s"), (50.0, "0.1 s"), (1000.0, None)])
+def test_the_readings_of_a_slow_record_are_no_gaps(tmp_path, rate, gap):
+    """At 10 Hz every pause was a gap: no velocity, and values without what Poisson's ratio adds to their ±."""
+    path = table(tmp_path / "slow.csv", {"time (s)": [f"{t / rate:.4f}" for t in range(COUNT)]})
+    assert suggest_csv(path, {}).alignment.get("gap") == gap
+
+
+@pytest.mark.slow
+def test_a_slow_press_has_a_whole_uncertainty(palpate, tmp_path):
+    path = table(tmp_path / "slow.csv", {"time (s)": [f"{t / 10.0:.4f}" for t in range(COUNT)]})
+    told = palpate("fit", str(path), "--tip", "sphere 3 mm", "--json", "-o", str(tmp_path / "fit"))
+    (row,) = json.loads(told.stdout)["files"]
+    assert "gaps" not in row["flags"]
+    assert "diagnosis-failed" not in row["flags"]
+    assert float(row["elasticity_combined"]) > 0.01 * float(row["elasticity"])
+
+
 @pytest.mark.parametrize("name", ["UPPER.CSV", "Mixed.Csv", "UPPER.TXT"])
 def test_endings_are_read_in_any_case(tmp_path, name):
     path = table(tmp_path / "lower.csv", {"time (s)": [f"{t / RATE:.3f}" for t in range(COUNT)]})
@@ -97,6 +115,34 @@ def test_stamps_that_do_not_overlap_are_named_and_the_time_of_the_log_is_taken(t
         "do not overlap" in text and "3600 s apart" in text and "device.log.time=log" in text for text in found.doubts
     )
     assert "time" not in suggestion_of(log_of_a_press(tmp_path), {}).device
+
+
+@pytest.mark.parametrize(("late", "behind"), [(2.5, "/tf"), (-1.5, "/wrench")])
+def test_stamps_of_clocks_that_are_seconds_apart_are_named(tmp_path, late, behind):
+    """They overlap, and the force was paired with heights of seconds before."""
+    found = suggestion_of(log_of_a_press(tmp_path, late=round(late * 1e9)), {})
+    assert found.device["time"] == "log"
+    assert any(f"those of {behind} are {abs(late):g} s behind" in text for text in found.doubts)
+
+
+def test_a_delay_of_a_network_is_no_other_clock(tmp_path):
+    assert "time" not in suggestion_of(log_of_a_press(tmp_path, late=200 * 10**6), {}).device
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "rows"), [("1 s", None, (50, 400)), (None, "2 s", (0, 101)), ("1 s", "2 s", (50, 101))]
+)
+@pytest.mark.parametrize("clocked", [True, False])
+def test_a_part_of_a_table_is_read_by_its_time(tmp_path, begin, end, rows, clocked):
+    """Logs of other formats could be cut, and tables could not."""
+    path = table(tmp_path / "press.csv", {"time (s)": [f"{7.0 + t / RATE:.3f}" for t in range(COUNT)]})
+    time = {"time": {"column": 0, "unit": "s"}} if clocked else {"rate": f"{RATE} Hz"}
+    keys = {key: text for key, text in (("begin", begin), ("end", end)) if text is not None}
+    log = CsvReplay.model_validate({"file": path, "columns": {"force": {"column": 2, "unit": "N"}}, **time, **keys})
+    with log.connect(0) as link:
+        stamps = np.concatenate([batch.time for batch in link.batches()])
+    offset = 7.0 if clocked else 0.0
+    np.testing.assert_allclose(stamps * 1e-9 - offset, np.arange(*rows) / RATE, atol=1e-9)
 
 
 def test_several_frames_are_asked_about_and_one_is_read(tmp_path):

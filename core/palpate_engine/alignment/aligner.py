@@ -41,7 +41,7 @@ class Aligner:
         self._reader: SignalReader = (
             TurningToolReader(settings, ports["force"], self._roles, tip_radius)
             if settings.is_oriented
-            else FixedToolReader(ports, self._roles)
+            else FixedToolReader(ports, self._roles, settings.beam)
         )
 
     def feed(self, device: str, batch: Batch) -> None:
@@ -72,7 +72,8 @@ class Aligner:
         horizon = min((-1 if series.last is None else series.last for series in (base, *others)), default=-1)
         count = int(np.searchsorted(base.stamps, horizon, side="right"))
         if "velocity" not in self._roles and not final:
-            count = min(count, len(base.stamps) - 1)  # a central difference wants the next position, too
+            # A central difference wants the next position, too, and behind a beam the force at it.
+            count = count - 1 if self._settings.beam is not None else min(count, len(base.stamps) - 1)
         count = max(count, 0)
         if self._origin is None and count:
             # There is no sample before the first reading of every signal.

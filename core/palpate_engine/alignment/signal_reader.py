@@ -59,10 +59,13 @@ class SignalReader(Protocol):
 
 
 class FixedToolReader(SignalReader):
-    """Reads one column for each signal: the tool does not turn, or its weight counts as constant."""
+    """Reads one column for each signal: the tool does not turn, or its weight counts as constant.
 
-    def __init__(self, ports: Ports, series: Mapping[str, Series]) -> None:
-        self._series = series
+    Where the position is that of a stage, the tip is higher by what the beam between them yields, force over stiffness.
+    """
+
+    def __init__(self, ports: Ports, series: Mapping[str, Series], beam: float | None = None) -> None:
+        self._series, self._beam = series, beam
         self._force, self._position = ports["force"], ports["position"].key
         across = [column for column in self._force.components if column != self._force.column]
         self._lateral = LateralForce((self._force.column, across[0], across[1])) if len(across) == 2 else None
@@ -76,10 +79,13 @@ class FixedToolReader(SignalReader):
             self._tilt.feed(batch)
 
     def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
-        """The columns as they are."""
+        """The columns as they are, but for the height of a stage."""
         height = self._series["position"].values[: len(stamps)]
         velocity = self._series["velocity"].at(stamps[:count]) if "velocity" in self._series else None
-        return ToolSignals(height, self._series["force"].at(stamps[:count]), velocity, np.zeros((0, 2)))
+        force = self._series["force"].at(stamps if self._beam is not None else stamps[:count])
+        if self._beam is not None:
+            height = height + force / self._beam
+        return ToolSignals(height, force[:count], velocity, np.zeros((0, 2)))
 
     def release(self, contact: NDArray[np.bool_]) -> None:
         """Its account is the same in air and in contact."""

@@ -80,6 +80,10 @@ class RunSettings(Settings):
         description="the [twin.NAME] in whose simulated time the run is made, never by its devices; `palpate rehearse` "
         "writes it",
     )
+    curves: File | None = Field(
+        default=None,
+        description="of a folder of fits: the folder of its curves, from which `curves.csv` names their files",
+    )
     report: bool = Field(default=False, description="write a report when the run has ended")
     estimates_interval: Time = Field(
         default=0.01, ge=0, description="estimates.csv has one row in so much time; 0: every sample"

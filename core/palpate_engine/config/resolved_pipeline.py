@@ -55,13 +55,13 @@ def resolved_text(pipeline: Pipeline, beside: Path | None = None) -> str:
 
 
 def _as_seen_from(folder: Path, value: Any) -> Any:
-    """The same with every absolute path of a file that there is as seen from a folder."""
+    """The same with every absolute path of a file or folder that there is as seen from a folder."""
     if isinstance(value, dict):
         return {key: _as_seen_from(folder, item) for key, item in value.items()}
     if isinstance(value, list):
         return [_as_seen_from(folder, item) for item in value]
-    is_file = isinstance(value, str) and value.startswith(os.sep) and Path(value).is_file()
-    return os.path.relpath(Path(value).resolve(), folder) if is_file else value
+    is_there = isinstance(value, str) and value.startswith(os.sep) and Path(value).exists()
+    return os.path.relpath(Path(value).resolve(), folder) if is_there else value
 
 
 def _by_name(value: Any, named: Mapping[str, Mapping[str, Any]]) -> Any:

@@ -56,6 +56,7 @@ class _Words:
     words: tuple[str, ...] = ()
     wants_std: bool = False
     least: float | None = None
+    has_std: bool = True
 
     def __call__(self, text: object) -> object:
         if isinstance(text, str) and " ".join(text.split()[:1]) in {word.split()[0] for word in self.words}:
@@ -64,6 +65,8 @@ class _Words:
             value, std = value_and_std(text, self.unit)
             if self.wants_std and std is None:
                 raise ValueError(f'{text!r}: how certain is that? Write its standard uncertainty, as "{text} +- ..."')
+            if std is not None and not self.has_std:
+                raise ValueError(f"{text!r}: write it without its uncertainty, which nothing uses")
             if self.least is not None and not to_si(value, self.unit) > self.least:
                 raise ValueError(f"{text!r} must be above {self.least:g}")
         except ValueError as error:
@@ -140,10 +143,14 @@ class RigFacts(Settings):
         'stiffness of robot and sensor, which yield before the specimen, as in "200 N/mm"',
         "mount", "How stiff are robot and sensor?", "200 N/mm",
     )  # fmt: skip
-    position: Literal["tip"] | None = _fact(
-        '"tip": the position is measured, and that of the tip', "position",
-        "Is the position measured at the tip?", "tip", option="position-of",
+    position: Literal["tip", "stage"] | None = _fact(
+        '"tip": the position is measured, and that of the tip; "stage": that of what moves a beam with the tip on it',
+        "position", "Is the position measured at the tip, or at a stage behind a beam?", "tip", option="position-of",
     )  # fmt: skip
+    beam: Annotated[Any, BeforeValidator(_Words("N/m", least=0.0, has_std=False))] | None = _fact(
+        'stiffness of the beam or spring between stage and tip, as in "400 N/m"; of a file with a column of its '
+        "deflection found there"
+    )
     instrument: str | None = _fact('what presses and measures, in words of a methods section: "a UR3e with a SensONE"')
     columns: Annotated[dict[str, tuple[str | int, ...]], BeforeValidator(_columns)] | None = _fact(
         "of files without a pipeline, the columns that cannot be recognised: "
@@ -154,6 +161,11 @@ class RigFacts(Settings):
     not_known: tuple[str, ...] = Field(default=(), description="keys that were asked and not answered")
     measured: dict[str, Any] = Field(default={}, description="what `palpate calibrate` has measured, by name")
     measurement: dict[str, Any] = Field(default={}, description="when, with which devices and by which record")
+
+    @property
+    def position_of(self) -> str | None:
+        """What the position is of; a beam is behind a tip only where it is that of a stage."""
+        return self.position or ("stage" if self.beam is not None else None)
 
 
 def facts_stated() -> dict[str, str]:

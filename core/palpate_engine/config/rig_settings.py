@@ -172,7 +172,13 @@ def _alignment(facts: RigFacts, tables: Mapping[str, Any]) -> Iterator[tuple[str
             yield "tip_mass", (*_ALIGNMENT, "tip_mass_uncertainty"), std
     if facts.mount is not None:
         yield "mount", (*_ALIGNMENT, "series_stiffness"), value_and_std(facts.mount, "N/m")[0]
-    if facts.position == "tip":
+    if facts.beam is not None:
+        if facts.position == "tip":
+            raise ConfigurationError('beam: is between a stage and the tip, and position = "tip": correct one of them')
+        yield "beam", (*_ALIGNMENT, "beam"), facts.beam
+    elif facts.position == "stage" and "beam" not in _tables(tables, "alignment"):
+        raise ConfigurationError('position = "stage": how stiff is the beam or spring? State beam = "400 N/m" (--beam)')
+    if facts.position_of is not None:
         yield "position", (*_ALIGNMENT, "position", "measured"), True
 
 

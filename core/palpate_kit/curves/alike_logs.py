@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,25 +11,21 @@ from typing import Generic, TypeVar
 
 from palpate import ConfigurationError, LogError, UserError
 from palpate_engine import Registry
-from palpate_records.recording import Suggestion
-from palpate_records.tables.csv_sheet import record_tables
-from palpate_records.tables.table_text import OTHER_SUFFIXES, SUFFIXES
-from palpate_records.tables.workbook import WORKBOOKS, record_sheets
+from palpate_records.recording import Recording, Suggestion
 
-from palpate_kit.curves.curve_list import is_list
+from palpate_kit.curves.curve_list import RECORD, is_list
 from palpate_kit.curves.curve_table import SETTINGS
-from palpate_kit.logs.draft_pipeline import UNREAD, readers_of
+from palpate_kit.logs.draft_pipeline import UNREAD, readers_of, recording_of
 
 Log = TypeVar("Log", bound="Path | LogPart")
 
 
 @dataclass(frozen=True)
 class LogPart:
-    """A log, or a part of one that is a record by itself: a sheet of a workbook, one of several tables of a text."""
+    """A log, or one of several records in it."""
 
     path: Path
     part: str | None = None
-    keys: tuple[tuple[str, str], ...] = ()  # of the device that reads that part alone
 
     def __str__(self) -> str:
         return str(self.path) if self.part is None else f"{self.path}:{self.part}"
@@ -39,17 +35,18 @@ class LogPart:
         """Of the file, and of its part."""
         return self.path.name if self.part is None else f"{self.path.name}:{self.part}"
 
+    @property
+    def choices(self) -> dict[str, str]:
+        """What makes a device read that record alone."""
+        return {} if self.part is None else {RECORD: self.part}
 
-def specimens_of(log: Path) -> list[LogPart]:
-    """The records of a log: the sheets of a workbook that hold numbers, the tables of a text; one, else the log."""
-    name = log.name.lower()
-    parts: list[LogPart] = []
-    with suppress(LogError):  # whoever reads it says so
-        if name.endswith(WORKBOOKS):
-            parts = [LogPart(log, sheet, (("sheet", sheet),)) for sheet in record_sheets(log)]
-        elif name.endswith((*SUFFIXES, *OTHER_SUFFIXES)):
-            parts = [LogPart(log, title, (("header", str(line)),)) for line, title in record_tables(log)]
-    return parts if len(parts) > 1 else [LogPart(log)]
+
+def specimens_of(log: Path, known: Registry, choices: Mapping[str, str] = {}) -> list[LogPart]:
+    """The records of a log that holds several by themselves, else the log."""
+    if RECORD not in choices:
+        with suppress(LogError):  # whoever reads it says so
+            return [LogPart(log, name) for name in recording_of(log, known).records(log, choices)] or [LogPart(log)]
+    return [LogPart(log)]
 
 
 @dataclass
@@ -71,7 +68,7 @@ def alike_logs(
         except UserError as error:
             refused[str(log)] = str(error).removeprefix(f"{getattr(log, 'path', log)}: ")
             continue
-        key = json.dumps([{**suggestion.device, "file": ""}, suggestion.alignment], default=str)
+        key = json.dumps([{**suggestion.device, "file": "", RECORD: ""}, suggestion.alignment], default=str)
         groups.setdefault(key, AlikeLogs(suggestion)).logs.append(log)
     return sorted(groups.values(), key=lambda group: -len(group.logs))
 
@@ -85,11 +82,8 @@ def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
             raise ConfigurationError(f"{source}: there is no such file or folder")
         if source.is_dir():
             own = {settings.parent for settings in source.rglob(SETTINGS)}
-            files = [path for path in sorted(source.rglob("*")) if path.is_file() and not own & {*path.parents}]
-            files = [path for path in files if not is_list(path)]
-            found += [
-                path for path in files if path.suffix.lower() in UNREAD or any(r.recognises(path) for r in readers)
-            ]
+            paths = log_paths(source, lambda path: _holds_records(path, readers))
+            found += [path for path in paths if not own & {*path.parents} and not is_list(path)]
         else:
             found.append(source)
     if not found:
@@ -97,9 +91,35 @@ def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
+def log_paths(folder: Path, is_log: Callable[[Path], bool]) -> Iterator[Path]:
+    """The logs in a folder by their names, those that are folders themselves as one; the folder, where it is one."""
+    folders = {folder} if _is_folder_log(folder, is_log) else set[Path]()
+    yield from folders
+    for path in [] if folders else sorted(folder.rglob("*")):
+        if folders & {*path.parents}:
+            continue
+        if path.is_dir():
+            if not _is_folder_log(path, is_log):
+                continue
+            folders.add(path)
+            yield path
+        elif is_log(path):
+            yield path
+
+
+def _is_folder_log(path: Path, is_log: Callable[[Path], bool]) -> bool:
+    """Whether a folder is a log that is more than its one file."""
+    return is_log(path) and sum(map(is_log, path.iterdir())) != 1
+
+
+def _holds_records(path: Path, readers: Collection[type[Recording]]) -> bool:
+    unread = path.is_file() and path.suffix.lower() in UNREAD
+    return unread or any(reader.recognises(path) for reader in readers)
+
+
 def differences(one: Suggestion, other: Suggestion) -> list[str]:
     """The keys in which the readers of two logs differ."""
-    mine, theirs = (_flat({**s.device, "file": "", "alignment": dict(s.alignment)}) for s in (one, other))
+    mine, theirs = (_flat({**s.device, "file": "", RECORD: "", "alignment": dict(s.alignment)}) for s in (one, other))
     return [key for key in {**mine, **theirs} if mine.get(key) != theirs.get(key)]
 
 

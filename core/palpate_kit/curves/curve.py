@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-from palpate import Batch
+from palpate import Batch, Device
 
 
 @dataclass(frozen=True)
@@ -15,3 +17,11 @@ class Curve:
     file: str = ""
     batches: tuple[Batch, ...] = ()
     own: tuple[str, ...] = ()  # settings of this curve alone, as of ``--set``
+    record: str | None = None  # of a file of several
+
+    def read_by(self, device: Device) -> Device:
+        """The device with the file of the curve, and its record."""
+        update: dict[str, Any] = {"file": Path(self.file)}
+        if "record" in type(device).model_fields:
+            update["record"] = self.record
+        return device.model_copy(update=update)

@@ -135,7 +135,7 @@ def curve_outcome(tracks: RecordTracks, device: str, curve: Curve) -> RecordOutc
     """What is found of one curve; raises PalpateError."""
     devices: Mapping[str, Device] = tracks.pipeline.devices
     if curve.file:
-        devices = {**devices, device: devices[device].model_copy(update={"file": Path(curve.file)})}
+        devices = {**devices, device: curve.read_by(devices[device])}
     batches = [(device, batch) for batch in curve.batches] if curve.batches else None
     return tracks.estimate(devices, batches, curve.name, provenance=False)
 

@@ -15,10 +15,10 @@ from palpate_engine import DIALECT, write_whole
 from palpate_kit.curves.curve import Curve
 
 LIST = "curves.csv"
-CURVE, FILE = "curve", "file"
+CURVE, FILE, RECORD = "curve", "file", "record"  # the last of a file of several
 _LINE = 1 << 16  # [characters] of the head
 PLACES = ("x_m", "y_m")
-_OWN = (CURVE, FILE, DIALECT)
+OWN = (CURVE, FILE, RECORD, DIALECT)  # columns that palpate writes
 FACTS = ("tip", "tip_uncertainty", "thickness", "delay", "tare", "tip_mass", "poisson", "inclination", "mount")
 Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
 
@@ -59,7 +59,9 @@ def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
 
 def write_list(path: Path, entries: Mapping[str, Mapping[str, str]]) -> None:
     """Write the cells of every curve; raises OutputError."""
-    columns = dict.fromkeys((*_OWN, *(column for cells in entries.values() for column in cells)))
+    there = {column for cells in entries.values() for column in cells}
+    own = [name for name in OWN if name != RECORD or name in there]
+    columns = dict.fromkeys((*own, *(column for cells in entries.values() for column in cells)))
     text = io.StringIO()
     table = csv.DictWriter(text, columns, lineterminator="\n", restval="")
     table.writeheader()
@@ -67,18 +69,27 @@ def write_list(path: Path, entries: Mapping[str, Mapping[str, str]]) -> None:
     write_whole(path, text.getvalue())
 
 
-def add_curves(folder: Path, curves: Sequence[Curve], dialect: str, more: Mapping[str, Mapping[str, str]] = {}) -> None:
+def add_curves(
+    folder: Path,
+    curves: Sequence[Curve],
+    dialect: str,
+    more: Mapping[str, Mapping[str, str]] = {},
+    base: Path | None = None,
+) -> None:
     """List curves that are known by their files, with `more` of some; what else is known of them is kept.
 
-    Raises LogError, OutputError.
+    Files are as seen from the folder, or from a `base`. Raises LogError, OutputError.
     """
     entries = read_list(folder / LIST)
     before = {name: dict(cells) for name, cells in entries.items()}
     for curve in curves:
         if curve.file:
             cells = entries.setdefault(curve.name, {})
-            file = os.path.relpath(Path(curve.file).resolve(), folder.resolve())  # so that both can be moved together
-            cells |= {FILE: file, DIALECT: dialect, **more.get(curve.name, {})}
+            file = os.path.relpath(
+                Path(curve.file).resolve(), (base or folder).resolve()
+            )  # so that both can be moved together
+            record = {} if curve.record is None else {RECORD: curve.record}
+            cells |= {FILE: file, **record, DIALECT: dialect, **more.get(curve.name, {})}
     if entries != before:
         write_list(folder / LIST, entries)
 
@@ -101,7 +112,7 @@ def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:
             file = Path(curve.file)
             name = file.relative_to(place) if file.is_relative_to(place) else file
             cells = stated.get(str(name)) or stated.get(name.stem) or {}
-            found.setdefault(curve.name, {}).update((key, cell) for key, cell in cells.items() if key not in _OWN)
+            found.setdefault(curve.name, {}).update((key, cell) for key, cell in cells.items() if key not in OWN)
     return found
 
 
@@ -121,11 +132,11 @@ def add_groups(folder: Path, table: Path, known: Collection[str]) -> None:
     if unknown := next((name for name in more if name not in known), None):
         raise LogError(f"{table}: there is no curve {unknown!r}{suggest(unknown, known)}")
     for name, cells in more.items():
-        entries.setdefault(name, {}).update((key, cell) for key, cell in cells.items() if key not in _OWN)
+        entries.setdefault(name, {}).update((key, cell) for key, cell in cells.items() if key not in OWN)
     write_list(folder / LIST, entries)
 
 
 def columns_of(curves: Iterable[Mapping[str, str]]) -> list[str]:
     """The columns by which curves with such cells can be grouped, in their order."""
     names: Iterable[str] = (column for cells in curves for column in cells)
-    return [name for name in dict.fromkeys(names) if name not in _OWN]
+    return [name for name in dict.fromkeys(names) if name not in OWN]

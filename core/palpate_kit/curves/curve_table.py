@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -29,10 +30,12 @@ from palpate_records.log_files import readable, regular
 
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
+from palpate_kit.curves.curve_list import RECORD
 from palpate_kit.curves.fit_provenance import add_provenance
 from palpate_kit.runs.pipeline_diff import differences
 
 TABLE, SETTINGS = "fits.csv", "pipeline.toml"
+CURVES = "curves"  # key of its [run]: the folder from which the files of curves are seen
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
 _TEXTS = ("curve", "track", "conditions", "needs", "flags", "settings", "error")
 _LINE = 1 << 16  # [bytes] of the head
@@ -58,7 +61,7 @@ class FitTable:
     def _settle(self, folder: Path, pipeline: Pipeline, device: str, dialect: str) -> None:
         """Begin a folder, or go on with one that was begun with the same settings; raises OutputError."""
         text = resolved_text(pipeline, folder)
-        ignored = {*pipeline.registry.tables, f"device.{device}.file"}
+        ignored = {*pipeline.registry.tables, *reading_keys(device)}
         settings = folder / SETTINGS
         if dialect and settings.exists() and dialect not in dialects_in(settings):  # files that are read in another way
             write_dialects(settings, {dialect: text})
@@ -187,10 +190,24 @@ def demand_columns(path: Path) -> None:
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
 
 
+def reading_keys(device: str) -> tuple[str, ...]:
+    """Keys of a pipeline that say where one of the curves is, and not how it is read."""
+    return f"device.{device}.file", f"device.{device}.{RECORD}", f"run.{CURVES}"
+
+
+def curves_folder(folder: Path) -> Path | None:
+    """The folder from which the files of curves are seen, as the pipeline states it; None where it states none."""
+    stated = _run_table(_settings(folder / SETTINGS)).get(CURVES)
+    return Path(os.path.normpath(folder.resolve() / str(stated))) if stated else None
+
+
 def settings_text(path: Path, dialect: str = "") -> str:
-    """The pipeline of a folder of fits by which files of a dialect are read; raises LogError."""
+    """The pipeline of a folder of fits by which files of a dialect are read, wherever these are; raises LogError."""
     try:
-        return tomli_w.dumps(dialect_tables(_settings(path), dialect))
+        tables = dialect_tables(_settings(path), dialect)
+        if CURVES in (run := _run_table(tables)):
+            tables = {**tables, "run": {key: value for key, value in run.items() if key != CURVES}}
+        return tomli_w.dumps(tables)
     except ConfigurationError as error:
         raise LogError(f"{path}: {error}") from error
 
@@ -202,10 +219,19 @@ def dialects_in(path: Path) -> list[str]:
 
 def write_dialects(path: Path, texts: Mapping[str, str]) -> None:
     """Write pipelines by dialect into the one file of a folder of fits; raises LogError, OutputError."""
-    tables = toml_tables(texts[""]) if "" in texts else _settings(path)
+    before = _settings(path)
+    tables = toml_tables(texts[""]) if "" in texts else before
+    if stated := _run_table(before).get(CURVES):
+        tables["run"] = {**_run_table(tables), CURVES: stated}
     for name, text in texts.items():
         tables = with_dialect(tables, name, toml_tables(text)) if name else tables
     write_whole(path, tomli_w.dumps(tables))
+
+
+def _run_table(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The table ``[run]``; empty where it is none, which whoever builds the pipeline says."""
+    run = tables.get("run")
+    return run if isinstance(run, dict) else {}
 
 
 def _settings(path: Path) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from palpate_kit.curves.curve_list import (
     FILE,
     LIST,
     PLACES,
+    RECORD,
     Entries,
     columns_of,
     fact_assignments,
@@ -39,6 +40,7 @@ from palpate_kit.curves.curve_table import (
     SETTINGS,
     TABLE,
     columns_in,
+    curves_folder,
     demand_columns,
     dialects_in,
     latest_rows,
@@ -240,13 +242,22 @@ class FitFolder:
 
     def curves(self) -> list[Curve]:
         """The curves whose files are known, with their own settings."""
-        known = ((name, self.file_of(name)) for name in self.names)
-        return [Curve(name, file, own=self.settings_of(name)) for name, file in known if file]
+        return [self.curve(name) for name in self.names if self.file_of(name)]
+
+    def curve(self, name: str) -> Curve:
+        """A curve whose file is known, with its own settings."""
+        record = self.entries.get(name, {}).get(RECORD) or None
+        return Curve(name, self.file_of(name), own=self.settings_of(name), record=record)
 
     def file_of(self, curve: str) -> str:
-        """The file of a curve, which ``curves.csv`` names as seen from the folder; "" where it is not known."""
+        """The file of a curve, which ``curves.csv`` names as seen from a folder; "" where it is not known."""
         file = self.entries.get(curve, {}).get(FILE, "")
-        return os.path.normpath(self.path.resolve() / file) if file else ""
+        return os.path.normpath((self.curves_folder or self.path.resolve()) / file) if file else ""
+
+    @cached_property
+    def curves_folder(self) -> Path | None:
+        """The folder from which the files of curves are seen; None for this one."""
+        return curves_folder(self.path)
 
     @property
     def approved(self) -> frozenset[str]:
@@ -263,8 +274,8 @@ class FitFolder:
             raise LogError(f"{path}: has {len(devices)} devices with a file; one is needed")
         ((device, file),) = devices.items()
         overrides: tuple[str, ...] = ()
-        if not (self.path / str(file)).is_file():  # of a curve that has gone since
-            files = [c.file for c in self.curves() if self.dialect_of(c.name) == dialect and Path(c.file).is_file()]
+        if not (self.path / str(file)).exists():  # of a curve that has gone since
+            files = [c.file for c in self.curves() if self.dialect_of(c.name) == dialect and Path(c.file).exists()]
             overrides = tuple(f"device.{device}.file={json.dumps(file)}" for file in files[:1])
         return CurveReader(text, str(path.resolve()), overrides, device, self.approved, text)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,15 +15,16 @@ from palpate_kit.logs.delay_from_free_air import air_delay
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, Pick, RoleGuess, Search
 
 _TARE = 0.9  # [s]
-_PAUSE = 5.0  # usual intervals, from which on a pause between readings is a gap
 _FEWEST = 12  # readings
 _PARTS, _WANDER = 6, 1.5  # of those first moments; of the scatter within a part, that their means have at rest
 _FREE = 0.05  # of the force's range by which its rest may be away from where it touches nothing
+_STEPS = 5.0  # usual intervals that make a gap
 _RADIUS = 0.005  # [m] of the tip by which a unit's plausibility is judged
 _LEAST = 0.04  # of that radius, the least way of a palpation
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("m", 1.0))  # a factor of 1000 apart
 _FORCES = (("N", 1.0), ("mN", 1e-3), ("uN", 1e-6), ("nN", 1e-9))
 TIP, UNITS = "tip", "units."  # choices that are no role: the tip in words, the unit of a column
+POSITION_OF = "position-of"  # a choice: "tip", or the "stage" behind a beam
 _STIFFEST, _SOFTEST = 5e7, 50.0  # [Pa] beyond which another unit of force is likelier
 
 
@@ -157,9 +158,9 @@ def assemble_suggestion(
     seconds = air_window(series["force"][0])
     if seconds > _TARE:
         alignment["tare_duration"] = f"{seconds:.3g} s"
-    pause = _PAUSE * float(np.median(np.diff(series["position"][0])))
-    if pause > AlignmentSettings.model_fields["gap"].default:
-        alignment["gap"] = f"{pause:.3g} s"
+    if (pause := _pause(series.values())) is not None:
+        alignment["gap"] = f"{pause:.2g} s"
+        reasons.append(f"gap: readings come more slowly than usual, so that a pause is one of more than {pause:.2g} s")
     why = no_tare(*series["force"])
     if why is not None:
         alignment["tare"] = "none"
@@ -171,6 +172,13 @@ def assemble_suggestion(
     rivals = {role: tuple(label.removeprefix("column ") for label in names) for role, names in labels.items()}
     blanks = tuple(extra.get("blanks", ()))
     return Suggestion(device, alignment, tuple(reasons), doubts, blanks, tuple(hints), views, rivals=rivals)
+
+
+def _pause(series: Iterable[tuple[Floats, Floats]]) -> float | None:
+    """The pause [s] between readings that is a gap, where that of a robot's logs is none; else None."""
+    steps = [float(np.median(np.diff(time))) for time, _ in series if len(time) > 1]
+    longest = _STEPS * max(steps, default=0.0)
+    return longest if longest > AlignmentSettings.model_fields["gap"].default else None
 
 
 def delay_hint(series: Mapping[str, tuple[Floats, Floats]]) -> list[str]:

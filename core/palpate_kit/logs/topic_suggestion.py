@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Floats, Indenter, LogError, printable
+from palpate import Batch, Floats, Indenter, LogError, printable
 from palpate_records.log_tables import tables_of
 from palpate_records.messages.decoders import decoder_of
 from palpate_records.messages.definitions import short_name
@@ -28,6 +28,18 @@ _ROWS = 400_000  # of one topic that are looked into
 _COLUMNS = 40
 _NAMED = 24  # numbers that a message names
 _LEAST = 20  # fewest messages to conclude from
+
+_APART = 1.0  # [s] by which the stamps of one topic are later than those of another, at the most
+
+
+@dataclass(frozen=True)
+class _StampSpan:
+    """The stamps of a topic."""
+
+    first: int  # [ns]
+    last: int
+    late: float  # [s] by which messages are logged after their stamps, usually
+
 
 Looked = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: columns, time [s], values
 
@@ -121,18 +133,25 @@ def _times(
         yield "time", {**_field(clock), "unit": "s"}
 
 
-def _stamps_apart(found: RoleGuess, spans: Mapping[str, tuple[int, int]]) -> str | None:
-    """That the stamps of two roles have no instant in common, though they were logged together; None where they do."""
+def _stamps_apart(found: RoleGuess, spans: Mapping[str, _StampSpan]) -> str | None:
+    """That the clocks of two roles are not one, though both were logged together; None where they may be.
+
+    Their stamps have no instant in common, or one of them is late by more than a second against the other.
+    """
     for role in ("position", "velocity"):
         if role not in found.picks:
             continue
         one, other = (found.picks[r].series.key[0] for r in ("force", role))
-        (begin, end), (first, last) = spans[one], spans[other]
-        if begin > last or first > end:
-            return (
-                f"time: the stamps of {one} and {other} do not overlap: they begin {abs(begin - first) / SECOND:.6g} s "
-                'apart; that of the log is taken (device.log.time=log; "stamp" for those of the headers)'
+        mine, theirs = spans[one], spans[other]
+        taken = 'that of the log is taken (device.log.time=log; "stamp" for those of the headers)'
+        if mine.first > theirs.last or theirs.first > mine.last:
+            begins = f"they begin {abs(mine.first - theirs.first) / SECOND:.6g} s apart"
+            return f"time: the stamps of {one} and {other} do not overlap: {begins}; {taken}"
+        if abs(late := mine.late - theirs.late) > _APART:
+            behind = (
+                f"those of {one if late > 0 else other} are {abs(late):.3g} s behind, by the clock that logged both"
             )
+            return f"time: the stamps of {one} and {other} are of two clocks: {behind}; {taken}"
     return None
 
 
@@ -183,8 +202,8 @@ def _field(text: str) -> dict[str, Any]:
     return {"field": reading.path, **({} if reading.index is None else {"index": reading.index})}
 
 
-def _looked(container: Container) -> tuple[Looked, dict[str, tuple[int, int]]]:
-    """The beginning of every topic that contains numbers, and first and last stamp [ns] of each.
+def _looked(container: Container) -> tuple[Looked, dict[str, _StampSpan]]:
+    """The beginning of every topic that contains numbers, and the stamps of each.
 
     What palpate computed or commanded is no measurement.
     """
@@ -201,7 +220,12 @@ def _looked(container: Container) -> tuple[Looked, dict[str, tuple[int, int]]]:
     tables = {topic: join_batches(kept) for topic, kept in blocks.items()}
     origin = container.span[0] if container.span else 0
     looked = {topic: (names[topic], (t.received - origin) / SECOND, t.values) for topic, t in tables.items()}
-    return looked, {topic: (int(t.time.min()), int(t.time.max())) for topic, t in tables.items() if len(t.time)}
+    return looked, {topic: _span(table) for topic, table in tables.items() if len(table.time)}
+
+
+def _span(table: Batch) -> _StampSpan:
+    late = float(np.median((table.received - table.time) / SECOND))
+    return _StampSpan(int(table.time.min()), int(table.time.max()), late)
 
 
 def _all_of(container: Container, topic: str, looked: Looked) -> list[NumberColumn]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from functools import cached_property
+from itertools import chain, islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,9 @@ from palpate_records.messages.topics import Container, Messages, Topic
 
 _METADATA = 1 << 24  # [bytes] of metadata.yaml that are read
 _NAMES = 1 << 20  # characters of a list of files
+_NAMED = 5  # parts
+_BESIDE = ("-wal", "-shm", "-journal", ".toml", ".yaml", ".md")  # what may lie beside the files of a bag
+_PAUSE = 1_000_000_000  # [ns] between the parts of one recording, at the most
 SUFFIXES = (".db3", ".db3.gz", ".db3.zstd", ".db3.zst", ".mcap")
 
 
@@ -41,7 +45,9 @@ class Bag:
     @property
     def trouble(self) -> str | None:
         """What is wrong with any of the files."""
-        return "; ".join(part.trouble for part in self._parts if part.trouble) or None
+        troubles = [part.trouble for part in self._parts]
+        lost = _lost(self.files) if self.path.is_dir() and not _listed(self.path / "metadata.yaml") else None
+        return "; ".join(text for text in (lost, *troubles) if text) or None
 
     @property
     def topics(self) -> Mapping[str, Topic]:
@@ -97,7 +103,7 @@ def bag_files(path: Path) -> list[Path]:
         named = printable(", ".join(missing))
         raise LogError(
             f"{path}: metadata.yaml lists {named if len(named) < 200 else named[:200] + ' ...'}, which "
-            f"{'is' if len(missing) == 1 else 'are'} not there"
+            f"{'is' if len(missing) == 1 else 'are'} not there; without metadata.yaml the other files are read"
         )
     if present:
         return present
@@ -105,6 +111,48 @@ def bag_files(path: Path) -> list[Path]:
     if not found:
         raise LogError(f"{path}: no bag: there is neither a metadata.yaml that lists files nor a .db3 or .mcap file")
     return sorted(found, key=_number)
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a folder is one bag: it has metadata, or nothing but one file, or numbered parts of one set of topics.
+
+    Each part begins where the one before it ends; numbered logs that are records by themselves do not.
+    """
+    if not _is(Path.is_dir, path):
+        return False
+    if (path / "metadata.yaml").is_file():
+        return True
+    files = [file for file in path.iterdir() if not file.name.startswith(".") and not file.name.endswith(_BESIDE)]
+    if not files or not all(file.name.lower().endswith(SUFFIXES) and file.is_file() for file in files):
+        return False
+    return len(files) == 1 or (len({_number(file)[0] for file in files}) == 1 and _go_on(sorted(files, key=_number)))
+
+
+def _go_on(files: Sequence[Path]) -> bool:
+    """Whether files with consecutive numbers have the same topics, and go on where the one before ends."""
+    try:
+        bags = [Bag(file, accept_cut=True) for file in files]
+        topics = [{(topic.name, topic.type) for topic in bag.topics.values()} for bag in bags]
+        spans = [bag.span for bag in bags]
+    except LogError:
+        return False
+    pairs = [k for k in range(1, len(files)) if _number(files[k])[1] == _number(files[k - 1])[1] + 1]
+    return bool(pairs) and all(topics[k] == topics[k - 1] and _follows(spans[k], spans[k - 1]) for k in pairs)
+
+
+def _follows(span: tuple[int, int] | None, before: tuple[int, int] | None) -> bool:
+    return span is not None and before is not None and before[0] < span[0] and span[0] - before[1] < _PAUSE
+
+
+def _lost(files: Sequence[Path]) -> str | None:
+    """The parts that are missing between those of a bag without metadata, in words; None where none is."""
+    if len({_number(file)[0] for file in files}) > 1:
+        return None
+    gaps = (range(_number(one)[1] + 1, _number(other)[1]) for one, other in pairwise(files))
+    first = list(islice(chain.from_iterable(gaps), _NAMED + 1))
+    named = ", ".join(map(str, first[:_NAMED])) + (", ..." if len(first) > _NAMED else "")
+    parts = f"part{'s' if len(first) > 1 else ''} {named} of {printable(_number(files[0])[0])}"
+    return f"{parts} not there" if first else None
 
 
 def _is(kind: Callable[[Path], bool], path: Path) -> bool:

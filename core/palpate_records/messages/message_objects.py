@@ -21,6 +21,8 @@ _ELEMENTS = 1000  # of an array are listed
 _SEPARATORS = 64  # in a path, at which a name with dots or brackets may end
 _DEPTH = 16
 _LARGEST = 1.7e308
+_DIGITS = 40  # characters of a number
+_NUMBER = re.compile(r"[-+]?(?:(?:0|[1-9]\d*)(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
 _STAMPS = ("header.stamp", "timestamp", "stamp")
 
 
@@ -151,6 +153,8 @@ def _steps(path: str) -> tuple[str, ...]:
 
 
 def _number(value: Any) -> float:
+    if _is_number(value):
+        value = float(value)
     if not isinstance(value, int | float) or abs(value) > _LARGEST:  # an int may have thousands of digits
         return math.nan
     return float(value) if math.isfinite(value) else math.nan
@@ -164,15 +168,24 @@ def _stamp(item: Any, paths: Sequence[str | None]) -> int | None:
         if stamp is None:
             continue
         for seconds, rest in (("sec", "nanosec"), ("sec", "nsec"), ("seconds", "nanos"), ("secs", "nsecs")):
-            whole, part = _inside(stamp, seconds), _inside(stamp, rest)
+            whole, part = (int(x) if _is_number(x) and x.isdigit() else x for x in _both(stamp, seconds, rest))
             if isinstance(whole, int) and isinstance(part, int) and abs(whole) < LATEST and abs(part) < LATEST:
                 return whole * SECOND + part
     return None
 
 
+def _both(stamp: Any, seconds: str, rest: str) -> tuple[Any, Any]:
+    return _inside(stamp, seconds), _inside(stamp, rest)
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is a number that was written as a text, as JSON has those of 64 bits; none begins with 00."""
+    return isinstance(value, str) and len(value) < _DIGITS and _NUMBER.fullmatch(value) is not None
+
+
 def _list_numbers(item: Any, prefix: str, found: dict[str, int | None], budget: Budget, depth: int = 0) -> None:
     budget.charge(ELEMENT + len(prefix))
-    if isinstance(item, int | float):
+    if isinstance(item, int | float) or (_is_number(item) and not prefix.endswith("frame_id")):
         found[prefix] = None
     elif isinstance(item, str) or depth > _DEPTH:
         return
@@ -182,7 +195,7 @@ def _list_numbers(item: Any, prefix: str, found: dict[str, int | None], budget: 
         for name, inner in item.items():
             _list_numbers(inner, f"{prefix}.{name}" if prefix else str(name), found, budget, depth + 1)
     elif hasattr(item, "__len__") and hasattr(item, "__getitem__"):
-        if len(item) and all(isinstance(inner, int | float) for inner in item):
+        if len(item) and all(isinstance(inner, int | float) or _is_number(inner) for inner in item):
             found[prefix] = len(item)
         else:
             for i, inner in enumerate(item[:_ELEMENTS]):
@@ -204,7 +217,7 @@ def _list_texts(item: Any, prefix: str, found: dict[str, str], budget: Budget, d
     """Texts of a message by their paths, but for those that only name a frame, joints or elements."""
     budget.charge(ELEMENT + len(prefix))
     if isinstance(item, str):
-        if not prefix.endswith("frame_id"):
+        if not prefix.endswith("frame_id") and not _is_number(item):
             found[prefix] = item
     elif isinstance(item, Mapping) and depth <= _DEPTH:
         for name, inner in item.items():

@@ -11,6 +11,7 @@ from typing import IO, TypeVar
 
 from palpate import LogError
 
+from palpate_records.tables.cell_units import number_and_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma
 from palpate_records.tables.csv_names import is_electrical, is_unit, plain_unit
 from palpate_records.tables.dialect import MARKS, Dialect, is_blank, is_clock
@@ -46,6 +47,9 @@ class TableLayout:
     units_line: int = 0  # counted from 1
     facts: tuple[StatedValue, ...] = ()
     clocks: frozenset[int] = frozenset()  # columns of times of day
+    numbers: frozenset[int] = frozenset()  # columns with one in the first row
+    cell_units: tuple[str, ...] = ()  # behind the numbers of the first row
+    groups: tuple[str, ...] = ()  # titles above the names, of columns whose names alone are not unique
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,7 @@ def layout_of(
     if run is None:
         raise LogError(f"{path}: the file contains no rows of numbers")
     names_at, units_at = _lines_above(path, lines, rows, run, dialect, header, units)
-    names = None if names_at is None else _names(lines, rows, names_at, units_at, run, dialect)
+    names, groups = (None, ()) if names_at is None else _names(lines, names_at, run, dialect)
     if header is None and (named := _stated_cells(lines[: run.begin], _COLUMNS, run.width)) is not None:
         names, names_at, units_at = named, None, None
     if names_at is None and units is None:
@@ -116,6 +120,9 @@ def layout_of(
         0 if units_at is None else units_at + 1,
         tuple(fact for i, line in enumerate(lines[:top]) if (fact := _fact(i + 1, line, dialect)) is not None),
         frozenset(k for k, cell in enumerate(first) if is_clock(cell) and not dialect.is_number(cell)),
+        frozenset(k for k, cell in enumerate(first) if dialect.is_value(cell)),
+        tuple(number_and_unit(cell)[1] for cell in first),
+        groups,
     )
 
 
@@ -254,20 +261,16 @@ def _are_units(cells: Sequence[str]) -> bool:
     return len(units) >= 1 and len({*units, *others}) == len({*filled})
 
 
-def _names(
-    lines: Sequence[str], rows: Sequence[Sequence[str]], at: int, units_at: int | None, run: _RowBlock, dialect: Dialect
-) -> tuple[str, ...]:
-    """The names of the columns; with those of a line above where they alone are not unique."""
+def _names(lines: Sequence[str], at: int, run: _RowBlock, dialect: Dialect) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The names of the columns, with those of a line above where they alone are not unique; and these."""
     cells = _cells(lines[at], dialect, run.width)
-    groups = _cells(lines[at - 1], dialect, run.width) if at and _fits(lines[at - 1], dialect, run) else []
-    filled = [cell for cell in cells if cell]
-    if groups and len(groups) <= len(cells) and len({*filled}) < len(filled):
-        group, joined = "", []
-        for k, cell in enumerate(cells):
-            group = groups[k] if k < len(groups) and groups[k] else group
-            joined.append(f"{group} {cell}".strip())
-        cells = joined
-    return tuple(name or str(k) for k, name in enumerate(cells))
+    above = _cells(lines[at - 1], dialect, run.width) if at and _fits(lines[at - 1], dialect, run) else []
+    filled, groups = [cell for cell in cells if cell], list[str]()
+    if above and len(above) <= len(cells) and len({*filled}) < len(filled):
+        for k in range(len(cells)):
+            groups.append(above[k] if k < len(above) and above[k] else groups[-1] if groups else "")
+        cells = [f"{group} {cell}".strip() for group, cell in zip(groups, cells, strict=True)]
+    return tuple(name or str(k) for k, name in enumerate(cells)), tuple(groups)
 
 
 def _fact(line: int, text: str, dialect: Dialect) -> StatedValue | None:

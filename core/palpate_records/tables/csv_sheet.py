@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, islice
@@ -13,11 +14,14 @@ import numpy as np
 from palpate import Floats, LogError, printable
 
 from palpate_records.messages.readings import si_unit
+from palpate_records.tables.cell_units import cell_factor, number_and_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number_or_nan
 from palpate_records.tables.clock_times import Days, seconds_or_nan
 from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_lines, layout_of, one_table
 from palpate_records.tables.csv_names import is_electrical, looks_like_unit, plain_unit, unit_of, unit_text
 from palpate_records.tables.dialect import Dialect, dialect_of, grouped_or_decimal
+from palpate_records.tables.footer import without_footer
+from palpate_records.tables.table_record import OF_RECORD, TableRecord
 from palpate_records.tables.table_text import bounded_lines, open_text
 from palpate_records.tables.workbook import WORKBOOKS
 
@@ -41,11 +45,14 @@ class Sheet:
     layout: TableLayout = field(default_factory=lambda: TableLayout(0, 0))
     stated: Mapping[str, str | int] = field(default_factory=dict)  # keys of the device that the user gave
     own_units: Mapping[str, str] = field(default_factory=dict)  # that a person states, by column: "mN", "10 N" for one
+    record: TableRecord | None = None  # of a file of several, the one that is read
+    footer: list[list[str]] = field(default_factory=list, compare=False)  # cells below the rows, once these are read
 
     @classmethod
-    def of(cls, path: Path, stated: Mapping[str, str] | None = None) -> Sheet:
+    def of(cls, path: Path, stated: Mapping[str, str] | None = None, record: TableRecord | None = None) -> Sheet:
         """Found from the first lines, but for what is stated; raises LogError where they are no table of numbers."""
-        given = {key: _checked(path, key, text) for key, text in (stated or {}).items()}
+        own = {} if record is None else {key: str(value) for key in OF_RECORD if (value := getattr(record, key))}
+        given = {key: _checked(path, key, text) for key, text in ({**(stated or {}), **own}).items()}
         with open_text(path, _text(given, "encoding"), _text(given, "sheet")) as file:
             lines = first_lines(file, path, int(given.get("header", 0)))
         if not any(line.strip() for line in lines):
@@ -58,7 +65,8 @@ class Sheet:
             _refuse_decimal_commas(path, lines, dialect, layout, rows)
         if "decimal" not in given and "thousands" not in given:
             dialect = _with_thousands(path, dialect, rows, layout)
-        return cls(path, layout.names or tuple(map(str, range(layout.width))), dialect, layout, given)
+        layout = layout if record is None else record.layout(layout)
+        return cls(path, layout.names or tuple(map(str, range(layout.width))), dialect, layout, given, record=record)
 
     @property
     def header(self) -> bool:
@@ -77,23 +85,33 @@ class Sheet:
         keys: dict[str, str | int] = {
             key: getattr(mine, key) for key in KEYS[:4] if getattr(mine, key) != getattr(usual, key)
         }
-        return keys | dict(self.stated)
+        if self.record is None:
+            return keys | dict(self.stated)
+        return (
+            keys
+            | {key: text for key, text in self.stated.items() if key not in OF_RECORD}
+            | {"record": self.record.name}
+        )
+
+    @property
+    def text_keys(self) -> tuple[str | None, str | None]:
+        """Encoding and sheet, where they are stated."""
+        return _text(self.stated, "encoding"), _text(self.stated, "sheet")
 
     def blocks(self) -> Iterator[Floats]:
         """The numbers (n, k), some thousand rows at a time; NaN where a cell is none, seconds for times of day."""
         count = len(self.names)
-        readers = [
-            seconds_or_nan
-            if k in self.layout.clocks
-            else partial(number_or_nan, decimal=self.dialect.decimal, thousands=self.dialect.thousands)
-            for k in range(count)
-        ]
+        readers = [seconds_or_nan if k in self.layout.clocks else self._reader(k) for k in range(count)]
         days = {k: Days() for k in self.layout.clocks if k < count}
-        with open_text(self.path, _text(self.stated, "encoding"), _text(self.stated, "sheet")) as file:
+        with open_text(self.path, *self.text_keys) as file:
             lines = islice(bounded_lines(file, self.path), self.layout.begin, None)
             rows = self.dialect.rows(line for line in lines if not self.dialect.is_comment(line))
             if self.stated.get("header"):  # of one table of several, that ends where the next begins
                 rows = one_table(rows, self.layout.names, list)
+            self.footer.clear()
+            rows = without_footer(rows, list, self.layout.numbers, self.dialect, self.footer)
+            if self.record is not None:
+                rows = map(self.record.picked, self.record.rows(rows, list))
             while part := list(islice(rows, _BLOCK)):
                 block = np.full((len(part), count), np.nan)
                 for i, cells in enumerate(part):
@@ -101,6 +119,21 @@ class Sheet:
                 for k, day in days.items():
                     block[:, k] = day.unwrapped(block[:, k])
                 yield block[[bool(cells) for cells in part]]
+
+    def _reader(self, column: int) -> Callable[[str], float]:
+        """What makes a number of the cells of a column, NaN where they are none."""
+        plain = partial(number_or_nan, decimal=self.dialect.decimal, thousands=self.dialect.thousands)
+        usual = self._unit_there(column)
+        if usual is None or not self.layout.cell_units[column : column + 1] or not self.layout.cell_units[column]:
+            return plain
+
+        def read(cell: str) -> float:
+            text, unit = number_and_unit(cell.strip())
+            with suppress(ValueError):
+                return plain(text) * (cell_factor(unit, usual) if unit else 1.0)
+            return float("nan")
+
+        return read
 
     def unit(self, column: int) -> str | None:
         """The unit that the name of a column, the row of units, or else a person states; None for none.
@@ -111,7 +144,8 @@ class Sheet:
 
     def _unit_there(self, column: int) -> str | None:
         below = self.layout.units[column] if column < len(self.layout.units) else ""
-        return unit_of(self.names[column], below)
+        own = self.layout.cell_units[column] if column < len(self.layout.cell_units) else ""
+        return unit_of(self.names[column], below) or (unit_of(self.names[column], own) if own else None)
 
     def _is_own(self, column: int) -> bool:
         """Whether the unit of a column is that which a person states, since the file does not."""
@@ -173,32 +207,15 @@ class Sheet:
         if count >= min(_LEAST, len(values)):
             return
         name = column_text(self.column(column))
-        with open_text(self.path, _text(self.stated, "encoding"), _text(self.stated, "sheet")) as file:
+        with open_text(self.path, *self.text_keys) as file:
             lines = islice(bounded_lines(file, self.path), self.layout.begin, None)
-            cells = (row[column].strip() for row in self.dialect.rows(lines) if column < len(row))
+            rows = self.dialect.rows(lines)
+            mine = rows if self.record is None else map(self.record.picked, self.record.rows(rows, list))
+            cells = (row[column].strip() for row in mine if column < len(row))
             text = next((cell for cell in cells if cell and np.isnan(number_or_nan(cell, self.dialect.decimal))), None)
         found = f"text ({printable(text)[:_NAME]!r})" if text else "empty cells"
         found = f"{found} and {count} numbers" if count else f"{found}, no numbers"
         raise LogError(f"{self.path}: --{role}: column {name} contains {found} (there are: {self.columns})")
-
-
-def record_tables(path: Path) -> list[tuple[int, str]]:
-    """Line of the names, counted from 1, and title of every table of a text that has the same names; LogError."""
-    sheet = Sheet.of(path)
-    if not sheet.header or len(sheet.names) < 2:
-        return []
-    names, found, title = [name.strip() for name in sheet.names], list[tuple[int, str]](), ""
-    with open_text(path) as file:
-        for line, text in enumerate(bounded_lines(file, path), 1):
-            if any(char.isalpha() for char in text):
-                cells = [cell.strip() for cell in next(iter(sheet.dialect.rows([text])), [])]
-                if cells == names:
-                    found.append((line, title or str(len(found) + 1)))
-                    title = ""
-                elif sum(map(bool, cells)) == 1:
-                    title = printable("".join(cells))[:_NAME]
-    titles = [title for _, title in found]
-    return found if len({*titles}) == len(found) else [(line, str(k)) for k, (line, _) in enumerate(found, 1)]
 
 
 def column_text(column: int | str) -> str:

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from palpate_records.tables.cell_units import number_and_unit
 from palpate_records.tables.cells import is_grouped, number
 from palpate_records.tables.clock_times import seconds_of_day
 
@@ -42,8 +43,8 @@ class Dialect:
         return True
 
     def is_value(self, cell: str) -> bool:
-        """Whether a cell is a number, or a time of day."""
-        return self.is_number(cell) or is_clock(cell)
+        """Whether a cell is a number, with or without its unit, or a time of day."""
+        return self.is_number(cell) or self.is_number(number_and_unit(cell)[0]) or is_clock(cell)
 
     def is_comment(self, line: str) -> bool:
         """Whether a line is a comment."""

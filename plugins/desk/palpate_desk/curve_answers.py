@@ -122,7 +122,7 @@ def _readings(reader: CurveReader, curve: Curve) -> tuple[Floats, NDArray[np.flo
     nothing = np.zeros(0), np.zeros((3, 0), np.float32)
     try:
         pipeline = record_tracks(reader).pipeline
-        device = pipeline.devices[reader.device].model_copy(update={"file": Path(curve.file)})
+        device = curve.read_by(pipeline.devices[reader.device])
         with device.connect(0) as link:
             batches: Sequence[Batch] = list(link.batches())
         names = [channel.name for channel in device.streams[0].channels]

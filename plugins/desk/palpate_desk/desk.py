@@ -101,9 +101,9 @@ class Desk:
         """A curve with its settings, by its name; raises ConfigurationError where there is none, or no file of it."""
         if name not in self.folder.by_curve:
             raise ConfigurationError(f"there is no curve {name!r}{suggest(name, self.folder.names)}")
-        if not (file := self.folder.file_of(name)):
+        if not self.folder.file_of(name):
             raise ConfigurationError(f"{name}: its file is not known: curves.csv has no column file")
-        return Curve(name, file, own=self.folder.settings_of(name))
+        return self.folder.curve(name)
 
     def demand_file(self, name: str) -> None:
         """Raise ConfigurationError where the file of a curve has gone, so that its row stays."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Batch, ConfigurationError, Device
+from palpate_kit.curves.alike_logs import log_paths
 from palpate_kit.curves.curve import Curve
 
 
@@ -18,11 +19,10 @@ def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve
     for source in sources:
         if not source.exists():
             raise ConfigurationError(f"{source}: there is no such file or folder")
-        for path in sorted(source.rglob("*")) if source.is_dir() else [source]:
-            if not source.is_dir() or recognises(path):
-                found += 1
-                name = path.relative_to(source) if source.is_dir() and len(sources) == 1 else path
-                yield Curve(str(name), str(path.resolve()))
+        for path in log_paths(source, recognises) if source.is_dir() else [source]:
+            found += 1
+            name = path.relative_to(source) if path != source and len(sources) == 1 else path
+            yield Curve(str(name), str(path.resolve()))
     if not found:
         raise ConfigurationError(f"{', '.join(map(str, sources))}: holds no file that the pipeline could read")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -11,21 +12,23 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, printable
-from palpate_engine import Registry, approved_plugins, make_folder, option_of, registry
+from palpate_engine import Pipeline, Registry, approved_plugins, make_folder, option_of, registry
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve_fits import CurveReader, Row
-from palpate_kit.curves.curve_list import FACTS, Entries, cells_beside
+from palpate_kit.curves.curve_list import FACTS, RECORD, Entries, cells_beside
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
 from palpate_kit.terminal.fact_line import fact_line
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
+from palpate_kit.terminal.table import console
 from palpate_records.recording import Suggestion
 
 from palpate_fits.file_facts import StatedFacts, keep_facts
-from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, with_overrides
+from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, reader_keys, with_overrides
 from palpate_fits.file_questions import FileQuestion
 from palpate_fits.file_tables import count_line, is_usable, show_rows
 from palpate_fits.folder_fits import FEW, fit_each
+from palpate_fits.name_groups import group_table, groups_by_name, name_pattern
 from palpate_fits.sitting import ask_of_files, ask_of_rig, is_asking, keep_answers, prompt
 
 _GUESSES = 6  # that are printed
@@ -42,18 +45,20 @@ class FileFit:
     as_json: bool
     fitting: bool = True
     details: bool = False
+    by: str | None = None  # pattern of names by which they are grouped
 
 
 def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     """Fit files that bring no pipeline, and print what was found of each; exit 1 where one was not usable."""
     refused: dict[str, str] = {}
     notes: list[str] = []
+    pattern = None if wanted.by is None else name_pattern(wanted.by)
     with progress("look for files"):
         known = registry.load()
-        chosen = tuple(f"device.{DEVICE}.{key}" for key in ("sheet", "header"))
-        one = any(text.strip().startswith(chosen) for text in wanted.stated.settings)
+        stated = reader_keys(wanted.stated.settings)
         logs = logs_among(sources, known)
-        files = [part for log in logs for part in ([LogPart(log)] if one else specimens_of(log))]
+        files = [part for log in logs for part in specimens_of(log, known, stated)]
+    by_name = {} if pattern is None else groups_by_name(files, sources, pattern)
     groups, wanted = _groups(files, wanted, refused, notes)
     if wanted.stated.is_read:
         notes.insert(0, f"facts of the rig: {wanted.stated.path}")
@@ -64,9 +69,13 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         others = f" ({len(refused) - 1} more files cannot be read either)" if len(refused) > 1 else ""
         raise ConfigurationError(f"{name}: {error}{others}")
     folder = wanted.out or make_folder("fit", None, datetime.now(UTC).astimezone())
+    place = sources[0].resolve() if len(sources) == 1 and sources[0].is_dir() and sources[0] not in logs else None
+    groups = [replace(group, pipeline=_of_folder(group.pipeline, place)) for group in groups]
     cells = _cells(sources, groups, wanted.stated)
+    for name, of_name in by_name.items():
+        cells.setdefault(name, {}).update(of_name)
     order = {str(file): place for place, file in enumerate(files)}
-    paths = {str(file): str(file.path) for file in files}
+    parts = {str(file): file for file in files}
     rows = [row for row in _fitted(groups, folder, wanted, cells) if row["curve"] in order]
     keep_facts(folder, wanted.stated.path)
     if not wanted.fitting:
@@ -79,9 +88,16 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     if wanted.as_json:
         print_json({"table": str(folder / TABLE), "files": rows})
     else:
-        _show(rows, groups, paths, folder, known, wanted, _command(sources, wanted))
+        _show(rows, groups, parts, folder, known, wanted, _command(sources, wanted))
+        if by_name:
+            console().print(group_table(rows, by_name, groups[0].pipeline).view())
     if not all(map(is_usable, rows)):
         raise typer.Exit(1)
+
+
+def _of_folder(pipeline: Pipeline, place: Path | None) -> Pipeline:
+    """The pipeline with the folder of its curves, where all are of one."""
+    return replace(pipeline, run=pipeline.run.model_copy(update={"curves": place}))
 
 
 def _groups(
@@ -149,6 +165,7 @@ def _command(sources: Sequence[Path], wanted: FileFit) -> str:
     words += [word for key, text in facts.items() for word in (option_of(key), str(text))]
     words += [word for role, text in wanted.choices.items() for word in (f"--{role}", text)]
     words += [word for text in stated.settings for word in ("--set", text)]
+    words += ["--by", wanted.by] if wanted.by is not None else []
     words += ["--rig", str(stated.path)] if stated.is_named else []
     return shlex.join(words)
 
@@ -156,7 +173,7 @@ def _command(sources: Sequence[Path], wanted: FileFit) -> str:
 def _show(
     rows: Sequence[Row],
     groups: Sequence[FileGroup],
-    paths: Mapping[str, str],
+    parts: Mapping[str, LogPart],
     folder: Path,
     known: Registry,
     wanted: FileFit,
@@ -171,17 +188,11 @@ def _show(
         page = folder / "page"
         numbers = [n for n, group in enumerate(groups, 1) if first in {curve.name for curve in group.curves}]
         chosen = ["--set", f"run.dialect={name}"] if (name := _dialect(numbers[0])) else []
-        words = [
-            "palpate",
-            "fit",
-            _no_option(paths[first]),
-            "--pipeline",
-            str(folder / SETTINGS),
-            *chosen,
-            "-o",
-            str(page),
-        ]
-        report = shlex.join(["palpate", "report", str(page / Path(paths[first]).name.split(".")[0])])
+        shown = parts[first]
+        chosen += ["--set", f"device.{DEVICE}.{RECORD}={json.dumps(shown.part)}"] if shown.part is not None else []
+        words = ["palpate", "fit", _no_option(str(shown.path)), "--pipeline", str(folder / SETTINGS)]
+        words += [*chosen, "-o", str(page)]
+        report = shlex.join(["palpate", "report", str(page / shown.path.name.split(".")[0])])
         typer.echo(f"a page on one: {shlex.join(words)} && {report}")
     typer.echo(count_line(rows, known))
 

@@ -15,7 +15,7 @@ from palpate_engine import Pipeline, Registry, RigFacts, Source, build_pipeline,
 from palpate_kit.curves.alike_logs import LogPart, alike_logs
 from palpate_kit.curves.curve import Curve
 from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
-from palpate_kit.logs.suggestion import TIP, UNITS
+from palpate_kit.logs.suggestion import POSITION_OF, TIP, UNITS
 from palpate_kit.terminal.progress import report_progress
 from palpate_records.recording import Suggestion
 
@@ -62,9 +62,7 @@ def file_groups(
     overrides, facts = told.overrides, told.facts
     tip, model = tip_table(facts.tip or "", known, "--tip"), known.named("model", facts.model or "dr")
     parts = _parts(tip, model, known)
-    stated = {
-        key.strip(): value.strip().strip("\"'") for key, _, value in (text.partition("=") for text in told.settings)
-    }
+    stated = _stated(told.settings)
     found_of: dict[LogPart, Suggestion] = {}
     asked: dict[str, FileQuestion] = {} if questions is None else questions
     read: dict[LogPart, Suggestion] = {} if certain is None else certain
@@ -72,7 +70,7 @@ def file_groups(
     def suggested(file: LogPart) -> Suggestion:
         found = read.get(file)
         if found is None:
-            chosen = {**dict(file.keys), **choices}
+            chosen = {**file.choices, **choices}
             found = replace(_suggestion(file.path, facts, chosen, stated, known), views={})  # no numbers
         if (question := question_of_file(found, stated)) is None:
             read[file] = found
@@ -98,7 +96,7 @@ def file_groups(
         others = f" and {len(group.logs) - 1} more" if len(group.logs) > 1 else ""
         doubts = [f"{file.name}: {text}" for file in group.logs for text in _other_tips(found_of[file], pipeline)]
         doubts += [f"{first.name}{others}: {text}" for text in suggestion.doubts if text not in known_now]
-        curves = [Curve(str(file), str(file.path.resolve())) for file in group.logs]
+        curves = [Curve(str(file), str(file.path.resolve()), record=file.part) for file in group.logs]
         yield FileGroup(text, path, pipeline, tuple(doubts), curves)
 
 
@@ -109,13 +107,30 @@ def _no_records(read: Sequence[LogPart], refused: dict[str, str]) -> list[str]:
     return [f"{name} is no record, and left out: {refused.pop(name)}" for name in beside]
 
 
+def _stated(settings: Sequence[str]) -> dict[str, str]:
+    """What ``--set`` states, by its key, as texts."""
+    pairs = (text.partition("=") for text in settings)
+    return {key.strip(): value.strip().strip("\"'") for key, _, value in pairs}
+
+
+def reader_keys(settings: Sequence[str]) -> dict[str, str]:
+    """Keys of the device of files that ``--set`` states, which count as choices."""
+    return _keys_of_reader(_stated(settings))
+
+
+def _keys_of_reader(stated: Mapping[str, str]) -> dict[str, str]:
+    keys = {key.removeprefix(_READER): value for key, value in stated.items() if key.startswith(_READER)}
+    keys.pop("time", None)  # a table, which no choice is
+    return keys
+
+
 def _suggestion(
     file: Path, facts: RigFacts, choices: Mapping[str, str], stated: Mapping[str, str], known: Registry
 ) -> Suggestion:
     """How a file is read, by the columns of the facts that it has; raises ConfigurationError."""
-    keys = {key.removeprefix(_READER): value for key, value in stated.items() if key.startswith(_READER)}
-    keys.pop("time", None)  # a table, which no choice is
+    keys = _keys_of_reader(stated)
     keys |= {TIP: facts.tip or ""} | ({"rate": str(facts.rate)} if facts.rate is not None else {})
+    keys |= {POSITION_OF: facts.position_of} if facts.position_of is not None else {}
     keys |= {f"{UNITS}{name}": unit for name, unit in (facts.units or {}).items()}
     given = {**keys, **choices}
     named = {role: names for role, names in (facts.columns or {}).items() if role not in choices}

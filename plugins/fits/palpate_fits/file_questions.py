@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from palpate_kit.logs.suggestion import POSITION_OF
 from palpate_records.recording import Suggestion
 
 _READER = "device.log."
@@ -33,6 +34,8 @@ def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQ
         key, _, about = text.partition(": ")
         if f"{_READER}{key}" in stated:
             continue
+        if key == POSITION_OF:
+            return FileQuestion("position", "", about, f"{text}; say it with --{key}", True, ("tip", "stage"))
         option = f"--{key}" if key in _OPTIONS else f"--set {_READER}{key}=NUMBER"
         advice = f"{text}; say it with {option}"
         if (scale := _SCALE.fullmatch(key)) is not None:

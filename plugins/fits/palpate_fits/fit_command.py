@@ -68,7 +68,13 @@ def fit(
     each: Annotated[
         bool, typer.Option("--each", help="Thousands of curves, one a file: a row of fits.csv each; --out goes on.")
     ] = False,
-    by: Annotated[str | None, typer.Option(help="With --each: a new curve begins where this channel changes.")] = None,
+    by: Annotated[
+        str | None,
+        typer.Option(
+            help='With --tip: groups by a pattern of the names, as in "(ctrl|treat)". With --each: a new curve begins '
+            "where this channel changes."
+        ),
+    ] = None,
     jobs: Annotated[
         int | None, typer.Option(help="With --each: curves at a time. [default: one per core]", min=1)
     ] = None,
@@ -109,12 +115,11 @@ def fit(
     if not has_pipeline and not each and (stated := _files_facts(sources, overrides or (), tip, model)) is not None:
         from palpate_fits.file_fits import FileFit, fit_files
 
-        for option, asked in (("--by", by), ("--scheduler", scheduler)):
-            if asked:
-                raise ConfigurationError(f"{option}: wants a pipeline; --tip writes one beside its table")
+        if scheduler:
+            raise ConfigurationError("--scheduler: wants a pipeline; --tip writes one beside its table")
         given = {"force": force, "position": position, "time": time, "rate": rate}
         choices = {role: text for role, text in given.items() if text is not None}
-        fit_files(sources, FileFit(stated, choices, out, jobs, as_json, not no_refit, details))
+        fit_files(sources, FileFit(stated, choices, out, jobs, as_json, not no_refit, details, by))
         return
     if no_refit and not each:
         raise ConfigurationError("--no-refit: is for many curves, with --each or --tip")

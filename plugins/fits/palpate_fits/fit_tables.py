@@ -111,7 +111,7 @@ def each_table(tracks: Mapping[str, Mapping[str, Any]], pipeline: Pipeline) -> T
         [
             *([label] if left else []),
             *(str(found[name]) for name in ("curves", "failed", "flagged")),
-            *(_quartiles(found.get("quartiles", {}).get(name), display_unit(units[name])[1]) for name in shown),
+            *(quartiles_text(found.get("quartiles", {}).get(name), display_unit(units[name])[1]) for name in shown),
         ]
         for label, found in tracks.items()
     ]
@@ -119,7 +119,8 @@ def each_table(tracks: Mapping[str, Mapping[str, Any]], pipeline: Pipeline) -> T
     return Table.of(title, [*left, "curves", "failed", "flagged", *heads], rows, left)
 
 
-def _quartiles(found: Sequence[float] | None, factor: float) -> str:
+def quartiles_text(found: Sequence[float] | None, factor: float) -> str:
+    """Median and quartiles in a display unit; a dash where there are none."""
     if found is None:
         return "-"
     low, middle, high = (f"{value * factor:.4g}" for value in found)

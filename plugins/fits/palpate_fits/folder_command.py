@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,9 @@ from palpate_kit.terminal.progress import progress, report_progress
 
 from palpate_fits.file_tables import show_rows
 from palpate_fits.folder_fits import refit
+from palpate_fits.new_files import add_new_files
+
+_NAMED = 6  # new files
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,11 @@ class FolderChange:
 
 def fit_folder(path: Path, change: FolderChange) -> None:
     """Change settings of a folder of fits, and fit the curves that they concern; exit 1 where one was not usable."""
+    added, refused = add_new_files(path) if change.where is None else ([], dict[str, str]())
+    if added:
+        typer.echo(
+            f"new in the folder of the curves: {', '.join(added[:_NAMED])}{', ...' * (len(added) > _NAMED)}", err=True
+        )
     change_folder(path, change)
     folder = FitFolder(path)
     names = chosen_curves(folder, change.where)
@@ -66,23 +75,26 @@ def fit_folder(path: Path, change: FolderChange) -> None:
             report_progress(len(seen))
 
         count = refit(folder, names, change.jobs, done)
-    _show(path, count, change)
+    _show(path, count, change, refused)
 
 
-def _show(path: Path, count: int, change: FolderChange) -> None:
+def _show(path: Path, count: int, change: FolderChange, refused: Mapping[str, str]) -> None:
     folder = FitFolder(path)
     pipeline = folder.pipeline()
     table = FitTable(path, pipeline, folder.reader().device)
     found = table.summary()
     if change.as_json:
-        print_json({"table": str(path / TABLE), "fitted": count, "tracks": found})
+        print_json({"table": str(path / TABLE), "fitted": count, "tracks": found, "not_read": dict(refused)})
     else:
-        rows = sorted(table.rows, key=lambda row: row["curve"])
+        places = {name: place for place, name in enumerate(folder.names)}
+        rows = sorted(table.rows, key=lambda row: places[row["curve"]])
+        rows += [{"curve": name, "error": error} for name, error in refused.items()]
         show_rows(rows, pipeline, registry.load(), shlex.join(["palpate", "fit", str(path)]), change.details)
     if not change.as_json:
         typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted anew; every number: {path / TABLE}")
     if failed := sum(track["failed"] for track in found.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)
+    if failed or refused:
         raise typer.Exit(1)
 
 
@@ -150,7 +162,10 @@ def _change_all(folder: FitFolder, change: FolderChange) -> None:
 
 def _source(folder: FitFolder, dialect: str) -> Source:
     """The pipeline of a dialect of the folder, to change."""
-    return Source(folder.settings_text(dialect), folder.path / SETTINGS)
+    source = Source(folder.settings_text(dialect), folder.path / SETTINGS)
+    for assignment in folder.reader(dialect).overrides:  # the file that it names may have gone
+        source.override(assignment)
+    return source
 
 
 def _replace_model(source: Source, wanted: str) -> None:

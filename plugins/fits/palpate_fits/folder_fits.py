@@ -12,7 +12,7 @@ from palpate_engine import Pipeline
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline, record_tracks
 from palpate_kit.curves.curve_list import add_curves
-from palpate_kit.curves.curve_table import FitTable
+from palpate_kit.curves.curve_table import FitTable, curves_folder
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import read_own
 from palpate_kit.terminal.progress import report_progress
@@ -43,7 +43,7 @@ def fit_each(
     table = FitTable(folder, pipeline, reader.device, dialect)
     reader = replace(reader, settings=table.settings)
     if isinstance(curves, Sequence):
-        add_curves(folder, curves, dialect, cells)
+        add_curves(folder, curves, dialect, cells, curves_folder(folder))
         known = FitFolder(folder)  # a curve that own.toml names and that there is not is refused
         own = {curve.name: known.settings_of(curve.name) for curve in curves}
     else:

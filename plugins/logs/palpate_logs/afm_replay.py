@@ -28,7 +28,7 @@ from palpate_records.log_files import regular
 from palpate_records.recording import Recording, Suggestion, Survey, TopicSurvey
 from pydantic import Field
 
-SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-force-qi", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".tab", ".h5")
+SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".tab", ".h5")
 _SECOND = 1e9  # [ns]
 _BLOCK = 4096  # readings in one batch
 _AIR = 0.3  # of the way down whose mean is the tare
@@ -44,8 +44,8 @@ class AfmReplay(Recording):
 
     The height is that of the tip: the cantilever's, plus force over spring constant; or one of the columns as recorded.
     The segment is 0 on the way in, 1 on the way out, 2 at rest between, 3 before the way in, as the file has it; the
-    approach is 1 on the way in, else 0. The extra `palpate[afm]` brings afmformats, which knows JPK, Bruker, Asylum,
-    AFM workshop, NT-MDT and Optics11 files and others.
+    approach is 1 on the way in, else 0. The extra `palpate[afm]` brings afmformats, which knows files of JPK,
+    Asylum and AFM workshop, and exports of NT-MDT Nova and the Optics11 Chiaro.
     Source of the tip position: Cappella and Dietler 1999, as nanite and the makers' software have it.
     """
 
@@ -101,7 +101,7 @@ class AfmReplay(Recording):
     @classmethod
     def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
         """See `Recording`; nothing is to be chosen but the rate, where the file holds no time."""
-        curve = _curves(path)[0]
+        curve, *others = _curves(path)
         device: dict[str, Any] = {"type": "afm-replay", "file": str(path)}
         blanks, doubts, reasons = [], [], ["force and height: the first curve's, as the format names them"]
         time = curve.time(None, path)
@@ -122,6 +122,10 @@ class AfmReplay(Recording):
             alignment["tare_duration"] = f"{_AIR * curve.duration:.3g} s"
             reasons.append(f"tare: the mean of the first {_AIR:.0%} of the approach, which has to be in air")
         alignment["tip_mass"] = "0 g"
+        if others:
+            doubts.append(
+                f"the file holds {len(others) + 1} curves, and the first is read: curve = NUMBER reads another"
+            )
         doubts.append("the tip: the file does not state its shape and size; state them in [indenter.tip]")
         return Suggestion(
             device, alignment, tuple(reasons), tuple(doubts), tuple(blanks), template=ANALYSIS,

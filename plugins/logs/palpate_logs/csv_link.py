@@ -9,14 +9,18 @@ from contextlib import suppress
 from itertools import chain, islice
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Batch, Floats, LogError, to_si
 from palpate_records.messages.readings import LATEST, nanoseconds, sensible, si_unit
+from palpate_records.tables.cell_units import cell_factor, number_and_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, is_overload, number
 from palpate_records.tables.clock_times import CLOCK, Days, seconds_of_day
 from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_of, one_table
 from palpate_records.tables.csv_names import weight_of
 from palpate_records.tables.csv_truncation import cut_number
 from palpate_records.tables.dialect import MARKS
+from palpate_records.tables.footer import without_footer
+from palpate_records.tables.table_records import record_named
 from palpate_records.tables.table_text import bounded_lines, open_text
 from pydantic_core import from_json
 
@@ -33,6 +37,9 @@ class CsvLink:
 
     def __init__(self, log: CsvSettings) -> None:
         self._log, self._dialect = log, log.dialect
+        self._record = None if log.record is None else record_named(log.file, log.record, log.written)
+        self._header = log.header if self._record is None else self._record.header or log.header
+        self._sheet = log.sheet if self._record is None else self._record.sheet or log.sheet
         wanted = [(column.column, si_unit(column.unit)[1] * column.scale) for column in log.columns.values()]
         self._clock = log.time is not None and log.time.unit == CLOCK  # in the last of the wanted columns
         if log.time is not None:
@@ -41,6 +48,9 @@ class CsvLink:
                 wanted.append((log.time.nanoseconds, 1e-9))
             wanted.append((log.time.column, second * log.time.scale))
         self._wanted = [column for column, _ in wanted]
+        self._units = [column.unit for column in log.columns.values()]  # of the first of the wanted columns
+        self._units += ["s"] if log.time is not None and log.time.nanoseconds is not None else []
+        self._units += [log.time.unit] if log.time is not None else []
         self._scales = np.array([scale for _, scale in wanted])
         self._layout = TableLayout(0, 0)
         self._at: list[int] = []  # places of the wanted columns
@@ -48,7 +58,7 @@ class CsvLink:
 
     def batches(self) -> Iterator[Batch]:
         """The rows of the file in order, some thousand at a time."""
-        row, day = 0, Days()
+        row, day, first = 0, Days(), None
         self._log.tally.timeless, self._log.tally.overload, self._log.tally.cut = 0, 0, None
         for numbers in self._whole():
             with np.errstate(over="ignore"):  # what is not finite counts as invalid
@@ -65,9 +75,20 @@ class CsvLink:
                 self._log.tally.timeless += int(np.count_nonzero(~known))
                 values, stamps = values[known], nanoseconds(seconds[known])
             row += len(numbers)
+            first = int(stamps[0]) if first is None and len(stamps) else first
+            kept = self._within(stamps - (first or 0))
+            stamps, values = stamps[kept], values[kept]
             yield Batch("", stamps, stamps, sensible(values))
         if row == 0:
             raise LogError(f"{self._log.file}: the file contains no rows of numbers")
+
+    def _within(self, since: NDArray[np.int64]) -> NDArray[np.bool_] | slice:
+        """Which rows are of the part that is wanted, by their time since the first [ns]."""
+        begin, end = self._log.begin, self._log.end
+        if begin is None and end is None:
+            return slice(None)
+        low, high = (None if time is None else round(time * _SECOND) for time in (begin, end))
+        return (since >= (low or 0)) & (since <= (since if high is None else high))
 
     def _whole(self) -> Iterator[Floats]:
         """The numbers (n, places) of all rows but one that was cut."""
@@ -85,10 +106,11 @@ class CsvLink:
 
     def _blocks(self) -> Iterator[Floats]:
         log, path = self._log, self._log.file
-        with open_text(path, log.encoding, log.sheet) as file:
-            self._layout = layout_of(
-                path, first_lines(file, path, log.header or 0), self._dialect, log.header, log.units
-            )
+        with open_text(path, log.encoding, self._sheet) as file:
+            lines = first_lines(file, path, self._header or 0)
+            self._layout = layout_of(path, lines, self._dialect, self._header, log.units)
+            if self._record is not None:
+                self._layout = self._record.layout(self._layout)
             self._at = self._places()
             self._check_units()
             file.seek(0)
@@ -96,10 +118,10 @@ class CsvLink:
             while text := file.read(_CHARACTERS) + file.readline(_LONGEST):
                 numbers = self._plain(text)
                 if numbers is None:  # anything else than plain numbers is read line by line from there on
-                    lines = chain(bounded_lines(io.StringIO(text, newline=""), path), bounded_lines(file, path))
+                    rest = chain(bounded_lines(io.StringIO(text, newline=""), path), bounded_lines(file, path))
                     mark = self._dialect.comment
-                    said = ("\n" if mark in one and self._dialect.is_comment(one) else one for one in lines)
-                    yield from self._by_line(enumerate(self._dialect.rows(said), line + 1))
+                    said = ("\n" if mark in one and self._dialect.is_comment(one) else one for one in rest)
+                    yield from self._by_line(enumerate(self._dialect.rows(said), line + 1), line - self._layout.begin)
                     break
                 line += len(numbers)
                 self._widths = self._layout.width, self._layout.width, line
@@ -112,6 +134,8 @@ class CsvLink:
         What is left without the characters of numbers must be the same separators in every line.
         """
         comma, width = self._dialect.delimiter, self._layout.width
+        if self._record is not None:
+            return None
         if '"' in text or self._clock or self._dialect.thousands or (self._dialect.decimal == "," and "." in text):
             return None
         text = text.replace("\r\n", "\n") if "\r" in text else text
@@ -127,10 +151,16 @@ class CsvLink:
         whole = found.size == count * width and max(self._at, default=0) < width
         return found.reshape(count, width)[:, self._at] if whole else None
 
-    def _by_line(self, rows: Iterator[tuple[int, list[str]]]) -> Iterator[Floats]:
-        """The numbers (n, places) of lines that may hold anything."""
-        if self._log.header:  # of one table of several, that ends where the next begins
+    def _by_line(self, rows: Iterator[tuple[int, list[str]]], above: int) -> Iterator[Floats]:
+        """The numbers (n, places) of lines that may hold anything; so many rows were read above them."""
+        if self._header:  # of one table of several, that ends where the next begins
             rows = one_table(rows, self._layout.names, lambda row: row[1])
+        self._log.tally.footer.clear()
+        numbers, footer = self._layout.numbers, self._log.tally.footer
+        rows = without_footer(rows, lambda row: row[1], numbers, self._dialect, footer, above)
+        if self._record is not None:
+            picked = self._record.picked
+            rows = ((line, picked(cells)) for line, cells in self._record.rows(rows, lambda row: row[1]))
         while lines := list(islice(rows, _BLOCK)):
             complete: list[tuple[int, list[str]]] = []
             for line, cells in lines:
@@ -216,12 +246,15 @@ class CsvLink:
         last = len(self._at) - 1
         return np.array(
             [
-                [self._number(cells, place, line, self._clock and k == last) for k, place in enumerate(self._at)]
+                [
+                    self._number(cells, place, line, self._units[k], self._clock and k == last)
+                    for k, place in enumerate(self._at)
+                ]
                 for line, cells in complete
             ]
         )
 
-    def _number(self, cells: list[str], place: int, line: int, clock: bool) -> float:
+    def _number(self, cells: list[str], place: int, line: int, unit: str, clock: bool) -> float:
         if place >= len(cells):
             if len(cells) == 1 and not self._dialect.is_value(cells[0]):
                 raise LogError(f"{self._log.file}:{line}: {cells[0].strip()[:40]!r} is no row of numbers")
@@ -231,7 +264,9 @@ class CsvLink:
         try:
             if clock:
                 return seconds_of_day(text) if text else np.nan
-            return number(text, self._dialect.decimal, self._dialect.thousands) if text else np.nan
+            plain, own = number_and_unit(text)
+            factor = cell_factor(own, unit) if own else 1.0
+            return number(plain, self._dialect.decimal, self._dialect.thousands) * factor if text else np.nan
         except ValueError as error:
             if is_overload(text):
                 self._log.tally.overload += 1

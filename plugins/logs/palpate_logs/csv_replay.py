@@ -8,7 +8,8 @@ from pathlib import Path
 
 from palpate import Batch, Link, LogError
 from palpate_records.recording import Suggestion, Survey
-from palpate_records.tables.csv_sheet import Sheet
+from palpate_records.tables.csv_sheet import KEYS, Sheet
+from palpate_records.tables.table_records import records_in
 from palpate_records.tables.table_text import OTHER_SUFFIXES, SUFFIXES
 
 from palpate_logs.csv_link import CsvLink
@@ -37,6 +38,12 @@ class CsvReplay(CsvSettings):
         if not path.is_file() or path.name.lower().endswith(SUFFIXES):
             return path.is_file()
         return path.name.lower().endswith(OTHER_SUFFIXES) and _is_table(path)
+
+    @classmethod
+    def records(cls, path: Path, choices: Mapping[str, str]) -> tuple[str, ...]:
+        """See `Recording`."""
+        stated = {key: choices[key] for key in KEYS if key in choices}
+        return tuple(record.name for record in records_in(path, stated))
 
     @classmethod
     def survey(cls, path: Path) -> Survey:

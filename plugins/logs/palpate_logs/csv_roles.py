@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from palpate import Floats, LogError, suggest
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
-from palpate_kit.logs.suggestion import TIP, UNITS, assemble_suggestion, find_roles, tip_of
-from palpate_records.messages.readings import LARGEST, si_unit
+from palpate_kit.logs.suggestion import POSITION_OF, TIP, UNITS, assemble_suggestion, find_roles, tip_of
+from palpate_records.messages.readings import si_unit
 from palpate_records.recording import Suggestion
 from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of, demand_progress
 from palpate_records.tables.csv_layout import facts_worth_stating
@@ -25,15 +25,15 @@ from palpate_records.tables.csv_names import (
     words_of,
 )
 from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
+from palpate_records.tables.footer import footer_words
+from palpate_records.tables.table_records import RECORD, records_note, sheet_of
 
+from palpate_logs.csv_beam import deflections, stiffness_of, which_of_both
 from palpate_logs.csv_units import DIMENSIONS, units_of
 
 _ROWS = 400_000  # that are looked into
 _NICE = (20, 25, 50, 60, 80, 100, 120, 125, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500, 2000, 2500, 4000, 5000)
 _USUAL = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
-_OF_PRESS = {"point", "points", "site", "press", "specimen", "sample", "probe", "trial", "indent"}  # what is counted
-_ROWS_OF_PRESS = 20  # of one press, at the least
-_READINGS, _SPRING = 20, 1e-5  # readings; share of a force's variance that one constant leaves
 _NEAR = 0.05  # by which a rate found from the numbers may miss one of those
 
 
@@ -89,7 +89,7 @@ def _counts(values: Floats) -> bool:
 
 def look(path: Path, choices: Mapping[str, str]) -> SheetRoles:
     """A file with its numbers and its time; raises LogError."""
-    sheet = Sheet.of(path, {key: choices[key] for key in KEYS if key in choices})
+    sheet = sheet_of(path, {key: choices[key] for key in (*KEYS, RECORD) if key in choices})
     units = {key.removeprefix(UNITS): text for key, text in choices.items() if key.startswith(UNITS)}
     sheet = replace(sheet, own_units=units) if units else sheet
     values = together(sheet.blocks(), _ROWS)
@@ -102,7 +102,7 @@ def look(path: Path, choices: Mapping[str, str]) -> SheetRoles:
 
 def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     """Tables that read a CSV file; raises LogError where nothing in it can be a force or a position."""
-    known = [*ROLES, "time", "rate", *KEYS]
+    known = [*ROLES, "time", "rate", RECORD, POSITION_OF, *KEYS]
     for key in choices:
         if key not in (*known, TIP, "file", "type") and not key.startswith(("columns.", UNITS)):
             raise LogError(f"{path}: a table has no {key!r}{suggest(key, known)} (there are: {', '.join(known)})")
@@ -117,8 +117,8 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     if found is None:
         there = sheet.columns
         raise LogError(f"{path}: no two columns can be force and position; choose with --force, --position ({there})")
-    if bent and "position" not in chosen and not is_depth(sheet.names[int(found.picks["position"].series.key[1])]):
-        raise LogError(f"{path}: {_of_what(bent[0], found.picks['position'].series)}")
+    depth = is_depth(sheet.names[int(found.picks["position"].series.key[1])])
+    bent = [] if "position" in chosen or depth or choices.get(POSITION_OF) == "tip" else bent
     units, guesses = units_of(found, sheet, clock is not None, tip_of(choices))
     doubts = list(guesses.values())
     scales = {role: sheet.scale(int(pick.series.key[1])) for role, pick in found.picks.items()}
@@ -138,61 +138,44 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
         device["rate"] = "? Hz" if rate is None else f"{rate:g} Hz"
     device |= sheet.settings
     device["columns"] = _columns(found, sheet, units, choices, extra["blanks"])
-    doubts += _presses(sheet, looked.values)
     trials = _other_trials(found, sheet)
     doubts += [f"{role}: {names[0]} and {', '.join(names[1:])} can be it" for role, names in trials.items()]
     back = [name for name in sheet.names if is_of_retraction(name)]
     if back:
         extra["reasons"].append(f"left out: {', '.join(map(column_text, back))}: the way back, beside the way in")
+    doubts += [footer_words(sheet.footer)] if sheet.footer else []
+    stated = {key: choices[key] for key in (*KEYS, RECORD) if key in choices}
+    doubts += [note] if (note := records_note(path, stated)) is not None else []
     facts = facts_worth_stating(sheet.facts)
     extra["hints"] += [f"line {fact.line} states: {fact.name}: {fact.value}" for fact in facts]
     channels = {role: f"log.{role}" for role in found.picks}
+    places = _places(sheet) if sheet.record is not None else {}
+    device["columns"] |= places
+    beam: dict[str, str] = {}
+    if bent and choices.get(POSITION_OF) == "stage":
+        length = sheet.unit(int(bent[0].key[1])) or units["position"]
+        each = stiffness_of(bent[0].values, found.picks["force"].series.values)
+        beam["beam"] = f"{each * factors['force'] / si_unit(length)[1]:.6g} N/m"
+        extra["reasons"].append(f"beam: {beam['beam']}: the force over {bent[0].label}, which is taken off")
+    elif bent:
+        extra["blanks"].append(f"{POSITION_OF}: {which_of_both(bent[0], found.picks['position'].series)}")
     second = 1.0 if clock is not None else 1.0 / (rate or _USUAL)
     suggestion = assemble_suggestion(found, device, channels, factors, extra, second)
+    alignment = {**suggestion.alignment, **beam, **{f"lateral_{name}": f"log.{name}" for name in places}}
     keys = {f"columns.{role}.unit": text for role, text in guesses.items()}
     rivals = {**suggestion.rivals, **trials}
-    stated = tuple((fact.line, fact.name, fact.value) for fact in facts)
-    return replace(suggestion, guesses=keys, rivals=rivals, facts=stated, has_time=has_time)
+    worth = tuple((fact.line, fact.name, fact.value) for fact in facts)
+    return replace(suggestion, alignment=alignment, guesses=keys, rivals=rivals, facts=worth, has_time=has_time)
 
 
-def deflections(series: Sequence[NumberColumn]) -> list[NumberColumn]:
-    """Lengths of several over which the force is one constant from first to last: a beam or spring, and no position."""
-    forces, lengths = ([s for s in series if s.role == role] for role in ("force", "position"))
-    found = [s for s in lengths if any(_is_spring(s.values, force.values) for force in forces)]
-    return found if len(found) < len(lengths) else []
-
-
-def _is_spring(length: Floats, force: Floats) -> bool:
-    known = (np.abs(length) < LARGEST) & (np.abs(force) < LARGEST)
-    x, y = length[known], force[known]
-    if len(x) < _READINGS or not float(np.ptp(x)) > 0.0 or not float(np.ptp(y)) > 0.0:
-        return False
-    return 1.0 - float(np.corrcoef(x, y)[0, 1]) ** 2 < _SPRING
-
-
-def _of_what(bent: NumberColumn, place: NumberColumn) -> str:
-    name, stage = (s.label.removeprefix("column ") for s in (bent, place))
-    return (
-        f"position: the force is one constant times {name}, so that is what a beam or spring yields by, and {stage} is "
-        f"the tip's only where it was taken off already: say --position '{stage}' where it was, else add a column "
-        f"'indentation' of {stage} less {name}"
-    )
-
-
-def _presses(sheet: Sheet, values: Floats) -> Iterator[str]:
-    """That a column counts the presses of one table, which are read as one."""
+def _places(sheet: Sheet) -> dict[str, dict[str, Any]]:
+    """The columns that say where along the skin a record is; none where one of the two is missing."""
+    found: dict[str, dict[str, Any]] = {}
     for k, name in enumerate(sheet.names):
-        column = values[:, k]
-        if not _OF_PRESS & {*words_of(name)} or not np.isfinite(column).all() or (column % 1.0).any():
-            continue
-        changes = int(np.count_nonzero(np.diff(column)))
-        if 0 < changes < len(column) / _ROWS_OF_PRESS:
-            text = column_text(sheet.column(k))
-            yield (
-                f"column {text} names {changes + 1} presses in one table, which are fitted as one: for a row of each "
-                "add it to [device.log.columns] of a pipeline, then palpate fit FILE --each --pipeline FILE.toml "
-                f"--by {text}"
-            )
+        unit, words = sheet.unit(k), words_of(name)
+        if words and words[0] in ("x", "y") and unit and si_unit(unit)[0] == "m":
+            found.setdefault(words[0], {"column": sheet.column(k), "unit": unit})
+    return found if len(found) == 2 else {}
 
 
 def _other_trials(found: RoleGuess, sheet: Sheet) -> dict[str, tuple[str, ...]]:

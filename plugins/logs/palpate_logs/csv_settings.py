@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import codecs
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from encodings.aliases import aliases
 from functools import cached_property
 from typing import Annotated, Literal, Self
 
-from palpate import Channel, File, Frequency, Settings, Stream, suggest, to_si
+from palpate import Channel, File, Frequency, Settings, Stream, Time, suggest, to_si
 from palpate_kit.logs.log_link import file_facts
 from palpate_records.log_files import regular
 from palpate_records.messages.readings import si_unit
 from palpate_records.recording import Recording
 from palpate_records.tables.clock_times import CLOCK
+from palpate_records.tables.csv_sheet import KEYS
 from palpate_records.tables.dialect import Dialect
+from palpate_records.tables.footer import footer_words
 from pydantic import Field, model_validator
 
 
@@ -43,6 +45,7 @@ class Tally:
 
     timeless: int = 0  # rows
     overload: int = 0  # readings that the instrument could not make
+    footer: list[list[str]] = field(default_factory=list)  # cells of lines below the readings
     cut: str | None = None  # the last number, where the file ends within it
 
 
@@ -69,6 +72,17 @@ class CsvSettings(Recording):
         default=None, ge=0, description="line of units that must agree with the columns', 0 for none; found if left out"
     )
     sheet: str | None = Field(default=None, description="of a workbook; the first with rows of numbers if left out")
+    record: str | None = Field(
+        default=None,
+        min_length=1,
+        description="of a file of several: a sheet, the title of a table or of columns, or the text in the column that "
+        "names them",
+    )
+
+    begin: Time | None = Field(
+        default=None, ge=0, description="leave out what was recorded earlier, counted from the first row"
+    )
+    end: Time | None = Field(default=None, gt=0, description="leave out what was recorded later")
 
     @model_validator(mode="after")
     def _one_source_of_time(self) -> Self:
@@ -90,6 +104,11 @@ class CsvSettings(Recording):
         return Dialect(self.delimiter, self.decimal, self.thousands, self.comment)
 
     @property
+    def written(self) -> dict[str, str]:
+        """What is stated of how the file is written, as texts."""
+        return {key: str(value) for key in KEYS if (value := getattr(self, key)) is not None}
+
+    @property
     def streams(self) -> tuple[Stream, ...]:
         """One stream without a name: channels are addressed as ``device.channel``."""
         regular(self.file)
@@ -98,12 +117,14 @@ class CsvSettings(Recording):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """How many rows were left out since they have no time, and a last one that was cut."""
+        """How many rows have no time, which readings are missing, what is below them, and a last row that was cut."""
         tally, found = self.tally, []
         if tally.timeless:
             found.append(f"{self.file.name}: {tally.timeless} rows have no finite time, and were left out")
         if tally.overload:
             found.append(f"{self.file.name}: {tally.overload} cells hold a mark of overload, and no reading")
+        if tally.footer:
+            found.append(f"{self.file.name}: {footer_words(tally.footer)}")
         if tally.cut is not None:
             found.append(
                 f"{self.file.name}: the last line has no end, and its last number, {tally.cut}, fewer digits than all "

@@ -14,6 +14,7 @@ from palpate_records.recording import Survey, TopicSurvey
 from palpate_records.tables.clock_times import CLOCK
 from palpate_records.tables.csv_layout import facts_worth_stating
 from palpate_records.tables.csv_truncation import cut_number
+from palpate_records.tables.table_records import records_note
 
 from palpate_logs.csv_roles import look
 
@@ -43,6 +44,7 @@ def survey_csv(path: Path) -> Survey:
         notes += (
             f"the file was cut within its last number, {cut}: its line has no end, all numbers above have more digits",
         )
+    notes += (note,) if (note := records_note(path, {})) is not None else ()
     notes += tuple(f"line {fact.line}: {fact.name}: {fact.value}" for fact in facts_worth_stating(sheet.facts))
     if clock is None:
         numbers = gathered.surveys()

@@ -13,7 +13,7 @@ from palpate_kit.logs.joint_kinematics import Kinematics
 from palpate_kit.logs.log_link import LogLink, described_feeds, file_facts, window
 from palpate_kit.logs.topic_suggestion import suggestion_for
 from palpate_kit.terminal.progress import report_progress
-from palpate_records.bags.bag_folder import SUFFIXES, Bag
+from palpate_records.bags.bag_folder import SUFFIXES, Bag, is_bag
 from palpate_records.bags.sqlite_recovery import recover_bag
 from palpate_records.log_tables import tables_of, texts_of
 from palpate_records.messages.channel_mapping import Clock, MappedSignal
@@ -96,12 +96,9 @@ class Rosbag2Replay(Recording):
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """A folder, or a file that is named like a bag's database."""
+        """A folder that is one bag, or a file that is named like a bag's database."""
         names = tuple(suffix for suffix in SUFFIXES if suffix != ".mcap")
-        return path.name.lower().endswith(names) or (
-            path.is_dir()
-            and ((path / "metadata.yaml").is_file() or any(f.name.lower().endswith(SUFFIXES) for f in path.iterdir()))
-        )
+        return path.name.lower().endswith(names) or is_bag(path)
 
     @classmethod
     def survey(cls, path: Path) -> Survey:

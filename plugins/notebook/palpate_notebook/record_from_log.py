@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError
-from palpate_kit.logs.draft_pipeline import suggestion_of
+from palpate_kit.logs.draft_pipeline import recording_of, suggestion_of
 from palpate_kit.runs.replay_source import read_run_log, replay_source, with_other_channels
 from palpate_records.recording import Suggestion
 
 from palpate_notebook.record_object import Record, alignment_table
 
 _ROLES = {"height": "position"}
+_NAMED = 40  # records
 _TIMED = ("force", "position", "velocity")
 _UNSTATED = ("alignment.tare", "alignment.*.delay")  # of another's log
 
@@ -37,7 +39,8 @@ def read(
     ``{"force": "/wrench:wrench.force.z", "height": "z", "rate": "500 Hz"}``; keys of a table's device are taken as
     they are: ``{"columns.force.scale": 25.0, "decimal": ","}``. The rest is found by what the numbers do together,
     and what is only a guess is warned of. Delays and tare that are not stated are flagged in the results
-    (`assumed`). All else as in `palpate.record`.
+    (`assumed`). Of a file that holds several records, such as the sheets of a workbook, ``{"record": "gel 1"}`` names
+    one. All else as in `palpate.record`.
 
     Raises LogError for what is no log, ConfigurationError where something must be said that no file can say.
     """
@@ -48,6 +51,10 @@ def read(
     if carried is not None and not choices:
         tables = replay_source(carried).tables
     else:
+        if "record" not in choices and (names := recording_of(log).records(log, choices)):
+            there = f"{', '.join(names[:_NAMED])}{', ...' if len(names) > _NAMED else ''}"
+            which = f'signals={{"record": {json.dumps(names[0])}}}'
+            raise ConfigurationError(f"{log}: holds {len(names)} records ({there}): choose one with {which}")
         suggestion = suggestion_of(log, choices)
         if suggestion.blanks:
             raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}: state it in signals={_asked(suggestion)}")
@@ -71,7 +78,8 @@ def read(
         for key in ([f"alignment.{role}.delay" for role in roles if role in _TIMED] if "*" in pattern else [pattern])
         if key.startswith("alignment.") and key not in stated
     ]
-    return Record(log.name, tables["device"], table, log, doubts, assumed=tuple(dict.fromkeys(assumed)))
+    name = f"{log.name}:{choices['record']}" if "record" in choices else log.name
+    return Record(name, tables["device"], table, log, doubts, assumed=tuple(dict.fromkeys(assumed)))
 
 
 def _asked(suggestion: Suggestion) -> str:

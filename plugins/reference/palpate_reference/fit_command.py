@@ -31,7 +31,7 @@ from palpate_reference.superposition.master_command import (
     superposition_remarks,
 )
 from palpate_reference.table_fit import FitProblem, fit_law
-from palpate_reference.table_options import ModulusOption, UnitOption, table_settings
+from palpate_reference.table_options import ColumnOption, ModulusOption, UnitOption, table_settings
 
 _POISSON_STD = 0.02 / math.sqrt(3)  # as runs take it: known within 0.02 below its value
 
@@ -55,6 +55,7 @@ def fit_material(
     by: ByOption = "moduli",
     units: UnitOption = None,
     modulus: ModulusOption = None,
+    columns: ColumnOption = None,
     out: FolderOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
@@ -66,7 +67,7 @@ def fit_material(
     temperatures are shifted first, as by `palpate material master`; runs are taken as at that temperature. Stress over
     strain is nominal, of an incompressible solid. Writes material.json and fit.png.
     """
-    tables = read_sources(sources, table_settings(units, modulus), poisson)
+    tables = read_sources(sources, table_settings(units, modulus, columns), poisson)
     if tables[0].kind == "stress-strain":
         if reference is not None or vertical:
             raise ConfigurationError("--reference-temperature: stress over strain has no time that could be shifted")

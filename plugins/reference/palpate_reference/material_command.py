@@ -15,7 +15,7 @@ from palpate_kit.terminal.options import FormatOption, JsonOption
 from palpate_kit.terminal.table import Table, console
 
 from palpate_reference.material_table import MaterialTable, frequency_or_time, letters
-from palpate_reference.table_options import ModulusOption, UnitOption, table_settings
+from palpate_reference.table_options import ColumnOption, ModulusOption, UnitOption, table_settings
 from palpate_reference.table_reader import read_tables
 
 
@@ -23,6 +23,7 @@ def material(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Tables of a rheometer, DMA or dynamometer.")],
     units: UnitOption = None,
     modulus: ModulusOption = None,
+    columns: ColumnOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:
@@ -31,7 +32,7 @@ def material(
     Nothing is guessed: what a table does not state is asked for. `palpate material fit` fits laws to them, `palpate
     agree --reference FILE` compares runs with them.
     """
-    settings = table_settings(units, modulus)
+    settings = table_settings(units, modulus, columns)
     tables = [table for path in files for table in read_tables(path, settings)]
     if as_json:
         print_json({"tables": [document(table) for table in tables]})

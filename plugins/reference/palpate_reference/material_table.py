@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from palpate import Floats
@@ -45,6 +45,7 @@ class TableSettings:
 
     units: Mapping[str, str]  # by column
     shear: bool | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)  # that are named, by role
 
 
 def frequency_or_time(kind: Kind) -> str:

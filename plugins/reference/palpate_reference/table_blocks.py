@@ -10,7 +10,9 @@ from palpate import LogError
 
 from palpate_reference.instrument_text import InstrumentText, TextLine
 
-TRIOS, RHEOCOMPASS, GENERIC = "TRIOS", "RheoCompass", "table"
+TRIOS, RHEOCOMPASS, SIGNALS, GENERIC = "TRIOS", "RheoCompass", "Universal Analysis", "table"
+_SIGNAL, _DATA = re.compile(r"sig\d+\b[\s:]*", re.IGNORECASE), "startofdata"
+_ABOUT = 40  # lines that name the instrument
 _STEP, _INTERVAL, _NAMES, _RESULT = "[step]", "interval and data points:", "interval data:", "result:"
 _VARIABLES, _POINTS, _POINT = "variables", "number of points", "data point"  # of a step in the LIMS form of TRIOS
 _COMMENT = "#%"
@@ -36,6 +38,8 @@ def table_blocks(text: InstrumentText) -> list[TableBlock]:
     first = [line.cell(0).lower() for line in text.lines]
     if _STEP in first:
         blocks = list(_trios(text, first))
+    elif any(map(_SIGNAL.match, first)) and _DATA in first:
+        blocks = list(_signals(text, first))
     elif _INTERVAL in first:
         blocks = list(_rheocompass(text, first))
     else:
@@ -70,6 +74,18 @@ def _lims_step(text: InstrumentText, first: Sequence[str], begin: int, end: int,
         _demand_all_rows(text, at[_POINTS], at[_POINTS].cell(1), rows)
     title = at["step name"].cell(1) if "step name" in at else ""
     return TableBlock(TRIOS, title, ("", *names.cells[1:]), names.number, _padded(units, names), rows, shear)
+
+
+def _signals(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBlock]:
+    """One table of a Q800 and its like: lines ``Sig1``, ... name the columns, rows stand below StartOfData."""
+    named = [(line, " ".join(line.cells)) for line in text.lines if _SIGNAL.match(line.cell(0).lower())]
+    names = tuple(_SIGNAL.sub("", name.strip(), count=1).strip() for _, name in named)
+    below = text.lines[first.index(_DATA) + 1 :]
+    rows = (line for line in below if len([cell for cell in line.cells if cell]) >= len(names))
+    about = " ".join(" ".join(line.cells) for line in text.lines[:_ABOUT])
+    shear = True if _SHEAR.search(about) else False if _TENSILE.search(about) else None
+    marks = tuple(line for line in rows if not line.cell(0).startswith("-"))  # negative times end a step
+    yield TableBlock(SIGNALS, "", names, named[0][0].number, (), marks, shear)
 
 
 def _rheocompass(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBlock]:

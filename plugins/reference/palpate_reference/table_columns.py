@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +16,9 @@ from palpate_reference.table_blocks import TableBlock
 _UNIT_BEHIND = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
 _UNIT_NAMED = re.compile(r"\s+in\s+(\S+)$")  # as RheoWin writes it
 _UNIT_IN_NAME = re.compile(r"_(per_)?(Pa|kPa|MPa|Hz|s|m)$")
-_OF_TIME = re.compile(r"([GEJD])\(t\)")
-_ALIASES = {"sec": "s", "Pa.s": "Pa*s", "Pa-s": "Pa*s", "-": "1", "": "", "rad/sec": "rad/s"}
+_UNIT_OVER = re.compile(r"(.*?[^\s/])\s*(?:/|,)\s*(\S+)$")  # "G'/Pa", "omega / rad/s", "G', Pa"
+_OF_TIME = re.compile(r"([GEJD])\(t\)|tan ?\((?:delta|δ)\)", re.IGNORECASE)  # brackets that hold no unit
+_ALIASES = {"°": "deg", "º": "deg", "sec": "s", "Pa.s": "Pa*s", "Pa-s": "Pa*s", "-": "1", "": "", "rad/sec": "rad/s"}
 # Role -> its SI unit, and the names by which programs call it, in small letters.
 _ROLES: Mapping[str, tuple[str, str]] = {
     "frequency": ("Hz", r"freq(uency)?|f"),
@@ -25,6 +26,10 @@ _ROLES: Mapping[str, tuple[str, str]] = {
     "storage": ("Pa", r"elastic component|"
                 r"((?P<kind>shear|tensile|young'?s?|[ge]) )?storage( modulus)?|(?P<kind2>[ge])(?:'| stor)"),
     "loss": ("Pa", r"viscous component|((?P<kind>shear|tensile|young'?s?|[ge]) )?loss( modulus)?|(?P<kind2>[ge])''"),
+    "loss_factor": ("", r"tan ?\(?(delta|δ|d)\)?|(loss|damping) (factor|tangent)"),
+    "magnitude": ("Pa", r"((?P<kind>shear|tensile|young'?s?) )?(complex|dynamic) (shear )?modulus|"
+                        r"\|?(?P<kind2>[ge])\*\|?|\|(?P<kind3>[ge])\|"),
+    "phase": ("rad", r"delta|δ|(phase|loss)( (angle|shift|lag))|phase"),
     "modulus": ("Pa", r"((?P<kind>shear|tensile|young'?s?) )?relaxation modulus|(?P<kind2>[ge])(?:\(t\)| relax)?|"
                       r"modulus"),
     "compliance": ("1/Pa", r"((?P<kind>shear|tensile) )?(creep )?compliance|(?P<kind2>[jd])(?:\(t\))?"),
@@ -54,19 +59,25 @@ class TableColumn:
     std: bool = False  # whether it is the standard uncertainty of its role
 
 
-def columns_of(text: InstrumentText, block: TableBlock, stated: Mapping[str, str]) -> dict[str, TableColumn]:
-    """Columns by role, ``ROLE_std`` for uncertainties, with units as the file or a person states them.
+def columns_of(
+    text: InstrumentText, block: TableBlock, stated: Mapping[str, str], roles: Mapping[str, str] = {}
+) -> dict[str, TableColumn]:
+    """Columns by role, ``ROLE_std`` for uncertainties, with units and `roles` as the file or a person states them.
 
-    Of a table that has moduli of shear and of Young those of shear. Raises LogError for a name that a table lacks.
+    Of a table that has moduli of shear and of Young those of shear. Raises LogError for a role that there is not.
     """
+    if wrong := next((role for role in roles if role not in _ROLES), None):
+        raise LogError(f"{text.path}: --column: there is no role {wrong!r}{suggest(wrong, _ROLES)}")
+    role_of = {head: role for role, head in roles.items()}
     found: dict[str, TableColumn] = {}
     for index, head in enumerate(block.names):
         name, written = name_and_unit(head)
         if index < len(block.units) and block.units[index]:
             written = block.units[index]
         written = stated.get(head, stated.get(name, written))
-        column = _column(index, head, name, _ALIASES.get(written, written))
-        if column is None:
+        unit, chosen = _ALIASES.get(written, written), role_of.get(head, role_of.get(name))
+        column = _column(index, head, name, unit) if chosen is None else TableColumn(chosen, index, head, unit)
+        if column is None or (chosen is None and column.role in roles):
             continue
         key = f"{column.role}_std" if column.std else column.role
         if key not in found or (found[key].shear is False and column.shear):
@@ -74,12 +85,14 @@ def columns_of(text: InstrumentText, block: TableBlock, stated: Mapping[str, str
     return found
 
 
-def demand_names(text: InstrumentText, heads: set[str], stated: Mapping[str, str]) -> None:
-    """Raise LogError where a person states the unit of a column that is in no table of the file."""
+def demand_names(text: InstrumentText, heads: set[str], option: str, stated: Iterable[str]) -> None:
+    """Raise LogError where a person names a column that is in no table of the file."""
     names = {*heads, *(name_and_unit(head)[0] for head in heads)}
     for name in stated:
         if name not in names:
-            raise LogError(f"{text.path}: --unit: there is no column {name!r}{suggest(name, {h for h in heads if h})}")
+            raise LogError(
+                f"{text.path}: {option}: there is no column {name!r}{suggest(name, {h for h in heads if h})}"
+            )
 
 
 def name_and_unit(head: str) -> tuple[str, str]:
@@ -87,6 +100,8 @@ def name_and_unit(head: str) -> tuple[str, str]:
 
     >>> name_and_unit("G' [kPa]"), name_and_unit("E_std_Pa"), name_and_unit("J_per_Pa"), name_and_unit("G(t) (Pa)")
     (("G'", 'kPa'), ('E std', 'Pa'), ('J', '1/Pa'), ('G(t)', 'Pa'))
+    >>> name_and_unit("omega / rad/s"), name_and_unit("tan(delta)")
+    (('omega', 'rad/s'), ('tan(delta)', ''))
     """
     head = head.strip()
     if match := _UNIT_IN_NAME.search(head):
@@ -96,6 +111,8 @@ def name_and_unit(head: str) -> tuple[str, str]:
     match = None if _OF_TIME.fullmatch(head) else _UNIT_BEHIND.search(head)
     if match and (is_unit(match[1].strip()) or head[: match.start()].strip().lower() not in ("u", "std", "sd")):
         return head[: match.start()].strip().replace("_", " "), match[1].strip()
+    if (match := _UNIT_OVER.fullmatch(head)) and is_unit(match[2]):
+        return match[1].replace("_", " "), match[2]
     return head.replace("_", " "), ""
 
 
@@ -116,7 +133,7 @@ def _column(index: int, head: str, name: str, unit: str) -> TableColumn | None:
     for role, (_, pattern) in _ROLES.items():
         if named := re.fullmatch(pattern, plain):
             groups = named.groupdict()
-            kind = groups.get("kind") or groups.get("kind2")
+            kind = groups.get("kind") or groups.get("kind2") or groups.get("kind3")
             return TableColumn(role, index, head, unit, None if kind is None else kind not in _YOUNG, std)
     return None
 
@@ -155,6 +172,8 @@ def _factor(text: InstrumentText, block: TableBlock, column: TableColumn) -> flo
     """How much of the SI unit of its role one of a column's unit is; raises LogError."""
     si = _ROLES[column.role][0]
     at = place(text, block, column)
+    if not si:
+        return 1.0
     if not column.unit:
         first, *others = example_unit(column.role)
         rest = "".join(f' or "{other}"' for other in others)
@@ -181,7 +200,7 @@ def _factor(text: InstrumentText, block: TableBlock, column: TableColumn) -> flo
 def example_unit(role: str) -> tuple[str, ...]:
     """What the unit of a role can be; none for a role that needs none."""
     si = _ROLES[role][0]
-    others = {"frequency": ("Hz", "rad/s"), "strain": ("%", "1")}
+    others = {"frequency": ("Hz", "rad/s"), "strain": ("%", "1"), "phase": ("deg", "rad")}
     return others.get(role, () if si in ("", "°C") else (si,))
 
 

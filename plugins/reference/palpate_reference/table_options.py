@@ -15,17 +15,31 @@ UnitOption = Annotated[
     list[str] | None,
     typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column that states none; can be repeated."),
 ]
+ColumnOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--column",
+        metavar="ROLE=COLUMN",
+        help='Which column is what where its name does not say it, as in "storage=My modulus"; can be repeated.',
+    ),
+]
 ModulusOption = Annotated[
     Modulus | None, typer.Option("--modulus", help="What moduli are where no name says it: of shear or Young's.")
 ]
 
 
-def table_settings(units: Sequence[str] | None, modulus: Modulus | None) -> TableSettings:
+def table_settings(
+    units: Sequence[str] | None, modulus: Modulus | None, columns: Sequence[str] | None = None
+) -> TableSettings:
     """What the options state; raises ConfigurationError."""
-    stated: dict[str, str] = {}
-    for text in units or ():
-        name, equals, unit = text.rpartition("=")
-        if not (equals and name and unit):
-            raise ConfigurationError(f'--unit {text!r}: write COLUMN=UNIT, such as --unit "Freq=rad/s"')
-        stated[name.strip()] = unit.strip()
-    return TableSettings(stated, None if modulus is None else modulus == "shear")
+    stated = dict(_pair(text, "--unit", "COLUMN=UNIT", "Freq=rad/s", last=True) for text in units or ())
+    named = dict(_pair(text, "--column", "ROLE=COLUMN", "storage=My modulus") for text in columns or ())
+    return TableSettings(stated, None if modulus is None else modulus == "shear", named)
+
+
+def _pair(text: str, option: str, form: str, example: str, last: bool = False) -> tuple[str, str]:
+    """What stands before and behind the first sign of equality, or the last one; raises ConfigurationError."""
+    one, equals, other = text.rpartition("=") if last else text.partition("=")
+    if not (equals and one and other):
+        raise ConfigurationError(f'{option} {text!r}: write {form}, such as {option} "{example}"')
+    return one.strip(), other.strip()

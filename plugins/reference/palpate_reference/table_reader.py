@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +28,13 @@ _VALUES: Mapping[Kind, tuple[str, ...]] = {
     "creep": ("compliance",),
     "stress-strain": ("stress",),
 }
+_MODULI = (
+    ("storage", "loss"),
+    ("storage", "loss_factor"),
+    ("magnitude", "phase"),
+    ("magnitude", "loss_factor"),
+    ("storage", "phase"),
+)
 _HELD: Mapping[str, Kind] = {"strain": "relaxation", "stress": "creep"}  # what is held constant over time
 _FLOWS = re.compile(r"\bflow\b|peak hold", re.IGNORECASE)  # steps that no solid is put to
 _TIMES = ("step_time", "time", "test_time")  # the first that there is counts
@@ -40,10 +47,12 @@ def read_tables(path: Path, settings: TableSettings) -> list[MaterialTable]:
     """Every table of a file that holds moduli, a compliance, or stress over strain; raises LogError for none."""
     text = read_text(path)
     blocks = table_blocks(text)
-    demand_names(text, {name for block in blocks for name in block.names}, settings.units)
+    heads = {name for block in blocks for name in block.names}
+    demand_names(text, heads, "--unit", settings.units)
+    demand_names(text, heads, "--column", settings.columns.values())
     tables: list[MaterialTable] = []
     for block in blocks:
-        columns = columns_of(text, block, settings.units)
+        columns = columns_of(text, block, settings.units, settings.columns)
         kind = _kind(text, block, columns)
         if kind is not None:
             tables.append(_table(text, block, columns, kind, settings))
@@ -65,7 +74,7 @@ def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableCo
     filled = {role for role, column in columns.items() if any(line.cell(column.index) for line in block.rows)}
     filled = filled or set(columns)
     time = filled & set(_TIMES)
-    if {"storage", "loss"} <= filled:
+    if moduli_among(filled):
         return "oscillation" if filled & {"frequency", "angular_frequency"} else None
     over_time: list[Kind] = [kind for kind in _HELD.values() if time and _VALUES[kind][0] in filled]
     if len(over_time) == 1 or (over_time and not {"strain", "stress"} <= filled):
@@ -79,6 +88,11 @@ def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableCo
     if held and (over_time or not (flows and steadier == "stress")):  # of any step some programs write J and G(t)
         return _HELD[steadier]
     return "stress-strain" if len(block.rows) > 1 and not flows else None
+
+
+def moduli_among(roles: Collection[str]) -> tuple[str, ...]:
+    """The two roles of columns by which storage and loss are known: themselves, or one with the angle between them."""
+    return next((pair for pair in _MODULI if {*pair} <= {*roles}), ())
 
 
 def _spread(values: Floats) -> float:
@@ -100,8 +114,10 @@ def _table(
 ) -> MaterialTable:
     if not block.rows:
         raise LogError(f"{text.path}:{block.names_line}: the table has no rows")
-    x, notes = _abscissa(text, block, columns, kind, settings)
+    x, notes = _abscissa(text, block, columns, kind)
     y, std, value = _values(text, block, columns, kind, notes)
+    if kind == "oscillation":
+        _check_frequency(text, block, columns, settings, x, y)
     others = {
         role: si_values(text, block, columns[role]) if role in columns and kind != "stress-strain" else None
         for role in ("strain", "temperature")
@@ -134,6 +150,12 @@ def _values(
     A relaxation without a modulus is stress over the strain that is held, a creep strain over stress.
     """
     roles = _VALUES[kind]
+    if kind == "oscillation" and (pair := moduli_among(columns)) != roles:
+        first, second = (si_values(text, block, columns[role]) for role in pair)
+        notes.append(f"of {columns[pair[0]].name} and {columns[pair[1]].name}")
+        angle = second if pair[1] == "phase" else np.arctan(second)
+        size = first if pair[0] == "magnitude" else first / np.cos(angle)
+        return np.column_stack([size * np.cos(angle), size * np.sin(angle)]), None, columns[pair[0]]
     if roles[0] in columns and any(line.cell(columns[roles[0]].index) for line in block.rows):
         y = np.column_stack([si_values(text, block, columns[role]) for role in roles])
         stds = [columns.get(f"{role}_std") for role in roles]
@@ -151,7 +173,7 @@ def _positive(
 ) -> list[tuple[TableColumn, Floats]]:
     """Columns of which all values are above zero; a time may be zero, too."""
     axes = ("frequency", "angular_frequency") if kind == "oscillation" else _TIMES
-    names = _VALUES[kind]
+    names = moduli_among(columns) if kind == "oscillation" else _VALUES[kind]
     axis = next(columns[role] for role in axes if role in columns)
     checked = [(axis, x if kind == "oscillation" else x + (x == 0.0))]
     checked += [(columns[role if role in columns else "stress"], y[:, k]) for k, role in enumerate(names)]
@@ -160,27 +182,42 @@ def _positive(
 
 
 def _abscissa(
-    text: InstrumentText, block: TableBlock, columns: dict[str, TableColumn], kind: Kind, settings: TableSettings
+    text: InstrumentText, block: TableBlock, columns: dict[str, TableColumn], kind: Kind
 ) -> tuple[Floats, list[str]]:
     """Frequencies [Hz], times [s] or strains, and what is to be said of them."""
     if kind == "stress-strain":
         return si_values(text, block, columns["strain"]), []
     if kind != "oscillation":
         return si_values(text, block, next(columns[role] for role in _TIMES if role in columns)), []
-    column = columns["frequency"] if "frequency" in columns else columns["angular_frequency"]
+    column = _frequency(columns)
     x = si_values(text, block, column)
     if column.role == "angular_frequency":
         x = x / (2.0 * math.pi)
-    elif "angular_frequency" in columns:
+    return x, ["frequency in rad/s, divided by 2 pi"] if column.unit != "Hz" else []
+
+
+def _frequency(columns: Mapping[str, TableColumn]) -> TableColumn:
+    return columns["frequency"] if "frequency" in columns else columns["angular_frequency"]
+
+
+def _check_frequency(
+    text: InstrumentText,
+    block: TableBlock,
+    columns: Mapping[str, TableColumn],
+    settings: TableSettings,
+    x: Floats,
+    moduli: Floats,
+) -> None:
+    """Raise LogError where frequencies [Hz] contradict the table, or may be in rad/s."""
+    column = _frequency(columns)
+    if column.role == "frequency" and "angular_frequency" in columns:
         angular = si_values(text, block, columns["angular_frequency"]) / (2.0 * math.pi)
         demand_same_frequency(text, block, column, x, angular)
     if "viscosity" in columns and columns["viscosity"].index < min(len(line.cells) for line in block.rows):
-        size = np.hypot(*(si_values(text, block, columns[role]) for role in ("storage", "loss")))
-        by_viscosity = size / si_values(text, block, columns["viscosity"]) / (2.0 * math.pi)
+        by_viscosity = np.hypot(*moduli.T) / si_values(text, block, columns["viscosity"]) / (2.0 * math.pi)
         demand_same_frequency(text, block, column, x, by_viscosity)
     if column.unit == "Hz" and column.name not in settings.units:
         ask_for_radians(text, block, column, x)
-    return x, ["frequency in rad/s, divided by 2 pi"] if column.unit != "Hz" else []
 
 
 def _shear(text: InstrumentText, block: TableBlock, column: TableColumn, kind: Kind, settings: TableSettings) -> bool:

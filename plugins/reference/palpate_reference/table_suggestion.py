@@ -13,11 +13,11 @@ from palpate_reference.instrument_text import read_text
 from palpate_reference.material_table import MaterialTable, TableSettings, frequency_or_time, letters
 from palpate_reference.table_blocks import GENERIC, TableBlock, table_blocks
 from palpate_reference.table_columns import TableColumn, columns_of, example_unit, name_and_unit
-from palpate_reference.table_reader import read_tables
+from palpate_reference.table_reader import moduli_among, read_tables
 
 _STEP = 5.0  # [K] between sweeps that can be shifted
 _LARGEST = 5_000_000  # [bytes] of a table of an instrument
-_SURE = ({"storage", "loss"}, {"modulus"}, {"compliance"}, {"strain", "stress"})  # roles that no log of a press has
+_SURE = ({"modulus"}, {"compliance"}, {"strain", "stress"})  # roles that no log of a press has, as moduli are
 _OF_LOGS = re.compile("force|load|kraft|displacement|extension|position|weg", re.IGNORECASE)
 
 
@@ -70,7 +70,7 @@ def _is_of_material(block: TableBlock, columns: dict[str, TableColumn]) -> bool:
     named = {
         role for role, column in columns.items() if len(name_and_unit(column.name)[0]) > 1
     }  # E and z may be anything
-    if not any(roles <= named for roles in _SURE):
+    if not moduli_among(named) and not any(roles <= named for roles in _SURE):
         return False
     return not any(_OF_LOGS.search(name) for name in block.names)
 

@@ -19,7 +19,7 @@ from palpate_reference.agreement.reference_source import QUANTITIES, file_refere
 from palpate_reference.agreement.value_pairs import ReferenceOf, ValuePair, run_pairs, table_pairs
 from palpate_reference.material_table import TableSettings
 from palpate_reference.run_values import Conditions
-from palpate_reference.table_options import ModulusOption, UnitOption, table_settings
+from palpate_reference.table_options import ColumnOption, ModulusOption, UnitOption, table_settings
 
 AGREEMENT = "agreement.json"
 Quantity = Literal["elasticity", "viscosity"]
@@ -47,6 +47,7 @@ def agree(
     track: TrackOption = None,
     units: UnitOption = None,
     modulus: ModulusOption = None,
+    columns: ColumnOption = None,
     out: FolderOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
@@ -60,7 +61,7 @@ def agree(
     if len(runs) == 1 and runs[0].is_file():
         pairs = _table_pairs(runs[0], quantity, track, reference)
     else:
-        known = _reference(reference, uncertainty, quantity, stated, table_settings(units, modulus))
+        known = _reference(reference, uncertainty, quantity, stated, table_settings(units, modulus, columns))
         pairs = run_pairs(runs, quantity, track, known)
     agreement = agreement_of(pairs, quantity)
     folder = make_folder("agreement", out, datetime.now(UTC).astimezone())

@@ -21,7 +21,7 @@ from palpate_reference.material_table import MaterialTable, frequency_or_time, l
 from palpate_reference.superposition.master_curve import MasterCurve, master_curve
 from palpate_reference.superposition.shift_laws import ShiftLaw, shift_laws
 from palpate_reference.superposition.temperature_sweeps import temperature_of, temperature_sweeps
-from palpate_reference.table_options import ModulusOption, UnitOption, table_settings
+from palpate_reference.table_options import ColumnOption, ModulusOption, UnitOption, table_settings
 from palpate_reference.table_reader import read_tables
 
 _REFUTED = 1e-3  # p of a law
@@ -44,6 +44,7 @@ def master(
     by: ByOption = "moduli",
     units: UnitOption = None,
     modulus: ModulusOption = None,
+    columns: ColumnOption = None,
     out: FolderOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
@@ -53,7 +54,7 @@ def master(
     The curve presumes no law. WLF and Arrhenius are fitted to the shifts. Sweeps that do not superpose are named.
     Writes master.csv, shifts.json and master.png; `palpate material fit --reference-temperature` fits laws to it.
     """
-    settings = table_settings(units, modulus)
+    settings = table_settings(units, modulus, columns)
     tables = [table for path in files for table in read_tables(path, settings) if table.kind != "stress-strain"]
     curve = curve_at(tables, reference, vertical, by == "storage")
     laws = shift_laws(curve)

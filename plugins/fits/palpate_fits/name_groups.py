@@ -1,0 +1,72 @@
+"""Groups of files by a pattern of their names, as columns of ``curves.csv``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from palpate import ConfigurationError
+from palpate_engine import Pipeline, display_unit
+from palpate_kit.curves.alike_logs import LogPart
+from palpate_kit.curves.curve_fits import Row, value_units
+from palpate_kit.curves.curve_list import OWN, Entries
+from palpate_kit.curves.curve_table import summary_of
+from palpate_kit.terminal.table import Table
+
+from palpate_fits.fit_tables import quartiles_text
+
+GROUP = "group"
+_MOST = 24  # groups that are shown
+
+
+def name_pattern(text: str) -> re.Pattern[str]:
+    """The pattern of ``--by``; raises ConfigurationError where it is none, or has no group in brackets."""
+    try:
+        pattern = re.compile(text)
+    except re.error as error:
+        raise ConfigurationError(f"--by {text!r}: is no pattern of names: {error}") from error
+    if not pattern.groups:
+        raise ConfigurationError(f'--by {text!r}: has no group in brackets, as in --by "(ctrl|treat)"')
+    if wrong := next((name for name in pattern.groupindex if name in OWN), None):
+        raise ConfigurationError(f"--by {text!r}: a group cannot be called {wrong!r}, as a column of curves.csv is")
+    return pattern
+
+
+def groups_by_name(files: Sequence[LogPart], sources: Sequence[Path], pattern: re.Pattern[str]) -> Entries:
+    """The groups of each file whose name, as seen from the folder that was given, has the pattern.
+
+    Raises ConfigurationError where none has.
+    """
+    named = {number: name for name, number in pattern.groupindex.items()}
+    columns = [named.get(k, GROUP if k == 1 else f"{GROUP}{k}") for k in range(1, pattern.groups + 1)]
+    found: Entries = {}
+    for file in files:
+        if (match := pattern.search(_name(file, sources))) is not None:
+            found[str(file)] = dict(zip(columns, (text or "" for text in match.groups()), strict=True))
+    if not found:
+        raise ConfigurationError(f"--by {pattern.pattern!r}: no name has it, such as {_name(files[0], sources)!r}")
+    return found
+
+
+def _name(file: LogPart, sources: Sequence[Path]) -> str:
+    """A file as seen from the folder that was given, with its record."""
+    folder = next((source for source in sources if source in file.path.parents), file.path.parent)
+    return str(LogPart(file.path.relative_to(folder), file.part))
+
+
+def group_table(rows: Sequence[Row], groups: Mapping[str, Mapping[str, str]], pipeline: Pipeline) -> Table:
+    """How many curves each group has, and median and quartiles of their values."""
+    of_group: dict[str, list[Row]] = {}
+    for row in rows:
+        of_group.setdefault(" ".join(groups.get(row["curve"], {}).values()).strip() or "none", []).append(row)
+    units = value_units(pipeline.tracks[0].model)
+    shown = [name for name in units if any(row.get(name) for row in rows)]
+    cells = []
+    for name, some in sorted(of_group.items())[:_MOST]:
+        summary = next(iter(summary_of([row for row in some if row.get("track")], shown).values()), {})
+        quartiles = summary.get("quartiles", {})
+        values = [quartiles_text(quartiles.get(value), display_unit(units[value])[1]) for value in shown]
+        cells.append([name, str(len({row["curve"] for row in some})), *values])
+    heads = [f"{name}\n{display_unit(units[name])[0]}" for name in shown]
+    return Table.of("median (quartiles) of the groups", [GROUP, "curves", *heads], cells, [GROUP])

@@ -1,0 +1,141 @@
+"""Files that have come into the folder of the curves since these were fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from palpate import ConfigurationError, UserError, to_si
+from palpate_engine import (
+    Pipeline,
+    Registry,
+    Source,
+    build_pipeline,
+    inherited_approval,
+    registry,
+    resolved_text,
+    toml_tables,
+)
+from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
+from palpate_kit.curves.curve import Curve
+from palpate_kit.curves.curve_list import add_curves
+from palpate_kit.curves.curve_table import SETTINGS, reading_keys, write_dialects
+from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.logs.draft_pipeline import suggestion_of
+from palpate_kit.logs.role_guess import ROLES
+from palpate_kit.logs.suggestion import UNITS
+from palpate_kit.runs.pipeline_diff import differences
+from palpate_records.recording import Suggestion
+
+from palpate_fits.file_pipelines import DEVICE
+from palpate_fits.file_questions import question_of_file
+
+_PLACES = ("lateral_x", "lateral_y")
+_OF_RECORD = ("tare", "tare_duration")  # keys of the alignment that a record suggests where nobody states them
+
+
+def add_new_files(path: Path) -> tuple[list[str], dict[str, str]]:
+    """List the new files in the folder of the curves, each in the dialect in which it is written.
+
+    Their names, and why the others cannot be read. Raises UserError for a folder that is damaged.
+    """
+    folder = FitFolder(path)
+    place = folder.curves_folder
+    if place is None or not place.is_dir():
+        return [], {}
+    known = registry.load()
+    there = {(curve.file, curve.record) for curve in folder.curves()}
+    before = _prefix(folder, place)
+    added: list[str] = []
+    refused: dict[str, str] = {}
+    for part in (part for log in logs_among([place], known) for part in specimens_of(log, known)):
+        if (str(part.path), part.part) in there:
+            continue
+        name = f"{before}{LogPart(part.path.relative_to(place), part.part)}"
+        try:
+            dialect = _dialect(folder, part, known)
+        except UserError as error:
+            refused[name] = str(error).removeprefix(f"{part.path}: ")
+            continue
+        add_curves(path, [Curve(name, str(part.path), record=part.part)], dialect, base=place)
+        folder = FitFolder(path)
+        added.append(name)
+    return added, refused
+
+
+def _prefix(folder: FitFolder, place: Path) -> str:
+    """What stands before the files of curves in their names: the folder as it was given."""
+    for curve in folder.curves():
+        if place not in Path(curve.file).parents:
+            continue
+        rest = str(LogPart(Path(curve.file).relative_to(place), curve.record))
+        if curve.name.endswith(rest):
+            return curve.name.removesuffix(rest)
+    return ""
+
+
+def _dialect(folder: FitFolder, part: LogPart, known: Registry) -> str:
+    """The dialect in which a file is written, a new one where it is none of those there are; raises UserError."""
+    other: str | None = None
+    problem: UserError | None = None
+    for name in (*folder.dialects, None):  # the last by what the file states alone
+        tables = toml_tables(folder.settings_text(name or ""))
+        choices = _choices(tables["device"][DEVICE]) if name is not None else {}
+        try:
+            suggestion = suggestion_of(part.path, {**choices, **part.choices}, known)
+            if (question := question_of_file(suggestion, {})) is not None and (question.needed or name is None):
+                raise ConfigurationError(question.advice)
+            text = resolved_text(_pipeline(folder, tables, suggestion), folder.path)
+        except UserError as error:
+            problem = error
+            continue
+        if name is not None and not differences(text, folder.settings_text(name), reading_keys(DEVICE)):
+            return name
+        other = other or text
+    if other is None:
+        assert problem is not None
+        raise problem
+    new = next(name for k in range(2, len(folder.dialects) + 3) if (name := f"d{k}") not in folder.dialects)
+    write_dialects(folder.path / SETTINGS, {new: other})
+    return new
+
+
+def _choices(device: Mapping[str, Any]) -> dict[str, str]:
+    """The choices that make a file be read as by a device: its columns, their units and the rate, or its signals."""
+    if "signals" in device:
+        signals = device["signals"]
+        return {role: f"{signals[role]['topic']}:{_field(signals[role])}" for role in ROLES if role in signals}
+    columns = device.get("columns", {})
+    found = {role: str(columns[role]["column"]) for role in ROLES if role in columns}
+    found |= {f"{UNITS}{column['column']}": f"{column['scale']:g} {column['unit']}" for column in columns.values()}
+    if "time" in device:
+        found["time"] = str(device["time"]["column"])
+    return found | ({"rate": f"{device['rate']} Hz"} if "rate" in device else {})
+
+
+def _field(signal: Mapping[str, Any]) -> str:
+    """A number of a topic as a choice names it: of a child frame that frame."""
+    if "select" in signal:
+        return str(signal["select"])
+    return f"{signal['field']}[{signal['index']}]" if "index" in signal else str(signal["field"])
+
+
+def _pipeline(folder: FitFolder, tables: Mapping[str, Any], suggestion: Suggestion) -> Pipeline:
+    """The pipeline of a dialect with another device, and what its record suggests where nobody has stated it."""
+    left_out = _PLACES if "alignment.tare" not in tables["run"].get("assumed", ()) else (*_PLACES, *_OF_RECORD)
+    alignment = {key: value for key, value in tables["alignment"].items() if key not in left_out}
+    for key, value in suggestion.alignment.items():
+        if isinstance(value, dict):
+            alignment[key] = {**alignment.get(key, {}), **value}
+        elif key in left_out:
+            alignment[key] = value
+        elif key == "gap":
+            alignment[key] = max(alignment.get(key, 0.0), to_si(value, "s"))
+    device = {key: value for key, value in suggestion.device.items() if value is not None}
+    source = Source(
+        tomli_w.dumps({**tables, "device": {DEVICE: device}, "alignment": alignment}), folder.path / SETTINGS
+    )
+    with inherited_approval(folder.approved):
+        return build_pipeline(source)
