@@ -10,7 +10,8 @@ from palpate_arms.servo import Commander, ServoLaw
 from palpate_arms.servo_pace import Beat, next_deadline
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_devices.ur.worker import _Loop
-from palpate_kit.kinematics.ur_arm import UR3E, joints_at, matrix_of, tip
+from palpate_kit.kinematics.rotations import matrix_of
+from palpate_kit.kinematics.ur_arm import UR3E
 from palpate_kit.kinematics.work_frame import WorkFrame
 from palpate_simulation.twins.arm import TICK, SimulatedArm
 from palpate_simulation.twins.controller import Controller
@@ -48,7 +49,7 @@ class VirtualRobot:
 
     def __init__(self, height, seed=0):
         goal = WORK.tool_pose(np.array([0.0, 0.0, height]))
-        self.arm = SimulatedArm(joints_at(goal, TOOL, POSTURE, steps=100), TOOL)
+        self.arm = SimulatedArm(UR3E.joints_at(goal, TOOL, POSTURE, steps=100), TOOL)
         self.noise = np.random.default_rng(seed)
         self.seen, self.fresh, self.fastest = 0, True, 0.0
         self.pass_on()
@@ -59,11 +60,11 @@ class VirtualRobot:
         self.fastest = max(self.fastest, float(np.linalg.norm(self._place() - before)) / TICK)
 
     def _place(self):
-        return tip(self.arm.q.tolist(), TOOL)[0][:3, 3]
+        return UR3E.tip(self.arm.q.tolist(), TOOL)[0][:3, 3]
 
     def pass_on(self):
         """The servo loop sees a new state."""
-        pose, jacobian = tip(self.arm.q.tolist(), TOOL)
+        pose, jacobian = UR3E.tip(self.arm.q.tolist(), TOOL)
         out = WORK.matrix[:3, :3]
         place = out.T @ (pose[:3, 3] - WORK.matrix[:3, 3]) + self.noise.normal(0, 5e-6, 3)
         speed = out.T @ (jacobian[:3] @ self.arm.qd) + self.noise.normal(0, 0.67e-3, 3)
@@ -82,7 +83,7 @@ class VirtualRobot:
 
     def servo(self, position, turn):
         target = WORK.tool_pose(position)
-        self.arm.servo(joints_at(target, TOOL, self.arm.q, steps=15), 0.03, 1000.0)
+        self.arm.servo(UR3E.joints_at(target, TOOL, self.arm.q, steps=15), 0.03, 1000.0)
         return True
 
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from palpate import ConfigurationError, DeviceError, Floats, clock
 from palpate_kit.acquisition.computer import host
-from palpate_kit.kinematics.ur_arm import MODELS, distinguishable, flange, matrix_of, rotation_matrix, rotation_vector
+from palpate_kit.kinematics.rotations import matrix_of, rotation_matrix, rotation_vector
+from palpate_kit.kinematics.ur_arm import MODELS, distinguishable
 from palpate_kit.protocols.ur_dashboard import probe, refuse_unready
 
 from palpate_devices.ur.client_library import missing_library
@@ -61,7 +62,7 @@ class ArmByHand:
         q, pose = list(self._states.getActualQ()), matrix_of(self._states.getActualTCPPose())
         declared = matrix_of([*settings.tcp, *(settings.tcp_rotation or (0.0, 0.0, 0.0))])
         model = MODELS.get(settings.model) or distinguishable(q, declared, pose[:3, 3])[0]
-        pendant = np.linalg.inv(flange(q, model)[0]) @ pose
+        pendant = np.linalg.inv(model.flange(q)[0]) @ pose
         apart = float(np.linalg.norm(pendant[:3, 3] - declared[:3, 3]))
         if apart > _NOMINAL:
             raise ConfigurationError(

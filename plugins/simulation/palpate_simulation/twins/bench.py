@@ -51,9 +51,10 @@ class VirtualBench(BenchSettings):
 
     @classmethod
     def stand_in(cls, devices: Mapping[str, Device], tip_mass: float | None) -> Mapping[str, str] | None:
-        """For one robot of Universal Robots and one SensONE or RDT box."""
+        """For one arm and one SensONE or RDT box."""
         tables = [device.twin_settings for device in devices.values() if isinstance(device, SupportsTwin)]
-        if sorted(part for table in tables for part in ("robot", "sensor") if part in table) != ["robot", "sensor"]:
+        parts = [part for table in tables for part in ("robot", "arm.lag", "sensor") if part in table]
+        if sorted(parts) not in (["robot", "sensor"], ["arm.lag", "sensor"]):
             return None
         settings = {key: value for table in tables for key, value in table.items()}
         return settings if tip_mass is None else {**settings, "tip_mass": str(tip_mass)}

@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
@@ -25,6 +25,7 @@ from palpate_simulation.twins.direct_client import DirectCommands, DirectPorts, 
 from palpate_simulation.twins.ports import RobotPorts
 from palpate_simulation.twins.sensor_lines import SocketDatagrams, SocketLine
 from palpate_simulation.twins.settings import BenchSettings
+from palpate_simulation.twins.twin_driver import TwinDriver
 from palpate_simulation.twins.world import World
 
 
@@ -152,6 +153,15 @@ class SimulatedHost:
         if self._wiring.net is None:
             raise ConnectionRefusedError(errno.ECONNREFUSED, "the twin has no sensor on the net")
         return self._wiring.net.opened()
+
+    def arm_driver(self, make: Callable[..., Any], settings: Mapping[str, Any], model: Any, tool: Any) -> Any:
+        """That of its maker, where the twin speaks the maker's protocol; else the twin's own."""
+        ports = self._ports()
+        return (
+            TwinDriver(ports, settings, model, tool)
+            if ports.controller.arm.own_lag is not None
+            else make(settings, model, tool)
+        )
 
     def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
         """By the twin's dashboard."""
