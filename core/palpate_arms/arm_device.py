@@ -218,6 +218,11 @@ class ArmDevice(Device):
         )
 
     @property
+    def shared_streams(self) -> tuple[str, ...]:
+        """The robot's own wrench, where the arm's process can watch it as a sensor's."""
+        return ("robot_wrench",)
+
+    @property
     def own_motion(self) -> OwnMotion:
         """It goes to the start, brakes, and continues for a while where the job does."""
         return OwnMotion(self.approach_speed, self.start_tolerance, self.acceleration, self.host_timeout)

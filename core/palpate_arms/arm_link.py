@@ -20,6 +20,7 @@ from palpate import (
     ForceLaw,
     ForceWatch,
     Setpoint,
+    SharedReadings,
     Trajectory,
     clock,
     epoch_offset,
@@ -27,7 +28,7 @@ from palpate import (
 )
 from palpate_kit.acquisition.child import Child
 from palpate_kit.acquisition.device_clock import ClockMap
-from palpate_kit.acquisition.ring import integers
+from palpate_kit.acquisition.ring import HEAD, ROWS, integers
 from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.rotations import matrix_of, quaternion
 from palpate_kit.kinematics.work_frame import agreement
@@ -107,6 +108,14 @@ class ArmLink:
         facts["repeats"] = None if watch.repeats is None else asdict(watch.repeats)
         self._stop_force = watch.stop
         self._child.hand_over("watch", readings.pop("descriptor"), **readings, **facts)
+
+    def shared(self, stream: str) -> SharedReadings | None:
+        """See `palpate.SupportsSharing`: the robot's own wrench."""
+        if stream != "robot_wrench":
+            return None
+        row = self._rows.row
+        places = row.size, row["force"].start, row.at("host"), row.at("controller")
+        return SharedReadings(self._child.memory, HEAD, ROWS, *places, tick=1)
 
     def refuse_law(self, law: ForceLaw) -> None:
         """See `palpate.SupportsForceControl`; the process that sends the commands asks again."""

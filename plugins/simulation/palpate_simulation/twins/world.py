@@ -185,6 +185,8 @@ class World:
         instants = self.sensor.instants(self.controller.now)
         if len(instants):
             self.sensor.send(instants, self.electronics.read(self._feel(instants)))
+        elif self.settings.arm is not None:  # no sensor is read: the controller estimates the force
+            self._feel(np.array([self.controller.now]))
         joint = float(np.abs(self.controller.arm.qd).max())
         self.truth.add(clock().now(), *self._before, self._turning, joint, self._force, self.controller.read)
 
@@ -199,6 +201,9 @@ class World:
         contact = self._contact.force(settings.specimen, instants, places, speeds)
         self._force = float(contact[:, 2].max())
         self.controller.arm.push = self._rotation.T @ contact[-1]
+        if settings.arm is not None:  # its controller knows the load, and estimates what else pushes
+            noise_of_it = settings.force_std * self._rng.standard_normal(3)
+            self.controller.force[:3] = self.controller.arm.push + noise_of_it
         self.peak = max(self.peak, self._force)
         noise = self._rng.standard_normal((len(instants), 6))
         offset = settings.bias + settings.drift * instants
