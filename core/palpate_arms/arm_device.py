@@ -20,6 +20,7 @@ from palpate import (
     Link,
     OwnMotion,
     Speed,
+    StopModes,
     Stream,
     Time,
 )
@@ -37,10 +38,10 @@ if TYPE_CHECKING:
 class ArmDevice(Device):
     """The settings of an arm; a maker's class adds its own keys, and says which driver and which kinematic model.
 
-    Setpoints in the work frame are followed at 500 Hz in a process of its own, by the paper's Cartesian PD law on top of
-    the controller's position control or by that alone. Every command keeps the limits of [safety] and those given here,
-    in the process that sends it, which also reads the sensor's force and stops by itself. Streams: tip (pose and twist
-    in the work frame, as measured), joints, setpoint, the robot's own wrench (estimated), and status.
+    Setpoints in the work frame are followed at 500 Hz in a process of its own, by the paper's Cartesian PD law on top
+    of the controller's position control or by that alone. Every command keeps the limits of [safety] and those given
+    here, in the process that sends it, which also reads the sensor's force and stops by itself. Streams: tip (pose and
+    twist in the work frame, as measured), joints, setpoint, the robot's own wrench (estimated), and status.
     """
 
     maker: ClassVar[str] = "arm"  # what messages call it: "ur at 192.168.1.7"
@@ -174,7 +175,9 @@ class ArmDevice(Device):
         from palpate_kit.acquisition.class_place import class_place
 
         model, stiffness = self.arm_model, self.controller_stiffness
-        sound = {"sound_status": list(self.status_channels.values())}
+        sound = {"sound_status": dict(self.status_channels), "stop_modes": None}
+        if (modes := self.stop_modes) is not None:
+            sound["stop_modes"] = asdict(modes)
         own = {key: getattr(self, key) for key in ("joint_speed", "tracking", "links_low", "links_high")}
         return {
             "driver": class_place(self.driver()),
@@ -221,6 +224,11 @@ class ArmDevice(Device):
     def shared_streams(self) -> tuple[str, ...]:
         """The robot's own wrench, where the arm's process can watch it as a sensor's."""
         return ("robot_wrench",)
+
+    @property
+    def stop_modes(self) -> StopModes | None:
+        """How its status tells of its own stops; None where a second connection cannot watch it beside a run."""
+        return None
 
     @property
     def own_motion(self) -> OwnMotion:

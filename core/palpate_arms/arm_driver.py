@@ -44,8 +44,8 @@ class ArmDriver(ABC):
     """One maker's controller, in the process that commands the arm; nothing but palpate's own loop calls it.
 
     The loop calls `connect`, waits for states, calls `identify` and `enable`, and then every 2 ms `read` and `send` or
-    `keep_alive`, none of which may wait; at the end `stop`. It checks every pose that it sends against all limits, looks
-    at every state, watches the force and the age of everything, and stops on its own.
+    `keep_alive`, none of which may wait; at the end `stop`. It checks every pose that it sends against all limits,
+    looks at every state, watches the force and the age of everything, and stops on its own.
     """
 
     settle = 0.2  # [s] until states show what `connect` has set

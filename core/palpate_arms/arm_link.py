@@ -302,13 +302,13 @@ class ArmLink:
         return self._child.ring.last_beat() + epoch_offset()
 
     def _late(self) -> str | None:
-        """What is said of an arm that is farther behind its commands than its settings have it; None where it is not."""
+        """What is said of an arm that is farther behind its commands than is stated; None where it is not."""
         stated = self._settings.command_lag
         if self._lag is None or self._lag <= stated + _DELAY:
             return None
         return (
-            f"the arm follows its commands {1e3 * self._lag:.0f} ms late, and {1e3 * stated:.0f} ms are stated: its limits "
-            "are kept, and what it may be behind its command is not what was meant"
+            f"the arm follows its commands {1e3 * self._lag:.0f} ms late, and {1e3 * stated:.0f} ms are stated: the limit "
+            "of its distance from a command was made of that"
         )
 
     @property

@@ -1,7 +1,7 @@
 """Kinematics of Universal Robots' e-Series.
 
-Nominal: Universal Robots, "DH parameters for calculations of kinematics and dynamics"; every arm has small deltas of its
-own in its calibration file.
+Nominal: Universal Robots, "DH parameters for calculations of kinematics and dynamics"; every arm has small deltas of
+its own in its calibration file.
 """
 
 from __future__ import annotations

@@ -24,8 +24,8 @@ def check_device(
     width, with time-stamps in whole nanoseconds, one per row; `stop` twice does no harm; a device that is connected
     again with the same seed sends the same readings. A live device is listened to for some time [s], `listen`, and may
     send other readings the second time. The tip of an arm is where the motion has it, and that of a live arm stands
-    soon once it is stopped on its way, and goes back up once it is retracted: it moves. They are judged by the positions
-    that it sends, or better by those that `arm` sees; with it the link to the controller is cut, too.
+    soon once it is stopped on its way, and goes back up once it is retracted: it moves. They are judged by the
+    positions that it sends, or better by those that `arm` sees; with it the link to the controller is cut, too.
     """
     name = type(device).__name__
     names = [stream.name for stream in device.streams]

@@ -252,8 +252,8 @@ class AcceptanceProtocol:
 
     def _event_of(self, visit: Visit, observer: Observer, job: StrokesJob, origin: int) -> float:
         """When [s] it happened, by what the robot or the sensor said."""
-        if visit.step.modes:
-            return observer.mode_change(origin, visit.step.modes)
+        if visit.step.mode:
+            return observer.mode_change(origin, visit.step.mode)
         if visit.step.name != "force":
             return float(self._readings(job, origin)[0][-1])
         return first_beyond(*self._tared(job, origin), self._stop_force)

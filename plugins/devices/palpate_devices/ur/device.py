@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from palpate import Frequency, Length, Mass, Time
+from palpate import Frequency, Length, Mass, StopModes, Time
 from palpate_arms.arm_device import ArmDevice
 from palpate_kit.acquisition.computer import host
 from palpate_kit.kinematics.arm_model import ArmModel
@@ -85,6 +85,11 @@ class UR(ArmDevice):
         """Its keys, with the model that is known, and whether the controller reports the payload."""
         model = reported_model(identity) if self.model == "auto" and observe else self.model
         return {**super().driver_settings(identity, observe), "model": model, "load_known": reports_payload(identity)}
+
+    @property
+    def stop_modes(self) -> StopModes | None:
+        """By the safety mode; a system's stop counts as the robot's own."""
+        return StopModes("safety_mode", (6, 7, 8), (5,))
 
     @property
     def twin_settings(self) -> Mapping[str, str]:

@@ -15,6 +15,7 @@ from palpate_simulation.twins.direct_client import DirectCommands, DirectPorts, 
 _LOOKAHEAD, _GAIN, _ACCELERATION = 0.03, 1000.0, 0.5  # of the twin's protocol: its arm goes by the lag of its own
 _WATCHDOG = 10.0  # [Hz]
 _RUNNING, _SOUND, _PLAYING = 7, (1, 2), 2
+_KINDS = {5: "safeguard", 6: "emergency", 7: "emergency"}
 _STOPS = {3: "a protective stop", 5: "a safeguard stop", 6: "an emergency stop", 7: "an emergency stop"}
 
 
@@ -57,8 +58,16 @@ class TwinDriver(ArmDriver):
             states.getActualTCPPose(),
             states.getActualTCPSpeed(),
             states.getActualTCPForce(),
-            tuple(self.settings["sound_status"]),
+            self._status(),
         )
+
+    def _status(self) -> tuple[float, ...]:
+        """The maker's, of an arm that may move, or of one whose safety system stopped it."""
+        status, modes = dict(self.settings["sound_status"]), self.settings["stop_modes"]
+        kind = _KINDS.get(self._modes[1])
+        if kind is not None and modes is not None and modes[kind]:
+            status[modes["channel"]] = modes[kind][0]
+        return tuple(status.values())
 
     def send(self, pose: Sequence[float]) -> bool:
         """Go on to a pose."""
