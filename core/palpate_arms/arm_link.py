@@ -307,8 +307,8 @@ class ArmLink:
         if self._lag is None or self._lag <= stated + _DELAY:
             return None
         return (
-            f"the arm follows its commands {1e3 * self._lag:.0f} ms late, and {1e3 * stated:.0f} ms are stated: the limit "
-            "of its distance from a command was made of that"
+            f"the arm follows its commands {1e3 * self._lag:.0f} ms late, and {1e3 * stated:.0f} ms are stated: the "
+            "limit of its distance from a command was made of that"
         )
 
     @property

@@ -94,8 +94,8 @@ class ArmModel(Settings):
         low, high, speed = zip(*((joint.low, joint.high, joint.speed) for joint in joints), strict=True)
         return cls(
             name=name,
-            base=_numbers(base),
-            links=tuple(_numbers(link) for link in links),
+            base=numbers_of(base),
+            links=tuple(numbers_of(link) for link in links),
             joints=tuple(joint.name for joint in joints),
             low=low,
             high=high,
@@ -225,6 +225,6 @@ def _shift(x: float, z: float) -> Floats:
     return shift
 
 
-def _numbers(matrix: Floats) -> Transform:
+def numbers_of(matrix: Floats) -> Transform:
     """A transform (4, 4) as its twelve numbers."""
     return (*(matrix[:3, :3] + 0.0).ravel().tolist(), *(matrix[:3, 3] + 0.0).tolist())

@@ -146,7 +146,8 @@ class URDriver(ArmDriver):
             return None
         self._stamp = stamp
         self._take_echo()
-        return ArmReading(stamp, *values, status=(*modes, *paces), seen=now)
+        q, qd, pose, twist, wrench = values
+        return ArmReading(stamp, q, qd, pose, twist, wrench, (*modes, *paces), now)
 
     def _values(self) -> _State:
         receive = self._receive
