@@ -1,17 +1,14 @@
 """Arms of other makers: what `palpate init --plugin arm` writes, its faults, and arms by their models on the twin."""
 
 import importlib
+import json
 import sys
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from palpate import DeviceError, clock
-from palpate_arms.arm_driver import ArmFaultError
-from palpate_arms.arm_lag import LagMeter
+from palpate import clock
 from palpate_commands.distribution import distribution
-from palpate_engine import load_pipeline
-from palpate_engine.pipeline import run_pipeline
+from palpate_engine import trust_plugin
 from palpate_testing import ArmTest, check_device, simulated_time
 from palpate_trajectories.point import Point
 
@@ -125,3 +122,66 @@ def test_a_driver_with_a_fault_fails_the_checks(mine, software, monkeypatch, fau
     monkeypatch.setattr(software, "SoftwareArm", faulty)
     with pytest.raises(AssertionError, match=words):
         checked(mine[0].Arm(host="127.0.0.1", work=WORK), software)
+
+
+VARIANTS = """
+from palpate import plugin
+from palpate_mine import MODEL, Arm
+from tests.kit.test_arm_model import panda
+
+
+class Soft(Arm):
+    @property
+    def controller_stiffness(self):
+        return 2500.0
+
+
+class Late(Arm):
+    @property
+    def twin_settings(self):
+        return {**super().twin_settings, "arm.lag": "0.15"}
+
+
+class Seven(Arm):
+    maker = "panda"
+    joint_names = panda().joints
+    posture = (0.0, -0.35, 0.0, -2.3, 0.0, 1.95, 0.785)
+
+    @property
+    def arm_model(self):
+        return panda()
+
+
+@plugin
+def palpate_devices():
+    return {"mine": Arm, "soft": Soft, "late": Late, "seven": Seven}
+"""
+
+
+@pytest.fixture
+def rehearse(mine, tmp_path, palpate):
+    """Rehearse the pipeline that is written, with another arm: what the command says, and result.json as a table."""
+    plugin = tmp_path / "variants.py"
+    plugin.write_text(VARIANTS)
+    trust_plugin(plugin)
+
+    def run(arm, *overrides, faults=()):
+        text = (mine[1] / "point.toml").read_text().replace("seed = 1\n", f'seed = 1\nplugins = ["{plugin}"]\n')
+        (tmp_path / "point.toml").write_text(text)
+        words = ["--specimen", "elasticity=60 kPa", "--specimen", "viscosity=150 Pa*s"]
+        words += [word for override in (f"device.arm.type={arm}", *overrides) for word in ("--set", override)]
+        words += [word for fault in faults for word in ("--fault", fault)]
+        done = palpate("rehearse", "point.toml", *words, "--out", "out")
+        file = tmp_path / "out" / "result.json"
+        return done, json.loads(file.read_text()) if file.exists() else None
+
+    return run
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arm", ["mine", "soft", "late", "seven"])
+def test_try(rehearse, arm):
+    done, table = rehearse(arm, "trajectory.press.duration=3 s")
+    print(done.stdout, done.stderr)
+    print(json.dumps(table["run"]["health"]["arm"] if table else None, indent=1)[:3000])
+    assert 0
