@@ -4,13 +4,19 @@ import importlib
 import json
 import re
 import sys
+import tomllib
 
 import numpy as np
 import pytest
-from palpate import DeviceError, clock
+import typer
+from palpate import ConfigurationError, DeviceError, clock
 from palpate_arms.arm_lag import LagMeter
 from palpate_commands.distribution import distribution
 from palpate_engine import trust_plugin
+from palpate_engine.cli import call
+from palpate_simulation.rehearse import _rehearsed
+from palpate_simulation.twins.faults import apply_fault
+from palpate_simulation.twins.simulated_computer import simulated
 from palpate_testing import ArmTest, check_device, simulated_time
 from palpate_testing.arm_checks import set_out
 from palpate_trajectories.point import Point
@@ -302,3 +308,37 @@ def test_the_lag_is_the_distance_to_the_command_by_its_speed():
         axis = np.array([0.0, 0.0, 1.0])
         meter.add(now * axis, before * axis, (now - behind) * axis)
     assert meter.lag == pytest.approx(0.015, rel=0.01)
+
+
+@pytest.fixture
+def bench(rehearse, tmp_path, mine):
+    """The twin of the pipeline that is written, in simulated time; the pipeline file."""
+    text = (mine[1] / "point.toml").read_text()
+    file = tmp_path / "point.toml"
+    file.write_text(text.replace("seed = 1\n", f'seed = 1\nplugins = ["{tmp_path / "variants.py"}"]\n'))
+    specimen = ("twin.*.specimen.elasticity=60 kPa", "twin.*.specimen.viscosity=150 Pa*s", "twin.*.height=20 mm")
+    (settings,) = _rehearsed(file, specimen).twins.values()
+    with simulated(settings, 0) as world:
+        yield world, file
+
+
+@pytest.mark.slow
+def test_the_surface_is_taught_with_any_arm(bench, monkeypatch):
+    world, file = bench
+    places = iter(("-20 -20 0.3", "20 -20 0.3", "0 25 0.3", "2 1 0.3"))
+
+    def prompt(text, **_):
+        for words in ("freedrive", f"lead {next(places)} 0 0 0"):
+            assert apply_fault(world, words.split()).startswith("done")
+        while world.controller.arm.moving:
+            clock().sleep(0.05)
+        apply_fault(world, ["freedrive"])
+
+    monkeypatch.setattr(typer, "prompt", prompt)
+    with pytest.raises(ConfigurationError, match=r"\[device.arm\] has no sensor in its flange that could weigh it"):
+        call(["teach", str(file), "--step", "payload"])
+    call(["teach", str(file), "--step", "surface"])
+    taught = tomllib.loads(file.read_text())["device"]["arm"]["work"]
+    found = [float(text.removesuffix(" mm")) for text in taught["origin"]]
+    np.testing.assert_allclose(found, (452.0, 1.0, 100.3), atol=0.02)
+    assert world.truth.facts()["fastest_joint"] < 0.3  # it is led, and not commanded
