@@ -83,7 +83,7 @@ def _limits(joint: Any, path: Path) -> tuple[float, float, float]:
         ends = -_ENDLESS, _ENDLESS
     given = (*ends, None if found is None else found.velocity)
     lower, upper, speed = (math.nan if number is None else float(number) for number in given)
-    if not (lower < upper and 0.0 < speed and math.isfinite(upper - lower + speed)):
+    if not (lower < upper and speed > 0.0 and math.isfinite(upper - lower + speed)):
         raise ConfigurationError(f"{path}: joint {joint.name!r} has no limits: lower, upper and velocity are needed")
     return lower, upper, speed
 

@@ -137,14 +137,21 @@ def _visits(names: Sequence[str], pipeline: Pipeline) -> tuple[Visit, ...]:
 
     Without names all that this robot tells of, and in a rehearsal all without signals.
     """
-    rehearsal = pipeline.run.rehearsal is not None
-    every = tuple(visit for visit in _able(pipeline) if visit.step.number is None or not rehearsal)
-    known = {*STEPS, *(visit.name for visit in every), *(visit.site for visit in every)}
+    able = _able(pipeline)
+    every = able if pipeline.run.rehearsal is None else tuple(visit for visit in able if visit.step.number is None)
     for name in names:
-        if name not in known:
+        if not any(map(partial(_is_called, name), all_visits())):
             raise ConfigurationError(f"--step {name}: there is no such step{suggest(name, STEPS)}")
-    chosen = tuple(visit for visit in every if {visit.name, visit.step.name, visit.site} & set(names))
+        if not any(map(partial(_is_called, name), able)):
+            raise ConfigurationError(f"--step {name}: this robot does not tell of that stop")
+        if not any(map(partial(_is_called, name), every)):
+            raise ConfigurationError(f"--step {name}: a signal needs the process of a run: it is not rehearsed")
+    chosen = tuple(visit for visit in every if any(_is_called(name, visit) for name in names))
     return chosen if names else every
+
+
+def _is_called(name: str, visit: Visit) -> bool:
+    return name in (visit.name, visit.step.name, visit.site)
 
 
 def _able(pipeline: Pipeline) -> tuple[Visit, ...]:
