@@ -218,6 +218,16 @@ def test_an_arm_is_rehearsed_by_its_model(rehearse, arm):
     assert table["run"]["live"]["devices"]["arm"]["lag_seen"] == pytest.approx(0.022, abs=0.003)
 
 
+@pytest.mark.slow
+def test_its_acceptance_is_rehearsed(rehearse, palpate):
+    rehearse("mine", "trajectory.press.duration=1 s")
+    done = palpate("acceptance", "out/pipeline.toml", "--step", "free-air/estop", "--out", "acceptance")
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"free-air/estop .* passed", done.stdout)
+    refused = palpate("acceptance", "out/pipeline.toml", "--step", "safeguard", "--out", "other")
+    assert "--step safeguard: this robot does not tell of that stop" in refused.stderr
+
+
 @pytest.mark.gate
 @pytest.mark.slow
 def test_an_arm_that_gives_way_is_judged_by_where_it_is(rehearse):
