@@ -19,7 +19,7 @@ from palpate_calibration.calibration_record import CalibrationRecord, Trace
 from palpate_calibration.protocol import calibrate
 from palpate_calibration.settings import CalibrationSettings
 from palpate_engine.alignment import GRAVITY, Health
-from palpate_kit.kinematics.ur_arm import pose_of
+from palpate_kit.kinematics.rotations import pose_of
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_simulation.twins.bench import VirtualBench
 from palpate_simulation.twins.world import World

@@ -226,6 +226,25 @@ class Observable(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class StopModes:
+    """How the states of a robot tell that its own safety system stopped it."""
+
+    channel: str  # of one of its streams
+    emergency: tuple[int, ...]  # its values at an emergency stop
+    safeguard: tuple[int, ...] = ()  # at a safeguard stop; empty: the robot has none, or does not tell
+
+
+@runtime_checkable
+class ReportsStops(Protocol):
+    """A robot that a second connection can watch while a run moves it, and whose states tell of its own stops."""
+
+    @property
+    def stop_modes(self) -> StopModes | None:
+        """How; None where this one cannot be watched."""
+        ...
+
+
 @runtime_checkable
 class SupportsReach(Protocol):
     """A device that does not go everywhere."""

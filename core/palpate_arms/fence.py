@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
-from palpate_kit.kinematics.ur_arm import JOINTS, Model, rotation_matrix, rotation_vector, tip_and_links
+from palpate_kit.kinematics.arm_model import ArmModel, inverse_of
+from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_arms.setpoint_buffer import PERIOD
@@ -30,7 +31,6 @@ _FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where 
 _ASKEW = 1.5  # limits between a measured tool and the normal; a command has one, and the arm follows it within one
 _CANCELLED = 12.0  # times the tip's speed
 SINGULAR = "the arm is near a singular posture: move the specimen to another place in its reach"
-LINKS = ("elbow", "wrist 1", "wrist 2", "wrist 3", "flange")
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,16 @@ class ArmState:
     position: Floats  # (3,)
     velocity: Floats  # (3,)
     rotation: Floats  # (3, 3) in the base
-    q: list[float]
+    q: list[float]  # (n,) [rad]
     fresh: bool  # said since the last period
 
 
 class Fence:
     """Limits of `[safety]`, once they are set, and those of the arm itself."""
 
-    def __init__(self, own: dict[str, Any], work: WorkFrame, tool: Floats, model: Model, acceleration: float) -> None:
+    def __init__(
+        self, own: dict[str, Any], work: WorkFrame, tool: Floats, model: ArmModel, acceleration: float
+    ) -> None:
         self._work, self._tool, self._model = work, tool, model
         self._joint_speed, self._tracking = own["joint_speed"], own["tracking"]
         self._links = own["links_low"], own["links_high"]
@@ -65,6 +67,7 @@ class Fence:
         self._commands: deque[Floats] = deque(maxlen=2 * _WINDOW + 1)
         self._speeds: deque[Floats] = deque(maxlen=_WINDOW)
         self._lag = own.get("lag", 0.0)
+        self.give = 0.0  # [m] by which the arm gives way to the force that stops it
         self._following = TrackingError(self._lag)
         self.begin(np.zeros(3))
 
@@ -79,12 +82,12 @@ class Fence:
         """How far [m] a command may be ahead of the tip: by what the allowed speed makes of the servo's lag.
 
         So much at most the arm leaps where it has been held and comes free, and a law that integrates cannot wind up
-        further.
+        further. An arm whose controller gives way to a force is behind its command by that as well.
         """
         if self.limits is None:
             return float(self._tracking)
         way = self.limits["speed"] * (self._lag + _DELAY)
-        return float(min(self._tracking, max(way, _STATIC)))
+        return float(min(self._tracking, max(way, _STATIC) + self.give))
 
     def table(self, rows: Floats) -> Verdict | None:
         """Rows (n, 16) of a plan, before anything moves."""
@@ -224,31 +227,36 @@ class Fence:
             return Verdict(f"the tool is {math.degrees(angle):.1f} deg off {what}, over {most:g} deg")
         if (angle := length(askew)) > limit:
             return Verdict(f"the tool is {math.degrees(angle):.1f} deg from its command, over {most:g} deg", False)
-        _, jacobian, places = tip_and_links(seen.q, self._tool, self._model)
+        _, jacobian, places = self._model.tip_and_places(seen.q, self._tool)
         twist = np.concatenate([work @ (command - before[0]) / PERIOD, tool @ turning(turn, before[1])])
         error = np.concatenate([work @ (command - seen.position), askew])
         try:
-            inverse = np.linalg.inv(jacobian)
+            inverse = inverse_of(jacobian)
         except np.linalg.LinAlgError:
             return Verdict(SINGULAR, not leaving)
         if not leaving and _against_one_another(jacobian, inverse[:, :3]) > _CANCELLED:
             return Verdict(SINGULAR)
         speeds, ways = (inverse @ twist).tolist(), (inverse @ error).tolist()
-        joint = max(range(6), key=lambda i: abs(speeds[i]))
+        joints = self._model.joints
+        joint = max(range(len(joints)), key=lambda i: abs(speeds[i]))
         if abs(speeds[joint]) > self._joint_speed:
             most = math.degrees(self._joint_speed)
             return Verdict(
-                f"a command would turn {JOINTS[joint]} at {math.degrees(abs(speeds[joint])):.0f} deg/s, over "
+                f"a command would turn {joints[joint]} at {math.degrees(abs(speeds[joint])):.0f} deg/s, over "
                 f"{most:g} deg/s ([device.*] joint_speed): the arm is near a singular posture, or too slow"
             )
-        joint = max(range(6), key=lambda i: abs(ways[i]))
+        joint = max(range(len(joints)), key=lambda i: abs(ways[i]))
         if abs(ways[joint]) > _FARTHEST:
-            return Verdict(f"{JOINTS[joint]} is {math.degrees(abs(ways[joint])):.0f} deg from its command")
-        return None if leaving else self._link_outside(places.tolist())
+            return Verdict(f"{joints[joint]} is {math.degrees(abs(ways[joint])):.0f} deg from its command")
+        if leaving:
+            return None
+        if (text := self._model.end_of([a + b for a, b in zip(seen.q, ways, strict=True)])) is not None:
+            return Verdict(text)
+        return self._place_outside(places.tolist())
 
-    def _link_outside(self, places: list[list[float]]) -> Verdict | None:
+    def _place_outside(self, places: list[list[float]]) -> Verdict | None:
         low, high = self._links
-        for name, place in zip(LINKS, places, strict=True):
+        for name, place in zip(self._model.place_names, places, strict=True):
             if not all(least <= x <= most for x, least, most in zip(place, low, high, strict=True)):
                 where = ", ".join(f"{1e3 * x:.0f}" for x in place)
                 return Verdict(
@@ -258,9 +266,9 @@ class Fence:
 
 
 def is_singular(jacobian: Floats) -> bool:
-    """Whether joints near this Jacobian (6, 6) of the tip have to move by much to move it a little."""
+    """Whether joints near this Jacobian (6, n) of the tip have to move by much to move it a little."""
     try:
-        return _against_one_another(jacobian, np.linalg.inv(jacobian)[:, :3]) > _CANCELLED
+        return _against_one_another(jacobian, inverse_of(jacobian)[:, :3]) > _CANCELLED
     except np.linalg.LinAlgError:
         return True
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats, Setpoint, Trajectory, setpoints_at, surface_of, surface_points
-from palpate_kit.kinematics.ur_arm import rotation_matrix
+from palpate_kit.kinematics.rotations import rotation_matrix
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_arms.servo import ServoLaw, straight_path

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats, turned_axes
-from palpate_kit.kinematics.ur_arm import rotation_matrix, rotation_vector, shortest_turn
+from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector, shortest_turn
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_arms.setpoint_rows import PLAN

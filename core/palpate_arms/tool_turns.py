@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from palpate import Floats, angular_velocities
-from palpate_kit.kinematics.ur_arm import rotation_matrix, rotation_vector
+from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_arms.setpoint_buffer import PERIOD

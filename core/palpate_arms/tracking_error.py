@@ -12,6 +12,7 @@ from palpate_arms.setpoint_buffer import PERIOD
 
 _STILL = 10  # states that are the same to the last bit
 _STILL_WAY = 0.1e-3  # [m] that commands go on meanwhile
+_RECENT, _EXACT, _MOVES, _COPIES = 5, 1e-9, 1e-6, 25  # commands, [m] from one, [m] of a step, states in a row
 _STUCK, _STUCK_WAY, _STUCK_PART = 40, 0.8e-3, 0.1  # periods, [m], part of the commanded way
 
 
@@ -23,16 +24,25 @@ class TrackingError:
         self._past: deque[tuple[int, Floats, Floats]] = deque()
         self._cycles = 0  # of the motion
         self._same, self._anchor, self._last = 0, np.zeros(3), [0.0, 0.0, 0.0]
+        self._recent: deque[list[float]] = deque(maxlen=_RECENT)
+        self._copies = 0  # states in a row that are one of these
 
     def begin(self, command: Floats) -> None:
         """A motion begins, from rest."""
         self._past.clear()
         self._cycles = 0
         self._same, self._anchor = 0, command.copy()
+        self._recent.clear()
+        self._copies = 0
 
     def complaint(self, command: Floats, position: Floats, fresh: bool) -> str | None:
-        """A pose that stands still while commands continue: to the last bit, or nearly; `fresh`: it is a new one."""
+        """A pose that stands still while commands continue, to the last bit or nearly, or that is the command itself.
+
+        `fresh`: it is a new one.
+        """
         self._cycles += 1
+        steps = not self._recent or math.dist(command.tolist(), self._recent[-1]) > _MOVES
+        self._recent.append(command.tolist())
         if not fresh:
             return None
         if position.tolist() == self._last:
@@ -43,6 +53,11 @@ class TrackingError:
         gone = length(command - self._anchor)
         if self._same >= _STILL and gone > _STILL_WAY:
             return f"the measured pose does not change in any digit while the arm was commanded to move by {mm(gone)}"
+        if steps:
+            exact = any(math.dist(place, self._last) < _EXACT for place in self._recent)
+            self._copies = self._copies + 1 if exact else 0
+        if self._copies >= _COPIES:
+            return "the pose that the arm reports is its command, in every digit: what was measured is needed"
         return self._lags(command, position)
 
     def _lags(self, command: Floats, position: Floats) -> str | None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from palpate import LogError
 from palpate_calibration.mounting import find_mounting, mounting_fit
-from palpate_kit.kinematics.ur_arm import rotation_matrix, rotation_vector
+from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 
 WEIGHT, BIAS, NOISE = 0.14 * 9.80665, np.array([0.3, -0.2, 0.6]), 2e-3
 DOWN = np.array([0.0, 0.0, -1.0])

@@ -39,7 +39,7 @@ def traps(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "module", ["palpate_devices.ur.worker", "palpate_kit.acquisition.sensor_worker", "palpate_ros2.worker"]
+    "module", ["palpate_arms.arm_worker", "palpate_kit.acquisition.sensor_worker", "palpate_ros2.worker"]
 )
 def test_a_device_process(traps, module):
     reading, writing = os.pipe()

@@ -13,7 +13,7 @@ from palpate import Batch
 from palpate.errors import ConfigurationError
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline.tracks import start_tracks
-from palpate_kit.kinematics.ur_arm import quaternion
+from palpate_kit.kinematics.rotations import quaternion
 
 DOME, TIP, ELASTICITY, VISCOSITY, MASS, GRAVITY = 0.04, 0.005, 60e3, 180.0, 0.14, 9.80665
 PIPELINE = """

@@ -6,9 +6,9 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from palpate import Batch, Channel, Device, Stream, clock
+from palpate import Batch, Channel, Device, DeviceError, Stream, clock
 from palpate_kit.simulated_time.simulated_clock import SimulatedClock
-from palpate_testing import check_device
+from palpate_testing import ArmTest, check_device
 from palpate_trajectories.point import Point
 
 COUNT = itertools.count()
@@ -62,10 +62,14 @@ def test_what_is_wrong_with_a_live_device_is_said(settings, words):
 
 
 class _Arm:
-    """An arm that goes where it is told, at 100 Hz."""
+    """An arm that goes where it is told, at 100 Hz, and back up at 20 mm/s."""
+
+    made = []  # noqa: RUF012
 
     def __init__(self, how):
-        self._how, self._trajectory, self._began, self._stopped = how, None, 0.0, None
+        self._how, self._trajectory, self._began, self._stopped, self._retracts = how, None, 0.0, None, None
+        self.cut = False
+        self.made.append(self)
 
     def follow(self, trajectory):
         self._trajectory, self._began = trajectory, clock().now()
@@ -73,23 +77,37 @@ class _Arm:
     def stop(self):
         self._stopped = self._stopped or clock().now()
 
+    def retract(self):
+        self._retracts = self._retracts or clock().now()
+        self.stop()
+
+    def lose_link(self):
+        """Its controller stops it where commands stay away."""
+        self.cut = True
+        self.stop()
+
+    def tip(self):
+        now = clock().now()
+        if self._trajectory is None or self._how == "still":
+            return np.array([0.0, 0.0, 0.03])
+        until = now if self._stopped is None or self._how == "deaf" else min(now, self._stopped)
+        place = self._trajectory.at(np.array([until - self._began])).position[0]
+        top = self._trajectory.at(np.zeros(1)).position[0]
+        if self._retracts is not None and self._how != "stays":
+            place[2] = min(place[2] + 0.02 * (now - self._retracts), top[2])
+        return place + (0.02 if self._how == "elsewhere" else 0.0)
+
     def batches(self):
         while True:
             clock().sleep(0.01)
-            now = clock().now()
-            if self._stopped is not None and self._how != "deaf":
-                now = min(now, self._stopped)
-            place = np.array([[0.0, 0.0, 0.03]])
-            if self._trajectory is not None:
-                place = self._trajectory.at(np.array([now - self._began])).position
-            if self._how == "elsewhere":
-                place = place + 0.02
+            if self.cut and self._how != "mute":
+                raise DeviceError("the link is lost")
             stamp = np.array([clock().now_ns()])
-            yield Batch("tip", stamp, stamp, place)
+            yield Batch("tip", stamp, stamp, self.tip()[None])
 
 
 class LiveArm(Device):
-    """An arm of somebody else."""
+    """An arm of somebody else, that has nothing of palpate's kit."""
 
     how: str = "sound"
 
@@ -115,16 +133,20 @@ class LiveArm(Device):
         pytest.param("sound", None, marks=pytest.mark.slow),
         ("deaf", r"LiveArm does not obey: 1 s after `stop` its tip still moves by [\d.]+ mm in 0.3 s"),
         ("elsewhere", "LiveArm does not follow: its tip came to 0% of the places of the motion"),
+        ("still", "LiveArm does not follow: its tip came to"),
+        ("stays", r"LiveArm does not retract: from [\d.]+ mm its tip came to [\d.]+ mm within 3 s of `retract`"),
+        ("mute", "LiveArm does not report a lost link: 1 s after it was cut its batches go on"),
     ],
 )
-def test_an_arm_has_to_follow_and_to_stop(how, words):
+def test_an_arm_has_to_follow_stop_retract_and_report_a_lost_link(how, words):
     press = Point(bias=0.004, amplitude=0.001, clearance=0.005, duration=3.0, standstill=0.0)
+    arm = ArmTest(tip=lambda: _Arm.made[-1].tip(), cut=lambda: _Arm.made[-1].lose_link())
     with SimulatedClock().running():
         if words is None:
-            check_device(LiveArm(how=how), press)
+            check_device(LiveArm(how=how), press, arm=arm)
             return
         with pytest.raises(AssertionError, match=words):
-            check_device(LiveArm(how=how), press)
+            check_device(LiveArm(how=how), press, arm=arm)
 
 
 @pytest.mark.slow

@@ -8,15 +8,8 @@ from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_arms.station_plane import StationPlane, pressed_in_at_the_end
 from palpate_devices.ur.controller_states import complaint, slowdown
 from palpate_kit.acquisition.device_clock import ClockMap
-from palpate_kit.kinematics.ur_arm import (
-    MODELS,
-    UR3E,
-    distinguishable,
-    joints_at,
-    matrix_of,
-    rotation_matrix,
-    tip,
-)
+from palpate_kit.kinematics.rotations import matrix_of, rotation_matrix
+from palpate_kit.kinematics.ur_arm import MODELS, UR3E, distinguishable
 from palpate_kit.kinematics.work_frame import WorkFrame, agreement
 
 WORK = WorkFrame.model_construct(origin=(-0.3, -0.13, 0.1), rotation=(0.0, 0.0, 0.0), turn=0.0)
@@ -53,7 +46,7 @@ def seen(position, velocity=STILL, turn=STILL, q=None, fresh=True):
     if q is None:
         goal = WORK.tool_pose(np.array(position))
         goal[:3, :3] = rotation
-        q = joints_at(goal, TOOL, POSTURE, steps=100)
+        q = UR3E.joints_at(goal, TOOL, POSTURE, steps=100)
     return ArmState(np.array(position, float), np.array(velocity, float), rotation, list(q), fresh)
 
 
@@ -200,7 +193,7 @@ def test_speed_and_acceleration_of_commands():
 
 def test_near_a_singular_posture_a_slow_tip_spins_the_wrist():
     q = np.array([0.0, -1.3, -1.9, -1.5, 0.02, 0.0])
-    near = ArmState(np.zeros(3), STILL, tip(q.tolist(), TOOL)[0][:3, :3], q.tolist(), True)
+    near = ArmState(np.zeros(3), STILL, UR3E.tip(q.tolist(), TOOL)[0][:3, :3], q.tolist(), True)
     guard = fence(limits=None)
     guard.begin(STILL)
     step = np.array([0.0, 0.0, -0.02 * PERIOD])
@@ -408,7 +401,7 @@ def test_models_are_told_apart_by_where_the_tip_is(name):
     rng = np.random.default_rng(3)
     for _ in range(20):
         q = (POSTURE + rng.normal(0, 0.3, 6)).tolist()
-        place = tip(q, TOOL, MODELS[name])[0][:3, 3] + rng.normal(0, 1e-3, 3)  # a real arm is off by so much
+        place = MODELS[name].tip(q, TOOL)[0][:3, 3] + rng.normal(0, 1e-3, 3)  # a real arm is off by so much
         found, apart = distinguishable(q, TOOL, place)
         assert found.name == name
         assert apart < 5e-3
@@ -416,7 +409,7 @@ def test_models_are_told_apart_by_where_the_tip_is(name):
 
 def test_the_maker_s_places_of_all_joints_at_zero():
     """As UR's calculator has them."""
-    places = {name: tip([0.0] * 6, np.eye(4), model)[0][:3, 3] for name, model in MODELS.items()}
+    places = {name: model.tip([0.0] * 6, np.eye(4))[0][:3, 3] for name, model in MODELS.items()}
     np.testing.assert_allclose(places["ur3e"], [-0.45675, -0.22315, 0.0665], atol=1e-9)
     np.testing.assert_allclose(places["ur5e"], [-0.8172, -0.2329, 0.0628], atol=1e-9)
     np.testing.assert_allclose(places["ur10e"], [-1.18425, -0.2907, 0.06085], atol=1e-9)

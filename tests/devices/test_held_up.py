@@ -5,12 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from palpate_arms.arm_loop import ArmLoop
 from palpate_arms.fence import ArmState
 from palpate_arms.servo import Commander, ServoLaw
 from palpate_arms.servo_pace import Beat, next_deadline
 from palpate_arms.setpoint_buffer import PERIOD, Plan
-from palpate_devices.ur.worker import _Loop
-from palpate_kit.kinematics.ur_arm import UR3E, joints_at, matrix_of, tip
+from palpate_kit.kinematics.rotations import matrix_of
+from palpate_kit.kinematics.ur_arm import UR3E
 from palpate_kit.kinematics.work_frame import WorkFrame
 from palpate_simulation.twins.arm import TICK, SimulatedArm
 from palpate_simulation.twins.controller import Controller
@@ -44,11 +45,12 @@ TICK_NS = round(PERIOD * 1e9)
 class VirtualRobot:
     """The twin's arm at the other end of the servo loop's commands, with the noise of a real one."""
 
-    tool, model, control, unheard, state_period, stamp = TOOL, UR3E, None, 0.0, PERIOD, 0.0
+    tool, model, state_period, stamp = TOOL, UR3E, PERIOD, 0.0
+    driver = SimpleNamespace(unheard=0.0, ahead=0.0, has_watchdog=True)  # each command is taken in its tick
 
     def __init__(self, height, seed=0):
         goal = WORK.tool_pose(np.array([0.0, 0.0, height]))
-        self.arm = SimulatedArm(joints_at(goal, TOOL, POSTURE, steps=100), TOOL)
+        self.arm = SimulatedArm(UR3E.joints_at(goal, TOOL, POSTURE, steps=100), TOOL)
         self.noise = np.random.default_rng(seed)
         self.seen, self.fresh, self.fastest = 0, True, 0.0
         self.pass_on()
@@ -59,11 +61,11 @@ class VirtualRobot:
         self.fastest = max(self.fastest, float(np.linalg.norm(self._place() - before)) / TICK)
 
     def _place(self):
-        return tip(self.arm.q.tolist(), TOOL)[0][:3, 3]
+        return UR3E.tip(self.arm.q.tolist(), TOOL)[0][:3, 3]
 
     def pass_on(self):
         """The servo loop sees a new state."""
-        pose, jacobian = tip(self.arm.q.tolist(), TOOL)
+        pose, jacobian = UR3E.tip(self.arm.q.tolist(), TOOL)
         out = WORK.matrix[:3, :3]
         place = out.T @ (pose[:3, 3] - WORK.matrix[:3, 3]) + self.noise.normal(0, 5e-6, 3)
         speed = out.T @ (jacobian[:3] @ self.arm.qd) + self.noise.normal(0, 0.67e-3, 3)
@@ -76,13 +78,9 @@ class VirtualRobot:
     def turn(self):
         return np.zeros(3)
 
-    @property
-    def ahead(self):
-        return 0.0  # each command is taken in its tick
-
     def servo(self, position, turn):
         target = WORK.tool_pose(position)
-        self.arm.servo(joints_at(target, TOOL, self.arm.q, steps=15), 0.03, 1000.0)
+        self.arm.servo(UR3E.joints_at(target, TOOL, self.arm.q, steps=15), 0.03, 1000.0)
         return True
 
 
@@ -111,7 +109,7 @@ def driven(rows, held_up, unseen=0.0, jam=np.inf, longest=6.0):
     """
     told, robot, chance = [], VirtualRobot(float(rows[0, 2])), np.random.default_rng(1)
     parent = SimpleNamespace(tell=lambda word, **facts: told.append(facts["text"]))
-    loop = _Loop(parent, None, robot, SETTINGS)
+    loop = ArmLoop(parent, None, robot, SETTINGS)
     commander = loop._commander = Commander(loop._law, robot.look().position)
     loop._obey(LIMITS, commander)
     loop._fence.begin(commander.command)
@@ -142,7 +140,7 @@ def _ends_by_an_exception(monkeypatch):
         raise SystemExit(code)
 
     monkeypatch.setattr("os._exit", end)
-    monkeypatch.setattr("palpate_devices.ur.robot_watch.RobotWatch.halt_in_doubt", lambda self: "")
+    monkeypatch.setattr("palpate_arms.arm_watch.ArmWatch.halt_in_doubt", lambda self: "")
 
 
 def sometimes(length, every):
@@ -271,7 +269,7 @@ def test_an_arm_that_leaves_because_the_main_job_is_silent_says_so():
     told, robot, rows = [], VirtualRobot(0.003), sine(0.02)
     parent = SimpleNamespace(tell=lambda word, **facts: told.append(facts["text"]), messages=list, gone=False)
     beaten = SimpleNamespace(head=np.zeros(64, np.int64), last_beat=lambda host: 1_000_000_000)
-    loop = _Loop(parent, beaten, robot, SETTINGS)
+    loop = ArmLoop(parent, beaten, robot, SETTINGS)
     commander = loop._commander = Commander(loop._law, robot.look().position)
     commander.follow(Plan.of(rows))
     loop._listen(10_900_000_000)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from palpate import DeviceError
 from palpate_arms.reach import ArmReach
-from palpate_kit.kinematics.ur_arm import UR3E, joints_at, matrix_of, rotation_matrix
+from palpate_kit.kinematics.rotations import matrix_of, rotation_matrix
+from palpate_kit.kinematics.ur_arm import UR3E
 from palpate_kit.kinematics.work_frame import WorkFrame
 from palpate_surfaces.plane import Plane
 from palpate_trajectories.line_sweep import LineSweep
@@ -29,7 +30,7 @@ def reach(origin, surface, **changes):
     axis = np.cross([0.0, 0.0, 1.0], normal) / max(math.sin(angle), 1e-12)
     for share in np.linspace(0.0, 1.0, 9):
         goal[:3, :3] = rotation_matrix((share * angle * axis).tolist()) @ level
-        q = joints_at(goal, TOOL, q, steps=100)
+        q = UR3E.joints_at(goal, TOOL, q, steps=100)
     assert np.allclose(goal[:3, :3], axes @ level)
     settings = {"joint_speed": math.pi / 2, "speed": 0.06, "links": BOX, **changes}
     return ArmReach(UR3E, TOOL, work, joints=q, **settings)

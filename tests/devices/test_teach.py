@@ -11,7 +11,7 @@ from palpate_devices.teach.pipeline_edit import edited_text
 from palpate_devices.teach.surface_plane import SurfacePlane, check_fourth, work_frame
 from palpate_devices.teach.tip_pivot import check_tip, pivot_of
 from palpate_engine.cli import call
-from palpate_kit.kinematics.ur_arm import matrix_of, rotation_matrix, rotation_vector
+from palpate_kit.kinematics.rotations import matrix_of, rotation_matrix, rotation_vector
 
 from tests.devices.simulated_bench import PIPELINE
 
@@ -154,7 +154,7 @@ def test_what_cannot_be_is_refused_before_anything_connects(words, complaint):
 
 
 def test_a_pipeline_without_a_robot(root):
-    with pytest.raises(ConfigurationError, match="one device of type ur is wanted, there are 0"):
+    with pytest.raises(ConfigurationError, match="one robot is wanted, there are 0"):
         call(["teach", str(root / "pipelines" / "point.toml")])
 
 

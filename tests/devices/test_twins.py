@@ -5,7 +5,8 @@ import struct
 
 import numpy as np
 import pytest
-from palpate_kit.kinematics.ur_arm import matrix_of, tip
+from palpate_kit.kinematics.rotations import matrix_of
+from palpate_kit.kinematics.ur_arm import UR3E
 from palpate_simulation.twins.arm import TICK, SimulatedArm
 from palpate_simulation.twins.rtde import ClientSession, packet, packets
 
@@ -68,7 +69,7 @@ def test_the_arm_follows_what_its_limits_allow():
 
 def test_moves_end_where_they_should():
     arm = SimulatedArm(START.copy(), matrix_of([0, 0, 0.12, 0, 0, 0]))
-    goal = tip(START.tolist(), arm.tcp)[0]
+    goal = UR3E.tip(START.tolist(), arm.tcp)[0]
     goal[2, 3] += 0.05
     assert arm.move_linear([*goal[:3, 3], *[3.14159265, 0, 0]], 0.25, 1.2)
     for _ in range(400):

@@ -12,14 +12,8 @@ from palpate_arms.servo import Commander, ServoLaw, straight_path
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_devices.ur.client_sockets import drop_unsent, send_at_once
 from palpate_devices.ur.device import UR
-from palpate_kit.kinematics.ur_arm import (
-    flange,
-    joints_at,
-    matrix_of,
-    rotation_matrix,
-    rotation_vector,
-    tip,
-)
+from palpate_kit.kinematics.rotations import matrix_of, rotation_matrix, rotation_vector
+from palpate_kit.kinematics.ur_arm import UR3E
 from palpate_testing import check_trajectory
 from palpate_trajectories.point import Point
 
@@ -30,17 +24,17 @@ PRESS = Point(bias=0.002, amplitude=0.0005, clearance=0.003, standstill=0.0, dur
 
 
 def test_the_posture_of_the_paper():
-    np.testing.assert_allclose(flange([0.0] * 6)[0][:3, 3], (-0.45675, -0.22315, 0.0665), atol=1e-12)
+    np.testing.assert_allclose(UR3E.flange([0.0] * 6)[0][:3, 3], (-0.45675, -0.22315, 0.0665), atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_jacobian_is_the_derivative(seed):
     q = np.random.default_rng(seed).uniform(-2, 2, 6)
-    _, jacobian = tip(q, TCP)
+    _, jacobian = UR3E.tip(q, TCP)
     for joint in range(6):
         step = np.zeros(6)
         step[joint] = 1e-6
-        ahead, behind = tip(q + step, TCP)[0], tip(q - step, TCP)[0]
+        ahead, behind = UR3E.tip(q + step, TCP)[0], UR3E.tip(q - step, TCP)[0]
         np.testing.assert_allclose((ahead - behind)[:3, 3] / 2e-6, jacobian[:3, joint], atol=1e-8)
         turn = rotation_vector(ahead[:3, :3] @ behind[:3, :3].T) / 2e-6
         np.testing.assert_allclose(turn, jacobian[3:, joint], atol=1e-7)
@@ -50,9 +44,9 @@ def test_the_jacobian_is_the_derivative(seed):
 def test_inverse_kinematics(seed):
     rng = np.random.default_rng(seed)
     q = np.array([0.3, -1.3, -1.9, -1.5, 1.57, 0.2]) + rng.normal(0, 0.1, 6)
-    found = joints_at(tip(q, TCP)[0], TCP, q + rng.normal(0, 0.05, 6))
+    found = UR3E.joints_at(UR3E.tip(q, TCP)[0], TCP, q + rng.normal(0, 0.05, 6))
     np.testing.assert_allclose(found, q, atol=1e-8)
-    assert joints_at(matrix_of([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), TCP, q) is None
+    assert UR3E.joints_at(matrix_of([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), TCP, q) is None
 
 
 @pytest.mark.parametrize("vector", [(0, 0, 0), (1e-9, 0, 0), (0.3, -0.2, 0.1), (np.pi, 0, 0), (2.2214, 2.2214, 1e-4)])
@@ -154,7 +148,7 @@ def test_controller_and_own_kinematics_agree(restored):
     assert health["kinematics_mismatch"] < 1e-6
     assert dh_health["kinematics_mismatch"] < 1e-6
     joints, pose = found["joints"][1], found["tip"][1]
-    own = tip(joints[-1, :6].tolist(), TCP)[0]
+    own = UR3E.tip(joints[-1, :6].tolist(), TCP)[0]
     np.testing.assert_allclose(own[:3, 3] - np.array(WORK["origin"]), pose[-1, :3], atol=1e-6)
     np.testing.assert_allclose(pose[-1, 3:], [1, 0, 0, 0], atol=1e-3)  # half a turn about x: it looks down
 

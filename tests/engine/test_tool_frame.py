@@ -9,7 +9,7 @@ from palpate.errors import ConfigurationError
 from palpate_engine.alignment import Aligner, AlignmentSettings, Ports
 from palpate_engine.config import load_pipeline
 from palpate_engine.result.record_flags import alignment_flags
-from palpate_kit.kinematics.ur_arm import quaternion, rotation_matrix
+from palpate_kit.kinematics.rotations import quaternion, rotation_matrix
 
 MASS, GRAVITY, BIAS = 0.14, 9.80665, np.array([0.4, -0.3, 0.6])
 LOOKS_AT_SKIN = np.diag([1.0, -1.0, -1.0])

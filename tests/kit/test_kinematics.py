@@ -12,14 +12,8 @@ from palpate_devices.mcap_sink import McapSink
 from palpate_devices.messages import JOINTS
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline import run_pipeline
-from palpate_kit.kinematics.ur_arm import (
-    JOINTS as NAMES,
-    joints_at,
-    matrix_of,
-    quaternion as one_quaternion,
-    rotation_matrix,
-    tip,
-)
+from palpate_kit.kinematics.rotations import matrix_of, quaternion as one_quaternion, rotation_matrix
+from palpate_kit.kinematics.ur_arm import JOINTS as NAMES, UR3E
 from palpate_kit.kinematics.work_frame import WorkFrame
 from palpate_kit.logs.joint_kinematics import Kinematics, quaternions, tips
 from palpate_logs.rosbag2_replay import Rosbag2Replay
@@ -46,7 +40,7 @@ def test_a_block_of_tips_is_every_tip():
     q = angles()
     poses, jacobians = tips(q, Kinematics.model_validate(table()).chain, np.eye(4), TOOL)
     for row, pose, jacobian in zip(q, poses, jacobians, strict=True):
-        expected = tip(row.tolist(), TOOL)
+        expected = UR3E.tip(row.tolist(), TOOL)
         np.testing.assert_allclose(pose, expected[0], atol=1e-14)
         np.testing.assert_allclose(jacobian, expected[1], atol=1e-14)
 
@@ -88,7 +82,7 @@ def swing(count=400, rate=100.0):
     height = 0.001 * (1 - ramp) - ramp * (0.004 + 0.001 * np.sin(4 * np.pi * (time - 1.0)))
     q, near = [], np.array([0.1, -1.4, 1.6, -1.7, -1.5, 0.2])
     for z in height:
-        near = joints_at(work.tool_pose(np.array([0.0, 0.0, z])), TOOL, near, steps=200)
+        near = UR3E.joints_at(work.tool_pose(np.array([0.0, 0.0, z])), TOOL, near, steps=200)
         assert near is not None
         q.append(near)
     q = np.array(q)

@@ -9,7 +9,7 @@ import numpy as np
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.messages import pack
 from palpate_engine import load_pipeline, run_pipeline
-from palpate_kit.kinematics.ur_arm import matrix_of
+from palpate_kit.kinematics.rotations import matrix_of
 from palpate_kit.logs.joint_kinematics import Kinematics, tips
 
 SPECIMEN = """

@@ -13,7 +13,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn, Protocol
 
@@ -74,6 +74,10 @@ class Host(Protocol):
 
     def datagrams(self, address: str, port: int) -> socket.socket:
         """A connected socket for datagrams; raises DeviceError where another program has the device."""
+        ...
+
+    def arm_driver(self, make: Callable[..., Any], settings: Mapping[str, Any], model: Any, tool: Any) -> Any:
+        """The driver of an arm, which `make` makes of the other three."""
         ...
 
     def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
@@ -154,6 +158,10 @@ class Computer:
             raise
         link.setblocking(False)
         return link
+
+    def arm_driver(self, make: Callable[..., Any], settings: Mapping[str, Any], model: Any, tool: Any) -> Any:
+        """That of its maker."""
+        return make(settings, model, tool)
 
     def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
         """By the probe itself."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from palpate import Batch, Channel, DeviceError, Floats, Layout, Link, SharedReadings, Stream, clock, epoch_offset
-from palpate_engine import plugin_file_of
 
 from palpate_kit.acquisition.child import Child
+from palpate_kit.acquisition.class_place import class_place
 from palpate_kit.acquisition.device_clock import ClockMap
 from palpate_kit.acquisition.ring import HEAD, ROWS, WORDS, integers
 from palpate_kit.acquisition.sensor_reader import SensorReader
@@ -47,7 +46,7 @@ class SensorProcess:
         """The sensor, streaming; raises DeviceError where it does not get ready."""
         row = Layout(**{_HOST: 1, _SENSOR: 1, **{stream.name: len(stream.channels) for stream in self.streams}})
         task = {
-            "reader": _place(self.reader),
+            "reader": class_place(self.reader),
             "settings": dict(self.settings),
             "columns": row.size,
             "silence": self.silence,
@@ -129,10 +128,3 @@ class _SensorLink:
         words = zip(self._process.reader.counters, self._child.ring.head[WORDS:].tolist())
         drift = {"clock_wander": self._clock.wander, "clock_deviation": self._clock.deviation}
         return {**self._ready, **self._counts, **dict(words), **(drift if self._process.reader.tick else {})}
-
-
-def _place(reader: type[SensorReader]) -> dict[str, Any]:
-    """Where another process finds a class: in a module, or in a plugin file with the content that was executed here."""
-    file = plugin_file_of(sys.modules[reader.__module__])
-    found = {"file": str(file.path.resolve()), "sha256": file.digest} if file else {"file": None}
-    return {"module": reader.__module__, "name": reader.__qualname__, **found}

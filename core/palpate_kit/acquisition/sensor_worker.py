@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import json
 import sys
 import termios
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 from palpate import DeviceError, UserError, clock
 
 from palpate_kit.acquisition.child import Parent
+from palpate_kit.acquisition.class_place import class_at
 from palpate_kit.acquisition.computer import host
 from palpate_kit.acquisition.ring import WORDS, Ring
 from palpate_kit.acquisition.sensor_reader import SensorReader
@@ -27,23 +26,10 @@ def main(arguments: Sequence[str]) -> None:
     task, scheduling = json.loads(arguments[2]), host().enter(40)
     with Parent(int(arguments[0])) as parent:
         try:
-            reader: SensorReader = _reader_class(task["reader"])(task["settings"])
+            reader: SensorReader = class_at(task["reader"])(task["settings"])
             _serve(parent, Ring(int(arguments[1]), task["columns"]), reader, task["silence"], scheduling)
         except (DeviceError, UserError) as error:
             parent.tell("fault", text=str(error))
-
-
-def _reader_class(place: Mapping[str, Any]) -> Any:
-    """The class at its place; raises UserError where its plugin file has changed since the parent executed it."""
-    if place["file"] is None:
-        module = importlib.import_module(place["module"])
-    else:
-        from palpate_engine import approved_files, import_plugin_file, inherited_approval
-
-        with inherited_approval([place["sha256"]]):
-            (file,) = approved_files([Path(place["file"])], Path(), named=False)
-        module = import_plugin_file(file)
-    return getattr(module, place["name"])
 
 
 def _serve(parent: Parent, ring: Ring, reader: SensorReader, silence: float, scheduling: str) -> None:

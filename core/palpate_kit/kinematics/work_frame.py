@@ -9,7 +9,7 @@ import numpy as np
 from palpate import Angle, Floats, Length, Settings
 from pydantic import Field
 
-from palpate_kit.kinematics.ur_arm import rotation_matrix, rotation_vector
+from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 
 _DOWN = np.diag([1.0, -1.0, -1.0])  # the tool looks against the normal
 

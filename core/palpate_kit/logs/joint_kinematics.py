@@ -19,7 +19,8 @@ from palpate_records.messages.readings import FieldReading
 from palpate_records.messages.topics import Container
 from pydantic import Field, model_validator
 
-from palpate_kit.kinematics.ur_arm import ALPHA, JOINTS, A, D, matrix_of
+from palpate_kit.kinematics.rotations import matrix_of
+from palpate_kit.kinematics.ur_arm import ALPHA, JOINTS, A, D
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 _POSE = (*((axis, "m") for axis in "xyz"), *((f"q{axis}", "1") for axis in "xyzw"))

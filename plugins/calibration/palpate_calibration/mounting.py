@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats, LogError
-from palpate_kit.kinematics.ur_arm import rotation_matrix, rotation_vector
+from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 
 from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Floats, LogError
 from palpate_engine import GRAVITY, Ports
-from palpate_kit.kinematics.ur_arm import rotation_matrix
+from palpate_kit.kinematics.rotations import rotation_matrix
 
 from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue
 from palpate_calibration.sines import mean_with_std

@@ -35,7 +35,7 @@ from palpate import (
     host_time_ns,
     setpoints_at,
 )
-from palpate_kit.kinematics.ur_arm import rotation_vector
+from palpate_kit.kinematics.rotations import rotation_vector
 from palpate_records.prefetch import ahead
 from pydantic import Field
 

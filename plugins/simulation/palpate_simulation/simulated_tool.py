@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats, Setpoint, angular_velocities
-from palpate_kit.kinematics.ur_arm import quaternion, rotation_matrix
+from palpate_kit.kinematics.rotations import quaternion, rotation_matrix
 from palpate_kit.logs.joint_kinematics import quaternions
 
 from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from palpate import Floats
-from palpate_kit.kinematics.ur_arm import rotation_matrix
+from palpate_kit.kinematics.rotations import rotation_matrix
 
 TOOL = np.diag([1.0, -1.0, -1.0])  # of a tool that looks at the skin, in the work frame
 MOUNTING = "rotation vector of the sensor on the tool, whose z looks at the skin; left out: its z looks out of the skin"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats
-from palpate_kit.kinematics.ur_arm import rotation_matrix
+from palpate_kit.kinematics.rotations import rotation_matrix
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from palpate import ConfigurationError, Floats, SurfacePoints
-from palpate_kit.kinematics.ur_arm import rotation_matrix, rotation_vector
+from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 from palpate_kit.numerics.least_squares import least_squares
 
 from palpate_surfaces.mesh import Mesh, points_of

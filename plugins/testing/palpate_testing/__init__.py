@@ -16,6 +16,9 @@ import lazy_loader
 from palpate import Check, plugin
 
 if TYPE_CHECKING:
+    from palpate_kit.acquisition.simulated_computer import simulated_time
+
+    from palpate_testing.arm_checks import ArmTest
     from palpate_testing.contact_checks import check_indenter, check_model
     from palpate_testing.device_checks import check_device
     from palpate_testing.estimator_checks import check_estimator, synthetic_samples
@@ -26,16 +29,18 @@ if TYPE_CHECKING:
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "arm_checks": ["ArmTest"],
         "contact_checks": ["check_indenter", "check_model"],
         "device_checks": ["check_device"],
         "estimator_checks": ["check_estimator", "synthetic_samples"],
-        "simulated_time_checks": ["check_simulated_time"],
+        "simulated_time_checks": ["check_simulated_time", "simulated_time"],
         "surface_checks": ["check_surface"],
         "trajectory_checks": ["check_trajectory"],
     },
 )
 
 __all__ = [
+    "ArmTest",
     "check_device",
     "check_estimator",
     "check_indenter",
@@ -43,6 +48,7 @@ __all__ = [
     "check_simulated_time",
     "check_surface",
     "check_trajectory",
+    "simulated_time",
     "synthetic_samples",
 ]
 

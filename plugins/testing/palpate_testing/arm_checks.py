@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 from palpate import (
@@ -14,7 +14,7 @@ from palpate import (
     Device,
     DeviceError,
     Floats,
-    Link,
+    Retractable,
     SupportsLimits,
     Trajectory,
     clock,
@@ -31,6 +31,16 @@ _STANDS = 0.2e-3  # [m]
 _FIRST = 0.3  # [s] for the first batches
 _ROOM = 0.1  # [m] around a motion, for the way to its start
 _STEP = 2e-3  # [s]
+_SHORT, _RETRACTS = 0.05, 3.0  # [s] of looks before and after a retraction begins
+_TELLS = 1.0  # [s] until a lost link is reported
+
+
+@dataclass(frozen=True)
+class ArmTest:
+    """What a test knows of an arm besides what its driver says."""
+
+    tip: Callable[[], Floats]  # where the tip truly is (3,) [m], in the work frame
+    cut: Callable[[], object]  # cuts the link to the controller
 
 
 def set_out(link: Arm, trajectory: Trajectory) -> None:
@@ -59,43 +69,112 @@ def check_follows(device: Device, batches: Sequence[Batch], trajectory: Trajecto
     demand(share >= least, f"{name} does not follow: its tip came to {share:.0%} of the places of the motion")
 
 
-def check_stops(device: Device, trajectory: Trajectory, seed: int, listen: float) -> None:
-    """An arm that is stopped on its way stands soon, as its own positions say."""
-    name = type(device).__name__
-    _, place, _ = _motion(trajectory)
-    farthest = float(np.linalg.norm(place - place[0], axis=1).max())
-    heard: list[Batch] = []
+class _MovedArm:
+    """An arm on its way through a motion: what it sends, and where a test sees it."""
+
+    def __init__(self, device: Device, link: Arm, trajectory: Trajectory, arm: ArmTest | None) -> None:
+        self.name, self.link = type(device).__name__, link
+        self.failure: DeviceError | None = None
+        self.ended = False
+        self._device, self._arm = device, arm
+        self._heard: list[Batch] = []
+        _, self._motion, _ = _motion(trajectory)
+        clock().thread(self._hear, f"{self.name} is moved").start()
+        set_out(link, trajectory)
+
+    def _hear(self) -> None:
+        try:
+            for batch in self.link.batches():
+                self._heard.append(batch)
+        except DeviceError as failure:  # an arm that was stopped may say so
+            self.failure = failure
+        self.ended = True
+
+    def wait_until_begun(self, seconds: float) -> None:
+        """Until a part of the way from the start of the motion is gone."""
+        start, deadline = self._motion[0], clock().now() + seconds
+        farthest = float(np.linalg.norm(self._motion - start, axis=1).max())
+        while clock().now() < deadline:
+            seen = places(self._device, list(self._heard))
+            away = np.linalg.norm(seen - start, axis=1)
+            if len(seen) and away.min() < _AWAY and away[-1] > _BEGUN * farthest > 0.0:
+                return
+            if self.failure is not None:
+                raise AssertionError(f"{self.name} does not begin the motion: {self.failure}")
+            clock().sleep(0.01)
+        raise AssertionError(f"{self.name} has not begun the motion within {seconds:g} s")
+
+    def look(self, seconds: float) -> Floats:
+        """Where the tip is meanwhile (n, 3) [m]: as the test sees it, or else as the arm says."""
+        before, deadline = len(self._heard), clock().now() + seconds
+        seen = []
+        while clock().now() < deadline:
+            clock().sleep(0.01)
+            if self._arm is not None:
+                seen.append(np.array(self._arm.tip(), float))
+        return np.array(seen) if self._arm is not None else places(self._device, list(self._heard)[before:])
+
+    def demand_standstill(self, after: str) -> None:
+        """The tip stands once it has had time to brake."""
+        clock().sleep(_REACTS)
+        rest = self.look(_LOOKS)
+        moved = float(np.ptp(rest, axis=0).max()) if len(rest) else 0.0
+        demand(
+            moved < _STANDS,
+            f"{self.name} does not obey: {_REACTS:g} s after {after} its tip still moves by {1e3 * moved:.1f} mm in "
+            f"{_LOOKS:g} s",
+        )
+
+
+@contextmanager
+def _moved(
+    device: Device, trajectory: Trajectory, seed: int, listen: float, arm: ArmTest | None
+) -> Iterator[_MovedArm]:
+    """An arm that has begun a motion."""
     with device.connect(seed) as link:
         assert isinstance(link, Arm)
-        hearing = clock().thread(partial(_hear, link, heard), f"{name} is stopped")
-        hearing.start()
-        set_out(link, trajectory)
-        deadline = clock().now() + listen
-        while clock().now() < deadline:
-            seen = places(device, list(heard))
-            if len(seen) and np.linalg.norm(seen - place[0], axis=1).min() < _AWAY:
-                begun = seen[int(np.linalg.norm(seen - place[0], axis=1).argmin()) :]
-                if np.linalg.norm(begun[-1] - place[0]) > _BEGUN * farthest:
-                    break
+        moved = _MovedArm(device, link, trajectory, arm)
+        moved.wait_until_begun(listen)
+        yield moved
+
+
+def check_stops(device: Device, trajectory: Trajectory, seed: int, listen: float, arm: ArmTest | None = None) -> None:
+    """An arm that is stopped on its way stands soon."""
+    with _moved(device, trajectory, seed, listen, arm) as moved:
+        moved.link.stop()
+        moved.demand_standstill("`stop`")
+
+
+def check_retracts(device: Device, trajectory: Trajectory, seed: int, listen: float, arm: ArmTest | None) -> None:
+    """An arm that can leave the material goes back to the height at which its motion began, and stands there."""
+    with _moved(device, trajectory, seed, listen, arm) as moved:
+        if not isinstance(moved.link, Retractable):
+            return
+        before = moved.look(_SHORT)[-1]
+        moved.link.retract()
+        after = moved.look(_RETRACTS)
+        wanted, came = _motion(trajectory)[1][0, 2], float(after[:, 2].max()) if len(after) else float(before[2])
+        demand(
+            came > wanted - _AWAY,
+            f"{moved.name} does not retract: from {1e3 * before[2]:.1f} mm its tip came to {1e3 * came:.1f} mm within "
+            f"{_RETRACTS:g} s of `retract`, and {1e3 * wanted:.1f} mm is where the motion began",
+        )
+        moved.demand_standstill("`retract`")
+
+
+def check_link_loss(device: Device, trajectory: Trajectory, seed: int, listen: float, arm: ArmTest) -> None:
+    """An arm whose link to its controller is cut says so, and stands."""
+    with _moved(device, trajectory, seed, listen, arm) as moved:
+        arm.cut()
+        deadline = clock().now() + _TELLS
+        while clock().now() < deadline and not moved.ended:
             clock().sleep(0.01)
-        else:
-            raise AssertionError(f"{name} has not begun the motion within {listen:g} s")
-        link.stop()
-        clock().sleep(_REACTS)
-        before = len(heard)
-        clock().sleep(_LOOKS)
-        rest = places(device, list(heard)[before:])
-        moved = float(np.ptp(rest, axis=0).max()) if len(rest) else 0.0
-    demand(
-        moved < _STANDS,
-        f"{name} does not obey: {_REACTS:g} s after `stop` its tip still moves by {1e3 * moved:.1f} mm in {_LOOKS:g} s",
-    )
-
-
-def _hear(link: Link, heard: list[Batch]) -> None:
-    with suppress(DeviceError):  # an arm that was stopped may say so
-        for batch in link.batches():
-            heard.append(batch)
+        demand(
+            moved.failure is not None,
+            f"{moved.name} does not report a lost link: {_TELLS:g} s after it was cut "
+            + ("its batches ended without a word" if moved.ended else "its batches go on"),
+        )
+        moved.demand_standstill("its link was cut")
 
 
 def places(device: Device, batches: Sequence[Batch]) -> Floats:

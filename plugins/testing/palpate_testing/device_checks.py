@@ -5,20 +5,27 @@ from __future__ import annotations
 import numpy as np
 from palpate import Arm, Batch, Device, Link, Trajectory, clock
 
-from palpate_testing.arm_checks import check_follows, check_stops, set_out
+from palpate_testing.arm_checks import ArmTest, check_follows, check_link_loss, check_retracts, check_stops, set_out
 from palpate_testing.failure_messages import demand
 
 _MOST = 100  # batches of one instant of simulated time
 
 
-def check_device(device: Device, trajectory: Trajectory | None = None, seed: int = 0, listen: float = 2.0) -> None:
+def check_device(
+    device: Device,
+    trajectory: Trajectory | None = None,
+    seed: int = 0,
+    listen: float = 2.0,
+    arm: ArmTest | None = None,
+) -> None:
     """A device sends what it announces; for one that moves, give a short trajectory.
 
     Checked: channels known before connecting, with names that differ; batches only of announced streams, of the right
     width, with time-stamps in whole nanoseconds, one per row; `stop` twice does no harm; a device that is connected
     again with the same seed sends the same readings. A live device is listened to for some time [s], `listen`, and may
     send other readings the second time. The tip of an arm is where the motion has it, and that of a live arm stands
-    soon once it is stopped on its way: it moves. Both are judged by the positions that it sends.
+    soon once it is stopped on its way, and goes back up once it is retracted: it moves. They are judged by the
+    positions that it sends, or better by those that `arm` sees; with it the link to the controller is cut, too.
     """
     name = type(device).__name__
     names = [stream.name for stream in device.streams]
@@ -40,7 +47,10 @@ def check_device(device: Device, trajectory: Trajectory | None = None, seed: int
     if trajectory is not None and moves(device, seed):
         check_follows(device, first, trajectory, is_whole=not device.live)
         if device.live:
-            check_stops(device, trajectory, seed, listen)
+            check_stops(device, trajectory, seed, listen, arm)
+            check_retracts(device, trajectory, seed, listen, arm)
+            if arm is not None:
+                check_link_loss(device, trajectory, seed, listen, arm)
     second = batches_of(device, trajectory, seed, listen)
     if device.live:
         demand(any(len(batch.time) for batch in second), f"{name} sends nothing when connected again")

@@ -5,14 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from palpate import Batch, ConfigurationError, Device, DeviceError, Link, Observable, ReportsHealth, clock, host_time_ns
+from palpate import (
+    Batch,
+    ConfigurationError,
+    Device,
+    DeviceError,
+    Link,
+    Observable,
+    ReportsHealth,
+    ReportsStops,
+    StopModes,
+    clock,
+    host_time_ns,
+)
 from palpate_engine import Pipeline, own_motions
 
 from palpate_commands.acceptance.measurement import BrakingTrace, MissedError
 
-_MODE = "safety_mode"
 _Z = 2  # column of the normal
 _RECENT = 8  # states
 
@@ -26,7 +38,8 @@ class WatchedArm:
     pose: str
     twist: str
     status: str
-    mode: int  # column of the safety mode
+    mode: int  # column of the mode that tells of its stops
+    modes: StopModes
 
     @classmethod
     def of(cls, pipeline: Pipeline) -> WatchedArm:
@@ -36,17 +49,19 @@ class WatchedArm:
             raise ConfigurationError(f"{pipeline.path}: one robot is wanted, not {len(names)} ({', '.join(names)})")
         device = pipeline.devices[names[0]]
         layouts = {stream.layout: stream.name for stream in device.streams}
+        modes = device.stop_modes if isinstance(device, ReportsStops) else None
         columns = [
-            (stream.name, [channel.name for channel in stream.channels].index(_MODE))
+            (stream.name, [channel.name for channel in stream.channels].index(modes.channel))
             for stream in device.streams
-            if _MODE in [channel.name for channel in stream.channels]
+            if modes is not None and modes.channel in [channel.name for channel in stream.channels]
         ]
-        if not (device.live and isinstance(device, Observable) and {"pose", "twist"} <= layouts.keys() and columns):
+        sound = device.live and isinstance(device, Observable) and {"pose", "twist"} <= layouts.keys()
+        if modes is None or not (sound and columns):
             raise ConfigurationError(
                 f"{pipeline.path}: [device.{names[0]}] cannot be watched while a run moves it: a live robot whose "
-                f"pose, twist and {_MODE} can be observed is wanted"
+                "pose, twist and stops a second connection can observe is needed"
             )
-        return cls(names[0], device, layouts["pose"], layouts["twist"], *columns[0])
+        return cls(names[0], device, layouts["pose"], layouts["twist"], *columns[0], modes)
 
 
 class Observer:
@@ -106,7 +121,7 @@ class Observer:
 
     @property
     def mode(self) -> int:
-        """The safety mode, the latest; 0 before there is one."""
+        """The mode that tells of its stops, the latest; 0 before there is one."""
         found = self._latest(self._arm.status, self._arm.mode)
         return int(found) if np.isfinite(found) else 0
 
@@ -123,14 +138,15 @@ class Observer:
         count = min(len(pose), len(twist))  # they come one after the other
         return BrakingTrace(time[:count], pose[:count, _Z], twist[:count, _Z])
 
-    def mode_change(self, origin: int, modes: tuple[int, ...]) -> float:
-        """When [s] the safety mode first was one of some; raises MissedError where it never was."""
+    def mode_change(self, origin: int, stop: Literal["emergency", "safeguard"]) -> float:
+        """When [s] the mode first told of a stop; raises MissedError where it never did."""
+        modes = self._arm.modes.emergency if stop == "emergency" else self._arm.modes.safeguard
         time, status = self._joined(self._arm.status, origin)
         found = status[:, self._arm.mode].astype(int)
         there = np.flatnonzero(np.isin(found, modes))
         if not len(there):
             seen = ", ".join(str(mode) for mode in np.unique(found))
-            raise MissedError(f"the controller did not report that stop (safety modes: {seen})")
+            raise MissedError(f"the controller did not report that stop ({self._arm.modes.channel}: {seen})")
         return float(time[there[0]])
 
     def _joined(self, stream: str, origin: int) -> tuple[np.ndarray, np.ndarray]:

@@ -81,6 +81,7 @@ class AcceptanceGuide:
 
     say: Callable[[str], None]
     ask: Callable[[str], None]  # returns when it is done
+    act: Callable[[AcceptanceStep], None] = lambda step: None  # what a twin does for a person, on the way down
 
 
 class AcceptanceProtocol:
@@ -237,8 +238,10 @@ class AcceptanceProtocol:
         was_down, deadline = False, clock().now() + _START + strokes.duration
         while job.is_running and clock().now() < deadline:
             down = observer.velocity < -_STEADY * strokes.speed and observer.height > 0.5 * (high + strokes.bottom)
-            if down and not was_down and on_the_way_down:
-                self._guide.say("  NOW")
+            if down and not was_down:
+                if on_the_way_down:
+                    self._guide.say("  NOW")
+                self._guide.act(visit.step)
             was_down = down
             clock().sleep(_LOOK)
         if np.isnan(observer.height) or not job.run.live_facts.get("stop"):
@@ -252,8 +255,8 @@ class AcceptanceProtocol:
 
     def _event_of(self, visit: Visit, observer: Observer, job: StrokesJob, origin: int) -> float:
         """When [s] it happened, by what the robot or the sensor said."""
-        if visit.step.modes:
-            return observer.mode_change(origin, visit.step.modes)
+        if visit.step.mode:
+            return observer.mode_change(origin, visit.step.mode)
         if visit.step.name != "force":
             return float(self._readings(job, origin)[0][-1])
         return first_beyond(*self._tared(job, origin), self._stop_force)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 Site = Literal["free-air", "foam"]
-_EMERGENCY, _SAFEGUARD = (6, 7, 8), (5,)  # safety modes of a controller; a system's stop counts as the robot's own
 
 
 @dataclass(frozen=True)
@@ -21,10 +20,11 @@ class AcceptanceStep:
     bound: Literal["latency", "reaction", "sensor_timeout", "blind", "sensor_delay"]
     ask: str = ""  # of a person, while the arm moves; empty: this program does it
     then: str = ""  # of a person, afterwards
-    modes: tuple[int, ...] = ()  # safety modes by which the controller tells of it
+    mode: Literal["", "emergency", "safeguard"] = ""  # the stop by which the controller tells of it
     number: signal.Signals | None = None  # that is sent to the run
     group: bool = False  # to all of its processes
     sites: tuple[Site, ...] = ("free-air", "foam")
+    fault: str = ""  # by which a twin does what is asked of a person
     leaves: bool = True  # whether the arm leaves the material by itself
 
     @property
@@ -48,7 +48,8 @@ STEPS: Mapping[str, AcceptanceStep] = {
             "latency",
             "press the emergency stop",
             "release the button, power the arm on and release its brakes on the pendant",
-            _EMERGENCY,
+            "emergency",
+            fault="emergency-stop",
             leaves=False,
         ),
         AcceptanceStep(
@@ -57,7 +58,8 @@ STEPS: Mapping[str, AcceptanceStep] = {
             "latency",
             "open the safeguard",
             "close the safeguard and reset it",
-            _SAFEGUARD,
+            "safeguard",
+            fault="safeguard-stop",
             leaves=False,
         ),
         AcceptanceStep(
@@ -66,6 +68,7 @@ STEPS: Mapping[str, AcceptanceStep] = {
             "sensor_timeout",
             "pull the cable of the force sensor",
             "put the cable back",
+            fault="unplug",
         ),
         AcceptanceStep("ctrl-c", "Ctrl-C at the run", "latency", number=signal.SIGINT),
         AcceptanceStep("kill", "the run's main process is killed", "latency", number=signal.SIGKILL, leaves=False),

@@ -5,7 +5,15 @@ from __future__ import annotations
 from importlib.resources import files
 from string import Template
 
-KINDS = ("tip", "model", "filter", "device", "trajectory", "analysis")
+KINDS = ("tip", "model", "filter", "device", "arm", "trajectory", "analysis")
+# What a kind has besides its module and its test, by its path in the distribution.
+_MORE = {
+    "arm": {
+        "{package}/driver.py": "arm_driver.txt",
+        "{package}/software_arm.py": "arm_software.txt",
+        "point.toml": "arm_pipeline.txt",
+    }
+}
 _SHARED = {"pyproject.toml": "pyproject.txt", "README.md": "readme.txt"}
 
 
@@ -13,9 +21,14 @@ def distribution(kind: str, name: str) -> dict[str, str]:
     """Files of a distribution by their path in its folder."""
     package = name.replace("-", "_")
     words = {"name": name, "package": package, "kind": kind}
-    found = {path: Template(_text(source)).substitute(words) for path, source in _SHARED.items()}
-    module, test = (_text(f"{kind}{ending}.txt").replace("PACKAGE", package) for ending in ("", "_test"))
-    return found | {f"{package}/__init__.py": module, f"tests/test_{package}.py": test}
+    shared = _SHARED | ({"README.md": "arm_readme.txt"} if kind == "arm" else {})
+    found = {path: Template(_text(source)).substitute(words) for path, source in shared.items()}
+    own = {"{package}/__init__.py": f"{kind}.txt", "tests/test_{package}.py": f"{kind}_test.txt", **_MORE.get(kind, {})}
+    short = name.removeprefix("palpate-")
+    for path, source in own.items():
+        text = _text(source).replace("PACKAGE", package).replace("NAME", short).replace("CLASS", short)
+        found[path.format(package=package)] = text
+    return found
 
 
 def _text(name: str) -> str:

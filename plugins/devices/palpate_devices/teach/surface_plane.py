@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import ConfigurationError, Floats
-from palpate_kit.kinematics.ur_arm import rotation_matrix, rotation_vector
+from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 _APART = 5e-3  # [m] between a point and the line of two others, and between the fourth and the others

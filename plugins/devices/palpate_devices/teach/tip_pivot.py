@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import ConfigurationError, Floats
-from palpate_kit.kinematics.ur_arm import rotation_vector
+from palpate_kit.kinematics.rotations import rotation_vector
 
 _LEAST = math.radians(5.0)  # of each turn
 _SLID = 0.5e-3  # [m]

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import asdict
-from typing import Any
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from palpate import DeviceError, Link
-from palpate_kit.acquisition.child import Child
+from palpate import Frequency, Length, Mass, StopModes, Time
+from palpate_arms.arm_device import ArmDevice
 from palpate_kit.acquisition.computer import host
+from palpate_kit.kinematics.arm_model import ArmModel
+from palpate_kit.kinematics.ur_arm import JOINTS, MODELS
 from palpate_kit.protocols.ur_dashboard import probe, refuse_unready, reported_model, reports_payload
+from pydantic import Field
 
-from palpate_devices.ur.settings import URSettings
+if TYPE_CHECKING:
+    from palpate_arms.arm_by_hand import HandReader
+    from palpate_arms.arm_driver import ArmDriver
 
-_HINT = ": the client library does that when it loses the link to the controller"
 
-
-class UR(URSettings):
+class UR(ArmDevice):
     """A UR3e, UR5e, UR10e or UR16e of Universal Robots as an arm, by `ur_rtde` in a process of its own.
 
     Setpoints in the work frame are followed at 500 Hz, by the paper's Cartesian PD law on top of `servoL` or by
@@ -29,48 +31,76 @@ class UR(URSettings):
     wrench (estimated, in the base's orientation: not that of a sensor at the flange), and status.
     """
 
-    def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The arm at rest; `follow` sets it in motion."""
-        return self._connected(observe=False)
+    maker: ClassVar[str] = "ur"
+    joint_names: ClassVar[tuple[str, ...]] = JOINTS
+    status_channels: ClassVar[Mapping[str, float]] = {
+        "robot_mode": 7.0,
+        "safety_mode": 1.0,
+        "runtime": 2.0,
+        "speed_slider": 1.0,
+        "speed_scaling": 1.0,
+    }
+    weighs_flange: ClassVar[bool] = True
+    sudden_end: ClassVar[str] = ": the client library does that when it loses the link to the controller"
 
-    def observe(self, seed: int) -> AbstractContextManager[Link]:
-        """Its states; a running program continues."""
-        return self._connected(observe=True)
+    model: Literal["auto", "ur3e", "ur5e", "ur10e", "ur16e"] = Field(
+        default="auto", description='which arm; "auto": found from joints and tip pose'
+    )
+    payload: Mass | None = Field(
+        default=None, gt=0, le=20, description="everything mounted on the flange; left out: the pendant's setting"
+    )
+    payload_centre: tuple[Length, ...] = Field(
+        default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="centre of mass of that payload on the flange"
+    )
+    safety_checksum: str | None = Field(
+        default=None,
+        pattern=r"^[0-9A-Za-z]{4}([0-9A-Za-z]{4})?$",
+        description="of the safety configuration, as the pendant shows it; for the record: no interface tells it",
+    )
+    lookahead: Time = Field(default=0.03, ge=0.03, le=0.2, description="servoL's lookahead time")
+    servo_gain: float = Field(default=1000.0, ge=100, le=2000, description="servoL's gain")
+    watchdog: Frequency = Field(default=10.0, ge=1, le=50, description="the arm stops when commands arrive less often")
 
-    @contextmanager
-    def _connected(self, observe: bool) -> Iterator[Link]:
-        from palpate_devices.ur import layout
-        from palpate_devices.ur.link import URLink  # a replay loads nothing of an arm
+    @classmethod
+    def driver(cls) -> type[ArmDriver]:
+        """By the client library."""
+        from palpate_devices.ur.driver import URDriver
 
-        name = f"ur at {self.host}"
-        try:
-            identity = host().controller_facts(self.host, probe)
-            refuse_unready(identity, self.host)
-        except DeviceError as error:
-            raise DeviceError(f"ur at {error}") from error
-        if self.safety_checksum is not None:
-            identity = {**identity, "safety_checksum": self.safety_checksum}
-        child = Child(name, "robot", layout.MODULE, self._worker_settings(identity, observe), layout.ROW.size, _HINT)
-        try:
-            link = URLink(self, child, {**identity, **child.wait_for("ready", self.start)})
-            yield link
-        finally:
-            child.ring.head[layout.STOP] = 1
-            child.close()
+        return URDriver
 
-    def _worker_settings(self, identity: Mapping[str, str], observe: bool) -> dict[str, Any]:
-        keys = [
-            *("host", "tcp", "tcp_rotation", "payload", "payload_centre"),
-            *("lookahead", "servo_gain", "watchdog", "controller_timeout", "host_timeout"),
-        ]
-        own = ("joint_speed", "tracking", "links_low", "links_high")
-        said = reported_model(identity) if self.model == "auto" and observe else self.model
-        return {
-            **{key: getattr(self, key) for key in keys},
-            "own": {**{key: getattr(self, key) for key in own}, "lag": 0.5 * self.lookahead * 300.0 / self.servo_gain},
-            "law": asdict(self.law),
-            "work": self.work.model_dump(),
-            "model": said,
-            "observe": observe,
-            "load_known": reports_payload(identity),
-        }
+    @property
+    def arm_model(self) -> ArmModel | None:
+        """That of its type, where it is stated."""
+        return MODELS.get(self.model)
+
+    @property
+    def command_lag(self) -> float:
+        """The time constant of `servoL`, 0.5 lookahead 300/gain: measured on a twin, since it is not published."""
+        return 0.5 * self.lookahead * 300.0 / self.servo_gain
+
+    def identity(self, observe: bool) -> Mapping[str, str]:
+        """By the dashboard, where all ports answer and the robot is ready; raises DeviceError."""
+        found = host().controller_facts(self.host, probe)
+        refuse_unready(found, self.host)
+        return found if self.safety_checksum is None else {**found, "safety_checksum": self.safety_checksum}
+
+    def driver_settings(self, identity: Mapping[str, str], observe: bool) -> dict[str, Any]:
+        """Its keys, with the model that is known, and whether the controller reports the payload."""
+        model = reported_model(identity) if self.model == "auto" and observe else self.model
+        return {**super().driver_settings(identity, observe), "model": model, "load_known": reports_payload(identity)}
+
+    def by_hand(self, weighs: bool) -> AbstractContextManager[HandReader]:
+        """By the client library alone, in local control; `weighs`: by the sensor in the flange."""
+        from palpate_devices.ur.hand_reader import URByHand
+
+        return nullcontext(URByHand(self, weighs))
+
+    @property
+    def stop_modes(self) -> StopModes | None:
+        """By the safety mode; a system's stop counts as the robot's own."""
+        return StopModes("safety_mode", (6, 7, 8), (5,))
+
+    @property
+    def twin_settings(self) -> Mapping[str, str]:
+        """The robot of a twin, and where its work is."""
+        return {"robot": f'"{"ur3e" if self.model == "auto" else self.model}"', **self.work_settings}

@@ -51,12 +51,13 @@ class VirtualBench(BenchSettings):
 
     @classmethod
     def stand_in(cls, devices: Mapping[str, Device], tip_mass: float | None) -> Mapping[str, str] | None:
-        """For one robot of Universal Robots and one SensONE or RDT box."""
+        """For one arm and one SensONE or RDT box; of another maker than Universal Robots also for the arm alone."""
         tables = [device.twin_settings for device in devices.values() if isinstance(device, SupportsTwin)]
-        if sorted(part for table in tables for part in ("robot", "sensor") if part in table) != ["robot", "sensor"]:
+        parts = [part for table in tables for part in ("robot", "arm.lag", "sensor") if part in table]
+        if sorted(parts) not in (["robot", "sensor"], ["arm.lag", "sensor"], ["arm.lag"]):
             return None
         settings = {key: value for table in tables for key, value in table.items()}
-        return settings if tip_mass is None else {**settings, "tip_mass": str(tip_mass)}
+        return {**settings, "tip_mass": str(tip_mass)} if tip_mass else settings
 
     @contextmanager
     def simulated(self, seed: int, hold_ups: Sequence[HoldUp] = ()) -> Iterator[SimulatedTwin]:

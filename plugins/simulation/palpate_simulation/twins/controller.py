@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, clock
-from palpate_kit.kinematics.ur_arm import pose_of, rotation_matrix
+from palpate_kit.kinematics.rotations import pose_of, rotation_matrix
 
 from palpate_simulation.sensor_wrench import flange_wrench
 from palpate_simulation.twins.arm import TICK, SimulatedArm
@@ -171,7 +171,7 @@ class Controller:
         self.arm.brakes = deceleration
 
     def restore(self, q: Any) -> None:
-        """No stop, no program, the arm at rest at joint angles (6,)."""
+        """No stop, no program, the arm at rest at joint angles (n,)."""
         self.end_program()
         self._came.clear()
         self._written.clear()
@@ -180,7 +180,7 @@ class Controller:
         self.unknown_output, self.refuses_start, self.remote, self.deaf = "", False, True, False
         self.stamp_leap, self.speed_factor = 0.0, 1.0
         self.stuck, self.no_number, self.arm.jammed, self.arm.brakes = None, False, False, math.inf
-        self.arm.q, self.arm.qd, self.arm.tcp = q, np.zeros(6), self.pendant_tcp
+        self.arm.q, self.arm.qd, self.arm.tcp = q, np.zeros_like(q), self.pendant_tcp
 
     def date(self, until: float) -> None:
         """What was just written came by one of its own times [s]: evenly since what came before.
@@ -212,7 +212,7 @@ class Controller:
         pose, jacobian = arm.tip(arm.tcp)
         # Noise belongs to the joints, so that pose and joints agree; it is scaled to the noise of the height.
         lever = math.hypot(*jacobian[2].tolist()) or 1.0
-        noise = self._rng.standard_normal((2, 6))
+        noise = self._rng.standard_normal((2, len(arm.q)))
         error, error_rate = noise[0] * (self._noise[0] / lever), noise[1] * (self._noise[1] / lever)
         q, qd, shift = arm.q + error, arm.qd + error_rate, jacobian @ error
         measured = pose.copy()

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from palpate import ConfigurationError, Floats
-from palpate_kit.kinematics.ur_arm import joints_at, rotation_matrix
+from palpate_kit.kinematics.rotations import rotation_matrix
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_simulation.twins.controller import Controller
@@ -54,7 +54,7 @@ class Hand:
             raise ConfigurationError("lead: the arm is not in freedrive; type freedrive first")
         goal = self._work.tool_pose(given[:3] / 1e3)
         goal[:3, :3] = goal[:3, :3] @ rotation_matrix(np.radians(given[3:]).tolist())
-        q = joints_at(goal, self._tool, arm.q, steps=_ENOUGH, model=arm.model)
+        q = arm.model.joints_at(goal, self._tool, arm.q, steps=_ENOUGH)
         if q is None:
             raise ConfigurationError("lead: the arm cannot reach that place")
         arm.move(q, _SPEED, _ACCELERATION)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from palpate_kit.kinematics.ur_arm import matrix_of, pose_of, tip
+from palpate_kit.kinematics.rotations import matrix_of, pose_of
 
 from palpate_simulation.twins.arm import TICK, SimulatedArm
 
@@ -122,7 +122,7 @@ class Program:
             return False
         if command in (1, 2):
             arm.move(goal, speed, acceleration)
-        elif not arm.move_linear(pose_of(tip(goal.tolist(), arm.tcp, arm.model)[0]), speed, acceleration):
+        elif not arm.move_linear(pose_of(arm.model.tip(goal.tolist(), arm.tcp)[0]), speed, acceleration):
             return False
         if not asynchronous:
             self._busy = self._until_at_rest
@@ -136,7 +136,7 @@ class Program:
             answer = pose_of(self._arm.tcp)
         elif command == 44:
             tool = matrix_of(p[6:12]) if any(p[6:12]) else self._arm.tcp
-            answer = pose_of(tip(p[:6], tool, self._arm.model)[0])
+            answer = pose_of(self._arm.model.tip(p[:6], tool)[0])
         elif command in (30, 46):
             found = self._arm.inverse(p[:6])
             answer = [] if found is None else found.tolist()

@@ -5,7 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, Self
 
-from palpate import Angle, Delay, File, Force, ForceDrift, Frequency, Length, Mass, Speed, Time, TipMass, Twin
+from palpate import (
+    Angle,
+    Delay,
+    File,
+    Force,
+    ForceDrift,
+    Frequency,
+    Length,
+    Mass,
+    Settings,
+    Speed,
+    Stiffness,
+    Time,
+    TipMass,
+    Twin,
+)
+from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.work_frame import WorkFrame
 from pydantic import Field, model_validator
 
@@ -14,6 +30,15 @@ from palpate_simulation.tool_axes import MOUNTING
 
 # "127.evil.example.com" is a name that leads anywhere.
 LOOPBACK = r"^127(\.(25[0-5]|2[0-4]\d|1\d\d|[1-9]?\d)){3}$"
+
+
+class TwinArm(Settings):
+    """An arm by its kinematic model, which follows its commands with a lag, and may give way to a force."""
+
+    model: ArmModel = Field(description="joints from the base to the flange")
+    lag: Time = Field(gt=0, le=0.5, description="how late it follows its commands")
+    posture: tuple[Angle, ...] = Field(description="joints from which the posture at the start is found")
+    stiffness: Stiffness | None = Field(default=None, gt=0, description="by which its controller gives way to a force")
 
 
 class BenchSettings(Twin):
@@ -35,6 +60,7 @@ class BenchSettings(Twin):
     )
     sensor_rate: Frequency = Field(default=1000.0, gt=0, le=2000, description="readings per second of such a box")
     robot: Literal["ur3e", "ur5e", "ur10e", "ur16e"] = Field(default="ur3e", description="which arm it is")
+    arm: TwinArm | None = Field(default=None, description="another maker's arm, which a rehearsal enters here")
     height: Length = Field(default=0.01, description="height of the tip over the work frame at the start")
     place: tuple[Length, ...] = Field(
         default=(0.0, 0.0), min_length=2, max_length=2, description="place of the tip along the skin at the start"

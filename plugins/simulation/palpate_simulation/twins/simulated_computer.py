@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import errno
-import importlib
-import os
 import socket
-import subprocess
-import sys
-import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from palpate import DeviceError, HoldUp
-from palpate_kit.acquisition.computer import Process, use_host
+from palpate_kit.acquisition.computer import use_host
+from palpate_kit.acquisition.simulated_computer import SimulatedComputer
 from palpate_kit.protocols.ur_dashboard import DASHBOARD, RTDE, SCRIPT, dashboard_facts
 from palpate_kit.simulated_time.simulated_clock import SimulatedClock
-from palpate_kit.simulated_time.simulated_turns import EndOfThread
 
 from palpate_simulation.twins.controller import Controller
 from palpate_simulation.twins.direct_client import DirectCommands, DirectPorts, DirectReadBack, DirectStates
 from palpate_simulation.twins.ports import RobotPorts
 from palpate_simulation.twins.sensor_lines import SocketDatagrams, SocketLine
 from palpate_simulation.twins.settings import BenchSettings
+from palpate_simulation.twins.twin_driver import TwinDriver
 from palpate_simulation.twins.world import World
 
 
@@ -52,94 +48,16 @@ class SimulatedWiring:
         return self.net
 
 
-class _ProcessExitError(BaseException):
-    def __init__(self, code: int) -> None:
-        self.code = code
-
-
-class SimulatedProcess:
-    """A device's process as a thread in simulated time (a Process)."""
-
-    def __init__(
-        self,
-        clock: SimulatedClock,
-        name: str,
-        module: str,
-        arguments: Sequence[str],
-        pid: int,
-        closed: Callable[[], None] | None = None,
-    ) -> None:
-        self.returncode: int | None = None
-        self.pid = pid
-        self._clock, self._name, self._module, self._arguments = clock, name, module, arguments
-        self._closed = closed  # what becomes of its connections at its end
-        self._thread = clock.process_thread(self._run, module, self._name)
-        self._thread.start()
-
-    def _run(self) -> None:
-        code = 1
-        try:
-            importlib.import_module(self._module).main(self._arguments)
-            code = 0
-        except _ProcessExitError as end:
-            code = end.code
-        except EndOfThread:
-            code = -9
-            raise
-        except Exception:
-            traceback.print_exc(file=sys.stderr)
-        finally:
-            self.returncode = code
-            if self._closed is not None:
-                self._closed()
-            os.close(int(self._arguments[1]))
-            self._clock.kill(self._name)
-
-    def poll(self) -> int | None:
-        """Its exit code; None while it runs."""
-        return self.returncode
-
-    def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end; raises subprocess.TimeoutExpired."""
-        self._thread.join(timeout)
-        if self.returncode is None:
-            raise subprocess.TimeoutExpired(self._module, timeout or 0.0)
-        return self.returncode
-
-    def kill(self) -> None:
-        """End it."""
-        if self.returncode is None:
-            self._clock.kill(self._name)
-
-
-class SimulatedHost:
-    """A computer whose robots and sensors are twins, and whose processes are threads (a Host)."""
+class SimulatedHost(SimulatedComputer):
+    """A computer whose robots and sensors are twins."""
 
     def __init__(self, clock: SimulatedClock, wiring: SimulatedWiring) -> None:
-        self._clock, self._wiring = clock, wiring
-        self._started = 0
+        super().__init__(clock)
+        self._wiring = wiring
 
-    def start(self, role: str, module: str, descriptors: Sequence[int], settings: str) -> Process:
-        """The process as a thread, with open files of its own."""
-        self._started += 1
-        arguments = [*(str(os.dup(descriptor)) for descriptor in descriptors), settings]
-        name = f"{role} {self._started}"
-        closed = self._ports().drop_unsent if role == "robot" else None
-        return SimulatedProcess(self._clock, name, module, arguments, self._started, closed)
-
-    def enter(self, priority: int) -> str:
-        """Nothing competes for a core."""
-        return "simulated time"
-
-    def run_without_collection(self) -> None:
-        """What is collected takes no simulated time."""
-
-    def leave(self, code: int) -> NoReturn:
-        """End the process that the calling thread belongs to."""
-        raise _ProcessExitError(code)
-
-    def reserve(self, device: str) -> None:
-        """No other program can reach the twin."""
+    def end_of(self, role: str) -> Callable[[], None] | None:
+        """What a robot's process has not sent is lost."""
+        return self._ports().drop_unsent if role == "robot" else None
 
     def serial_port(self, path: str, baud: int) -> Any:
         """The twin's."""
@@ -152,6 +70,13 @@ class SimulatedHost:
         if self._wiring.net is None:
             raise ConnectionRefusedError(errno.ECONNREFUSED, "the twin has no sensor on the net")
         return self._wiring.net.opened()
+
+    def arm_driver(self, make: Callable[..., Any], settings: Mapping[str, Any], model: Any, tool: Any) -> Any:
+        """That of its maker, where the twin speaks the maker's protocol; else the twin's own."""
+        ports = self._ports()
+        if ports.controller.arm.own_lag is None:
+            return make(settings, model, tool)
+        return TwinDriver(ports, settings, model, tool)
 
     def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
         """By the twin's dashboard."""

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 from palpate import ArmTruth, DeviceError, clock
-from palpate_kit.kinematics.ur_arm import MODELS, joints_at, matrix_of, rotation_matrix
+from palpate_kit.kinematics.rotations import matrix_of, rotation_matrix
+from palpate_kit.kinematics.ur_arm import MODELS
 
 from palpate_simulation.sensor_wrench import sensed_wrench
 from palpate_simulation.skin_contact import SkinContact
@@ -40,7 +41,12 @@ class World:
         noise = np.random.SeedSequence(seed).spawn(3)
         # Where the tool is, and where the controller assumes it: a client may set it.
         self._tool = matrix_of([*settings.tcp, *settings.tcp_rotation])
-        arm = SimulatedArm(self._start(), self._tool, model=MODELS[settings.robot])
+        self._model, own = MODELS[settings.robot], settings.arm
+        if own is not None:
+            self._model = own.model
+        arm = SimulatedArm(self._start(), self._tool, model=self._model)
+        if own is not None:
+            arm.own_lag, arm.stiffness = own.lag, math.inf if own.stiffness is None else own.stiffness
         robot_seed, sensor_seed = (int(s.generate_state(1)[0]) for s in noise[:2])
         self.controller = Controller(arm, settings.position_std, settings.velocity_std, robot_seed)
         self.controller.load = settings.payload, settings.payload_centre
@@ -71,14 +77,20 @@ class World:
     def _start(self) -> Any:
         settings = self.settings
         goal = settings.work.tool_pose(np.array([*settings.place, settings.height]))
-        turn, q, level = np.array(settings.tool_rotation), _START, goal[:3, :3].copy()
+        turn, q, level = np.array(settings.tool_rotation), self._posture(), goal[:3, :3].copy()
         for share in np.linspace(0.0, 1.0, math.ceil(math.hypot(*turn) / _TURN) + 1):  # the arm turns as it would go
             goal[:3, :3] = level @ rotation_matrix((share * turn).tolist())
-            found = joints_at(goal, self._tool, q, steps=100, model=MODELS[settings.robot])
+            found = self._model.joints_at(goal, self._tool, q, steps=100)
             if found is None:
                 raise DeviceError("the twin's arm cannot reach the work frame: move [twin.*] work")
             q = found
         return q
+
+    def _posture(self) -> Any:
+        """Joints from which the start is found."""
+        if self.settings.arm is None:
+            return _START
+        return np.array(self.settings.arm.posture)
 
     def restore(self) -> None:
         """Make everything sound again."""
@@ -173,6 +185,8 @@ class World:
         instants = self.sensor.instants(self.controller.now)
         if len(instants):
             self.sensor.send(instants, self.electronics.read(self._feel(instants)))
+        elif self.settings.arm is not None:  # no sensor is read: the controller estimates the force
+            self._feel(np.array([self.controller.now]))
         joint = float(np.abs(self.controller.arm.qd).max())
         self.truth.add(clock().now(), *self._before, self._turning, joint, self._force, self.controller.read)
 
@@ -186,6 +200,10 @@ class World:
             places, speeds = settings.specimen.upright_place(places, speeds, away, np.cross(self._spin, away))
         contact = self._contact.force(settings.specimen, instants, places, speeds)
         self._force = float(contact[:, 2].max())
+        self.controller.arm.push = self._rotation.T @ contact[-1]
+        if settings.arm is not None:  # its controller knows the load, and estimates what else pushes
+            noise_of_it = settings.force_std * self._rng.standard_normal(3)
+            self.controller.force[:3] = self.controller.arm.push + noise_of_it
         self.peak = max(self.peak, self._force)
         noise = self._rng.standard_normal((len(instants), 6))
         offset = settings.bias + settings.drift * instants

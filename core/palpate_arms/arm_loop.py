@@ -1,15 +1,23 @@
-"""The process that holds `ur_rtde`, which hangs and crashes on lost links: the servo loop at 500 Hz."""
+"""The servo loop of an arm, at 500 Hz: every state is looked at, and every command checked, before it is sent."""
 
 from __future__ import annotations
 
-import json
+import contextlib
 import math
-import sys
-from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import numpy as np
-from palpate import DeviceError, ForceLaw, clock
+from palpate import ForceLaw, clock
+from palpate_kit.acquisition.child import Parent
+from palpate_kit.acquisition.computer import host
+from palpate_kit.acquisition.ring import Ring
+from palpate_kit.kinematics.work_frame import WorkFrame
+
+from palpate_arms.arm_driver import ArmFaultError
+from palpate_arms.arm_lag import LagMeter
+from palpate_arms.arm_rows import RETRACT, STOP
+from palpate_arms.arm_watch import ArmWatch
+from palpate_arms.commanded_arm import CommandedArm
 from palpate_arms.fence import ArmState, Fence, Verdict
 from palpate_arms.force_watch import ForceEye
 from palpate_arms.motion_offer import MotionOffer
@@ -18,54 +26,22 @@ from palpate_arms.servo_pace import Beat, Pace
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_arms.setpoint_rows import SETPOINT
 from palpate_arms.station_plane import StationPlane
-from palpate_kit.acquisition.child import Parent
-from palpate_kit.acquisition.computer import host
-from palpate_kit.acquisition.device_lock import network_device
-from palpate_kit.acquisition.ring import Ring
-from palpate_kit.kinematics.work_frame import WorkFrame
-
-from palpate_devices.ur.client_library import missing_library
-from palpate_devices.ur.command_echo import RTDE_PORT
-from palpate_devices.ur.layout import RETRACT, ROW, STOP
-from palpate_devices.ur.robot import Robot, RobotFaultError, by_joints
-from palpate_devices.ur.robot_watch import RobotWatch
 
 _BLIND = 1.15e9  # [ns] without a new state, of a second between two: of more commands only the last would count
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
 _EXPLAIN = 10  # periods
 _LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
 _MOVING = ("retreat", "stay", "approach", "follow")
+_BRAKES = 1.0  # [s] at most, from a stop to a standstill
+_LOOKS, _STANDS = 25, 0.1e-3  # states, [m] that the tip moves at most meanwhile where it stands
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Connect, report, servo until the parent goes or the robot fails."""
-    settings, scheduling = json.loads(arguments[2]), host().enter(45)
-    with Parent(int(arguments[0])) as parent:
-        _serve(parent, Ring(int(arguments[1]), ROW.size), settings, scheduling)
+class ArmLoop:
+    """Holds, approaches, follows, retreats, retracts and stops an arm, whoever makes it."""
 
-
-def _serve(parent: Parent, ring: Ring, settings: dict[str, Any], scheduling: str) -> NoReturn:
-    try:
-        if not settings["observe"]:
-            host().reserve(f"robot {network_device(settings['host'], RTDE_PORT)}")
-        robot = Robot(settings)
-    except DeviceError as error:
-        parent.tell("fault", text=str(error))
-        host().leave(1)
-    except ImportError as error:
-        parent.tell("fault", text=f"{missing_library()} ({error})")
-        host().leave(1)
-    except RuntimeError as error:
-        parent.tell("fault", text=f"cannot connect: {' '.join(str(error).split())}")
-        host().leave(1)  # its destructors sleep, hang or crash
-    host().run_without_collection()
-    parent.tell("ready", scheduling=scheduling, **robot.facts)
-    _Loop(parent, ring, robot, settings).run()
-
-
-class _Loop:
-    def __init__(self, parent: Parent, ring: Ring, robot: Robot, settings: dict[str, Any]) -> None:
+    def __init__(self, parent: Parent, ring: Ring, robot: CommandedArm, settings: dict[str, Any]) -> None:
         self._parent, self._ring, self._robot = parent, ring, robot
+        self._own = settings["own"]
         self._host_timeout = settings["host_timeout"]
         self._law = ServoLaw(**settings["law"])
         work = WorkFrame.model_construct(**settings["work"])
@@ -75,14 +51,14 @@ class _Loop:
         self._setpoint = np.zeros(SETPOINT.size)
         self._offered: MotionOffer | None = None
         self._cycles = 0
-        self._watch = RobotWatch(robot, settings["controller_timeout"], lambda: ring.beat(clock().now_ns()))
-        self._beat = Beat()
+        self._watch = ArmWatch(robot, settings["controller_timeout"], lambda: ring.beat(clock().now_ns()))
+        self._beat, self._lag = Beat(), LagMeter()
 
     def run(self) -> NoReturn:
         """One cycle after another, each at its deadline; an error ends the process, and the motion, at once."""
         try:
             Pace(self._ring, self._beat, lambda: self._following).run(self._cycle, self._take_state)
-        except RobotFaultError as fault:
+        except ArmFaultError as fault:
             self._fail(str(fault))
         except Exception as error:
             self._fail(f"its servo loop failed: {type(error).__name__}: {error}")
@@ -117,7 +93,7 @@ class _Loop:
         # A law that reads a frozen position would drive on and on, a force that is not read rises, and commands that
         # lie on a lost link come all at once: without news the arm waits where it is.
         deaf = self._eye is not None and commander.mode in _MOVING and self._eye.deaf(now)
-        if not deaf and now - robot.seen <= _BLIND * robot.state_period and robot.unheard <= self._unheard:
+        if not deaf and now - robot.seen <= _BLIND * robot.state_period and robot.driver.unheard <= self._unheard:
             self._advance(commander, seen)
         if not robot.servo(commander.command, commander.turn):
             for _ in range(_EXPLAIN):  # the state that says why comes on another connection
@@ -128,7 +104,7 @@ class _Loop:
 
     def _advance(self, commander: Commander, seen: ArmState) -> None:
         before, leaving = (commander.command, commander.turn), commander.mode == "retract"
-        room = tick_room(self._fence.limits, self._robot.state_period, self._robot.ahead)
+        room = tick_room(self._fence.limits, self._robot.state_period, self._robot.driver.ahead)
         commander.next(seen.position, seen.velocity, room)
         self._fence.plane = commander.plane
         verdict = self._fence.command(commander.command, commander.turn, before, seen, leaving)
@@ -136,6 +112,8 @@ class _Loop:
             commander.take_back()
             self._fence.taken_back()
         elif commander.mode in _MOVING:
+            if commander.mode == "follow" and seen.fresh:
+                self._lag.add(commander.command, before[0], seen.position)
             verdict = self._fence.in_motion(commander.command, seen)
             if verdict is None and (text := commander.led_astray(float(seen.position[2]))) is not None:
                 verdict = Verdict(text)
@@ -174,8 +152,7 @@ class _Loop:
                 self._setpoint = self._commander.setpoint
             stamps = round(robot.stamp * 1e9), robot.seen
             self._beat.saw(*stamps)
-            state = robot.state if robot.control is not None else by_joints(robot.state, robot.tool, robot.model)
-            self._ring.write(stamps, [*state, *robot.modes, *robot.paces, *self._setpoint])
+            self._ring.write(stamps, [*robot.row, *robot.reading.status, *self._setpoint])
 
     def _check(self, now: int) -> None:
         commander = self._commander
@@ -220,6 +197,7 @@ class _Loop:
                 commander.law = self._law
             case "watch":
                 self._eye = ForceEye(self._parent.descriptors.pop(0), message)
+                self._fence.give = self._eye.stop / self._own.get("stiffness", math.inf)
             case "retreat" | "follow" if self._fence.limits is None:
                 self._refuse("no limits were set: `link.limit` comes before a motion", commander)
             case "retreat":
@@ -259,24 +237,48 @@ class _Loop:
     def _finish(self) -> NoReturn:
         """The motion is over, one way or the other."""
         self._watch.halt()
-        self._parent.tell("done")
+        if not self._robot.observed and not self._robot.driver.answers_stop:
+            self._wait_for_standstill()
+        self._parent.tell("done", lag=self._lag.lag)
         while not self._parent.gone:
             self._ring.beat(clock().now_ns())
             self._take_state()
             if any(message["say"] == "close" for message in self._parent.messages()):
                 break
             clock().sleep(PERIOD)
+        self._close()
         host().leave(0)
+
+    def _wait_for_standstill(self) -> None:
+        """Raise ArmFaultError where the tip goes on, or nothing says that it does not: believe no driver."""
+        deadline, places = clock().now() + _BRAKES, list[Any]()
+        while clock().now() < deadline:
+            self._ring.beat(clock().now_ns())
+            self._take_state()
+            places.append(self._robot.position)
+            far = float(np.ptp(places[-_LOOKS:], axis=0).max())
+            if len(places) >= _LOOKS and far < _STANDS:
+                return
+            clock().sleep(PERIOD)
+        raise ArmFaultError(
+            f"{_BRAKES:g} s after it was stopped its tip still moves, by {1e3 * far:.1f} mm in "
+            f"{_LOOKS * PERIOD:g} s: press the emergency stop"
+        )
 
     def _leave(self) -> NoReturn:
         self._watch.halt_in_doubt()
         host().leave(0)
 
+    def _close(self) -> None:
+        with contextlib.suppress(Exception):  # whatever a driver raises: the arm stands
+            self._robot.driver.close()
+
     def _fail(self, text: str) -> NoReturn:
-        """Say why and go at once: the library's destructors and reconnecting threads are what hangs and crashes."""
+        """Say why and go at once: a library's destructors and reconnecting threads are what hangs and crashes.
+
+        A controller without a watchdog is stopped first, or tried to.
+        """
+        if not self._robot.driver.has_watchdog:
+            text += self._watch.halt_in_doubt()
         self._parent.tell("fault", text=text)
         host().leave(1)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -20,11 +20,21 @@ from palpate import (
     ForceLaw,
     ForceWatch,
     Setpoint,
+    SharedReadings,
     Trajectory,
     clock,
     epoch_offset,
     surface_of,
 )
+from palpate_kit.acquisition.child import Child
+from palpate_kit.acquisition.device_clock import ClockMap
+from palpate_kit.acquisition.ring import HEAD, ROWS, integers
+from palpate_kit.kinematics.arm_model import ArmModel
+from palpate_kit.kinematics.rotations import matrix_of, quaternion
+from palpate_kit.kinematics.work_frame import agreement
+
+from palpate_arms.arm_device import ArmDevice
+from palpate_arms.arm_rows import RETRACT, STOP
 from palpate_arms.fence import SINGULAR, is_singular
 from palpate_arms.force_control import refusal
 from palpate_arms.lateness import lateness_table
@@ -33,44 +43,37 @@ from palpate_arms.servo import ServoLaw, straight_path
 from palpate_arms.setpoint_buffer import PERIOD, write_setpoints
 from palpate_arms.start_path import FirstStation, start_path
 from palpate_arms.station_plane import LEVEL
-from palpate_kit.acquisition.child import Child
-from palpate_kit.acquisition.device_clock import ClockMap
-from palpate_kit.acquisition.ring import integers
-from palpate_kit.kinematics.ur_arm import MODELS, UR3E, matrix_of, quaternion, tip
-from palpate_kit.kinematics.work_frame import agreement
 
-from palpate_devices.ur import layout
-from palpate_devices.ur.layout import ROW
-from palpate_devices.ur.settings import URSettings
-
-_POSE, _TWIST = ROW.span("position", "rotation"), ROW.span("velocity", "turning")
-
-RATE = 1.0 / PERIOD  # [Hz] of the controller's states
 _RATE_SLACK = 0.02  # of it
 _POLL = 0.006  # [s]
 _BEAT_SLACK = 0.02  # [s]
 _SHORTEST_RETREAT = 0.1e-3  # [m]
+_FROM_END = math.radians(3.0)  # from which a joint has no room for the way
+_DELAY = 0.045  # [s] of states and commands besides the lag
 _HEARD = 0.02  # [s] until the servo process has heard of it
 
 
-def other_rate(rate: float) -> str | None:
-    """What is said of a controller that sends its state at a rate [Hz] other than expected; None where it does not."""
-    if abs(rate - RATE) <= _RATE_SLACK * RATE:
+def other_rate(rate: float, usual: float) -> str | None:
+    """What is said of a controller that sends its state at a rate [Hz] other than the usual; None where it does not."""
+    if abs(rate - usual) <= _RATE_SLACK * usual:
         return None
     return (
-        f"the controller sends its state at {rate:.0f} Hz in place of {RATE:.0f} Hz: the motion goes by time, and is "
+        f"the controller sends its state at {rate:.0f} Hz in place of {usual:.0f} Hz: the motion goes by time, and is "
         "recorded more coarsely"
     )
 
 
-class URLink:
+class ArmLink:
     """A connected arm, with limits, retreat, approach, force control, and a report of its health."""
 
-    def __init__(self, settings: URSettings, child: Child, identity: Mapping[str, Any]) -> None:
-        self._settings, self._child, self._identity = settings, child, identity
-        self._clock = ClockMap()
-        self._tool = matrix_of(identity["tcp"])
-        self._model = MODELS.get(identity.get("model", ""), UR3E)
+    def __init__(self, settings: ArmDevice, child: Child, identity: dict[str, Any]) -> None:
+        self._settings, self._child = settings, child
+        self._clock, self._rows = ClockMap(), settings.rows
+        self._tool = np.array(identity.pop("tool")).reshape(4, 4)
+        self._model = ArmModel.model_validate(identity.pop("arm_model"))
+        self._identity = identity
+        row = self._rows.row
+        self._pose, self._twist = row.span("position", "rotation"), row.span("velocity", "turning")
         self._position: Floats | None = None
         self._joints: list[float] = []  # the latest
         self._rotation = np.eye(3)  # of the tool in the base, the latest
@@ -80,13 +83,25 @@ class URLink:
         self._stopped: dict[str, Any] = {}  # why it stopped by itself, and when
         self._turned = np.array([1.0, 1e-3, 1e-6, 1e-9])  # the first quaternion's largest part is positive
         self._states = 0
-        self._other_rate = other_rate(identity.get("state_rate", RATE))
+        usual = 1.0 / PERIOD
+        self._other_rate = other_rate(identity.get("state_rate", usual), usual)
         if self._other_rate is not None:
             typer.echo(f"{child.name}: {self._other_rate}", err=True)
         self._first = self._last = 0
+        self._lag: float | None = None  # [s] that was seen
         self._mismatch = 0.0
         self._station: FirstStation | None = None  # of the motion that is about to be made
         self._reached: Trajectory | None = None  # the motion whose places were looked at
+
+    @property
+    def model(self) -> ArmModel:
+        """The kinematic model, as the arm's process has it."""
+        return self._model
+
+    @property
+    def tool(self) -> Floats:
+        """The tip on the flange (4, 4), as the arm's process has it."""
+        return self._tool
 
     def limit(self, limits: ArmLimits, trip: Callable[[str], None]) -> None:
         """Keep these limits from now on; see `palpate.SupportsLimits`."""
@@ -103,6 +118,14 @@ class URLink:
         facts["repeats"] = None if watch.repeats is None else asdict(watch.repeats)
         self._stop_force = watch.stop
         self._child.hand_over("watch", readings.pop("descriptor"), **readings, **facts)
+
+    def shared(self, stream: str) -> SharedReadings | None:
+        """See `palpate.SupportsSharing`: the robot's own wrench."""
+        if stream != "robot_wrench":
+            return None
+        row = self._rows.row
+        places = row.size, row["force"].start, row.at("host"), row.at("controller")
+        return SharedReadings(self._child.memory, HEAD, ROWS, *places, tick=1)
 
     def refuse_law(self, law: ForceLaw) -> None:
         """See `palpate.SupportsForceControl`; the process that sends the commands asks again."""
@@ -149,8 +172,8 @@ class URLink:
                 f"{name}: the tip is at ({here}) mm in the work frame, {1e3 * away:.1f} mm from where the "
                 f"motion starts; bring it within {1e3 * settings.start_tolerance:g} mm by hand"
             )
-        if is_singular(tip(self._joints, self._tool, self._model)[1]):
-            raise DeviceError(f"{name}: {SINGULAR}")
+        if (text := self._posture_problem()) is not None:
+            raise DeviceError(f"{name}: {text}")
         turn, advice = agreement(settings.work, self._rotation)
         if station.turn is not None:
             turn = float(np.linalg.norm(station.turn_from(settings.work, self._rotation)))
@@ -169,6 +192,17 @@ class URLink:
             self._refuse_unreachable(trajectory)
         self._station = station
         return start_path(station, position, self._rotation, law, settings.work)
+
+    def _posture_problem(self) -> str | None:
+        """Why the arm must not set out from the posture in which it stands; None where it may."""
+        model, slack = self._model, _FROM_END
+        for joint, angle, low, high in zip(model.joints, self._joints, model.low, model.high, strict=True):
+            if not low + slack <= angle <= high - slack:
+                where, end = (math.degrees(x) for x in (angle, low if angle < low + slack else high))
+                return (
+                    f"{joint} is at {where:.0f} deg, near its end at {end:.0f} deg: bring the arm into another posture"
+                )
+        return SINGULAR if is_singular(model.tip(self._joints, self._tool)[1]) else None
 
     def _refuse_unreachable(self, trajectory: Trajectory) -> None:
         """Raise DeviceError where the arm cannot go through all of a motion on which the tool turns."""
@@ -204,21 +238,22 @@ class URLink:
 
     def stop(self) -> None:
         """Stop where it is."""
-        self._child.ring.head[layout.STOP] = 1
+        self._child.ring.head[STOP] = 1
 
     def retract(self) -> None:
         """Brake, and go back along the normal to where the motion began."""
-        self._child.ring.head[layout.RETRACT] = 1
+        self._child.ring.head[RETRACT] = 1
 
     def batches(self) -> Iterator[Batch]:
         """The states as they come, until the motion is over; raises DeviceError as soon as the robot fails."""
         done = False
         early = self._child.ring.early()  # what came while other devices were connected
-        host = integers(early, ROW.at("host")) + epoch_offset()
-        self._clock.to_host(integers(early, ROW.at("controller")), host)
+        host = integers(early, self._rows.row.at("host")) + epoch_offset()
+        self._clock.to_host(integers(early, self._rows.row.at("controller")), host)
         while not done:
             for message in self._child.messages():
-                done = done or message["say"] == "done"
+                if message["say"] == "done":
+                    done, self._lag = True, message["lag"]
                 if message["say"] == "limit":
                     self._has_stopped(message)
             rows = self._child.ring.read()
@@ -237,18 +272,18 @@ class URLink:
             self._trip(message["text"])
 
     def _batches(self, rows: Floats) -> Iterator[Batch]:
-        received = integers(rows, ROW.at("host")) + epoch_offset()
-        controller = integers(rows, ROW.at("controller"))
+        received = integers(rows, self._rows.row.at("host")) + epoch_offset()
+        controller = integers(rows, self._rows.row.at("controller"))
         stamps = self._clock.to_host(controller, received)
         pose, twist = self._kinematics(rows)
         if len(rows):
-            self._position, self._joints = pose[-1, :3], rows[-1, ROW["joints"]].tolist()
-            self._rotation = matrix_of(rows[-1, _POSE].tolist())[:3, :3]
+            self._position, self._joints = pose[-1, :3], rows[-1, self._rows.row["joints"]].tolist()
+            self._rotation = matrix_of(rows[-1, self._pose].tolist())[:3, :3]
             self._first, self._last = self._first or int(controller[0]), int(controller[-1])
         self._states += len(rows)
-        status = np.column_stack([controller / 1e9, rows[:, ROW.span("modes", "paces")]])
-        joints = rows[:, ROW.span("joints", "joint_speeds")]
-        columns = (pose, twist, joints, rows[:, ROW["setpoint"]], rows[:, ROW["force"]], status)
+        status = np.column_stack([controller / 1e9, rows[:, self._rows.row["status"]]])
+        joints = rows[:, self._rows.row.span("joints", "joint_speeds")]
+        columns = (pose, twist, joints, rows[:, self._rows.row["setpoint"]], rows[:, self._rows.row["force"]], status)
         for stream, values in zip(self._settings.streams, columns, strict=True):
             yield Batch(stream.name, stamps, received, np.ascontiguousarray(values))
 
@@ -258,12 +293,12 @@ class URLink:
         turn = work[:3, :3].T
         pose, twist = np.empty((len(rows), 7)), np.empty((len(rows), 6))
         for i, row in enumerate(rows):
-            matrix, speed = matrix_of(row[_POSE].tolist()), row[_TWIST]
+            matrix, speed = matrix_of(row[self._pose].tolist()), row[self._twist]
             if self._settings.kinematics == "dh" or i == 0:
-                own, jacobian = tip(row[ROW["joints"]].tolist(), self._tool, self._model)
+                own, jacobian = self._model.tip(row[self._rows.row["joints"]].tolist(), self._tool)
                 self._mismatch = max(self._mismatch, float(np.abs(own[:3, 3] - matrix[:3, 3]).max()))
                 if self._settings.kinematics == "dh":
-                    matrix, speed = own, jacobian @ row[ROW["joint_speeds"]]
+                    matrix, speed = own, jacobian @ row[self._rows.row["joint_speeds"]]
             turned = quaternion(turn @ matrix[:3, :3])
             # A tool that looks down is turned by about pi, where the sign of a quaternion is up to chance.
             turned = -turned if float(turned @ self._turned) < 0 else turned
@@ -276,6 +311,16 @@ class URLink:
         """When the arm's process last looked for a state [ns]."""
         return self._child.ring.last_beat() + epoch_offset()
 
+    def _late(self) -> str | None:
+        """What is said of an arm that is farther behind its commands than is stated; None where it is not."""
+        stated = self._settings.command_lag
+        if self._lag is None or self._lag <= stated + _DELAY:
+            return None
+        return (
+            f"the arm follows its commands {1e3 * self._lag:.0f} ms late, and {1e3 * stated:.0f} ms are stated: the "
+            "limit of its distance from a command was made of that"
+        )
+
     @property
     def health(self) -> Mapping[str, Any]:
         """What was seen of the robot and of the loop."""
@@ -283,7 +328,13 @@ class URLink:
         turn, _ = agreement(self._settings.work, self._rotation)
         return {
             **self._identity,
-            **({"flags": {"device": self._other_rate}} if self._other_rate else {}),
+            **({"flags": {"device": text}} if (text := self._other_rate or self._late()) else {}),
+            **({} if self._lag is None else {"lag_seen": self._lag}),
+            **(
+                {}
+                if self._settings.controller_stiffness is None
+                else {"controller_stiffness": self._settings.controller_stiffness}
+            ),
             **({"own_stop": self._stopped} if self._stopped else {}),
             "tool_off_by_deg": math.degrees(turn),
             "states": self._states,

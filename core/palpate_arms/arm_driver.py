@@ -1,0 +1,140 @@
+"""What the driver of an arm consists of: connect, read a state, send a pose, stop, and what its states mean."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from palpate import DeviceError, Floats
+from palpate_kit.acquisition.device_lock import network_device
+from palpate_kit.kinematics.arm_model import ArmModel
+from palpate_kit.kinematics.rotations import matrix_of
+
+NO_WRENCH = (math.nan,) * 6
+_NEAR = 5e-3  # [m] between the controller's pose and that of the kinematic model
+
+
+class ArmFaultError(Exception):
+    """Why the arm cannot go on, in words for the person at the robot; the motion ends at once, where it is."""
+
+
+class GarbledStateError(ArmFaultError):
+    """A state that makes no sense, so that nobody knows where the arm is."""
+
+
+@dataclass(frozen=True)
+class ArmReading:
+    """One state of an arm, as its controller measured it: never what it was commanded."""
+
+    stamp: float  # [s] of the controller's clock
+    joints: Sequence[float]  # (n,) [rad]
+    joint_speeds: Sequence[float]  # (n,) [rad/s]
+    pose: Sequence[float] | None = None  # of the tip in the base, [m] and rotation vector [rad]; None: by the joints
+    twist: Sequence[float] | None = None  # of the tip in the base, [m/s] and [rad/s]; None: by the joints
+    wrench: Sequence[float] = NO_WRENCH  # the controller's own estimate, [N] and [N m], in the axes of the base
+    status: Sequence[float] = ()  # of the channels that the device calls `status_channels`
+    seen: int | None = None  # monotonic time [ns] at which it was there; None: when it is read
+
+
+class ArmDriver(ABC):
+    """One maker's controller, in the process that commands the arm; nothing but palpate's own loop calls it.
+
+    The loop calls `connect`, waits for states, calls `identify` and `enable`, and then every 2 ms `read` and `send` or
+    `keep_alive`, none of which may wait; at the end `stop`. It checks every pose that it sends against all limits,
+    looks at every state, watches the force and the age of everything, and stops on its own.
+    """
+
+    settle = 0.2  # [s] until states show what `connect` has set
+    has_watchdog = False  # whether the controller stops by itself, at once, where commands stay away
+    answers_stop = False  # whether `stop` returns only once the controller has answered that it stops
+
+    def __init__(self, settings: Mapping[str, Any], model: ArmModel | None, tool: Floats) -> None:
+        self.settings = settings  # of the device, as plain data
+        self.model = model  # None: `identify` finds it
+        self.tool = tool  # (4, 4) the tip on the flange, as the device's settings have it
+        self.facts: dict[str, Any] = {}  # what is known of the robot, by name, for the result
+        self.place = np.zeros(3)  # [m] in the work frame, of the command that `send` is called with
+
+    @property
+    def reservation(self) -> str:
+        """What no other program may use meanwhile: by default the address of the controller."""
+        return network_device(str(self.settings["host"]), 0)
+
+    @abstractmethod
+    def connect(self, observe: bool) -> None:
+        """Connect, and take the arm over at rest unless it is only observed; may wait.
+
+        Raises DeviceError with a sentence where the controller is not ready: its version, its mode, its brakes.
+        """
+
+    @abstractmethod
+    def read(self) -> ArmReading | None:
+        """The newest state; None where there is none since the last call. Raises ArmFaultError."""
+
+    @abstractmethod
+    def send(self, pose: Sequence[float]) -> bool:
+        """Command a pose of the tip in the base, [m] and rotation vector [rad]; True means sent, not done.
+
+        Raises ArmFaultError where the link is lost.
+        """
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Stop where the arm is, and give it back; may wait for the controller."""
+
+    def close(self) -> None:  # noqa: B027  (a link may close with its process)
+        """End the connection, of an arm that stands."""
+
+    def identify(self, reading: ArmReading) -> None:
+        """See from the first state whether this is the arm of the model, with its tool; raises DeviceError."""
+        if self.model is None:
+            raise DeviceError("its kinematic model is not known")
+        if reading.pose is None:
+            return
+        own = self.model.tip(list(reading.joints), self.tool)[0]
+        apart = float(np.linalg.norm(own[:3, 3] - matrix_of(list(reading.pose))[:3, 3]))
+        self.facts["nominal_kinematics_off"] = apart
+        if apart > _NEAR:
+            raise DeviceError(
+                f"the controller reports the tip {1e3 * apart:.1f} mm from where the joints of a {self.model.name} put "
+                "it: is this another arm, or another tool?"
+            )
+
+    def enable(self) -> None:  # noqa: B027
+        """What is done last before commands may come, such as a watchdog that wants to be fed."""
+
+    def keep_alive(self) -> None:  # noqa: B027
+        """What a controller needs in each period without a command."""
+
+    def check(self, reading: ArmReading) -> None:  # noqa: B027
+        """Raise ArmFaultError where a state says that the arm cannot go on: its mode, its errors, a reflex by name."""
+
+    def slowdown(self, reading: ArmReading, first: ArmReading | None) -> str | None:
+        """Why the arm is slower than it is commanded; None where it is not.
+
+        `first` is the state at the start of the motion; None: there is no motion yet.
+        """
+        return None
+
+    @property
+    def connected(self) -> bool:
+        """Whether the connection that brings states stands."""
+        return True
+
+    @property
+    def unheard(self) -> float:
+        """For how long [s] the controller has taken none of the commands on their way; 0 where nothing tells."""
+        return 0.0
+
+    @property
+    def ahead(self) -> float:
+        """How far [m] the latest command is from what the controller has taken before it; 0 where nothing tells."""
+        return 0.0
+
+    def explain(self) -> str | None:
+        """What else is known about a state that makes no sense; None where nothing is."""
+        return None

@@ -1,0 +1,119 @@
+"""Whether an arm's states let a motion go on, and how it is stopped where they do not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from palpate import clock
+from palpate_engine import ReadingAge
+
+from palpate_arms.arm_driver import ArmFaultError, ArmReading, GarbledStateError
+from palpate_arms.commanded_arm import CommandedArm
+from palpate_arms.setpoint_buffer import PERIOD
+
+_LOST = 0.1  # [s] without a command taken: the link is lost
+_HEARD = 0.25  # [s] for a stop to be carried out
+_AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
+_LEAP = "no arm does that; was another TCP set meanwhile?"
+
+
+class ArmWatch:
+    """Looks at every state of an arm; `beat` tells the main job, while a stop is waited for, that this process lives.
+
+    An arm that is only observed is not asked whether it could move.
+    """
+
+    def __init__(self, arm: CommandedArm, timeout: float, beat: Callable[[], object]) -> None:
+        self._arm, self._timeout, self._beat = arm, timeout, beat
+        self._first: ArmReading | None = None  # at the start of the motion
+        self._age = ReadingAge()
+        self._ahead = math.inf  # [s] of the time-stamp that was most ahead of its arrival
+
+    def check_state(self) -> None:
+        """Raise ArmFaultError where the newest state makes no sense."""
+        arm = self._arm
+        if not math.isfinite(arm.stamp):
+            raise self._garbled("the controller's time-stamp is no number")
+        ahead = arm.stamp - arm.seen / 1e9
+        if ahead > self._ahead + _AHEAD:
+            raise self._garbled(
+                f"the controller's time-stamp is {ahead - self._ahead:.3g} s ahead of its arrival, beyond all before it"
+            )
+        self._ahead = ahead if math.isinf(self._ahead) else max(ahead, self._ahead)
+        if not arm.is_number:
+            raise self._garbled("the controller's pose or joints are no numbers")
+        self._age.add([round(1e9 * arm.stamp)], [arm.seen])
+        if not arm.observed and (arm.leap is not None or arm.driver.explain() is not None):
+            raise self._garbled(f"the tip leapt by {1e3 * (arm.leap or 0.0):.0f} mm between two states: {_LEAP}")
+
+    def check_modes(self) -> None:
+        """Raise ArmFaultError where the controller says that the arm cannot continue."""
+        if self._arm.observed:
+            return
+        try:
+            self._arm.driver.check(self._arm.reading)
+        except GarbledStateError as fault:
+            raise self._garbled(str(fault)) from fault
+
+    def check_start(self) -> None:
+        """Raise ArmFaultError where an arm at rest is slower than it would be commanded."""
+        if not self._arm.observed:
+            self._first = self._arm.reading
+            if (text := self._arm.driver.slowdown(self._arm.reading, None)) is not None:
+                raise ArmFaultError(text)
+
+    def slowdown(self) -> str | None:
+        """Why an arm in motion has become slower than it is commanded; None where it has not."""
+        return None if self._arm.observed else self._arm.driver.slowdown(self._arm.reading, self._first)
+
+    def lateness(self, limit: float) -> str | None:
+        """Why the arm is not where its states have it: the latest two were older than a limit [s]; None in time."""
+        return self._age.complaint("the controller's states", limit)
+
+    def check_links(self, now: int) -> None:
+        """Raise ArmFaultError where a connection is lost or silent."""
+        driver, age = self._arm.driver, (now - self._arm.seen) / 1e9
+        if not driver.connected:
+            raise ArmFaultError("the controller has closed the link")
+        if not self._arm.observed and (unheard := driver.unheard) > _LOST:
+            raise ArmFaultError(
+                f"the control link is lost: the controller has taken no command for {1e3 * unheard:.0f} ms. What "
+                "was sent meanwhile is dropped, and the controller's watchdog stops the arm. Check cable and switch"
+            )
+        if age > self._timeout:
+            raise ArmFaultError(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
+
+    def _garbled(self, text: str) -> ArmFaultError:
+        """Why a state makes no sense, once the arm is stopped."""
+        heard = self.halt_in_doubt()
+        return ArmFaultError((self._arm.driver.explain() or text) + heard)
+
+    def halt(self) -> None:
+        """Stop the arm; this may wait for the controller, who was heard of a moment ago. Raises ArmFaultError."""
+        if self._arm.observed:
+            return
+        try:
+            self._arm.driver.stop()
+        except Exception as error:  # whatever a driver raises
+            raise ArmFaultError(f"it could not be stopped: {type(error).__name__}: {error}") from error
+
+    def halt_in_doubt(self) -> str:
+        """Stop an arm that may not hear, and wait for its answer no longer than it takes; in words, if none comes."""
+        failures: list[str] = []
+
+        def halt() -> None:
+            try:
+                self.halt()
+            except ArmFaultError as fault:
+                failures.append(f" And {fault}.")
+
+        halting = clock().thread(halt, "halt")
+        halting.start()
+        deadline = clock().now() + _HEARD
+        while halting.is_alive() and clock().now() < deadline:
+            self._beat()
+            clock().sleep(PERIOD)
+        if halting.is_alive():
+            return " The control link does not answer: commands do not arrive."
+        return "".join(failures)

@@ -1,0 +1,67 @@
+"""The process of an arm: its driver, which may hang or crash on a lost link, and the servo loop."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+import numpy as np
+from palpate import DeviceError, UserError
+from palpate_kit.acquisition.child import Parent
+from palpate_kit.acquisition.class_place import class_at
+from palpate_kit.acquisition.computer import host
+from palpate_kit.acquisition.ring import Ring
+from palpate_kit.kinematics.arm_model import ArmModel
+from palpate_kit.kinematics.work_frame import WorkFrame
+
+from palpate_arms.arm_driver import ArmDriver, ArmFaultError
+from palpate_arms.arm_loop import ArmLoop
+from palpate_arms.arm_rows import ArmRows
+from palpate_arms.commanded_arm import CommandedArm
+
+MODULE = "palpate_arms.arm_worker"
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Connect, report, servo until the parent goes or the robot fails."""
+    task, scheduling = json.loads(arguments[2]), host().enter(45)
+    with Parent(int(arguments[0])) as parent:
+        rows = ArmRows(task["joints"], task["status"])
+        _serve(parent, Ring(int(arguments[1]), rows.row.size), rows, task, scheduling)
+
+
+def _serve(parent: Parent, ring: Ring, rows: ArmRows, task: dict[str, Any], scheduling: str) -> NoReturn:
+    try:
+        driver = _driver(task)
+        if not task["observe"]:
+            host().reserve(f"robot {driver.reservation}")
+        arm = CommandedArm(driver, rows, WorkFrame.model_construct(**task["work"]), task["observe"])
+    except (DeviceError, UserError, ArmFaultError) as error:
+        parent.tell("fault", text=str(error))
+        host().leave(1)
+    except ImportError as error:
+        parent.tell("fault", text=f"its client library is not installed here ({error})")
+        host().leave(1)
+    except RuntimeError as error:
+        parent.tell("fault", text=f"cannot connect: {' '.join(str(error).split())}")
+        host().leave(1)  # its destructors sleep, hang or crash
+    except Exception as error:  # whatever a driver raises
+        parent.tell("fault", text=f"cannot connect: its driver failed: {type(error).__name__}: {error}")
+        host().leave(1)
+    host().run_without_collection()
+    model = arm.model.model_dump()
+    parent.tell("ready", scheduling=scheduling, arm_model=model, tool=arm.tool.ravel().tolist(), **arm.facts)
+    ArmLoop(parent, ring, arm, task).run()
+
+
+def _driver(task: dict[str, Any]) -> ArmDriver:
+    model = None if task["arm_model"] is None else ArmModel.model_validate(task["arm_model"])
+    tool = np.array(task["tool"]).reshape(4, 4)
+    driver: ArmDriver = host().arm_driver(class_at(task["driver"]), task["settings"], model, tool)
+    return driver
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,169 @@
+"""An arm in the process that commands it: its latest state, and commands in the work frame."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from palpate import Floats, clock
+from palpate_kit.kinematics.arm_model import ArmModel
+from palpate_kit.kinematics.rotations import pose_of, rotation_matrix, rotation_vector
+from palpate_kit.kinematics.work_frame import WorkFrame
+
+from palpate_arms.arm_driver import ArmDriver, ArmFaultError, ArmReading
+from palpate_arms.arm_rows import ArmRows
+from palpate_arms.fence import ArmState
+from palpate_arms.setpoint_buffer import PERIOD
+from palpate_arms.tool_turns import tool_turn
+
+_SWING, _FASTEST = 5e-3, 3.0  # [m], [m/s] of a tip: the largest arm that is driven reaches 2 m/s
+_ENOUGH, _SELDOM = 10, 0.01  # states that tell their rate; [s] between states at the most
+_FIRST = 2.0  # [s] for the first state
+
+
+class CommandedArm:
+    """A driver, and the state that it last gave; an arm that is observed is not commanded.
+
+    Its constructor may take seconds, and raises what the driver raises; RuntimeError where no states come, or too few.
+    """
+
+    def __init__(self, driver: ArmDriver, rows: ArmRows, work: WorkFrame, observe: bool) -> None:
+        self.driver, self.rows, self.observed, self._work = driver, rows, observe, work
+        self._out, self._origin = work.matrix[:3, :3], work.matrix[:3, 3]
+        self._turned: tuple[Floats, list[float]] | None = None
+        self.state_period = PERIOD  # [s] from one state to the next
+        self.stamp, self.seen, self.fresh = -1.0, clock().now_ns(), False
+        self.state: list[float] = []
+        self.leap: float | None = None  # [m] between the last two states, where no arm moves so far
+        driver.connect(observe)
+        self.reading = self._first_reading(0.0 if observe else driver.settle)
+        driver.identify(self.reading)
+        if not observe:
+            driver.enable()
+
+    @property
+    def tool(self) -> Floats:
+        """The tip on the flange (4, 4)."""
+        return self.driver.tool
+
+    @property
+    def model(self) -> ArmModel:
+        """The kinematic model."""
+        assert self.driver.model is not None  # or `identify` has refused
+        return self.driver.model
+
+    def _first_reading(self, settle: float) -> ArmReading:
+        deadline, began, stamps = clock().now() + _FIRST, clock().now(), list[float]()
+        while not (fresh := self.poll()) or clock().now() - began < settle:
+            if fresh:
+                stamps.append(self.stamp)
+            if clock().now() > deadline:
+                raise RuntimeError("the controller sends no states")
+            clock().sleep(PERIOD)
+        if not math.isfinite(self.stamp):
+            raise RuntimeError("the controller's time-stamp is no number")
+        self._note_rate(stamps)
+        return self.reading
+
+    def _note_rate(self, stamps: list[float]) -> None:
+        """How often states come, by their time-stamps; raises RuntimeError where an arm cannot be led by so few."""
+        if len(stamps) < _ENOUGH:
+            return
+        period = float(np.median(np.diff(stamps)))
+        self.driver.facts["state_rate"] = 1.0 / period
+        if period > 1.01 * _SELDOM:
+            raise RuntimeError(
+                f"the controller sends its state at {1.0 / period:.0f} Hz; at least {1.0 / _SELDOM:.0f} Hz are needed"
+            )
+        self.state_period = max(period, PERIOD)
+
+    def poll(self) -> bool:
+        """Take over a new state; False where there is none. Raises ArmFaultError."""
+        reading = self.driver.read()
+        if reading is None or reading.stamp == self.stamp:
+            return False
+        now = clock().now_ns() if reading.seen is None else reading.seen
+        values = self._values(reading)
+        if len(values) != self.rows.state.size or len(reading.status) != self.rows.status:
+            raise ArmFaultError(
+                f"its driver gives {len(values)} numbers of state and {len(reading.status)} of status in place of "
+                f"{self.rows.state.size} and {self.rows.status}"
+            )
+        self.leap = self._leap(reading.stamp, values)
+        self.stamp, self.seen, self.state, self.reading, self.fresh = reading.stamp, now, values, reading, True
+        return True
+
+    def _values(self, reading: ArmReading) -> list[float]:
+        pose, twist = reading.pose, reading.twist
+        if pose is None or twist is None:
+            own = self._by_joints(reading)
+            pose, twist = own[0] if pose is None else pose, own[1] if twist is None else twist
+        return [*reading.joints, *reading.joint_speeds, *pose, *twist, *reading.wrench]
+
+    def _by_joints(self, reading: ArmReading) -> tuple[list[float], list[float]]:
+        """Pose and twist of the tip, by the kinematic model."""
+        if not all(map(math.isfinite, (*reading.joints, *reading.joint_speeds))):
+            return [math.nan] * 6, [math.nan] * 6
+        pose, jacobian = self.model.tip(list(reading.joints), self.tool)
+        return pose_of(pose), (jacobian @ np.array(reading.joint_speeds)).tolist()
+
+    @property
+    def row(self) -> list[float]:
+        """The state as it is recorded: of an arm that is observed by its joints, whatever tool its controller has."""
+        if not self.observed:
+            return self.state
+        pose, twist = self._by_joints(self.reading)
+        return [*self.reading.joints, *self.reading.joint_speeds, *pose, *twist, *self.reading.wrench]
+
+    def _leap(self, stamp: float, values: list[float]) -> float | None:
+        """How far [m] the tip is from where the state before had it, if that is farther than any arm moves."""
+        if not self.state:
+            return None
+        place = self.rows.state["position"]
+        way = math.dist(values[place], self.state[place])
+        return way if way > _SWING + _FASTEST * abs(stamp - self.stamp) else None
+
+    @property
+    def is_number(self) -> bool:
+        """Whether joints, pose and speed are finite numbers."""
+        return all(map(math.isfinite, self.state[self.rows.motion]))
+
+    def look(self) -> ArmState:
+        """Where the tip is, how fast and how turned; whether it is news since the last look."""
+        inwards, fresh, state = self._out.T, self.fresh, self.rows.state
+        self.fresh = False
+        rotation = rotation_matrix(self.state[state["rotation"]])
+        velocity = inwards @ np.array(self.state[state["velocity"]])
+        return ArmState(self.position, velocity, rotation, self.state[state["joints"]], fresh)
+
+    @property
+    def position(self) -> Floats:
+        """Of the tip in the work frame (3,) [m]."""
+        return np.asarray(self._out.T @ (np.array(self.state[self.rows.state["position"]]) - self._origin))
+
+    def turn(self) -> Floats:
+        """Rotation vector (3,) of the tool from where the work frame wants it."""
+        return tool_turn(self._work, rotation_matrix(self.state[self.rows.state["rotation"]]))
+
+    def feed_watchdog(self) -> None:
+        """No command, in time; raises ArmFaultError where the link is lost."""
+        if not self.observed:
+            self.driver.keep_alive()
+
+    def servo(self, position: Floats, turn: Floats) -> bool:
+        """Send the arm to a position in the work frame and a turn of the tool; True means sent, not done.
+
+        Raises ArmFaultError where the link is lost.
+        """
+        target = (self._origin + self._out @ position).tolist()
+        if self._turned is None or not np.array_equal(self._turned[0], turn):
+            rotation = rotation_vector(self._work.tool @ rotation_matrix(turn.tolist()))
+            self._turned = turn.copy(), rotation.tolist()
+        self.driver.place = position
+        return self.driver.send([*target, *self._turned[1]])
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What is known of the robot, for the result."""
+        return self.driver.facts

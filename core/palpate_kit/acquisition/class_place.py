@@ -1,0 +1,31 @@
+"""Where another process finds a class: in a module, or in a plugin file with the content that was executed here."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from palpate_engine import plugin_file_of
+
+
+def class_place(found: type) -> dict[str, Any]:
+    """The place of a class, as plain data."""
+    file = plugin_file_of(sys.modules[found.__module__])
+    source = {"file": str(file.path.resolve()), "sha256": file.digest} if file else {"file": None}
+    return {"module": found.__module__, "name": found.__qualname__, **source}
+
+
+def class_at(place: Mapping[str, Any]) -> Any:
+    """The class at its place; raises UserError where its plugin file has changed since the parent executed it."""
+    if place["file"] is None:
+        module = importlib.import_module(place["module"])
+    else:
+        from palpate_engine import approved_files, import_plugin_file, inherited_approval
+
+        with inherited_approval([place["sha256"]]):
+            (file,) = approved_files([Path(place["file"])], Path(), named=False)
+        module = import_plugin_file(file)
+    return getattr(module, place["name"])

@@ -1,0 +1,148 @@
+"""Processes of devices as threads in simulated time."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, NoReturn
+
+from palpate import DeviceError, HoldUp
+
+from palpate_kit.acquisition.computer import Process, use_host
+from palpate_kit.simulated_time.simulated_clock import SimulatedClock
+from palpate_kit.simulated_time.simulated_turns import EndOfThread
+
+
+class _ProcessExitError(BaseException):
+    def __init__(self, code: int) -> None:
+        self.code = code
+
+
+class SimulatedProcess:
+    """A device's process as a thread in simulated time (a Process)."""
+
+    def __init__(
+        self,
+        clock: SimulatedClock,
+        name: str,
+        module: str,
+        arguments: Sequence[str],
+        pid: int,
+        closed: Callable[[], None] | None = None,
+    ) -> None:
+        self.returncode: int | None = None
+        self.pid = pid
+        self._clock, self._name, self._module, self._arguments = clock, name, module, arguments
+        self._closed = closed  # what becomes of its connections at its end
+        self._thread = clock.process_thread(self._run, module, self._name)
+        self._thread.start()
+
+    def _run(self) -> None:
+        code = 1
+        try:
+            importlib.import_module(self._module).main(self._arguments)
+            code = 0
+        except _ProcessExitError as end:
+            code = end.code
+        except EndOfThread:
+            code = -9
+            raise
+        except Exception:
+            traceback.print_exc(file=sys.stderr)
+        finally:
+            self.returncode = code
+            if self._closed is not None:
+                self._closed()
+            os.close(int(self._arguments[1]))
+            self._clock.kill(self._name)
+
+    def poll(self) -> int | None:
+        """Its exit code; None while it runs."""
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end; raises subprocess.TimeoutExpired."""
+        self._thread.join(timeout)
+        if self.returncode is None:
+            raise subprocess.TimeoutExpired(self._module, timeout or 0.0)
+        return self.returncode
+
+    def kill(self) -> None:
+        """End it."""
+        if self.returncode is None:
+            self._clock.kill(self._name)
+
+
+class SimulatedComputer:
+    """A computer whose processes are threads (a Host), and which reaches nothing outside of this process."""
+
+    def __init__(self, clock: SimulatedClock) -> None:
+        self._clock = clock
+        self._started = 0
+
+    def start(self, role: str, module: str, descriptors: Sequence[int], settings: str) -> Process:
+        """The process as a thread, with open files of its own."""
+        self._started += 1
+        arguments = [*(str(os.dup(descriptor)) for descriptor in descriptors), settings]
+        return SimulatedProcess(
+            self._clock, f"{role} {self._started}", module, arguments, self._started, self.end_of(role)
+        )
+
+    def end_of(self, role: str) -> Callable[[], None] | None:
+        """What becomes of the connections of a process at its end."""
+        return None
+
+    def enter(self, priority: int) -> str:
+        """Nothing competes for a core."""
+        return "simulated time"
+
+    def run_without_collection(self) -> None:
+        """What is collected takes no simulated time."""
+
+    def leave(self, code: int) -> NoReturn:
+        """End the process that the calling thread belongs to."""
+        raise _ProcessExitError(code)
+
+    def reserve(self, device: str) -> None:
+        """No other program can reach the twin."""
+
+    def serial_port(self, path: str, baud: int) -> Any:
+        """There is none."""
+        raise DeviceError(f"{path} cannot be opened: there is no port in simulated time")
+
+    def datagrams(self, address: str, port: int) -> Any:
+        """There is no net."""
+        raise DeviceError(f"{address} cannot be reached: there is no net in simulated time")
+
+    def arm_driver(self, make: Callable[..., Any], settings: Mapping[str, Any], model: Any, tool: Any) -> Any:
+        """That of its maker, which has to go by `palpate.clock()`."""
+        return make(settings, model, tool)
+
+    def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
+        """There is no net."""
+        raise DeviceError(f"{address}: there is no net in simulated time")
+
+    def robot_states(self, address: str, variables: Sequence[str]) -> Any:
+        """There is no net."""
+        raise RuntimeError("there is no net in simulated time")
+
+    def robot_commands(self, address: str) -> Any:
+        """There is no net."""
+        raise RuntimeError("there is no net in simulated time")
+
+    def read_back(self, address: str, connect: Callable[[str], Any]) -> Any:
+        """There is no net."""
+        raise RuntimeError("there is no net in simulated time")
+
+
+@contextmanager
+def simulated_time(hold_ups: Sequence[HoldUp] = ()) -> Iterator[SimulatedClock]:
+    """Simulated time in this process, for devices that need nothing outside of it, such as an arm in software."""
+    clock = SimulatedClock(hold_ups)
+    with clock.running(), use_host(SimulatedComputer(clock)):
+        yield clock

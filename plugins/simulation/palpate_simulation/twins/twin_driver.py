@@ -1,0 +1,96 @@
+"""The driver of a twin's arm, in place of its maker's: simulated time reaches no controller of another maker."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from palpate import Floats
+from palpate_arms.arm_driver import ArmDriver, ArmFaultError, ArmReading
+from palpate_kit.kinematics.arm_model import ArmModel
+from palpate_kit.kinematics.rotations import pose_of
+
+from palpate_simulation.twins.direct_client import DirectCommands, DirectPorts, DirectStates
+
+_LOOKAHEAD, _GAIN, _ACCELERATION = 0.03, 1000.0, 0.5  # of the twin's protocol: its arm goes by the lag of its own
+_WATCHDOG = 10.0  # [Hz]
+_RUNNING, _SOUND, _PLAYING = 7, (1, 2), 2
+_KINDS = {5: "safeguard", 6: "emergency", 7: "emergency"}
+_STOPS = {3: "a protective stop", 5: "a safeguard stop", 6: "an emergency stop", 7: "an emergency stop"}
+
+
+class TwinDriver(ArmDriver):
+    """States and commands of the twin, with the maker's own status of an arm that may move."""
+
+    has_watchdog = True
+    answers_stop = True
+
+    def __init__(self, ports: DirectPorts, settings: Mapping[str, Any], model: ArmModel | None, tool: Floats) -> None:
+        super().__init__(settings, model, tool)
+        self._ports, self._stamp = ports, -1.0
+        self._states: Any = None
+        self._commands: Any = None
+        self._modes = _RUNNING, _SOUND[0], _PLAYING
+
+    def connect(self, observe: bool) -> None:
+        """To the twin in this process."""
+        self._states = DirectStates(self._ports)
+        if not observe:
+            self._commands = DirectCommands(self._ports)
+            self._commands.setTcp(pose_of(self.tool))
+
+    def enable(self) -> None:
+        """The watchdog."""
+        self._commands.setWatchdog(_WATCHDOG)
+
+    def read(self) -> ArmReading | None:
+        """The newest state."""
+        states = self._states
+        stamp = states.getTimestamp()
+        if stamp == self._stamp:
+            return None
+        self._stamp = stamp
+        self._modes = states.getRobotMode(), states.getSafetyMode(), states.getRuntimeState()
+        return ArmReading(
+            stamp,
+            states.getActualQ(),
+            states.getActualQd(),
+            states.getActualTCPPose(),
+            states.getActualTCPSpeed(),
+            states.getActualTCPForce(),
+            self._status(),
+        )
+
+    def _status(self) -> tuple[float, ...]:
+        """The maker's, of an arm that may move, or of one whose safety system stopped it."""
+        status, modes = dict(self.settings["sound_status"]), self.settings["stop_modes"]
+        kind = _KINDS.get(self._modes[1])
+        if kind is not None and modes is not None and modes[kind]:
+            status[modes["channel"]] = modes[kind][0]
+        return tuple(status.values())
+
+    def send(self, pose: Sequence[float]) -> bool:
+        """Go on to a pose."""
+        return bool(self._commands.servoL(list(pose), 0.5, _ACCELERATION, 0.002, _LOOKAHEAD, _GAIN))
+
+    def keep_alive(self) -> None:
+        """Feed the watchdog."""
+        self._commands.kickWatchdog()
+
+    def stop(self) -> None:
+        """Stop servoing, then the program."""
+        self._commands.servoStop()
+        self._commands.stopScript()
+
+    def check(self, reading: ArmReading) -> None:
+        """By the twin's modes."""
+        robot, safety, runtime = self._modes
+        if safety not in _SOUND:
+            raise ArmFaultError(f"the robot is in {_STOPS.get(safety, f'safety mode {safety}')}")
+        if (robot, runtime) != (_RUNNING, _PLAYING):
+            raise ArmFaultError("the robot's program was stopped")
+
+    @property
+    def connected(self) -> bool:
+        """By the connection of the states."""
+        return bool(self._states.isConnected())
