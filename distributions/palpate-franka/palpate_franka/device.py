@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from palpate import Force, Length, Mass, Quantity, Stiffness
+from palpate import Force, Length, Mass, Quantity, Stiffness, Time
 from palpate_arms.arm_device import ArmDevice
 from palpate_kit.kinematics.arm_model import ArmModel
 from pydantic import Field
@@ -39,10 +39,22 @@ class Franka(ArmDevice):
 
     model: Literal["fr3", "panda"] = Field(default="fr3", description="which arm")
     stiffness: Stiffness = Field(
-        default=2500.0, ge=200, le=3000, description="of the impedance, by which the arm gives way to a force"
+        default=3000.0, ge=200, le=6000, description="of the impedance, by which the arm gives way to a force"
     )
     rotational_stiffness: Torque = Field(
         default=80.0, ge=10, le=150, description="of the impedance against turns of the tool, for one rad"
+    )
+    friction: tuple[Torque, ...] = Field(
+        default=(0.0,) * 7,
+        min_length=7,
+        max_length=7,
+        description="dry friction of each joint that the client compensates, at most 1 N*m",
+    )
+    lag: Time | None = Field(
+        default=None,
+        gt=0,
+        le=0.5,
+        description="how late the arm follows its commands, with what friction adds; left out: that of the impedance",
     )
     gain: float = Field(default=8.0, gt=0, lt=100, description="proportional gain of the PD law, in 1/s")
     collision_force: Force = Field(
@@ -78,8 +90,8 @@ class Franka(ArmDevice):
 
     @property
     def command_lag(self) -> float:
-        """Time constant d/k of a spring k [N/m] whose damping is d = 2 sqrt(k) [N s/m], as the client sets it."""
-        return 2.0 / math.sqrt(self.stiffness)
+        """By the key, or d/k of a spring k [N/m] whose damping is d = 2 sqrt(k) [N s/m], as the client sets it."""
+        return 2.0 / math.sqrt(self.stiffness) if self.lag is None else self.lag
 
     @property
     def controller_stiffness(self) -> float:

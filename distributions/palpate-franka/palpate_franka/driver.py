@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from palpate import DeviceError, Floats
+from palpate import DeviceError, Floats, clock
 from palpate_arms.arm_driver import ArmDriver, ArmFaultError, ArmReading
 from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.rotations import matrix_of, pose_of
@@ -17,6 +17,7 @@ from palpate_franka.robot_states import complaint, error_bits, error_names, expl
 
 _NEAR = 5e-3  # [m] between the controller's flange and that of the kinematic model
 _ROBOT = re.compile(r'<robot[^>]*\bname="([^"]*)"')
+_CREEP = 0.01  # [rad/s] at which friction is compensated
 _POSTURE = 10.0  # [N m/rad] that holds the elbow
 _RAMP, _STOPS, _JOINED = 0.03, 0.1, 0.15  # [s] of a stop: to damping alone, at most, and until its answer
 _NAMES = re.compile(r'"(\w+)"')
@@ -34,9 +35,11 @@ class FrankaDriver(ArmDriver):
         self._observed = False
         self._motion: Any = None  # by which it is held
         self._stops = False
+        self._newest: Any = None  # of the states that a thread listens to
+        self._lost: str | None = None  # why states can no longer come
 
     def connect(self, observe: bool) -> None:
-        """Connect; unless the arm is only observed set tool, load and thresholds of an arm that is ready."""
+        """Connect; unless the arm is only observed set tool, load and thresholds of one that is ready, and hold it."""
         import franky
 
         self._library, self._observed = franky, observe
@@ -45,15 +48,26 @@ class FrankaDriver(ArmDriver):
         state = self._robot.state
         self.facts["robot"] = self._refuse_other_robot()
         self.facts["tcp_in_desk"] = pose_of(state.F_T_NE.matrix)
+        self._refuse_other_flange(state)
         if observe:
+            clock().thread(self._listen, "franka is observed").start()
             return
-        mode, errors = int(state.robot_mode), names_of(error_bits(state.current_errors, self._errors), self._errors)
-        if (text := complaint(mode, errors)) is not None:
+        errors = self._named(state.current_errors)
+        if (text := complaint(int(state.robot_mode), errors)) is not None:
             raise DeviceError(text + self._recovery(errors))
         try:
             self._set_up(state)
+            self._hold()
         except franky.Exception as error:
             raise DeviceError(f"it takes no settings: {words_of(error)}") from error
+
+    def _listen(self) -> None:
+        """A state of an arm that is not held takes up to a millisecond, for which the loop does not wait."""
+        try:
+            while True:
+                self._newest = self._robot.state
+        except self._library.Exception as error:
+            self._lost = words_of(error)
 
     def _refuse_other_robot(self) -> str:
         """The robot's name in its description; raises DeviceError where that is another one."""
@@ -74,25 +88,24 @@ class FrankaDriver(ArmDriver):
         self.facts |= {"tcp": pose_of(self.tool), "client": "franky-control"}
         self.facts |= {key: settings[key] for key in ("collision_force", "collision_torque")}
 
-    def identify(self, reading: ArmReading) -> None:
-        """Flange, tip and load by the first state; raises DeviceError where they are not as stated."""
-        super().identify(reading)
-        state, q = self._robot.state, list(reading.joints)
+    def _refuse_other_flange(self, state: Any) -> None:
+        """Raise DeviceError where the flange is not where the joints put it."""
         assert self.model is not None  # that of its type
         flange = state.O_T_EE.matrix @ np.linalg.inv(state.F_T_EE.matrix)
-        apart = float(np.linalg.norm((flange - self.model.flange(q)[0])[:3, 3]))
+        apart = float(np.linalg.norm((flange - self.model.flange(state.q.tolist())[0])[:3, 3]))
         if apart > _NEAR:
             raise DeviceError(f"its flange is {1e3 * apart:.1f} mm from where the joints of a {self.model.name} put it")
-        self.facts |= {"payload": state.m_total, "payload_centre": state.F_x_Ctotal.tolist()}
 
-    def enable(self) -> None:
-        """Hold it where it is, by the impedance."""
+    def _hold(self) -> None:
+        """Where it is, by the impedance."""
         library, settings, state = self._library, self.settings, self._robot.state
-        assert self.model is not None  # or `identify` has refused
+        assert self.model is not None
         motion = library.CartesianImpedanceTrackingMotion(
             translational_stiffness=settings["stiffness"],
             rotational_stiffness=settings["rotational_stiffness"],
+            translational_error_clip=np.full(3, settings["tracking"]),
             posture_task=library.PostureTask(state.q, _POSTURE),
+            friction=library.FrictionCompensationParams(coulomb=settings["friction"], velocity_epsilon=_CREEP),
             lower_joint_limits=np.array(self.model.low),
             upper_joint_limits=np.array(self.model.high),
         )
@@ -100,12 +113,26 @@ class FrankaDriver(ArmDriver):
         self._robot.move(motion, asynchronous=True)
         self._motion = motion
 
-    def read(self) -> ArmReading | None:
-        """The newest state: at once where the arm is held, else within a millisecond."""
+    def identify(self, reading: ArmReading) -> None:
+        """Tip and load by the first state; raises DeviceError, with the arm no longer held."""
         try:
-            state = self._robot.state
+            super().identify(reading)
+        except DeviceError:
+            self.stop()
+            raise
+        state = self._robot.state
+        self.facts |= {"payload": state.m_total, "payload_centre": state.F_x_Ctotal.tolist()}
+
+    def read(self) -> ArmReading | None:
+        """The newest state: at once where the arm is held or observed, else within a millisecond."""
+        try:
+            state = self._newest if self._observed else self._robot.state
         except self._library.Exception as error:
-            raise ArmFaultError(f"the link to the controller is lost: {words_of(error)}") from error
+            self._lost = words_of(error)
+        if self._lost is not None:
+            raise ArmFaultError(f"the link to the controller is lost: {self._lost}")
+        if state is None:
+            return None
         bits = error_bits(state.current_errors, self._errors)
         return ArmReading(
             state.time.to_sec(),
@@ -157,6 +184,9 @@ class FrankaDriver(ArmDriver):
         except self._library.Exception as error:
             return f"the link to the controller is lost: {words_of(error)}"
         return "the controller ended the motion without a reason"
+
+    def _named(self, errors: Any) -> list[str]:
+        return names_of(error_bits(errors, self._errors), self._errors)
 
     def _recovery(self, errors: Sequence[str]) -> str:
         if not errors:

@@ -21,7 +21,9 @@ def recover(
     try:
         import franky
     except ImportError as error:
-        raise UserError(f"franky-control is not installed here ({error}): pip install 'palpate-franka[robot]'") from error
+        raise UserError(
+            f"franky-control is not installed here ({error}): pip install 'palpate-franka[robot]'"
+        ) from error
     host().reserve(f"robot {network_device(address, 0)}")
     robot = connected(address, "enforce" if realtime else "ignore")
     state, names = robot.state, error_names(franky)
