@@ -1,7 +1,7 @@
 """franky-sim's arm over palpate's specimen, with palpate's SensONE at the flange: a program of its own, for the tests.
 
 Its arguments are a pipeline file and settings. It says `ready ADDRESS` once it serves, and then obeys one word to a
-line: `truth`, `mark`, `reflex`, `silent`, `quit`.
+line with what the arm did: `truth`, `mark`, `silent`, `mode NAME ERRORS`, `quit`.
 """
 
 import json
@@ -27,7 +27,6 @@ from palpate_simulation.twins.sensor_lines import PseudoTerminal
 STEP = 1e-3  # s
 BODY = "robot0_hand"  # at the flange, turned by -45 deg
 TURN = matrix_of([0.0, 0.0, 0.0, 0.0, 0.0, np.pi / 4])
-CARTESIAN_REFLEX = 7  # of the controller's errors
 HIGH = 3e-3  # [m] over the work frame, where nothing is felt
 BEHIND = 0.5  # [s] that are not made up for
 
@@ -57,7 +56,6 @@ class Rig:
         self.sensor = VirtualSensor(PseudoTerminal(bench.port), bench.line_time, bench.sensor_ppm, 0, 1)
         self.now, self.before = 0.0, None
         self.silent = False
-        self.reflex = None
         self.mark()
 
     def mark(self):
@@ -89,6 +87,7 @@ class Rig:
         self.feel(turn @ self.mounting, push, acceleration)
 
     def look(self, place, speed, push, turn):
+        """Note the extremes of what the arm does."""
         self.low, self.high = np.minimum(self.low, place), np.maximum(self.high, place)
         self.fastest = max(self.fastest, math.hypot(*speed.tolist()))
         self.force = max(self.force, math.hypot(*push.tolist()))
@@ -97,6 +96,7 @@ class Rig:
         self.fastest_joint = max(self.fastest_joint, float(np.abs(self.sim.data.qvel[:7]).max()))
 
     def feel(self, axes, push, acceleration):
+        """Let the sensor read, whose axes (3, 3) are in the work frame."""
         self.sensor.poll(self.now)
         instants = self.sensor.instants(self.now)
         if not len(instants):
@@ -151,38 +151,33 @@ class Rig:
                     clock().sleep(wait)
 
     def obey(self):
-        """The next word, if there is one; False at the end."""
+        """The next words, if there are any; False at the end."""
         if not select.select([sys.stdin], [], [], 0.0)[0]:
             return True
-        word = sys.stdin.readline().strip()
-        if word in ("quit", ""):
+        words = sys.stdin.readline().split()
+        if words in ([], ["quit"]):
             return False
-        getattr(self, f"do_{word}")()
+        if words == ["mark"]:
+            self.mark()
+        elif words == ["silent"]:
+            self.silent = True
+        elif words[0] == "mode":
+            self.enter(*words[1:])
+        print(json.dumps(self.truth()), flush=True)
         return True
 
-    def do_truth(self):
-        print(json.dumps(self.truth()), flush=True)
+    def enter(self, mode, *errors):
+        """End a motion, as a controller does at a collision, and this simulator does not; it keeps its error."""
+        server, bits = self.control, [str(place) in errors for place in range(41)]
+        motion, socket, sound = server.current_motion_id, server._tcp_socket, type(server).robot_state.fget
 
-    def do_mark(self):
-        self.mark()
-
-    def do_silent(self):
-        self.silent = True
-
-    def do_reflex(self):
-        """What a controller does at a collision, and this simulator does not: it ends the motion, and keeps its error."""
-        errors, motion, server = [False] * 41, self.control.current_motion_id, self.control
-        errors[CARTESIAN_REFLEX] = True
-        held = type(server).robot_state.fget
-
-        class InReflex(type(server)):
+        class Elsewhere(type(server)):
             @property
             def robot_state(self):
-                return held(self).replace(robot_mode=RobotMode.kReflex, errors=errors, reflex_reason=errors)
+                return sound(self).replace(robot_mode=RobotMode[mode], errors=bits, reflex_reason=bits)
 
-        socket = server._tcp_socket
         server.stop_motion(send_preemption_signal=False)
-        server.__class__ = InReflex
+        server.__class__ = Elsewhere
         if motion:
             BaseCommand.send_response(socket, RobotCommand.kMove, motion, MoveStatus.kReflexAborted)
             server.reset_current_motion_id()
@@ -197,6 +192,7 @@ def bench_of(device, sensor, file, overrides):
 
 
 def main(file, *overrides):
+    """Serve a pipeline's arm and sensor."""
     stated = [entry for entry in overrides if not entry.startswith("twin.")]
     devices = load_pipeline(Path(file), stated).devices
     arm = devices["arm"]
