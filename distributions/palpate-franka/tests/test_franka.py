@@ -1,8 +1,11 @@
 """The part without a robot: its kinematics, its words, its rehearsal."""
 
 import math
+import socket
+import struct
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -102,3 +105,23 @@ def test_a_controller_that_is_not_there_is_refused_by_name():
 
     with pytest.raises(DeviceError, match="is FCI activated in Desk"):
         connected("127.9.9.9", "ignore")
+
+
+def test_a_controller_of_another_version_is_refused_by_name():
+    pytest.importorskip("franky")
+    from palpate_franka.client import connected
+
+    with socket.create_server(("127.9.9.8", 1337)) as server:
+
+        def answer():
+            client, _ = server.accept()
+            with client:
+                command, number, _ = struct.unpack("<III", client.recv(12))
+                client.sendall(struct.pack("<III", command, number, 20) + struct.pack("<HH4x", 1, 5))
+                client.recv(64)  # until it is gone
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with pytest.raises(DeviceError, match=r"do not fit; .* a Panda needs one for libfranka 0\.9"):
+            connected("127.9.9.8", "ignore")
+        thread.join(5.0)

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import signal
+import socket
 import time
 
 import pytest
@@ -154,5 +155,7 @@ def test_a_second_run_is_refused_while_the_first_goes_on(rig_of, tmp_path):
     code, text = finished(rig.start("run"))
     assert code == 1
     assert "another" in text, text
+    with socket.create_connection((rig.address, 1337)):  # from another computer, where nobody knows of the first
+        time.sleep(0.5 * SLOWER)
     code, text = finished(process)
     assert code == 0, text
