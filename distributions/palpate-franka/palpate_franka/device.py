@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from palpate import Acceleration, Force, Length, Mass, Quantity, Speed, Stiffness, Time
+from palpate import Force, Length, Mass, Quantity, Speed, Stiffness, Time
 from palpate_arms.arm_device import ArmDevice
 from palpate_kit.kinematics.arm_model import ArmModel
 from pydantic import Field
@@ -59,7 +59,6 @@ class Franka(ArmDevice):
     retract_speed: Speed = Field(
         default=0.025, gt=0, le=0.25, description="of a retraction; an arm on a spring is faster for a moment"
     )
-    acceleration: Acceleration = Field(default=0.5, gt=0, le=5, description="highest, in braking and retraction")
     gain: float = Field(default=8.0, gt=0, lt=100, description="proportional gain of the PD law, in 1/s")
     collision_force: Force = Field(
         default=30.0, gt=0, le=100, description="external force at which the controller stops by a reflex"

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.franka
 
 AWAY = 0.5e-3  # [m] that an arm that brakes may go on
 STANDS = 1e-3  # [m/s]
-LONG = 60.0 * SLOWER  # [s]
+LONG = 30.0 * SLOWER  # [s]
 
 
 def finished(process):
@@ -53,7 +53,8 @@ def wait_for(rig, condition):
 def pressing(rig, *arguments):
     """A run whose tip is in the specimen."""
     process = rig.start("run", *arguments)
-    wait_for(rig, lambda truth: truth["force"] > 2.0)
+    wait_for(rig, lambda truth: truth["force"] > 2.0 or process.poll() is not None)
+    assert process.poll() is None, finished(process)
     return process
 
 
