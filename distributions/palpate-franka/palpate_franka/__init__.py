@@ -1,0 +1,21 @@
+"""Arms of Franka Robotics for palpate: an arm whose controller gives way to a force."""
+
+from __future__ import annotations
+
+from palpate import Command, Device, plugin
+
+
+@plugin
+def palpate_devices() -> dict[str, type[Device] | str]:
+    """The arm."""
+    return {"franka": "palpate_franka.device:Franka"}
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """What only a person may do."""
+    return {
+        "franka-recover": Command(
+            "palpate_franka.recover:recover", "Recover a Franka from a reflex, once a person has freed it.", "hardware"
+        )
+    }

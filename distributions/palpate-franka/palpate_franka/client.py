@@ -1,0 +1,35 @@
+"""The client library's connection, with what goes wrong in words for the person at the robot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from palpate import DeviceError
+
+
+def connected(host: str, realtime: str) -> Any:
+    """A `franky.Robot`; raises DeviceError, and ImportError without the library."""
+    import franky
+
+    config = franky.RealtimeConfig.Enforce if realtime == "enforce" else franky.RealtimeConfig.Ignore
+    try:
+        return franky.Robot(host, realtime_config=config)
+    except franky.IncompatibleVersionException as error:
+        raise DeviceError(
+            f"{words_of(error)}: its system software and the client library do not fit; franky-control has builds for "
+            "each version, and a Panda needs one for libfranka 0.9"
+        ) from error
+    except franky.RealtimeException as error:
+        raise DeviceError(
+            f'{words_of(error)}: an arm needs a kernel for real time; realtime = "ignore" is for a simulator'
+        ) from error
+    except franky.Exception as error:
+        raise DeviceError(
+            f"{words_of(error)}: is it switched on, are its joints unlocked and is FCI activated in Desk, and does no "
+            "other program use it?"
+        ) from error
+
+
+def words_of(error: BaseException) -> str:
+    """An error of the library as a sentence."""
+    return " ".join(str(error).removeprefix("libfranka: ").split()).rstrip(".!")

@@ -1,0 +1,108 @@
+"""Franka's FR3 and Panda as devices."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from palpate import Force, Length, Mass, Quantity, Speed, Stiffness, Time
+from palpate_arms.arm_device import ArmDevice
+from palpate_kit.kinematics.arm_model import ArmModel
+from pydantic import Field
+
+from palpate_franka.models import JOINTS, MODELS, POSTURE
+from palpate_franka.robot_states import MOVES
+
+if TYPE_CHECKING:
+    from palpate_arms.arm_driver import ArmDriver
+
+Torque = Annotated[float, Quantity("N*m")]
+Inertia = Annotated[float, Quantity("kg*m^2")]
+
+
+class Franka(ArmDevice):
+    """A Franka Research 3 or a Panda as an arm, by `franky-control`, which holds it by a Cartesian impedance at 1 kHz.
+
+    The arm gives way to a force by `stiffness`: what counts as depth is the measured pose, never the command. Every
+    command keeps the limits of [safety], in the process that commands the arm; the controller's own thresholds, here
+    `collision_force` and `collision_torque`, are a second line of defence, whose reflexes are reported by their names
+    and from which only a person recovers the arm (`palpate franka-recover`). The controller's estimate of the external
+    wrench is the stream `robot_wrench`, estimated; a measurement needs a sensor at the flange. One program at a time
+    can be connected. Not tried on a real robot: see the distribution's page.
+    """
+
+    maker: ClassVar[str] = "franka"
+    joint_names: ClassVar[tuple[str, ...]] = JOINTS
+    status_channels: ClassVar[Mapping[str, float]] = {"robot_mode": MOVES, "errors": 0.0, "success_rate": 1.0}
+    posture: ClassVar[tuple[float, ...]] = POSTURE
+
+    model: Literal["fr3", "panda"] = Field(default="fr3", description="which arm")
+    stiffness: Stiffness = Field(
+        default=3000.0, ge=200, le=6000, description="of the impedance, by which the arm gives way to a force"
+    )
+    rotational_stiffness: Torque = Field(
+        default=80.0, ge=10, le=150, description="of the impedance against turns of the tool, for one rad"
+    )
+    friction: tuple[Torque, ...] = Field(
+        default=(0.0,) * 7,
+        min_length=7,
+        max_length=7,
+        description="dry friction of each joint that the client compensates, at most 1 N*m",
+    )
+    lag: Time | None = Field(
+        default=None,
+        gt=0,
+        le=0.5,
+        description="how late the arm follows its commands, with what friction adds; left out: that of the impedance",
+    )
+    retract_speed: Speed = Field(
+        default=0.025, gt=0, le=0.25, description="of a retraction; an arm on a spring is faster for a moment"
+    )
+    gain: float = Field(default=8.0, gt=0, lt=100, description="proportional gain of the PD law, in 1/s")
+    collision_force: Force = Field(
+        default=30.0, gt=0, le=100, description="external force at which the controller stops by a reflex"
+    )
+    collision_torque: Torque = Field(
+        default=20.0, gt=0, le=87, description="external torque of a joint at which it does"
+    )
+    payload: Mass | None = Field(
+        default=None, gt=0, le=3, description="mounted on the flange besides what Desk knows; left out: nothing is set"
+    )
+    payload_centre: tuple[Length, ...] = Field(
+        default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="centre of mass of that payload on the flange"
+    )
+    payload_inertia: tuple[Inertia, ...] = Field(
+        default=(1e-3, 1e-3, 1e-3), min_length=3, max_length=3, description="its moments of inertia about x, y and z"
+    )
+    realtime: Literal["enforce", "ignore"] = Field(
+        default="enforce", description='"ignore" connects without a kernel for real time: for a simulator'
+    )
+
+    @classmethod
+    def driver(cls) -> type[ArmDriver]:
+        """By the client library."""
+        from palpate_franka.driver import FrankaDriver
+
+        return FrankaDriver
+
+    @property
+    def arm_model(self) -> ArmModel:
+        """That of its type."""
+        return MODELS[self.model]
+
+    @property
+    def command_lag(self) -> float:
+        """By the key, or d/k of a spring k [N/m] whose damping is d = 2 sqrt(k) [N s/m], as the client sets it."""
+        return 2.0 / math.sqrt(self.stiffness) if self.lag is None else self.lag
+
+    @property
+    def controller_stiffness(self) -> float:
+        """That of the impedance."""
+        return self.stiffness
+
+    @property
+    def work_settings(self) -> Mapping[str, str]:
+        """The tool's own turn as well: the flange of these arms stands at 45 deg to the base."""
+        turn = self.tcp_rotation or (0.0, 0.0, 0.0)
+        return {**super().work_settings, "tcp_rotation": str(list(turn))}

@@ -1,0 +1,68 @@
+"""What the tests of the distribution share: the simulator with its specimen, and palpate beside it."""
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+PIPELINES = HERE.parent
+TRUTH = {"elasticity": "112.5 kPa", "viscosity": "362 Pa*s", "surface": "0.3 mm"}
+PALPATE = "from palpate_engine.cli import main; main()"
+ABSENT = [name for name in ("franky", "franky_sim", "mujoco") if importlib.util.find_spec(name) is None]
+SLOWER = float(os.environ.get("PALPATE_SLOW", "1"))  # see the folder `slower`
+
+
+class Rig:
+    """The simulator's process, and what MuJoCo's arm did."""
+
+    def __init__(self, folder, file, *more):
+        self.folder, self.file = folder, file
+        self.port = f'device.sensor.port="{folder / "sensor"}"'
+        specimen = [f'twin.bench.specimen.{key}="{value}"' for key, value in TRUTH.items()]
+        command = [sys.executable, HERE / "franka_rig.py", file, self.port, *specimen, *more]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        words = self.process.stdout.readline().split()
+        assert words[:1] == ["ready"], "the simulator did not start"
+        self.address = words[1]
+
+    def ask(self, *words):
+        """What the arm did since the last `mark`; the words may change something before."""
+        self.process.stdin.write(" ".join(words or ("truth",)) + "\n")
+        self.process.stdin.flush()
+        return json.loads(self.process.stdout.readline())
+
+    def start(self, command, *arguments):
+        """palpate, in a process of its own."""
+        changes = [self.port, f'device.arm.host="{self.address}"']
+        changes = [text for change in changes for text in ("--set", change)]
+        return subprocess.Popen(
+            [sys.executable, "-c", PALPATE, command, self.file, *changes, *map(str, arguments)],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=self.folder,
+        )  # fmt: skip
+
+    def end(self):
+        """Let it go."""
+        self.process.stdin.close()
+        self.process.wait(30)
+        self.process.stdout.close()
+
+
+@pytest.fixture
+def rig_of(tmp_path):
+    """Makes a rig of a pipeline's file."""
+    if ABSENT:
+        pytest.skip(f"{', '.join(ABSENT)} not installed: pip install 'palpate-franka[test]'")
+    rigs = []
+
+    def make(name, *more):
+        rigs.append(Rig(tmp_path, PIPELINES / name, *more))
+        return rigs[-1]
+
+    yield make
+    for rig in rigs:
+        rig.end()

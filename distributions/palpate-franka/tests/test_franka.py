@@ -1,0 +1,127 @@
+"""The part without a robot: its kinematics, its words, its rehearsal."""
+
+import math
+import socket
+import struct
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from palpate import ConfigurationError, DeviceError
+from palpate_engine import load_pipeline
+from palpate_franka.models import MODELS, POSTURE
+from palpate_franka.robot_states import complaint, error_bits, error_names, explained, names_of
+
+PIPELINES = Path(__file__).parents[1]
+WITHOUT = """
+import sys
+sys.modules.update(dict.fromkeys(("franky", "franky_sim", "mujoco", "pinocchio")))
+from palpate_engine.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+def test_the_flange_is_where_the_manual_has_it(model):
+    # Stretched out upwards: 0.333 + 0.316 + 0.384 - 0.107 m high, 0.088 m before the base.
+    pose, _ = model.flange([0.0] * 7)
+    assert pose[:3, 3] == pytest.approx([0.088, 0.0, 0.926], abs=1e-12)
+    assert pose[:3, :3] == pytest.approx(np.diag([1.0, -1.0, -1.0]), abs=1e-12)
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+def test_the_tool_looks_down_in_the_posture_that_is_stated(model):
+    pose, _ = model.flange(POSTURE)
+    assert pose[2, 2] < -0.99
+    assert model.end_of(POSTURE) is None
+
+
+@pytest.mark.parametrize("file", ["point.toml", "raster.toml"])
+def test_an_example_is_a_pipeline_whose_motion_keeps_the_limits(file):
+    arm = load_pipeline(PIPELINES / file).devices["arm"]
+    assert arm.controller_stiffness == 5000.0
+    assert arm.command_lag == 0.12
+    wrench = next(stream for stream in arm.streams if stream.name == "robot_wrench")
+    assert wrench.estimated
+
+
+def test_the_lag_is_that_of_the_impedance_unless_it_is_stated():
+    arm = load_pipeline(PIPELINES / "point.toml").devices["arm"]
+    assert arm.model_copy(update={"lag": None}).command_lag == pytest.approx(2.0 / math.sqrt(5000.0))
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ('device.arm.model="panta"', "panda"),
+        ('device.arm.stiffness="50 N/mm"', "stiffness"),
+        ('device.arm.collision_force="0 N"', "collision_force"),
+        ('device.arm.friction=["1 N*m"]', "friction"),
+    ],
+)
+def test_bad_input_is_named(setting, words):
+    with pytest.raises(ConfigurationError, match=words):
+        load_pipeline(PIPELINES / "point.toml", [setting])
+
+
+def test_modes_and_errors_have_names():
+    assert complaint(1, []) is None
+    assert complaint(2, []) is None
+    assert "unlock the joints and activate FCI" in complaint(0, [])
+    assert "user stop" in complaint(5, [])
+    assert "a person guides it" in complaint(3, [])
+    assert "in a reflex" in complaint(4, [])
+    assert "mode 9" in complaint(9, [])
+    assert "joint_reflex (the torque of a joint was over collision_torque)" in complaint(4, ["joint_reflex"])
+    assert explained(["instability_detected"]) == "instability_detected"
+
+
+def test_errors_survive_as_bits():
+    library = SimpleNamespace(Errors=type("Errors", (), {"joint_reflex": False, "cartesian_reflex": False}))
+    names = error_names(library)
+    for on in ([], ["joint_reflex"], ["cartesian_reflex"], ["cartesian_reflex", "joint_reflex"]):
+        errors = SimpleNamespace(**{name: name in on for name in names})
+        assert names_of(error_bits(errors, names), names) == on
+
+
+def test_a_rehearsal_needs_neither_client_nor_simulator(tmp_path):
+    specimen = [text for entry in ("elasticity=100 kPa", "viscosity=300 Pa*s") for text in ("--specimen", entry)]
+    command = ["rehearse", PIPELINES / "point.toml", *specimen, "--out", tmp_path / "out"]
+    short = ["--set", 'trajectory.press.duration="1 s"']
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT, *command, *short], capture_output=True, text=True, timeout=900
+    )
+    assert done.returncode == 0, done.stderr
+    assert "What the arm did" in done.stdout
+
+
+def test_a_controller_that_is_not_there_is_refused_by_name():
+    pytest.importorskip("franky")
+    from palpate_franka.client import connected
+
+    with pytest.raises(DeviceError, match="is FCI activated in Desk"):
+        connected("127.9.9.9", "ignore")
+
+
+def test_a_controller_of_another_version_is_refused_by_name():
+    pytest.importorskip("franky")
+    from palpate_franka.client import connected
+
+    with socket.create_server(("127.9.9.8", 1337)) as server:
+
+        def answer():
+            client, _ = server.accept()
+            with client:
+                command, number, _ = struct.unpack("<III", client.recv(12))
+                client.sendall(struct.pack("<III", command, number, 20) + struct.pack("<HH4x", 1, 5))
+                client.recv(64)  # until it is gone
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with pytest.raises(DeviceError, match=r"do not fit; .* a Panda needs one for libfranka 0\.9"):
+            connected("127.9.9.8", "ignore")
+        thread.join(5.0)

@@ -1,0 +1,162 @@
+"""palpate, the real client and somebody else's controller: what MuJoCo's arm did, and what became of E.
+
+By the wall clock, so limits and E are judged, never times.
+"""
+
+import json
+import math
+import os
+import signal
+import socket
+import time
+
+import pytest
+from conftest import SLOWER, TRUTH
+from palpate import to_si
+from palpate_engine import load_pipeline
+
+pytestmark = pytest.mark.franka
+
+AWAY = 0.5e-3  # [m] that an arm that brakes may go on
+STANDS = 1e-3  # [m/s]
+LONG = 30.0 * SLOWER  # [s]
+
+
+def finished(process):
+    """Exit code, and all that was printed, of a process that ends by itself."""
+    out, errors = process.communicate(timeout=4 * LONG)
+    return process.returncode, " ".join((out + errors).split())
+
+
+def keeps_limits(truth, pipeline):
+    """Every limit of [safety], by what the simulator's arm did."""
+    safety, arm = pipeline.safety, pipeline.devices["arm"]
+    for low, least, high, most in zip(truth["low"], safety.low, truth["high"], safety.high, strict=True):
+        assert least - AWAY <= low
+        assert high <= most + AWAY
+    assert truth["fastest"] <= 1.05 * safety.speed
+    assert truth["force"] <= safety.force
+    assert truth["askew"] <= safety.orientation
+    assert truth["fastest_joint"] <= arm.joint_speed
+
+
+def wait_for(rig, condition):
+    """What the arm did, as soon as a condition of it holds."""
+    deadline = time.monotonic() + LONG
+    while time.monotonic() < deadline:
+        if condition(truth := rig.ask()):
+            return truth
+        time.sleep(0.02)
+    raise AssertionError(f"the arm did not come so far: {truth}")
+
+
+def pressing(rig, *arguments):
+    """A run whose tip is in the specimen."""
+    process = rig.start("run", *arguments)
+    wait_for(rig, lambda truth: truth["force"] > 2.0 or process.poll() is not None)
+    assert process.poll() is None, finished(process)
+    return process
+
+
+def stands(rig):
+    """The arm has come to rest, and stays there."""
+    before = wait_for(rig, lambda truth: truth["speed"] < STANDS)
+    time.sleep(0.5 * SLOWER)
+    after = rig.ask()
+    assert math.dist(before["place"], after["place"]) < AWAY
+    return after
+
+
+@pytest.mark.parametrize(("file", "track"), [("point.toml", "dr/kinematic"), ("raster.toml", "dr/smoother")])
+def test_elasticity_and_limits(rig_of, tmp_path, file, track):
+    rig = rig_of(file)
+    pipeline = load_pipeline(rig.file)
+    code, text = finished(rig.start("run", "--out", tmp_path / "out"))
+    assert code == 0, text
+    keeps_limits(rig.ask(), pipeline)
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    found = result["tracks"][track]["parameters"]["elasticity"]
+    assert abs(found["value"] - to_si(TRUTH["elasticity"], "Pa")) < 2.0 * found["combined"], found
+    assert result["run"]["live"]["devices"]["arm"]["controller_stiffness"] == pipeline.devices["arm"].stiffness
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_an_end_of_the_run_leaves_an_arm_that_stands(rig_of, number):
+    rig = rig_of("point.toml")
+    process = pressing(rig)
+    process.send_signal(number)
+    code, text = finished(process)
+    assert code != 0
+    keeps_limits(rig.ask(), load_pipeline(rig.file))
+    truth = stands(rig)
+    if number == signal.SIGINT:
+        assert truth["place"][2] > 0.0, text  # it has left the material
+
+
+def test_an_end_of_the_process_that_commands_leaves_an_arm_that_stands(rig_of):
+    rig = rig_of("point.toml")
+    process = pressing(rig)
+    os.kill(child_of(process.pid), signal.SIGKILL)
+    code, text = finished(process)
+    assert code == 1
+    assert "franka at" in text
+    stands(rig)
+    keeps_limits(rig.ask(), load_pipeline(rig.file))
+
+
+def child_of(parent):
+    """The process of the arm."""
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            with open(f"/proc/{pid}/stat") as stat, open(f"/proc/{pid}/cmdline") as command:
+                if int(stat.read().rpartition(")")[2].split()[1]) == parent and "arm_worker" in command.read():
+                    return int(pid)
+        except OSError:
+            continue
+    raise AssertionError("the arm has no process")
+
+
+def test_a_lost_connection_is_reported(rig_of):
+    rig = rig_of("point.toml")
+    process = pressing(rig)
+    rig.ask("silent")
+    code, text = finished(process)
+    assert code == 1
+    assert "the controller is silent" in text or "come late" in text, text
+    keeps_limits(rig.ask(), load_pipeline(rig.file))
+
+
+def test_a_reflex_is_named_and_only_a_person_recovers(rig_of):
+    rig = rig_of("point.toml")
+    process = pressing(rig)
+    rig.ask("mode", "kReflex", "7")
+    code, text = finished(process)
+    assert code == 1
+    assert "cartesian_reflex (the force on the tool was over collision_force)" in text
+    assert "franka-recover" in text
+    stands(rig)
+    keeps_limits(rig.ask(), load_pipeline(rig.file))
+    code, text = finished(rig.start("run"))  # no run recovers it
+    assert code == 1
+    assert "cartesian_reflex" in text
+
+
+def test_joints_that_are_locked_are_named(rig_of):
+    rig = rig_of("point.toml")
+    rig.ask("mode", "kOther")
+    code, text = finished(rig.start("run"))
+    assert code == 1
+    assert "its joints are locked or it is not ready" in text
+    assert rig.ask()["fastest"] < STANDS
+
+
+def test_a_second_run_is_refused_while_the_first_goes_on(rig_of, tmp_path):
+    rig = rig_of("point.toml")
+    process = pressing(rig, "--out", tmp_path / "out")
+    code, text = finished(rig.start("run"))
+    assert code == 1
+    assert "another" in text, text
+    with socket.create_connection((rig.address, 1337)):  # from another computer, where nobody knows of the first
+        time.sleep(0.5 * SLOWER)
+    code, text = finished(process)
+    assert code == 0, text
