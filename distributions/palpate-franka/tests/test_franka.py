@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from palpate import ConfigurationError, DeviceError
-from palpate_engine import load_pipeline
+from palpate_engine import check_motion, check_own_motion, load_pipeline, own_motions
 from palpate_franka.models import MODELS, POSTURE
 from palpate_franka.robot_states import complaint, error_bits, error_names, explained, names_of
 
@@ -42,7 +42,10 @@ def test_the_tool_looks_down_in_the_posture_that_is_stated(model):
 
 @pytest.mark.parametrize("file", ["point.toml", "raster.toml"])
 def test_an_example_is_a_pipeline_whose_motion_keeps_the_limits(file):
-    arm = load_pipeline(PIPELINES / file).devices["arm"]
+    pipeline = load_pipeline(PIPELINES / file)
+    arm, (motion,) = pipeline.devices["arm"], pipeline.trajectories.values()
+    assert not check_own_motion(own_motions(pipeline.devices)["arm"], pipeline.safety)
+    assert not check_motion(motion, pipeline.safety).problems
     assert arm.controller_stiffness == 5000.0
     assert arm.command_lag == 0.12
     wrench = next(stream for stream in arm.streams if stream.name == "robot_wrench")
