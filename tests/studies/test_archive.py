@@ -11,6 +11,7 @@ import pytest
 from palpate import trust
 
 from tests.command import call
+from tests.curves.conftest import TIP
 from tests.studies.study_folder import copied, made, members, packed, rows_of
 
 pytestmark = pytest.mark.slow
@@ -96,6 +97,18 @@ def test_a_moved_archive_is_made_again_to_the_byte(study, tmp_path):
     assert "4 curves" in done.stdout
     assert "same to the byte: fits.csv, report.html, methods.txt" in done.stdout
     assert sorted(path.name for path in lone.iterdir()) == before
+
+
+def test_a_study_of_one_folder_is_made_again_to_the_byte(study, palpate):
+    """Its pipeline names the folder of its curves, which is another one in the archive."""
+    (study / "presses").mkdir()
+    (study / "control").rename(study / "presses" / "control")
+    assert palpate("fit", "presses/control", *TIP, "--out", "one").returncode == 0
+    assert 'curves = "../presses/control"' in (study / "one" / "pipeline.toml").read_text()
+    assert palpate("pack", "one", "-o", "one.zip").returncode == 0
+    (study / "presses").rename(study / "elsewhere")
+    done = palpate("verify", "one.zip")
+    assert (done.returncode, "same to the byte" in done.stdout) == (0, True), done.stdout + done.stderr
 
 
 def test_a_number_that_was_changed_is_named(study, palpate):
@@ -196,11 +209,16 @@ def rig_outside(contents):
     _set(contents, "fits/pipeline.toml", r"^\[run\]$", '[run]\nrig = "/etc/passwd"')
 
 
+def curves_folder_outside(contents):
+    _set(contents, "fits/pipeline.toml", r"^\[run\]$", '[run]\ncurves = "/etc"')
+
+
 def tip_outside(contents):
     _set(contents, "fits/pipeline.toml", r'^type = "sphere"\nradius = .*$', 'type = "profile"\npoints = "/etc/passwd"')
 
 
-@pytest.mark.parametrize("change", [curve_outside, device_outside, own_device, live_device, rig_outside, tip_outside])
+@pytest.mark.parametrize("change", [curve_outside, device_outside, own_device, live_device, rig_outside, tip_outside,
+                                    curves_folder_outside])  # fmt: skip
 def test_settings_read_nothing_outside_of_the_archive(study, palpate, change):
     done = palpate("verify", altered(study, change))
     assert done.returncode == 2, done.stdout

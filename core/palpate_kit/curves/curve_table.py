@@ -204,12 +204,16 @@ def curves_folder(folder: Path) -> Path | None:
 def settings_text(path: Path, dialect: str = "") -> str:
     """The pipeline of a folder of fits by which files of a dialect are read, wherever these are; raises LogError."""
     try:
-        tables = dialect_tables(_settings(path), dialect)
-        if CURVES in (run := _run_table(tables)):
-            tables = {**tables, "run": {key: value for key, value in run.items() if key != CURVES}}
-        return tomli_w.dumps(tables)
+        return tomli_w.dumps(without_curves_folder(dialect_tables(_settings(path), dialect)))
     except ConfigurationError as error:
         raise LogError(f"{path}: {error}") from error
+
+
+def without_curves_folder(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The tables of a pipeline of a folder of fits but for where its curves are."""
+    if CURVES not in (run := _run_table(tables)):
+        return {**tables}
+    return {**tables, "run": {key: value for key, value in run.items() if key != CURVES}}
 
 
 def dialects_in(path: Path) -> list[str]:

@@ -18,7 +18,7 @@ import tomli_w
 from palpate import ConfigurationError, OutputError
 from palpate_engine import RIG, bounded_text, parsed_assignment, toml_tables, write_whole
 from palpate_kit.curves.curve_list import FILE, LIST, write_list
-from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_in, write_rows
+from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_in, without_curves_folder, write_rows
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.fit_provenance import PROVENANCE
 from palpate_kit.curves.own_settings import write_own
@@ -61,7 +61,7 @@ class _Study:
         fits.mkdir(parents=True)
         for source, member in self.members.items():
             _copy(source, self.root / member)
-        settings = toml_tables(bounded_text(self.folder.path / SETTINGS))
+        settings = without_curves_folder(toml_tables(bounded_text(self.folder.path / SETTINGS)))
         write_whole(fits / SETTINGS, tomli_w.dumps(self._with_members(settings)))
         entries = self.folder.entries
         lines = {self.names[name]: {**cells, FILE: self._seen(self._file(name))} for name, cells in entries.items()}

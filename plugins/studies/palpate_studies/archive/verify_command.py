@@ -138,6 +138,8 @@ def _demand_harmless(archive: Path, root: Path) -> None:
     if not folder.names:
         raise LogError(f"{archive}: has no curves")
     outside = f"{archive}: names a file outside of it"
+    if (place := folder.curves_folder) is not None and not place.resolve().is_relative_to(root):
+        raise LogError(f"{outside}, or a folder: [run] curves of {SETTINGS}")
     for name in folder.names:
         file = Path(folder.file_of(name))
         if not (file.resolve().is_relative_to(root) and file.exists()):
