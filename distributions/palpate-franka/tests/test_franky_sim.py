@@ -8,10 +8,12 @@ import math
 import os
 import signal
 import socket
+import subprocess
+import sys
 import time
 
 import pytest
-from conftest import SLOWER, TRUTH
+from conftest import PALPATE, SLOWER, TRUTH
 from palpate import to_si
 from palpate_engine import load_pipeline
 
@@ -160,3 +162,16 @@ def test_a_second_run_is_refused_while_the_first_goes_on(rig_of, tmp_path):
         time.sleep(0.5 * SLOWER)
     code, text = finished(process)
     assert code == 0, text
+
+
+@pytest.mark.parametrize(("answer", "code", "words"), [("n", 2, "not recovered"), ("y", 0, "? [y/N]: recovered")])
+def test_a_command_recovers_it(rig_of, answer, code, words):
+    rig = rig_of("point.toml")
+    rig.ask("mode", "kReflex", "7")
+    command = [sys.executable, "-c", PALPATE, "franka-recover", rig.address, "--no-realtime"]
+    done = subprocess.run(command, input=f"{answer}\n", capture_output=True, text=True, timeout=LONG)
+    text = " ".join((done.stdout + done.stderr).split())
+    assert done.returncode == code, text
+    assert "in a reflex" in text
+    assert "cartesian_reflex" in text
+    assert words in text
