@@ -30,6 +30,7 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 from pydantic import Field
 
 if TYPE_CHECKING:
+    from palpate_arms.arm_by_hand import HandReader
     from palpate_arms.arm_driver import ArmDriver
     from palpate_arms.arm_rows import ArmRows
     from palpate_arms.servo import ServoLaw
@@ -50,6 +51,7 @@ class ArmDevice(Device):
     status_channels: ClassVar[Mapping[str, float]] = {}
     # Joints [rad] of an ordinary posture with the tool downwards, from which a twin finds that of the work.
     posture: ClassVar[tuple[float, ...]] = ()
+    weighs_flange: ClassVar[bool] = False  # whether a sensor in its flange can weigh what hangs there
     sudden_end: ClassVar[str] = ""  # what it means where the arm's process ends without a word
 
     host: str = Field(min_length=1, description="address of the controller")
@@ -148,6 +150,12 @@ class ArmDevice(Device):
     def observe(self, seed: int) -> AbstractContextManager[Link]:
         """Its states; a running program continues."""
         return self._connected(observe=True)
+
+    def by_hand(self, weighs: bool) -> AbstractContextManager[HandReader]:
+        """What reads it while a person leads it, for `palpate teach`; `weighs`: with the wrench in its flange."""
+        from palpate_arms.arm_by_hand import observed_by_hand
+
+        return observed_by_hand(self)
 
     @contextmanager
     def _connected(self, observe: bool) -> Iterator[Link]:

@@ -93,6 +93,16 @@ class ArmLink:
         self._station: FirstStation | None = None  # of the motion that is about to be made
         self._reached: Trajectory | None = None  # the motion whose places were looked at
 
+    @property
+    def model(self) -> ArmModel:
+        """The kinematic model, as the arm's process has it."""
+        return self._model
+
+    @property
+    def tool(self) -> Floats:
+        """The tip on the flange (4, 4), as the arm's process has it."""
+        return self._tool
+
     def limit(self, limits: ArmLimits, trip: Callable[[str], None]) -> None:
         """Keep these limits from now on; see `palpate.SupportsLimits`."""
         self._limits, self._trip = limits, trip

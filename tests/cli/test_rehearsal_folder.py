@@ -27,8 +27,9 @@ MORE = {  # what a command takes besides, to come as far as it can
 }
 SERVERS = ("twin", "desk", "watch")  # which go on until they are ended, and move nothing
 # Those by which a measured folder, or its pipeline, reaches devices; that of simulated time simulates, or is refused.
-SIMULATE = ("run", "record", "resume", "repeat", "map", "map search", "fit", "fit compare", "fit cycles", "compare")
-REFUSE = ("doctor", "teach", "calibrate", "acceptance")
+SIMULATE = ("run", "record", "resume", "repeat", "map", "map search", "fit", "fit compare", "fit cycles", "compare",
+            "acceptance")  # fmt: skip
+REFUSE = ("doctor", "teach", "calibrate")
 
 
 class Laboratory:

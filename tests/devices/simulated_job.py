@@ -1,42 +1,11 @@
 """An acceptance on a twin in simulated time: the run of strokes is a thread, and a person does what the prompts say."""
 
-from palpate import PalpateError, clock
-from palpate_commands.acceptance.job import StrokesJob
-from palpate_commands.acceptance.motion import make_strokes
+from palpate import clock
 from palpate_commands.acceptance.protocol import AcceptanceGuide, AcceptanceProtocol
+from palpate_commands.acceptance.rehearsal import ThreadJob
 from palpate_commands.acceptance.steps import all_visits
-from palpate_commands.acceptance.strokes_run import MESSAGES
 
 ACTS = {"press the emergency stop": "estop", "open the safeguard": "safeguard-stop", "pull the cable": "unplug"}
-
-
-class SimulatedJob(StrokesJob):
-    """A run as a thread: what takes a process, such as signals, is for the real clients."""
-
-    def __init__(self, pipeline, run):
-        super().__init__(run)
-        run.folder.mkdir(parents=True)
-        self._pipeline = pipeline
-        self._thread = clock().thread(self._go, "strokes")
-        self._thread.start()
-
-    def _go(self):
-        said = ""
-        try:
-            make_strokes(self._pipeline, self.run)
-        except PalpateError as error:
-            said = str(error)
-        (self.run.folder / MESSAGES).write_text(said)
-
-    def __exit__(self, *_):
-        self._thread.join()
-
-    @property
-    def is_running(self):
-        return self._thread.is_alive()
-
-    def send(self, number, group=False):
-        raise NotImplementedError("a thread gets no signals")
 
 
 class Person:
@@ -72,7 +41,7 @@ class Person:
 def go_through(twin, folder, names, faults=(), overrides=()):
     """Outcomes by step, and what the protocol said."""
     pipeline, person = twin.pipeline(*overrides), Person(twin, faults)
-    start = lambda run: SimulatedJob(pipeline, run)  # noqa: E731
+    start = lambda run: ThreadJob(pipeline, run)  # noqa: E731
     protocol = AcceptanceProtocol(pipeline, folder, AcceptanceGuide(person.say, person.ask), start)
     visits = [visit for visit in all_visits() if visit.name in names]
     protocol.refuse(visits)

@@ -1,5 +1,7 @@
 """``palpate acceptance``: what a rig does when it is stopped, against what [safety] declares."""
 
+import json
+
 import numpy as np
 import pytest
 from palpate import ConfigurationError
@@ -10,9 +12,11 @@ from palpate_commands.acceptance.measurement import (
     measure_braking,
     measure_force_delay,
 )
+from palpate_engine import load_pipeline
 from palpate_engine.cli import call
+from palpate_engine.config import resolved_text
 
-from tests.devices.simulated_bench import SHORT
+from tests.devices.simulated_bench import PIPELINE, SHORT
 from tests.devices.simulated_job import go_through
 
 STEP = 0.002  # [s] between the states of a robot
@@ -172,3 +176,22 @@ def test_the_checksum_of_the_safety_configuration_is_in_the_result(rig):
 def test_a_checksum_that_no_pendant_shows_is_refused(root):
     with pytest.raises(ConfigurationError, match="safety_checksum"):
         call(["check", str(root / "pipelines" / "point_ur3e.toml"), "--set", "device.arm.safety_checksum=C0-DE"])
+
+
+@pytest.mark.slow
+def test_the_acceptance_of_a_rehearsal_is_rehearsed(palpate, tmp_path):
+    """The twin does what a person would, and the page is nothing to sign."""
+    rig = load_pipeline(PIPELINE, [*SHORT, 'run.rehearsal="bench"', "twin.bench.height=10 mm"])
+    (tmp_path / "pipeline.toml").write_text(resolved_text(rig))
+    done = palpate("acceptance", "pipeline.toml", "--step", "free-air/safeguard", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "out" / "acceptance.md").read_text()
+    assert page.startswith("# Rehearsal of the acceptance of")
+    assert "nothing real has moved" in page
+    assert "place, date" not in page
+    assert "the robot is in a safeguard stop" in page
+    table = json.loads((tmp_path / "out" / "acceptance.json").read_text())
+    assert (table["rehearsal"], table["verdict"], table["whole"]) == ("bench", "passed in part", False)
+    refused = palpate("acceptance", "pipeline.toml", "--step", "ctrl-c", "--out", "other")
+    assert refused.returncode == 2
+    assert "--step ctrl-c: a signal needs the process of a run: it is not rehearsed" in refused.stderr

@@ -83,9 +83,8 @@ def test_both_forms_of_parameters_give_one_arm():
     ],
 )
 def test_a_joint_without_ends_makes_no_arm(change, words):
-    joints = [DHJoint(name=f"j{i}", d=0.1, **(change if i == 0 else {})) for i in range(6)]
     with pytest.raises(ConfigurationError, match=words):
-        ArmModel.of_dh("none", joints)
+        ArmModel.of_dh("none", [DHJoint(name=f"j{i}", d=0.1, **(change if i == 0 else {})) for i in range(6)])
 
 
 def test_a_joint_beyond_its_end_is_named():

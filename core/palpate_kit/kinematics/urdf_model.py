@@ -78,14 +78,14 @@ def _chain(robot: Any, path: Path, base: str, flange: str) -> list[Any]:
 def _limits(joint: Any, path: Path) -> tuple[float, float, float]:
     """Ends [rad] and speed [rad/s] of a joint."""
     found = joint.limit
-    lower, upper = (None, None) if found is None else (found.lower, found.upper)
+    ends = (None, None) if found is None else (found.lower, found.upper)
     if joint.type == "continuous":
-        lower, upper = -_ENDLESS, _ENDLESS
-    speed = None if found is None else found.velocity
-    numbers = [number for number in (lower, upper, speed) if number is not None and math.isfinite(number)]
-    if len(numbers) < 3 or not (lower < upper and speed > 0.0):
+        ends = -_ENDLESS, _ENDLESS
+    given = (*ends, None if found is None else found.velocity)
+    lower, upper, speed = (math.nan if number is None else float(number) for number in given)
+    if not (lower < upper and speed > 0.0 and math.isfinite(upper - lower + speed)):
         raise ConfigurationError(f"{path}: joint {joint.name!r} has no limits: lower, upper and velocity are needed")
-    return float(lower), float(upper), float(speed)
+    return lower, upper, speed
 
 
 def _axis(joint: Any) -> Floats:

@@ -38,12 +38,12 @@ def init(
         Path | None, typer.Option("-o", "--out", help="File, or folder of a plugin. [default: named after it]")
     ] = None,
     plugin: Annotated[
-        str | None, typer.Option(metavar="KIND", help="A distribution with one: tip, model, filter, device, ...")
+        str | None, typer.Option(metavar="KIND", help="A distribution with one: tip, model, filter, device, arm, ...")
     ] = None,
 ) -> None:
     """Write a commented pipeline that runs as it is; with --plugin a distribution of your own, with its test.
 
-    Kinds of plugins: tip, model, filter, device, trajectory, analysis.
+    Kinds of plugins: tip, model, filter, device, arm, trajectory, analysis.
     """
     if plugin is not None:
         _plugin(plugin, what, out)

@@ -16,7 +16,7 @@ import lazy_loader
 from palpate import Check, plugin
 
 if TYPE_CHECKING:
-    from palpate_kit.simulated_time.simulated_computer import simulated_time
+    from palpate_kit.acquisition.simulated_computer import simulated_time
 
     from palpate_testing.arm_checks import ArmTest
     from palpate_testing.contact_checks import check_indenter, check_model

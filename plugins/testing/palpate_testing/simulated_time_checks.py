@@ -10,8 +10,8 @@ from types import FrameType
 from typing import Any
 
 from palpate import Device, Trajectory
+from palpate_kit.acquisition.simulated_computer import simulated_time as simulated_time
 from palpate_kit.simulated_time.simulated_clock import SimulatedClock
-from palpate_kit.simulated_time.simulated_computer import simulated_time as simulated_time
 
 from palpate_testing.device_checks import batches_of
 from palpate_testing.failure_messages import demand

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -11,13 +11,14 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError, DeviceError, Force, clock, suggest
-from palpate_engine import Pipeline, load_pipeline, make_folder, refuse_rehearsal, withdraw_folder, write_new
+from palpate_engine import Pipeline, load_pipeline, make_folder, withdraw_folder, write_new
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import FolderOption, JsonOption, Overrides
 from palpate_kit.terminal.table import Table, console
 from pydantic import TypeAdapter, ValidationError
 
 from palpate_commands.acceptance.job import ProcessJob
+from palpate_commands.acceptance.observer import WatchedArm
 from palpate_commands.acceptance.page import Acceptance, row_of
 from palpate_commands.acceptance.protocol import AcceptanceGuide, AcceptanceProtocol, Outcome
 from palpate_commands.acceptance.steps import STEPS, Visit, all_visits
@@ -44,12 +45,12 @@ def acceptance(
     """Stop this very rig in every way, in free air, then on foam; compare it with [safety]; write a page to sign.
 
     The arm makes strokes within the limits of [safety], watched by a second connection. Emergency stop, safeguard and
-    the sensor's cable are a person's; Ctrl-C, kill, SIGSTOP and the force are not. Exit code 1 where a stop is later,
-    softer or longer than declared.
+    the sensor's cable are a person's; Ctrl-C, kill, SIGSTOP and the force are not. For the pipeline in the folder of a
+    rehearsal all but the signals is done in simulated time. Exit code 1 where a stop is later, softer or longer than
+    declared.
     """
     pipeline = load_pipeline(file, overrides or [])
-    refuse_rehearsal(pipeline)
-    limits, visits = demand_limits(pipeline), _visits(step or [])
+    limits, visits = demand_limits(pipeline), _visits(step or [], pipeline)
     force = _stop_force(stop_force, limits.stop_force)
     guide, began = _guide(), datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
     folder = make_folder("acceptance", out, began)
@@ -62,7 +63,7 @@ def acceptance(
         withdraw_folder(folder)
         raise
     try:
-        for outcome in protocol.outcomes(visits):
+        for outcome in _outcomes(pipeline, folder, protocol, force, visits):
             outcomes.append(outcome)
             guide.say(f"  {', '.join(row_of(outcome)[2:])}")
     except (ConfigurationError, DeviceError, KeyboardInterrupt):
@@ -71,6 +72,22 @@ def acceptance(
             guide.say(f"what was measured until then: {folder / PAGE}")
         raise
     _tell(_acceptance(pipeline, file, began, protocol, outcomes), folder, as_json)
+
+
+def _outcomes(
+    pipeline: Pipeline, folder: Path, protocol: AcceptanceProtocol, force: float | None, visits: Sequence[Visit]
+) -> Iterator[Outcome]:
+    """One step after the other: on the rig, or for the pipeline of a rehearsal in simulated time."""
+    if pipeline.run.rehearsal is None:
+        yield from protocol.outcomes(visits)
+        return
+    from palpate_commands.acceptance.rehearsal import rehearsed_outcomes
+
+    say = _guide().say
+    say(f"in simulated time; the twin {pipeline.run.rehearsal} does what a person would, and nothing real moves")
+    for identity, outcome in rehearsed_outcomes(pipeline, folder, say, force, visits):
+        protocol.identity = identity
+        yield outcome
 
 
 def _acceptance(
@@ -84,6 +101,8 @@ def _acceptance(
         protocol.identity,
         demand_limits(pipeline),
         tuple(outcomes),
+        _able(pipeline),
+        pipeline.run.rehearsal,
     )
 
 
@@ -107,21 +126,38 @@ def _tell(found: Acceptance, folder: Path, as_json: bool) -> None:
         console().print(
             Table.of(f"{found.name}: {found.verdict} (declared)", headings, rows, ("step", "verdict")).view()
         )
-    typer.echo(f"to sign: {page}", err=as_json)
+    typer.echo(f"{'to sign' if found.rehearsal is None else 'written to'}: {page}", err=as_json)
     if found.failed:
         names = ", ".join(outcome.visit.name for outcome in found.failed)
         raise DeviceError(f"the rig stops worse than [safety] declares, or was not measured: {names}; see {page}")
 
 
-def _visits(names: Sequence[str]) -> tuple[Visit, ...]:
-    """The steps by name, in the protocol's order; raises ConfigurationError."""
-    every = all_visits()
-    known = {*STEPS, *(visit.name for visit in every), *(visit.site for visit in every)}
+def _visits(names: Sequence[str], pipeline: Pipeline) -> tuple[Visit, ...]:
+    """The steps by name, in the protocol's order; raises ConfigurationError.
+
+    Without names all that this robot tells of, and in a rehearsal all without signals.
+    """
+    able = _able(pipeline)
+    every = able if pipeline.run.rehearsal is None else tuple(visit for visit in able if visit.step.number is None)
     for name in names:
-        if name not in known:
+        if not any(map(partial(_is_called, name), all_visits())):
             raise ConfigurationError(f"--step {name}: there is no such step{suggest(name, STEPS)}")
-    chosen = tuple(visit for visit in every if {visit.name, visit.step.name, visit.site} & set(names))
+        if not any(map(partial(_is_called, name), able)):
+            raise ConfigurationError(f"--step {name}: this robot does not tell of that stop")
+        if not any(map(partial(_is_called, name), every)):
+            raise ConfigurationError(f"--step {name}: a signal needs the process of a run: it is not rehearsed")
+    chosen = tuple(visit for visit in every if any(_is_called(name, visit) for name in names))
     return chosen if names else every
+
+
+def _is_called(name: str, visit: Visit) -> bool:
+    return name in (visit.name, visit.step.name, visit.site)
+
+
+def _able(pipeline: Pipeline) -> tuple[Visit, ...]:
+    """The steps of whose end this robot tells."""
+    modes = WatchedArm.of(pipeline).modes
+    return tuple(visit for visit in all_visits() if not visit.step.mode or getattr(modes, visit.step.mode))
 
 
 def _stop_force(text: str | None, most: float) -> float | None:

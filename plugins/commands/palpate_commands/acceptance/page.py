@@ -10,7 +10,7 @@ from typing import Any
 from palpate_engine import SafetySettings
 
 from palpate_commands.acceptance.protocol import Outcome
-from palpate_commands.acceptance.steps import all_visits
+from palpate_commands.acceptance.steps import Visit
 
 SCHEMA = 1
 _IDENTITY = ("robot", "serial", "software", "model", "safety_checksum", "payload", "tcp", "powered_since")
@@ -33,11 +33,13 @@ class Acceptance:
     identity: Mapping[str, object]
     limits: SafetySettings
     outcomes: tuple[Outcome, ...]
+    steps: tuple[Visit, ...]  # of the whole protocol, on this robot
+    rehearsal: str | None = None  # the twin of one that was not made on the rig
 
     @property
     def is_whole(self) -> bool:
         """Whether every step was done."""
-        return {outcome.visit.name for outcome in self.outcomes} == {visit.name for visit in all_visits()}
+        return {outcome.visit.name for outcome in self.outcomes} == {visit.name for visit in self.steps}
 
     @property
     def failed(self) -> tuple[Outcome, ...]:
@@ -78,6 +80,7 @@ class Acceptance:
             "began": self.began.isoformat(timespec="seconds"),
             "verdict": self.verdict,
             "whole": self.is_whole,
+            "rehearsal": self.rehearsal,
             "robot": {key: value for key, value in self.identity.items() if key in _IDENTITY},
             "declared": {key: getattr(self.limits, key) for key in declared}
             | {"reaction": self.limits.prompt_reaction},
@@ -86,10 +89,15 @@ class Acceptance:
 
     def text(self) -> str:
         """The page, in Markdown."""
-        return "\n".join([*self._head(), *self._rows(), "", *self._notes(), *_signatures()]) + "\n"
+        signatures = _signatures() if self.rehearsal is None else ()
+        return "\n".join([*self._head(), *self._rows(), "", *self._notes(), *signatures]) + "\n"
 
     def _head(self) -> Iterator[str]:
-        yield f"# Acceptance of {self.name}: {self.verdict}"
+        what = "Acceptance" if self.rehearsal is None else "Rehearsal of the acceptance"
+        yield f"# {what} of {self.name}: {self.verdict}"
+        if self.rehearsal is not None:
+            yield ""
+            yield f"In simulated time, on the twin {self.rehearsal}: nothing real has moved; this is nothing to sign."
         yield ""
         yield f"{self.began:%Y-%m-%d %H:%M %Z}, palpate {self.version}, `{self.file}`"
         yield ""
@@ -101,7 +109,7 @@ class Acceptance:
         yield ""
         yield from (f"- {line}" for line in self.worst())
         if not self.is_whole:
-            missing = [v.name for v in all_visits() if v.name not in {o.visit.name for o in self.outcomes}]
+            missing = [v.name for v in self.steps if v.name not in {o.visit.name for o in self.outcomes}]
             yield f"- not done: {', '.join(missing)}"
         yield ""
 

@@ -81,6 +81,7 @@ class AcceptanceGuide:
 
     say: Callable[[str], None]
     ask: Callable[[str], None]  # returns when it is done
+    act: Callable[[AcceptanceStep], None] = lambda step: None  # what a twin does for a person, on the way down
 
 
 class AcceptanceProtocol:
@@ -237,8 +238,10 @@ class AcceptanceProtocol:
         was_down, deadline = False, clock().now() + _START + strokes.duration
         while job.is_running and clock().now() < deadline:
             down = observer.velocity < -_STEADY * strokes.speed and observer.height > 0.5 * (high + strokes.bottom)
-            if down and not was_down and on_the_way_down:
-                self._guide.say("  NOW")
+            if down and not was_down:
+                if on_the_way_down:
+                    self._guide.say("  NOW")
+                self._guide.act(visit.step)
             was_down = down
             clock().sleep(_LOOK)
         if np.isnan(observer.height) or not job.run.live_facts.get("stop"):

@@ -24,6 +24,7 @@ class AcceptanceStep:
     number: signal.Signals | None = None  # that is sent to the run
     group: bool = False  # to all of its processes
     sites: tuple[Site, ...] = ("free-air", "foam")
+    fault: str = ""  # by which a twin does what is asked of a person
     leaves: bool = True  # whether the arm leaves the material by itself
 
     @property
@@ -48,6 +49,7 @@ STEPS: Mapping[str, AcceptanceStep] = {
             "press the emergency stop",
             "release the button, power the arm on and release its brakes on the pendant",
             "emergency",
+            fault="emergency-stop",
             leaves=False,
         ),
         AcceptanceStep(
@@ -57,6 +59,7 @@ STEPS: Mapping[str, AcceptanceStep] = {
             "open the safeguard",
             "close the safeguard and reset it",
             "safeguard",
+            fault="safeguard-stop",
             leaves=False,
         ),
         AcceptanceStep(
@@ -65,6 +68,7 @@ STEPS: Mapping[str, AcceptanceStep] = {
             "sensor_timeout",
             "pull the cable of the force sensor",
             "put the cable back",
+            fault="unplug",
         ),
         AcceptanceStep("ctrl-c", "Ctrl-C at the run", "latency", number=signal.SIGINT),
         AcceptanceStep("kill", "the run's main process is killed", "latency", number=signal.SIGKILL, leaves=False),

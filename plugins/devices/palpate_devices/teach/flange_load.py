@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import ConfigurationError, Floats
+from palpate_arms.arm_by_hand import Posture
 from palpate_engine import GRAVITY
-
-from palpate_devices.teach.arm_by_hand import Posture
 
 _SPREAD = 0.5  # least singular value of the directions of gravity, about their mean
 _HELD = 2.0  # [N] root mean square of what a weight does not explain

@@ -9,17 +9,17 @@ from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, Length, suggest
+from palpate_arms.arm_by_hand import HandReader, Posture, UnsteadyError
+from palpate_arms.arm_device import ArmDevice
 from palpate_engine import Pipeline, load_pipeline, refuse_rehearsal
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 from pydantic import TypeAdapter, ValidationError
 
-from palpate_devices.teach.arm_by_hand import ArmByHand, Posture, UnsteadyError
 from palpate_devices.teach.flange_load import weigh_flange
 from palpate_devices.teach.pipeline_edit import edited_text, write_pipeline
 from palpate_devices.teach.surface_plane import SurfacePlane, check_fourth, work_frame
 from palpate_devices.teach.tip_pivot import check_tip, pivot_of
-from palpate_devices.ur.device import UR
 
 _LENGTH = TypeAdapter(Length)
 _LOAD = ("tool down", "tool level", "tool level, turned about its own axis by 90 deg", "tool half way down")
@@ -61,19 +61,11 @@ def teach(
     pipeline = load_pipeline(file, overrides or [])
     refuse_rehearsal(pipeline)
     name, arm = _robot(pipeline)
-    steps, allowed = _steps(step or []), _length(tolerance)
+    steps, allowed = _steps(step or [], name, arm), _length(tolerance)
     if out is not None and out.exists():
         raise ConfigurationError(f"{out}: exists already; nothing is ever overwritten")
-    reader = ArmByHand(arm, "payload" in steps)
-    found: dict[str, Any] = {}
-    if "payload" in steps:
-        found |= _payload(_read(reader, "payload", _LOAD))
-    if "tip" in steps:
-        found |= _tip(_read(reader, "tip", _TURNS), reader, _ball(pipeline))
-    changes = {key: value for key, value in found.items() if key.startswith("payload")}
-    if "surface" in steps:
-        surface, work = _surface(_read(reader, "surface", _POINTS), allowed)
-        found, changes = found | surface | {"work": work}, changes | {"work": work}
+    with arm.by_hand("payload" in steps) as reader:
+        found, changes = _found(reader, steps, _ball(pipeline), allowed)
     with print_aside(as_json):
         if changes:
             kept = write_pipeline(file, edited_text(pipeline.text, name, changes), out)
@@ -81,6 +73,22 @@ def teach(
             load_pipeline(out or file, overrides or [])
     if as_json:
         print_json({"file": str(out or file), "device": name, **found})
+
+
+def _found(
+    reader: HandReader, steps: Sequence[str], radius: float, tolerance: float
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What the steps find, and what of it is written into the pipeline."""
+    found: dict[str, Any] = {}
+    if "payload" in steps:
+        found |= _payload(_read(reader, "payload", _LOAD))
+    if "tip" in steps:
+        found |= _tip(_read(reader, "tip", _TURNS), reader, radius)
+    changes = {key: value for key, value in found.items() if key.startswith("payload")}
+    if "surface" in steps:
+        surface, work = _surface(_read(reader, "surface", _POINTS), tolerance)
+        found, changes = found | surface | {"work": work}, changes | {"work": work}
+    return found, changes
 
 
 def _payload(postures: Sequence[Posture]) -> dict[str, Any]:
@@ -96,7 +104,7 @@ def _payload(postures: Sequence[Posture]) -> dict[str, Any]:
     }
 
 
-def _tip(postures: Sequence[Posture], reader: ArmByHand, radius: float) -> dict[str, Any]:
+def _tip(postures: Sequence[Posture], reader: HandReader, radius: float) -> dict[str, Any]:
     pivot = pivot_of([posture.flange for posture in postures])
     apart = check_tip(pivot, reader.tool, radius)
     _tell(
@@ -128,7 +136,7 @@ def _surface(postures: Sequence[Posture], tolerance: float) -> tuple[dict[str, A
     return {"fourth_point": height, "tool_off": askew}, work
 
 
-def _read(reader: ArmByHand, step: str, places: Sequence[str]) -> list[Posture]:
+def _read(reader: HandReader, step: str, places: Sequence[str]) -> list[Posture]:
     """One posture after the other, each once a person says that it is there."""
     _tell(f"{step}: {_STEPS[step]}")
     ask, found = _asker(), []
@@ -159,12 +167,12 @@ def _tell(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def _robot(pipeline: Pipeline) -> tuple[str, UR]:
+def _robot(pipeline: Pipeline) -> tuple[str, ArmDevice]:
     """The one robot of a pipeline; raises ConfigurationError."""
-    robots = {name: device for name, device in pipeline.devices.items() if isinstance(device, UR)}
+    robots = {name: device for name, device in pipeline.devices.items() if isinstance(device, ArmDevice)}
     if len(robots) != 1:
         names = ", ".join(robots) or "none"
-        raise ConfigurationError(f"{pipeline.path}: one device of type ur is wanted, there are {len(robots)} ({names})")
+        raise ConfigurationError(f"{pipeline.path}: one robot is wanted, there are {len(robots)} ({names})")
     return next(iter(robots.items()))
 
 
@@ -179,11 +187,15 @@ def _is_ball(pipeline: Pipeline) -> bool:
     return pipeline.registry.name_of(type(next(iter(pipeline.indenters.values())))) == "sphere"
 
 
-def _steps(names: Sequence[str]) -> tuple[str, ...]:
+def _steps(names: Sequence[str], device: str, arm: ArmDevice) -> tuple[str, ...]:
+    """The steps by name, or all that this arm can do; raises ConfigurationError."""
     for name in names:
         if name not in _STEPS:
             raise ConfigurationError(f"--step {name}: there is no such step{suggest(name, _STEPS)}")
-    return tuple(name for name in _STEPS if not names or name in names)
+    if "payload" in names and not arm.weighs_flange:
+        raise ConfigurationError(f"--step payload: [device.{device}] has no sensor in its flange that could weigh it")
+    able = [name for name in _STEPS if name != "payload" or arm.weighs_flange]
+    return tuple(name for name in able if not names or name in names)
 
 
 def _length(text: str) -> float:

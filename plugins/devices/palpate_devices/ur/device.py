@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from palpate import Frequency, Length, Mass, StopModes, Time
@@ -14,6 +15,7 @@ from palpate_kit.protocols.ur_dashboard import probe, refuse_unready, reported_m
 from pydantic import Field
 
 if TYPE_CHECKING:
+    from palpate_arms.arm_by_hand import HandReader
     from palpate_arms.arm_driver import ArmDriver
 
 
@@ -38,6 +40,7 @@ class UR(ArmDevice):
         "speed_slider": 1.0,
         "speed_scaling": 1.0,
     }
+    weighs_flange: ClassVar[bool] = True
     sudden_end: ClassVar[str] = ": the client library does that when it loses the link to the controller"
 
     model: Literal["auto", "ur3e", "ur5e", "ur10e", "ur16e"] = Field(
@@ -85,6 +88,12 @@ class UR(ArmDevice):
         """Its keys, with the model that is known, and whether the controller reports the payload."""
         model = reported_model(identity) if self.model == "auto" and observe else self.model
         return {**super().driver_settings(identity, observe), "model": model, "load_known": reports_payload(identity)}
+
+    def by_hand(self, weighs: bool) -> AbstractContextManager[HandReader]:
+        """By the client library alone, in local control; `weighs`: by the sensor in the flange."""
+        from palpate_devices.ur.hand_reader import URByHand
+
+        return nullcontext(URByHand(self, weighs))
 
     @property
     def stop_modes(self) -> StopModes | None:

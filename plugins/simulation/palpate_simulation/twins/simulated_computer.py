@@ -11,9 +11,9 @@ from typing import Any
 
 from palpate import DeviceError, HoldUp
 from palpate_kit.acquisition.computer import use_host
+from palpate_kit.acquisition.simulated_computer import SimulatedComputer
 from palpate_kit.protocols.ur_dashboard import DASHBOARD, RTDE, SCRIPT, dashboard_facts
 from palpate_kit.simulated_time.simulated_clock import SimulatedClock
-from palpate_kit.simulated_time.simulated_computer import SimulatedComputer
 
 from palpate_simulation.twins.controller import Controller
 from palpate_simulation.twins.direct_client import DirectCommands, DirectPorts, DirectReadBack, DirectStates

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, DeviceError, Floats, clock
+from palpate_arms.arm_by_hand import LISTEN, Posture, mean_pose
 from palpate_kit.acquisition.computer import host
-from palpate_kit.kinematics.rotations import matrix_of, rotation_matrix, rotation_vector
+from palpate_kit.kinematics.rotations import matrix_of
 from palpate_kit.kinematics.ur_arm import MODELS, distinguishable
 from palpate_kit.protocols.ur_dashboard import probe, refuse_unready
 
@@ -17,28 +17,16 @@ from palpate_devices.ur.device import UR
 
 _VARIABLES = ["timestamp", "actual_q", "actual_TCP_pose"]
 _RAW = "ft_raw_wrench"
-_LISTEN = 0.5  # [s] of a standstill
 _SILENT = 1.0  # [s] without a new state
 _LOOK = 0.001  # [s]
-_STILL = 0.2e-3  # [m] that the tip may move meanwhile
 _NOMINAL = 5e-3  # [m] by which a real arm differs from the nominal one
 
 
-class UnsteadyError(Exception):
-    """The arm moved while it was read, and by how much."""
+class URByHand:
+    """A connected arm (a HandReader).
 
-
-@dataclass(frozen=True)
-class Posture:
-    """An arm at standstill, in its base."""
-
-    tip: Floats  # (4, 4)
-    flange: Floats  # (4, 4)
-    wrench: Floats | None  # (6,) [N, N m] of the sensor in the flange, with all that it carries and its offset
-
-
-class ArmByHand:
-    """A connected arm; raises DeviceError where it cannot be read, ConfigurationError where its TCP is another."""
+    Raises DeviceError where it cannot be read, ConfigurationError where its TCP is another.
+    """
 
     def __init__(self, settings: UR, weighs: bool) -> None:
         self._name = f"ur at {settings.host}"
@@ -75,7 +63,7 @@ class ArmByHand:
 
     def read(self) -> Posture:
         """The mean over half a second; raises UnsteadyError, DeviceError."""
-        rows, stamp, end = [], -1.0, clock().now() + _LISTEN
+        rows, stamp, end = [], -1.0, clock().now() + LISTEN
         while clock().now() < end:
             stamp = self._next_state(stamp)
             states: Any = self._states
@@ -83,11 +71,7 @@ class ArmByHand:
         values = np.array(rows)
         if not np.isfinite(values).all():
             raise DeviceError(f"{self._name}: the controller's pose or wrench is no number")
-        moved = float(np.ptp(values[:, :3], axis=0).max())
-        if moved > _STILL:
-            raise UnsteadyError(f"the tip moved by {1e3 * moved:.1f} mm: let go of freedrive, and keep off")
-        tip = np.eye(4)
-        tip[:3, 3], tip[:3, :3] = values[:, :3].mean(axis=0), _mean_rotation(values[:, 3:6])
+        tip = mean_pose(values[:, :3], values[:, 3:6])
         wrench = values[:, 6:].mean(axis=0) if self._weighs else None
         return Posture(tip, tip @ np.linalg.inv(self.tool), wrench)
 
@@ -98,13 +82,6 @@ class ArmByHand:
                 raise DeviceError(f"{self._name}: the controller is silent")
             clock().sleep(_LOOK)
         return stamp
-
-
-def _mean_rotation(vectors: Floats) -> Floats:
-    """The mean (3, 3) of rotation vectors (n, 3) that are near one another, whatever their signs near half a turn."""
-    first = rotation_matrix(vectors[0].tolist())
-    away = [rotation_vector(first.T @ rotation_matrix(vector.tolist())) for vector in vectors]
-    return first @ rotation_matrix(np.mean(away, axis=0).tolist())
 
 
 def _mm(place: Floats) -> str:
