@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from palpate import DeviceError
+from palpate_kit.acquisition.device_lock import network_device
+
+_PORT = 1337  # of the controller's commands
 
 
 def connected(host: str, realtime: str) -> Any:
@@ -28,6 +31,11 @@ def connected(host: str, realtime: str) -> Any:
             f"{words_of(error)}: is it switched on, are its joints unlocked and is FCI activated in Desk, and does no "
             "other program use it?"
         ) from error
+
+
+def reservation(host: str) -> str:
+    """What no two programs on this computer may use at once."""
+    return network_device(host, _PORT)
 
 
 def words_of(error: BaseException) -> str:

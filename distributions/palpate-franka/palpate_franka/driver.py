@@ -12,7 +12,7 @@ from palpate_arms.arm_driver import ArmDriver, ArmFaultError, ArmReading
 from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.rotations import matrix_of, pose_of
 
-from palpate_franka.client import connected, words_of
+from palpate_franka.client import connected, reservation, words_of
 from palpate_franka.robot_states import complaint, error_bits, error_names, explained, names_of
 
 _NEAR = 5e-3  # [m] between the controller's flange and that of the kinematic model
@@ -37,6 +37,11 @@ class FrankaDriver(ArmDriver):
         self._stops = False
         self._newest: Any = None  # of the states that a thread listens to
         self._lost: str | None = None  # why states can no longer come
+
+    @property
+    def reservation(self) -> str:
+        """The controller's port."""
+        return reservation(self.settings["host"])
 
     def connect(self, observe: bool) -> None:
         """Connect; unless the arm is only observed set tool, load and thresholds of one that is ready, and hold it."""

@@ -7,9 +7,8 @@ from typing import Annotated
 import typer
 from palpate import DeviceError, UserError
 from palpate_kit.acquisition.computer import host
-from palpate_kit.acquisition.device_lock import network_device
 
-from palpate_franka.client import connected, words_of
+from palpate_franka.client import connected, reservation, words_of
 from palpate_franka.robot_states import MODES, error_bits, error_names, explained, names_of
 
 
@@ -24,7 +23,7 @@ def recover(
         raise UserError(
             f"franky-control is not installed here ({error}): pip install 'palpate-franka[robot]'"
         ) from error
-    host().reserve(f"robot {network_device(address, 0)}")
+    host().reserve(f"robot {reservation(address)}")
     robot = connected(address, "enforce" if realtime else "ignore")
     state, names = robot.state, error_names(franky)
     errors = names_of(error_bits(state.current_errors, names), names)

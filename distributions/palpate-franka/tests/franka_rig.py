@@ -12,8 +12,15 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from franky_sim import SimulationServer
-from franky_sim.franka_robot_protocol import BaseCommand, MoveStatus, RobotCommand, RobotMode
+from franky_sim import FrankaRobotServer, SimulationServer
+from franky_sim.franka_robot_protocol import (
+    AutomaticErrorRecoveryCommand,
+    AutomaticErrorRecoveryStatus,
+    BaseCommand,
+    MoveStatus,
+    RobotCommand,
+    RobotMode,
+)
 from franky_sim.mujoco_simulator import MujocoSimulator
 from palpate import clock
 from palpate_engine import load_pipeline
@@ -55,7 +62,7 @@ class Rig:
         self.contact, self.random = SkinContact(), np.random.default_rng(1)
         self.sensor = VirtualSensor(PseudoTerminal(bench.port), bench.line_time, bench.sensor_ppm, 0, 1)
         self.now, self.before = 0.0, None
-        self.silent = False
+        self.silent = None  # the joints at which its link was lost
         self.mark()
 
     def mark(self):
@@ -73,7 +80,7 @@ class Rig:
     def press(self, sim):
         """The specimen pushes the arm; the sensor feels it."""
         turn, place = self.tip()
-        before = self.before if self.before is not None else (place, np.zeros(3))
+        before = self.before or (place, np.zeros(3))
         speed = (place - before[0]) / STEP
         acceleration, self.before = (speed - before[1]) / STEP, (place, speed)
         push = np.zeros((1, 3))
@@ -136,19 +143,23 @@ class Rig:
     def run(self):
         """Step by step, each at its time; what the machine holds up is made up for."""
         self.began = clock().now()
-        while self.obey():
+        while True:
             for _ in range(5):
-                if not self.silent:
+                if self.silent is None:
                     self.control.process_commands()
+                else:  # a controller without commands holds the arm
+                    self.robot.joint_position_control(self.silent)
                 self.sim.step()
                 self.now += STEP
-                if not self.silent:
+                if self.silent is None:
                     self.control.send_state()
                 wait = self.began + self.now - clock().now()
                 if wait < -BEHIND:
                     self.began -= wait
                 if wait > 0.0:
                     clock().sleep(wait)
+            if not self.obey():
+                return
 
     def obey(self):
         """The next words, if there are any; False at the end."""
@@ -160,7 +171,7 @@ class Rig:
         if words == ["mark"]:
             self.mark()
         elif words == ["silent"]:
-            self.silent = True
+            self.silent = self.sim.data.qpos[:7].copy()
         elif words[0] == "mode":
             self.enter(*words[1:])
         print(json.dumps(self.truth()), flush=True)
@@ -181,6 +192,15 @@ class Rig:
         if motion:
             BaseCommand.send_response(socket, RobotCommand.kMove, motion, MoveStatus.kReflexAborted)
             server.reset_current_motion_id()
+
+
+def recover(command, server):
+    """What a controller does at a recovery, and this simulator only says."""
+    server.__class__ = FrankaRobotServer
+    command.reply(AutomaticErrorRecoveryStatus.kSuccess)
+
+
+AutomaticErrorRecoveryCommand.handle = recover
 
 
 def bench_of(device, sensor, file, overrides):
