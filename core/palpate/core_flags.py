@@ -120,7 +120,7 @@ _RECORD = {
     ),
     "interrupted": _note(
         "The run was stopped before its end.",
-        "`palpate resume` does what was left; of a rehearsal in simulated time, where nothing real moves.",
+        "`palpate run resume` does what was left; of a rehearsal in simulated time, where nothing real moves.",
     ),
     "rehearsal": _note(
         "The run is a rehearsal in simulated time: twin and specimen in software, nothing was measured.",

@@ -261,7 +261,7 @@ def test_what_a_named_pipeline_has_executed_here_is_approved(palpate, point_pipe
     shutil.move(tmp_path / "canary.py", tmp_path / "elsewhere.py")
     text = (tmp_path / "run" / "pipeline.toml").read_text()
     (tmp_path / "run" / "pipeline.toml").write_text(text.replace("canary.py", "elsewhere.py"))
-    resumed = palpate("resume", tmp_path / "run")  # known by its content
+    resumed = palpate("run", "resume", tmp_path / "run")  # known by its content
     assert resumed.returncode == 0, resumed.stderr
     assert palpate("--no-plugins", "resume", tmp_path / "run").returncode == 2
 
@@ -326,7 +326,7 @@ def test_a_copied_run_folder_with_a_plugin_beside_its_pipeline(made, palpate, tm
         assert done.returncode == 2
         assert f"{REMEDY}copied/canary.py" in done.stderr
     (tmp_path / "there").symlink_to(run)
-    assert REMEDY in palpate("resume", "there").stderr
+    assert REMEDY in palpate("run", "resume", "there").stderr
     assert not (run / "trace").exists()
 
 

@@ -168,16 +168,16 @@ def test_simulated_and_measured_parts_are_never_joined(palpate, folders, rig):
 @pytest.mark.slow
 def test_a_robot_goes_on_only_once_somebody_says_that_specimen_and_tool_are_the_same(palpate, folders, laboratory):
     run = folders / "measured"
-    done = palpate("resume", run)
+    done = palpate("run", "resume", run)
     assert done.returncode == 2
     assert "the pipeline is used as recorded" in said(done)
     assert "are specimen and tool still the same, and where they were? no answer; --yes continues" in said(done)
     assert laboratory.reached == []
-    done = palpate("resume", run, "--yes", "--set", "trajectory.raster.speed=2 mm/s")
+    done = palpate("run", "resume", run, "--yes", "--set", "trajectory.raster.speed=2 mm/s")
     assert done.returncode == 2
     assert "what is left of a motion is as recorded" in said(done)
     assert laboratory.reached == []
-    done = palpate("resume", run, "--yes", "--set", "device.arm.host=10.0.0.9")
+    done = palpate("run", "resume", run, "--yes", "--set", "device.arm.host=10.0.0.9")
     assert ("controller_facts", "10.0.0.9") in [words[:2] for words in laboratory.reached]
 
 
@@ -188,9 +188,9 @@ def test_a_rehearsal_that_was_stopped_is_continued_to_its_end_without_the_labora
         words = ("--out", "r", "--fault", "protective-stop@5 s", "--hold-up", "main 2 ms every 1 s")
         stopped = palpate("rehearse", root / "pipelines" / "raster_ur3e.toml", *words, *sets)
         assert stopped.returncode == 1, stopped.stderr
-        done = palpate("resume", "r")
+        done = palpate("run", "resume", "r")
         assert done.returncode == 0, done.stderr
-        assert "nothing is left to do" in palpate("resume", "r").stdout
+        assert "nothing is left to do" in palpate("run", "resume", "r").stdout
         assert "sites" in palpate("map", "r").stdout
     assert found.reached == []
     document = json.loads((tmp_path / "r" / "part-2" / "result.json").read_text())

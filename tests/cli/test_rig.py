@@ -1,4 +1,4 @@
-"""``palpate plan``, ``doctor`` and ``twin``."""
+"""``palpate check motion``, ``doctor`` and ``twin``."""
 
 import os
 
@@ -26,7 +26,7 @@ def test_a_plan_shows_the_motion_and_connects_to_nothing(capsys, live, tmp_path,
     monkeypatch.chdir(tmp_path)
     called(words[0], live, *words[1:])
     text, errors = capsys.readouterr()
-    assert ("palpate run --dry-run is palpate plan now" in errors) == (words[0] == "run")
+    assert ("palpate run --dry-run is palpate check motion now" in errors) == (words[0] == "run")
     assert "#" in text
     assert "z             -5 to 5 mm (limits -7 to 20)" in text
     assert "at most 16.0 N by computation" in text

@@ -1,4 +1,4 @@
-"""``palpate teach``: a hand leads the twin's arm; what is found against what the twin knows."""
+"""``palpate calibrate teach``: a hand leads the twin's arm; what is found against what the twin knows."""
 
 import json
 import tomllib
@@ -36,7 +36,7 @@ PLACES = {  # where a hand leads the tip, by the words of the prompt: place [mm]
 
 @pytest.fixture
 def teach(simulated, monkeypatch, tmp_path):
-    """Go through `palpate teach` with a hand at a twin in simulated time; the pipeline file afterwards."""
+    """Go through `palpate calibrate teach` with a hand at a twin in simulated time; the pipeline file afterwards."""
 
     def gone_through(*words, rig=(), faults=(), **places):
         where = PLACES | {key.replace("_", " "): value for key, value in places.items()}

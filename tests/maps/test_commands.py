@@ -1,4 +1,4 @@
-"""`palpate plan`, `map`, `lumps`, `search`, `resume`, `compare`: from a pipeline to a picture and a list of lumps."""
+"""`palpate check motion`, `map`, `lumps`, `search`, `resume`, `compare`: from a pipeline to a picture and a list of lumps."""
 
 import csv
 import json
@@ -156,10 +156,10 @@ def test_an_interrupted_raster_resumes_at_the_last_whole_line(root, raster_run, 
     rows = (cut / "estimates.csv").read_text().splitlines(keepends=True)
     last = next(i for i, row in enumerate(rows[1:], 1) if float(row.split(",")[0]) > 12.0)
     (cut / "estimates.csv").write_text("".join(rows[:last]) + rows[last][:20])
-    done = palpate("resume", cut)
+    done = palpate("run", "resume", cut)
     assert done.returncode == 0, done.stderr
     assert "first_line = 1" in (cut / "part-2" / "pipeline.toml").read_text()
-    assert "nothing is left" in palpate("resume", cut).stdout
+    assert "nothing is left" in palpate("run", "resume", cut).stdout
     whole, pieces = (make_map(sites_along(read_path(run)), 2e-3, "average") for run in (raster_run, cut))
     both = whole.covered[:-1, :-1] & pieces.covered[: whole.covered.shape[0] - 1, : whole.covered.shape[1] - 1]
     assert both.mean() > 0.9
@@ -185,7 +185,7 @@ def test_ctrl_c_leaves_a_raster_that_resumes(root, tmp_path):
 
 @pytest.mark.slow
 def test_a_killed_raster_resumes_and_gives_the_map_of_an_uninterrupted_one(palpate, root, tmp_path):
-    """Killed without warning in its second line; the rest is done by `palpate resume`."""
+    """Killed without warning in its second line; the rest is done by `palpate run resume`."""
     small = [
         'trajectory.raster.size=["16 mm", "10 mm"]',
         "trajectory.raster.settle=1 s",
@@ -205,7 +205,7 @@ def test_a_killed_raster_resumes_and_gives_the_map_of_an_uninterrupted_one(palpa
     assert not (out / "result.json").exists()
     resolved = out / "pipeline.toml"
     resolved.write_text(resolved.read_text().replace('pace = "real-time"', 'pace = "fast"'))
-    done = palpate("resume", out)
+    done = palpate("run", "resume", out)
     assert done.returncode == 0, done.stderr
     (rest,) = load_pipeline(out / "part-2" / "pipeline.toml").trajectories.values()
     assert rest.first_line in (1, 2)  # 2 where the machine was slow to kill it
@@ -229,14 +229,14 @@ def test_a_motion_that_can_only_be_done_as_one_does_not_resume(palpate, sweep_ru
     shutil.copytree(sweep_run, cut)
     rows = (cut / "estimates.csv").read_text().splitlines(keepends=True)
     (cut / "estimates.csv").write_text("".join(rows[:1000]))
-    done = palpate("resume", cut)
+    done = palpate("run", "resume", cut)
     assert done.returncode == 2
     assert "cannot be continued" in done.stderr
 
 
 @pytest.mark.slow
 def test_a_plan_is_drawn_before_anything_moves(palpate, root, tmp_path):
-    done = palpate("plan", root / "pipelines" / "raster.toml", "--out", tmp_path / "plan.png")
+    done = palpate("check", "motion", root / "pipelines" / "raster.toml", "--out", tmp_path / "plan.png")
     assert done.returncode == 0, done.stderr
     for text in ("duration", "speed", "acceleration", "force         up to", "senses forces"):
         assert text in done.stdout
@@ -273,7 +273,7 @@ SAFETY = (
 @pytest.mark.parametrize("command", ["plan", "run"])
 def test_a_motion_outside_of_the_workspace_is_refused_by_name(palpate, root, tmp_path, command):
     file = root / "pipelines" / "raster.toml"
-    kept = palpate("plan", file, *options(SAFETY), "--out", tmp_path / "plan.png")
+    kept = palpate("check", "motion", file, *options(SAFETY), "--out", tmp_path / "plan.png")
     assert kept.returncode == 0, kept.stderr
     assert "every limit of [safety] is kept" in kept.stdout
     done = palpate(command, file, *options([*SAFETY, 'safety.high=["20 mm", "50 mm", "20 mm"]']))

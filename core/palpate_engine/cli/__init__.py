@@ -117,8 +117,6 @@ def _call(meant: CommandCall, ends: bool) -> None:
     """Call a command's function with its own arguments, read by its annotations."""
     import typer
 
-    if meant.notice:
-        print(meant.notice, file=sys.stderr)
     if meant.command is None:
         print(group_text(meant))
         return

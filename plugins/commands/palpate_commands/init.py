@@ -18,7 +18,7 @@ _VERSION = 'palpate = "0.2"                        # the version for which this 
 _NEXT = {
     "ur3e": "palpate rehearse {0}   # in simulated time; nothing real moves",
     "raster-ur3e": "palpate rehearse {0} --out rehearsal\npalpate map rehearsal",
-    "breast-ur3e": "palpate plan {0}   # docs/tutorials/breast.md goes on from here",
+    "breast-ur3e": "palpate check motion {0}   # docs/tutorials/breast.md goes on from here",
     "raster": "palpate run {0} --out raster\npalpate map raster",
     "calibrate": "palpate calibrate {0} --yes",
 }

@@ -52,7 +52,7 @@ def palpate_devices() -> dict[str, str]:
 def palpate_commands() -> dict[str, Command]:
     """What is done at a robot by hand."""
     text = "Find payload, tip and surface by leading the arm; nothing is moved."
-    return {"teach": Command("palpate_devices.teach.teach_command:teach", text, "hardware")}
+    return {"calibrate teach": Command("palpate_devices.teach.teach_command:teach", text, "hardware")}
 
 
 @plugin

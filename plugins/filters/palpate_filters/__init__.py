@@ -74,7 +74,6 @@ def palpate_commands() -> dict[str, Command]:
         "model export": Command(
             "palpate_filters.c_export.export_command:export_filter",
             "A model with its filter as C99, for a controller.",
-            former="export-filter",
         ),
     }
 

@@ -179,12 +179,11 @@ def palpate_commands() -> dict[str, Command]:
     """Forces without a palpation."""
     return {
         "model force": Command(
-            "palpate_models.force_command:force", "Force of a model and a tip over a ramp or a sine.", former="force"
+            "palpate_models.force_command:force", "Force of a model and a tip over a ramp or a sine."
         ),
         "model thickness": Command(
             "palpate_models.thickness_command:thickness",
             "Factor of a specimen's size, as a table.",
-            former="thickness",
         ),
     }
 

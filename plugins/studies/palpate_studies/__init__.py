@@ -25,9 +25,7 @@ def palpate_commands() -> dict[str, Command]:
             "Summarise many runs, and test groups against each other.",
             "compare",
         ),
-        "repeat review": Command(
-            "palpate_studies.review_command:review", "Rate runs, and mark those to leave out.", former="review"
-        ),
+        "repeat review": Command("palpate_studies.review_command:review", "Rate runs, and mark those to leave out."),
         "plan design": Command(
             "palpate_studies.design.design_command:design",
             "Bounds of a palpation, and its best settings.",

@@ -95,7 +95,7 @@ def palpate_migrations() -> tuple[Migration, ...]:
 def palpate_commands() -> dict[str, Command]:
     """Motions looked at before they are made."""
     return {
-        "plan": Command(
-            "palpate_trajectories.plan.plan_command:plan", "Preview a motion before running it.", "hardware"
+        "check motion": Command(
+            "palpate_trajectories.plan.plan_command:plan", "Preview a motion before running it.", "begin"
         )
     }
