@@ -116,7 +116,7 @@ def palpate_commands() -> Mapping[str, Command]:  # type: ignore[empty-body]
 
 @_hook
 def palpate_tables() -> Mapping[str, type[Settings]]:  # type: ignore[empty-body]
-    """Tables of a pipeline file by name, such as ``[design]``: settings of an analysis, found in `Pipeline.tables`."""
+    """Tables of a pipeline file by name, such as ``[sweep]``: settings of an analysis, found in `Pipeline.tables`."""
 
 
 @_hook

@@ -22,13 +22,13 @@ MORE = {  # what a command takes besides, to come as far as it can
     "map search": ["--go", "--yes"],
     "calibrate": ["--yes", "--set", "calibration.lowest=-9 mm", "--set", "calibration.top_acceleration=9"],
     "repeat": ["--set", "repeat.count=2"],
-    "resume": ["--yes"],
+    "run resume": ["--yes"],
     "fit compare": ["rehearsed"],
 }
-SERVERS = ("twin", "desk", "watch")  # which go on until they are ended, and move nothing
+SERVERS = ("twin", "desk", "replay watch")  # which go on until they are ended, and move nothing
 # Those by which a measured folder, or its pipeline, reaches devices; that of simulated time simulates, or is refused.
-SIMULATE = ("run", "record", "resume", "repeat", "map", "map search", "fit", "fit compare", "fit cycles", "compare")
-REFUSE = ("doctor", "teach", "calibrate", "acceptance")
+SIMULATE = ("run", "run resume", "repeat", "map", "map search", "fit", "fit compare", "fit cycles")
+REFUSE = ("doctor", "calibrate", "calibrate teach", "acceptance")
 
 
 class Laboratory:
@@ -118,7 +118,7 @@ def test_no_command_reaches_a_device_from_a_folder_of_simulated_time(palpate, fo
     assert bool(laboratory.reached) == (name in (*SIMULATE, *REFUSE) and name != "acceptance")  # which asks first
 
 
-@pytest.mark.parametrize("name", ["resume", pytest.param("map search", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["run resume", pytest.param("map search", marks=pytest.mark.slow)])
 def test_what_continues_a_rehearsal_does_so_in_simulated_time_and_says_so(palpate, folders, laboratory, name):
     done = palpate(*name.split(), folders / "rehearsed", *(["--go"] if name == "map search" else []), cwd=folders)
     assert done.returncode == 2
@@ -159,7 +159,7 @@ def test_simulated_and_measured_parts_are_never_joined(palpate, folders, rig):
     for name in ("measured", "rehearsed"):
         with pytest.raises(LogError, match="holds simulated and measured parts, which are never joined"):
             _ = RunFolder(folders / name).parts
-    for words in (["map"], ["map", "search"], ["resume"], ["report"]):
+    for words in (["map"], ["map", "search"], ["run", "resume"], ["report"]):
         done = palpate(*words, folders / "rehearsed")
         assert done.returncode == 2, words
         assert "which are never joined" in said(done)

@@ -1,4 +1,4 @@
-"""`palpate check motion`, `map`, `lumps`, `search`, `resume`, `compare`: from a pipeline to a picture and a list of lumps."""
+"""`palpate check motion`, `map` and its subcommands, `run resume`: from a pipeline to a picture and a list of lumps."""
 
 import csv
 import json
@@ -252,9 +252,8 @@ def test_a_plan_is_drawn_before_anything_moves(palpate, root, tmp_path):
         ("trajectory.raster.speed=60 mm/s", "periods"),
     ],
 )
-@pytest.mark.parametrize("command", ["plan"])
-def test_an_impossible_motion_is_refused_by_name(palpate, root, command, assignment, word):
-    done = palpate(command, root / "pipelines" / "raster.toml", "--set", assignment)
+def test_an_impossible_motion_is_refused_by_name(palpate, root, assignment, word):
+    done = palpate("check", "motion", root / "pipelines" / "raster.toml", "--set", assignment)
     assert done.returncode == 2
     assert word in done.stderr
     assert "Traceback" not in done.stderr
@@ -270,13 +269,13 @@ SAFETY = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["plan", "run"])
+@pytest.mark.parametrize("command", ["check motion", "run"])
 def test_a_motion_outside_of_the_workspace_is_refused_by_name(palpate, root, tmp_path, command):
     file = root / "pipelines" / "raster.toml"
     kept = palpate("check", "motion", file, *options(SAFETY), "--out", tmp_path / "plan.png")
     assert kept.returncode == 0, kept.stderr
     assert "every limit of [safety] is kept" in kept.stdout
-    done = palpate(command, file, *options([*SAFETY, 'safety.high=["20 mm", "50 mm", "20 mm"]']))
+    done = palpate(*command.split(), file, *options([*SAFETY, 'safety.high=["20 mm", "50 mm", "20 mm"]']))
     assert done.returncode == 2
     assert "x goes to 30.00 mm, above the limit of 20.00 mm" in done.stderr
     assert "Traceback" not in done.stderr
@@ -371,7 +370,7 @@ def test_a_map_of_an_offline_track_wants_all_parts(palpate, raster_run, tmp_path
 
 
 def test_a_folder_that_is_no_run_is_refused(palpate, tmp_path):
-    for command in ("map lumps", "map search", "resume"):
+    for command in ("map lumps", "map search", "run resume"):
         done = palpate(*command.split(), tmp_path)
         assert done.returncode == 2, command
         assert "not a run folder" in done.stderr

@@ -182,7 +182,7 @@ def is_hidden(call: CommandCall, names: Sequence[str]) -> bool:
     """Whether the help of a command leaves a parameter of such names out; arguments are always shown."""
     first = call.command.first_options if call.command is not None else ()
     every = any(word in _HELP and following == "all" for word, following in pairwise(call.arguments))
-    return bool(first) and not every and names[0].startswith("-") and not set(names) & set(first)
+    return bool(first) and not every and names[0].startswith("-") and not set(names) & {*first, *_HELP}
 
 
 def demand_no_former_option(call: CommandCall) -> None:
