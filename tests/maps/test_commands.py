@@ -484,8 +484,11 @@ def test_curves_of_filters_are_compared_with_points(palpate, root, tmp_path):
     text = (root / "pipelines" / "points.toml").read_text().replace('duration = "4 s"', 'duration = "2 s"')
     points.write_text(text.replace('size = ["70 mm", "0 mm"]', 'size = ["20 mm", "0 mm"]\ncentre = ["0 mm", "-14 mm"]'))
     line = ('trajectory.sweep.start=["0 mm", "-30 mm"]', 'trajectory.sweep.end=["0 mm", "0 mm"]')
-    arguments = ["compare", root / "pipelines" / "sweep.toml", "--estimators", "kinematic,ekf", "--points", points]
-    done = palpate(*arguments, "--out", tmp_path / "out", *options([*line, "trajectory.sweep.settle=2 s"]))
+    few = options([*line, "trajectory.sweep.settle=2 s", 'run.tracks=["*/kinematic", "*/ekf"]'])
+    done = palpate("run", root / "pipelines" / "sweep.toml", "--out", tmp_path / "out", *few)
+    assert done.returncode == 0, done.stderr
+    picture = tmp_path / "out" / "sweep.png"
+    done = palpate("map", "curves", tmp_path / "out", "--points", points, "--out", picture)
     assert done.returncode == 0, done.stderr
     table = {
         row.split("│")[1].strip(): row.split("│")
@@ -494,7 +497,7 @@ def test_curves_of_filters_are_compared_with_points(palpate, root, tmp_path):
     }
     assert float(table["dr/kinematic"][2].split()[0]) == pytest.approx(-14.0, abs=1.0)
     assert float(table["dr/kinematic"][3]) < 2.0 < 5.0 < float(table["dr/ekf"][3])
-    assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    assert picture.read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "out" / "points" / "result.json").is_file()
 
 
@@ -510,13 +513,6 @@ def test_settings_are_compared_along_a_sweep(palpate, root, tmp_path):
     for label in ("theta 1 mm/s", "theta 2 mm/s"):
         assert label in done.stdout
     assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.slow
-def test_points_of_what_is_no_sweep_are_refused(palpate, root, raster_run, tmp_path):
-    done = palpate("compare", root / "pipelines" / "filters.toml", "--estimators", "ekf", "--points", raster_run)
-    assert done.returncode == 2
-    assert "no sweep along a line" in done.stderr
 
 
 def test_too_few_baseline_sites_are_refused(palpate, sweep_run, tmp_path):

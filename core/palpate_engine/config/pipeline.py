@@ -170,7 +170,6 @@ class Pipeline:
     control: ControlUse | None = None
     tables: Mapping[str, Settings] = field(default_factory=dict)  # those of analyses that the file has, by name
     stated: AlignmentSettings | None = None  # the alignment as the file has it, without the calibration
-    renamed: tuple[Flag, ...] = ()  # what the file calls by a name of an older version
 
     @property
     def ports(self) -> Ports:

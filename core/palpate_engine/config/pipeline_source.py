@@ -113,22 +113,6 @@ class Source:
             table = table[key]
         return table
 
-    def move(self, old: Location, new: Location) -> bool:
-        """Give a key another name or place, with its lines; False where something stands there already."""
-        table = self.table(old[:-1])
-        inner = self.tables
-        for key in new[:-1]:
-            inner = inner.setdefault(key, {})
-            if not isinstance(inner, dict):
-                return False
-        if new[-1] in inner:
-            return False
-        inner[new[-1]] = table.pop(old[-1])
-        n = len(old)
-        self._lines = {new + at[n:] if at[:n] == old else at: line for at, line in self._lines.items()}
-        self._stated = {new + at[n:] if at[:n] == old else at: by for at, by in self._stated.items()}
-        return True
-
     def where(self, location: Location) -> str:
         """``file:line`` of a location, of the nearest table around it, or the command line that set it."""
         for length in range(len(location), 0, -1):
@@ -207,6 +191,6 @@ def _hint(path: Path) -> str:
     """What to type where a pipeline file is not there: the command that writes it, or the name of one beside it."""
     if path.name.removesuffix(".toml") in offers("palpate_templates", Template):
         name = path.name.removesuffix(".toml")
-        return f"; palpate init {name} writes {name}.toml, which can be run"
+        return f"; type palpate init {name}, which writes {name}.toml, and name that file"
     beside = [file.name for file in path.parent.glob("*.toml")]
     return suggest(path.name, beside) if beside else ""

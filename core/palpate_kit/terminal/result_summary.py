@@ -40,7 +40,7 @@ def result_view(
     said = [Text(_ALONG.format(folder=result.folder))] if any(map(_swept, result.tracks.values())) else []
     said += [] if details else map(Text, _meanings(result.tracks.values()))
     parts = [*said, *_more(result, shown), *_derived(result), *_doubts(result, details)]
-    table = _every_number(result) if details else _values(result).view()
+    table = _every_number(result) if details else _values(result).view() if result.tracks else _streams(result).view()
     return Group(table, *parts)
 
 
@@ -71,6 +71,20 @@ def _values(result: Result) -> Cells:
     if result.truth:
         rows.append(["truth", *(_plain(_scaled(result.truth.get(name, math.nan), units[name])) for name in units), ""])
     return Cells.of(result.run["name"], ["track", *heads, "verdict"], rows, ["track", "verdict"])
+
+
+def _streams(result: Result) -> Cells:
+    """What a run without tracks recorded."""
+    rows = [
+        [
+            name,
+            str(stream["samples"]),
+            "" if stream.get("rate") is None else f"{stream['rate']:.1f}",
+            str(stream["gaps"]),
+        ]
+        for name, stream in result.streams.items()
+    ]
+    return Cells.of(result.run["name"], ["stream", "readings", "rate\nHz", "gaps"], rows, ["stream"])
 
 
 def _doubts(result: Result, details: bool) -> list[RenderableType]:

@@ -8,8 +8,6 @@ import lazy_loader
 from palpate import Command, Fact, plugin
 
 if TYPE_CHECKING:
-    from palpate import Migration
-
     from palpate_devices.bota.device import BotaSensor
     from palpate_devices.mcap_replay import McapReplay
     from palpate_devices.mcap_sink import McapSink
@@ -59,14 +57,6 @@ def palpate_commands() -> dict[str, Command]:
 def palpate_sinks() -> dict[str, str]:
     """MCAP logs."""
     return {"mcap": "palpate_devices.mcap_sink:McapSink"}
-
-
-@plugin
-def palpate_migrations() -> tuple[Migration, ...]:
-    """Former names of keys."""
-    from palpate_devices.migrations import RENAMED
-
-    return RENAMED
 
 
 @plugin

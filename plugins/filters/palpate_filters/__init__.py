@@ -8,12 +8,11 @@ import lazy_loader
 from palpate import Command, Diagnosis, Fact, Template, plugin
 
 if TYPE_CHECKING:
-    from palpate import FlagMeaning, Migration
+    from palpate import FlagMeaning
 
     from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
     from palpate_filters.filterpy_filter import FilterpyFilter
     from palpate_filters.kinematic_filter import KinematicFilter
-    from palpate_filters.migrations import RENAMED
     from palpate_filters.process_models import InertialProcess, KinematicProcess
     from palpate_filters.smoother import KinematicSmoother
     from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
@@ -25,14 +24,12 @@ __getattr__, _, _ = lazy_loader.attach(
         "filterpy_filter": ["FilterpyFilter"],
         "kinematic_filter": ["KinematicFilter"],
         "process_models": ["InertialProcess", "KinematicProcess"],
-        "migrations": ["RENAMED"],
         "smoother": ["KinematicSmoother"],
         "ukf": ["AdaptiveFadingUkf", "UnscentedKalmanFilter"],
     },
 )
 
 __all__ = [
-    "RENAMED",
     "AdaptiveFadingEkf",
     "AdaptiveFadingUkf",
     "ExtendedKalmanFilter",
@@ -57,14 +54,6 @@ def palpate_estimators() -> dict[str, str]:
         "kinematic-ekf": "palpate_filters.kinematic_filter:KinematicFilter",
         "kinematic-smoother": "palpate_filters.smoother:KinematicSmoother",
     }
-
-
-@plugin
-def palpate_migrations() -> tuple[Migration, ...]:
-    """Former names."""
-    from palpate_filters.migrations import RENAMED
-
-    return RENAMED
 
 
 @plugin

@@ -127,7 +127,7 @@ def _candidate(record: str, model: str, found: TrackResult, blocks: Floats) -> C
 
 
 def _source(path: Path, wanted: Sequence[str], overrides: Sequence[str]) -> Source:
-    """The pipeline of a record: its file, what the log carries, or what is suggested; with one fit of every candidate."""
+    """The pipeline of a record, by its file, its log, or a suggestion, with one fit of every candidate."""
     if path.suffix == ".toml":
         source = Source.read(path)
     elif (carried := read_run_log(path)) is not None:
