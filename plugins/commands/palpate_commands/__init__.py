@@ -36,12 +36,11 @@ def palpate_commands() -> dict[str, Command]:
         "trust": Command(
             "palpate_commands.trust:trust", "Approve a plugin file of a recording.", "extend", hidden=True
         ),
-        "describe schema": Command("palpate_commands.schema:schema", schema, "extend", "schema"),
+        "describe schema": Command("palpate_commands.schema:schema", schema, "extend"),
         "init completion": Command(
             "palpate_commands.completion:completion",
             "Print the completion of palpate for a shell.",
             "begin",
-            "completion",
         ),
     }
 
