@@ -7,7 +7,7 @@ Every laboratory has a tip whose radius is 0.5 % off (standard uncertainty), a s
 force 50 mN, position 5 um, velocity 0.67 mm/s. It stands in air for 1 s, presses, and oscillates at 1 Hz for 2 s. The
 forces are written out here. Each run is estimated by `casadi-fit`; its combined uncertainty, and what of it differs
 from run to run, are the shares of the value that `palpate.fit` states of one run of the check with its defaults. E_n is
-that of `palpate control`.
+that of `palpate calibrate control`.
 
 Four checks: a spring of 3 N/mm; a sphere of 5 mm on the specimen (112.5 kPa, 362 Pa s) at 1 to 4 mm of depth; the
 ratio of that and of the value at 0.3 to 1.5 mm, beside what differs from run to run; a flat tip of 5 mm, at 0.3 to

@@ -1,4 +1,4 @@
-"""Coverage of the laws that `palpate spectrum` fits to several recordings: how often 95 % hold the truth.
+"""Coverage of the laws that `palpate fit spectrum` fits to several recordings: how often 95 % hold the truth.
 
 Run: python benchmarks/joint_spectra.py [DRAWS]. A Kelvin-Voigt solid of 112.5 kPa and 362 Pa s, three to eight
 recordings of it, each with one or more lines from 0.5 to 8 Hz. Radius (0.5 %), Poisson's ratio (0.0115) and mass (5 %)

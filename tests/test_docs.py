@@ -8,7 +8,7 @@ import pytest
 from palpate import hooks
 from palpate.registry import load
 from palpate_engine.cli.commands import command_offers
-from palpate_engine.config.migrations import FORMAT
+from palpate_engine.config.file_version import FORMAT
 from palpate_engine.result.result_folder import SCHEMA
 
 ROOT = Path(__file__).parent.parent

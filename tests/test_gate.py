@@ -53,7 +53,7 @@ def test_every_folder_of_tests_belongs_to_a_family_or_the_core(gate, root):
     families = [path.parent.name for path in root.glob("plugins/*/README.md")]
     named = {folder for family in families for folder in gate.FOLDERS.get(family, (family,))}
     folders = {path.parent.name for path in root.glob("tests/*/test_*.py")}
-    assert folders - named == {"core", "engine", "kit", "records"}
+    assert folders - named == {"core", "engine", "kit", "records", "reproduction"}
     assert named - folders == set()
     assert all((root / place).exists() and (root / test).exists() for place, test in gate.OTHERS.items())
 

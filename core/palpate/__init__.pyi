@@ -136,7 +136,6 @@ from .sink import (
     Writer as Writer,
 )
 from .surface import Surface as Surface, SurfacePoints as SurfacePoints, surface_points as surface_points
-from .table_migration import Migration as Migration
 from .trajectory import (
     ForceControlled as ForceControlled,
     ForceLaw as ForceLaw,

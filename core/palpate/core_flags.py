@@ -48,7 +48,7 @@ _ESTIMATE = {
     ),
     "contradicted": _doubtful(
         "Another track of the same model, which is as good, finds another value.",
-        "Compare what the two estimators assume (`palpate compare`), and use the fit where there is one.",
+        "Compare what the two estimators assume (`palpate describe`), and use the fit where there is one.",
     ),
     "undetermined": _note(
         "The record does not determine a value: it may be none within two standard uncertainties.",
@@ -120,16 +120,12 @@ _RECORD = {
     ),
     "interrupted": _note(
         "The run was stopped before its end.",
-        "`palpate resume` does what was left; of a rehearsal in simulated time, where nothing real moves.",
+        "`palpate run resume` does what was left; of a rehearsal in simulated time, where nothing real moves.",
     ),
     "rehearsal": _note(
         "The run is a rehearsal in simulated time: twin and specimen in software, nothing was measured.",
         "`palpate run FILE` measures, by the pipeline file of the rig; what starts from this folder stays in simulated "
         "time. The specimen is under run.rehearsal of result.json.",
-    ),
-    "renamed": _note(
-        "The pipeline uses a name of an older version, which was read as the one of today.",
-        'Rename it as the message says, and state palpate = "0.2" at the top of the file.',
     ),
     "device": _note("A device or log has something to say of itself.", "Read the message."),
 }

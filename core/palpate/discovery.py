@@ -18,7 +18,6 @@ import pluggy
 from palpate import core_flags, hooks
 from palpate.errors import PluginError, suggest
 from palpate.safe_path import without_current_folder
-from palpate.table_migration import Migration
 from palpate.trust import PluginFile
 
 _DISTRIBUTION = "palpate"
@@ -86,11 +85,6 @@ class Discovery:
             field: {name: offer for name, (offer, _) in found[kind].items()}
             for kind, (field, _) in hooks.OFFERS.items()
         }
-
-    @property
-    def migrations(self) -> tuple[Migration, ...]:
-        """What plugins have renamed."""
-        return tuple(migration for _, found in self._offers("palpate_migrations", _migrations) for migration in found)
 
     def _offers(self, hook: str, check: Callable[[Any], _Checked]) -> Iterator[tuple[Plugin, _Checked]]:
         """What each plugin, and the core, answers to a hook, once it is checked.
@@ -282,10 +276,3 @@ def _checked(offer: Any, kind: str, root: type) -> Iterator[tuple[str, Any]]:
         if isinstance(item, type) and (missing := missing_methods(item)):
             raise PluginError(f"offers {name!r} ({item.__name__}), which does not define {missing}")
         yield name, item
-
-
-def _migrations(offer: Any) -> list[Migration]:
-    """The migrations of an offer; raises PluginError where it is anything else."""
-    if not isinstance(offer, list | tuple) or not all(isinstance(migration, Migration) for migration in offer):
-        raise PluginError(f"returns {offer!r}, not a list of Migration")
-    return list(offer)

@@ -13,7 +13,7 @@ A plugin is a module named in the entry-point group ``palpate`` of its distribut
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import pluggy
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from palpate.parts import Part, Settings
     from palpate.sink import Sink
     from palpate.surface import Surface
-    from palpate.table_migration import Migration
     from palpate.trajectory import Trajectory
     from palpate.twin import Twin
 
@@ -116,7 +115,7 @@ def palpate_commands() -> Mapping[str, Command]:  # type: ignore[empty-body]
 
 @_hook
 def palpate_tables() -> Mapping[str, type[Settings]]:  # type: ignore[empty-body]
-    """Tables of a pipeline file by name, such as ``[design]``: settings of an analysis, found in `Pipeline.tables`."""
+    """Tables of a pipeline file by name, such as ``[sweep]``: settings of an analysis, found in `Pipeline.tables`."""
 
 
 @_hook
@@ -135,11 +134,6 @@ def palpate_flags() -> Mapping[str, FlagMeaning]:  # type: ignore[empty-body]
 
     Flags that the core registers (`palpate describe`, docs/flags.md) may be raised by any part and are not repeated.
     """
-
-
-@_hook
-def palpate_migrations() -> Sequence[Migration]:  # type: ignore[empty-body]
-    """What was renamed among the plugin's parts: pipelines that were written before are read by the old names."""
 
 
 _EXTENSIONS = {

@@ -32,9 +32,9 @@ class Command:
     target: str  # "module:function"
     help: str  # one line for `palpate --help`
     panel: str = "analyse"  # key of PANELS
-    former: str = ""  # the name before a renaming; it still works, and says the new one
     first_options: tuple[str, ...] = ()  # what --help shows; --help all shows every option. Empty: all are shown
     former_options: Mapping[str, str] = field(default_factory=dict)  # the words that replace options; those are refused
+    hidden: bool = False  # for scripts: `palpate --help` leaves it out
 
 
 @dataclass(frozen=True)

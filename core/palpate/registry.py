@@ -30,7 +30,6 @@ from palpate.offers import (
     function_of,
     import_target,
 )
-from palpate.table_migration import Migration
 from palpate.trust import PluginFile, plugin_files_at_hand
 
 if TYPE_CHECKING:
@@ -106,7 +105,6 @@ class Registry:
     controls: Mapping[str, ControlReader] = field(default_factory=dict)
     facts: Mapping[str, Fact] = field(default_factory=dict)
     file_suggestions: Mapping[str, FileSuggestion] = field(default_factory=dict)
-    migrations: tuple[Migration, ...] = ()
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -209,7 +207,7 @@ def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
     }
     plugins = tuple(found.plugins.values())
     offered |= found.offers
-    return Registry(parts, plugins, found.failures, found.oddities, migrations=found.migrations, **offered)
+    return Registry(parts, plugins, found.failures, found.oddities, **offered)
 
 
 def _with_those_at_hand(files: Iterable[Path | PluginFile]) -> list[Path | PluginFile]:

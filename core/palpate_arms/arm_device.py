@@ -152,7 +152,7 @@ class ArmDevice(Device):
         return self._connected(observe=True)
 
     def by_hand(self, weighs: bool) -> AbstractContextManager[HandReader]:
-        """What reads it while a person leads it, for `palpate teach`; `weighs`: with the wrench in its flange."""
+        """What reads it while a person leads it, for `calibrate teach`; `weighs`: with the wrench in its flange."""
         from palpate_arms.arm_by_hand import observed_by_hand
 
         return observed_by_hand(self)

@@ -47,7 +47,7 @@ from .config.dialects import (
     dialect_tables as dialect_tables,
     with_dialect as with_dialect,
 )
-from .config.migrations import FORMAT as FORMAT, KEY as KEY
+from .config.file_version import FORMAT as FORMAT, KEY as KEY
 from .config.rig_facts import (
     MEASURED as MEASURED,
     MEASUREMENT as MEASUREMENT,

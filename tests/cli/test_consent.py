@@ -76,7 +76,6 @@ MORE = {  # what a command wants besides
     "plot": ["time"],
     "fit choose": ["--models", "dr,kelvin-voigt"],
     "fit compare": ["another.csv"],
-    "reproduce": ["app:correction_factor"],
 }
 ENDINGS = {"log export": "out.csv", "log recover": "out.mcap"}
 KINDS = ("log", "run", "bare")
@@ -85,20 +84,19 @@ SLOW = ("map", "plot", "report")
 # Which recordings a command refuses for the plugin file that they name; and which it reads without executing it.
 ASKS = {
     ("fit choose", "runs"): "log run",
-    ("compare", "log"): "log run",
     ("model export", "file"): "log run",
     ("fit", "sources"): "log run",
     ("fit compare", "sources"): "log run",
     ("fit cycles", "sources"): "log run",
     ("fit indentation", "source"): "log run bare",
     ("info", "log"): "log run",
-    ("spectrum relaxation", "run"): "log run bare",
+    ("fit relaxation", "run"): "log run bare",
     ("repeat", "sources"): "log",
     ("replay", "source"): "log run",
-    ("resume", "run"): "run bare",
+    ("run resume", "run"): "run bare",
     ("map search", "run"): "run bare",
-    ("spectrum", "runs"): "log run bare",
-    ("watch", "source"): "log run",
+    ("fit spectrum", "runs"): "log run bare",
+    ("replay watch", "source"): "log run",
 }
 READS = {
     ("report budget", "run"): "run bare",
@@ -109,10 +107,9 @@ READS = {
     ("plot", "run"): "run bare",
     ("log recover", "log"): "log",
     ("report", "runs"): "run bare",
-    ("reproduce", "data"): "run bare",
     ("repeat review", "runs"): "run bare",
     ("repeat", "sources"): "run bare",
-    ("watch", "source"): "bare",
+    ("replay watch", "source"): "bare",
 }
 
 
@@ -261,9 +258,9 @@ def test_what_a_named_pipeline_has_executed_here_is_approved(palpate, point_pipe
     shutil.move(tmp_path / "canary.py", tmp_path / "elsewhere.py")
     text = (tmp_path / "run" / "pipeline.toml").read_text()
     (tmp_path / "run" / "pipeline.toml").write_text(text.replace("canary.py", "elsewhere.py"))
-    resumed = palpate("resume", tmp_path / "run")  # known by its content
+    resumed = palpate("run", "resume", tmp_path / "run")  # known by its content
     assert resumed.returncode == 0, resumed.stderr
-    assert palpate("--no-plugins", "resume", tmp_path / "run").returncode == 2
+    assert palpate("--no-plugins", "run", "resume", tmp_path / "run").returncode == 2
 
 
 def test_a_file_that_the_command_line_chooses_is_the_users(made, palpate, tmp_path):
@@ -321,32 +318,13 @@ def test_a_copied_run_folder_with_a_plugin_beside_its_pipeline(made, palpate, tm
     canary(run)
     text = re.sub(r"plugins = \[[^]]*\]", 'plugins = ["canary.py"]', (run / "pipeline.toml").read_text())
     (run / "pipeline.toml").write_text(text)
-    for command in ("resume", "map search", "spectrum", "fit indentation", "spectrum relaxation"):
+    for command in ("run resume", "map search", "fit spectrum", "fit indentation", "fit relaxation"):
         done = palpate(*command.split(), "copied")
         assert done.returncode == 2
         assert f"{REMEDY}copied/canary.py" in done.stderr
     (tmp_path / "there").symlink_to(run)
-    assert REMEDY in palpate("resume", "there").stderr
+    assert REMEDY in palpate("run", "resume", "there").stderr
     assert not (run / "trace").exists()
-
-
-def test_pipelines_in_the_folder_of_a_paper_are_not_named(palpate, tmp_path, root):
-    shipped = root / "plugins" / "reproduction" / "palpate_reproduction"
-    paper = tmp_path / "paper"
-    (paper / "items").mkdir(parents=True)
-    (paper / "pipelines").mkdir()
-    shutil.copy(shipped / "recordings.toml", paper)
-    canary(paper / "pipelines")
-    text = (root / "pipelines" / "filters.toml").read_text().replace("[run]\n", '[run]\nplugins = ["canary.py"]\n', 1)
-    (paper / "pipelines" / "point.toml").write_text(text)
-    (paper / "items" / "one.toml").write_text(
-        'label = "one"\ntitle = "One"\n[[published]]\nrow = "E"\nquantity = "elasticity"\nunit = "kPa"\nvalue = 1.0\n'
-        'source = "simulated"\npipeline = "point.toml"\ntrack = "dr/ekf"\n'
-    )
-    done = palpate("reproduce", "--paper", paper, "--out", tmp_path / "out")
-    assert done.returncode == 2
-    assert REMEDY in done.stderr
-    assert not (paper / "pipelines" / "trace").exists()
 
 
 def test_python_executes_no_more_than_a_command(made):

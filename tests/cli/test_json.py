@@ -41,12 +41,8 @@ CASES = {
     "info": (["info"], lambda found: found["libraries"]["numpy"] and found["plugins"]),
     "info of a log": (["info", "run/log.mcap"], lambda found: found["topics"][0]["messages"] > 100),
     "info suggests": (["info", "run/log.mcap", "--suggest"], lambda found: "[alignment]" in found["pipeline"]),
-    "plan": (["plan", "point.toml"], lambda found: found["press"]["duration"] > 10),
+    "plan": (["check", "motion", "point.toml"], lambda found: found["press"]["duration"] > 10),
     "doctor": (["doctor", "point.toml"], lambda found: found["findings"][0]["verdict"] == "note"),
-    "force": (
-        ["model", "force", "--indenter", "sphere", "--set", "indenter.radius=5 mm"],
-        lambda found: len(found["force"]) == len(found["depth"]) == 1001,
-    ),
     "map": (["map", "line"], lambda found: found["kind"] == "sweep" and len(found["files"]) == 2),
     "curves": (["map", "curves", "line"], lambda found: len(found["dr/kinematic"]["along"]) > 10),
     "search": (
@@ -55,21 +51,12 @@ CASES = {
     ),
     "lumps": (["map", "lumps", "line"], lambda found: found["track"] == "dr/kinematic"),
     "run": (["run", "point.toml", *options(*SHORT)], lambda found: found["tracks"]["dr/ekf"]["verdict"]),
-    "compare": (
-        ["compare", "point.toml", *options(*SHORT), "--reference", "dr/ekf"],
-        lambda found: found["tracks"]["dr/kinematic"]["parameters"]["elasticity"]["value"] > 1e5,
-    ),
     "sweep": (
         ["sweep", "seeds.toml", "--jobs", "1", *options(*SHORT, 'run.tracks=["dr/ekf"]')],
         lambda found: [row["run.seed"] for row in found["rows"]] == [1, 2],
     ),
-    "design": (["plan", "design", "point.toml"], lambda found: found["dr"]["palpations"]),
     "budget": (["report", "budget", "run"], lambda found: found),
     "calibrate": (["calibrate", "guided.toml", "--yes"], lambda found: 0.1 < found["values"]["mass"]["value"] < 0.3),
-    "reproduce": (
-        ["reproduce", "correction_factor"],
-        lambda found: found["items"]["correction_factor"][0]["ratio"] == pytest.approx(1.0579, abs=1e-4),
-    ),
 }
 
 

@@ -101,16 +101,6 @@ def test_a_filter_that_fails_ends_its_track_alone(palpate, with_plugin, tmp_path
 
 @pytest.mark.gate
 @pytest.mark.slow
-def test_a_comparison_with_a_track_that_fails_shows_the_others_and_ends_with_1(palpate, with_plugin, tmp_path):
-    path = with_plugin(FILTER.format(body="raise KeyError('lost')"), '\n[estimator.own]\ntype = "broken"\n')
-    done = palpate("compare", path, "--out", tmp_path / "out")
-    assert done.returncode == 1, done.stderr
-    assert "Traceback" not in done.stderr
-    assert "dr,ekf" in (tmp_path / "out" / "compare.csv").read_text()
-
-
-@pytest.mark.gate
-@pytest.mark.slow
 def test_a_model_that_cannot_say_what_it_found_ends_its_own_tracks(palpate, with_plugin, tmp_path):
     more = "def material(self, theta):\n        return 1 / 0"
     own = '\n[model.own]\ntype = "own"\nindenter = "tip"\n'

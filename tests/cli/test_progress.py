@@ -65,7 +65,6 @@ def test_nobody_hears_of_short_work(capsys):
         (("info", "LOG"), "info of log.mcap"),
         (("log", "export", "LOG", "-o", "x.csv"), "export of log.mcap"),
         (("log", "recover", "LOG", "-o", "x.mcap"), "recover log.mcap"),
-        (("compare", "PIPELINE", "--out", "compared"), "point.toml: "),
         (("sweep", "PIPELINE", "--out", "swept", "--jobs", "1"), "sweep: 1 of 2 combinations, after "),
     ],
     ids=lambda value: " ".join(value[:2]) if isinstance(value, tuple) else "",

@@ -22,14 +22,13 @@ MORE = {  # what a command takes besides, to come as far as it can
     "map search": ["--go", "--yes"],
     "calibrate": ["--yes", "--set", "calibration.lowest=-9 mm", "--set", "calibration.top_acceleration=9"],
     "repeat": ["--set", "repeat.count=2"],
-    "resume": ["--yes"],
+    "run resume": ["--yes"],
     "fit compare": ["rehearsed"],
 }
-SERVERS = ("twin", "desk", "watch")  # which go on until they are ended, and move nothing
+SERVERS = ("twin", "desk", "replay watch")  # which go on until they are ended, and move nothing
 # Those by which a measured folder, or its pipeline, reaches devices; that of simulated time simulates, or is refused.
-SIMULATE = ("run", "record", "resume", "repeat", "map", "map search", "fit", "fit compare", "fit cycles", "compare",
-            "acceptance")  # fmt: skip
-REFUSE = ("doctor", "teach", "calibrate")
+SIMULATE = ("run", "run resume", "repeat", "map", "map search", "fit", "fit compare", "fit cycles", "acceptance")
+REFUSE = ("doctor", "calibrate", "calibrate teach")
 
 
 class Laboratory:
@@ -119,7 +118,7 @@ def test_no_command_reaches_a_device_from_a_folder_of_simulated_time(palpate, fo
     assert bool(laboratory.reached) == (name in (*SIMULATE, *REFUSE) and name != "acceptance")  # which asks first
 
 
-@pytest.mark.parametrize("name", ["resume", pytest.param("map search", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["run resume", pytest.param("map search", marks=pytest.mark.slow)])
 def test_what_continues_a_rehearsal_does_so_in_simulated_time_and_says_so(palpate, folders, laboratory, name):
     done = palpate(*name.split(), folders / "rehearsed", *(["--go"] if name == "map search" else []), cwd=folders)
     assert done.returncode == 2
@@ -160,7 +159,7 @@ def test_simulated_and_measured_parts_are_never_joined(palpate, folders, rig):
     for name in ("measured", "rehearsed"):
         with pytest.raises(LogError, match="holds simulated and measured parts, which are never joined"):
             _ = RunFolder(folders / name).parts
-    for words in (["map"], ["map", "search"], ["resume"], ["report"]):
+    for words in (["map"], ["map", "search"], ["run", "resume"], ["report"]):
         done = palpate(*words, folders / "rehearsed")
         assert done.returncode == 2, words
         assert "which are never joined" in said(done)
@@ -169,16 +168,16 @@ def test_simulated_and_measured_parts_are_never_joined(palpate, folders, rig):
 @pytest.mark.slow
 def test_a_robot_goes_on_only_once_somebody_says_that_specimen_and_tool_are_the_same(palpate, folders, laboratory):
     run = folders / "measured"
-    done = palpate("resume", run)
+    done = palpate("run", "resume", run)
     assert done.returncode == 2
     assert "the pipeline is used as recorded" in said(done)
     assert "are specimen and tool still the same, and where they were? no answer; --yes continues" in said(done)
     assert laboratory.reached == []
-    done = palpate("resume", run, "--yes", "--set", "trajectory.raster.speed=2 mm/s")
+    done = palpate("run", "resume", run, "--yes", "--set", "trajectory.raster.speed=2 mm/s")
     assert done.returncode == 2
     assert "what is left of a motion is as recorded" in said(done)
     assert laboratory.reached == []
-    done = palpate("resume", run, "--yes", "--set", "device.arm.host=10.0.0.9")
+    done = palpate("run", "resume", run, "--yes", "--set", "device.arm.host=10.0.0.9")
     assert ("controller_facts", "10.0.0.9") in [words[:2] for words in laboratory.reached]
 
 
@@ -189,9 +188,9 @@ def test_a_rehearsal_that_was_stopped_is_continued_to_its_end_without_the_labora
         words = ("--out", "r", "--fault", "protective-stop@5 s", "--hold-up", "main 2 ms every 1 s")
         stopped = palpate("rehearse", root / "pipelines" / "raster_ur3e.toml", *words, *sets)
         assert stopped.returncode == 1, stopped.stderr
-        done = palpate("resume", "r")
+        done = palpate("run", "resume", "r")
         assert done.returncode == 0, done.stderr
-        assert "nothing is left to do" in palpate("resume", "r").stdout
+        assert "nothing is left to do" in palpate("run", "resume", "r").stdout
         assert "sites" in palpate("map", "r").stdout
     assert found.reached == []
     document = json.loads((tmp_path / "r" / "part-2" / "result.json").read_text())

@@ -1,6 +1,7 @@
 """``palpate rehearse``: a robot's pipeline in simulated time, as a user types it."""
 
 import json
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -66,6 +67,8 @@ def test_a_rehearsal_ends_with_what_the_arm_did_and_is_the_same_every_time(rehea
     for name in ("estimates.csv", "log.mcap"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     assert "rehearsal: simulated time, twin bench" in first.stdout
+    began = datetime.fromisoformat(json.loads((tmp_path / "a" / "result.json").read_text())["run"]["started"])
+    assert abs(datetime.now(UTC) - began) < timedelta(hours=1)  # the day on which it was made
     document = json.loads((tmp_path / "a" / "result.json").read_text())
     told = document["run"]["rehearsal"]
     assert (told["twin"], told["faults"], told["hold_ups"], told["seed"]) == ("bench", [], [], 0)

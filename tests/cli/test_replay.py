@@ -109,16 +109,6 @@ def test_one_more_estimator_and_other_settings(recorded, palpate, tmp_path):
     assert tracks(tmp_path / "other")["dr/ekf"] != tracks(recorded)["dr/ekf"]
 
 
-@pytest.mark.slow
-def test_compare_takes_the_tip_of_the_run(recorded, palpate, tmp_path):
-    """Not the paper's defaults, which are another tip here."""
-    done = palpate("compare", recorded / "log.mcap", "--estimators", "ekf", "--out", tmp_path / "compared")
-    assert done.returncode == 0, done.stderr
-    assert "those of its run" in done.stderr
-    found, before = tracks(tmp_path / "compared")["dr/ekf"], tracks(recorded)["dr/ekf"]
-    assert found["parameters"]["elasticity"]["value"] == before["parameters"]["elasticity"]["value"]
-
-
 def test_a_log_is_no_pipeline_file(recorded, palpate):
     done = palpate("run", recorded / "log.mcap")
     assert done.returncode == 2
@@ -169,30 +159,6 @@ def flagged(folder):
         for track in tracks(folder).values()
     }
     return said
-
-
-@pytest.mark.slow
-def test_another_channel_leaves_tip_and_mass_those_of_the_run(recorded, palpate, tmp_path):
-    """Only what the choice touches is assumed: the delays of channels that the run did not read."""
-    log = recorded / "log.mcap"
-    done = palpate("compare", log, "--force", "/rig/wrench:wrench.force.z", "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    assert "alignment.force.delay = 0 s" in flagged(tmp_path / "out")
-    assert "radius" not in flagged(tmp_path / "out")
-    value = tracks(tmp_path / "out")["dr/ekf"]["parameters"]["elasticity"]["value"]
-    assert value == pytest.approx(tracks(recorded)["dr/ekf"]["parameters"]["elasticity"]["value"], rel=1e-6)
-
-
-@pytest.mark.slow
-def test_one_more_model_takes_what_the_others_say(recorded, palpate, tmp_path):
-    short = ["--estimators", "ekf", "--models", "kelvin-voigt", "--out"]
-    done = palpate("compare", recorded / "log.mcap", *short, tmp_path / "out", "--set", "indenter.tip.radius=3 mm")
-    assert done.returncode == 0, done.stderr
-    assert "radius = 0.003" in (tmp_path / "out" / "pipeline.toml").read_text()
-    assert flagged(tmp_path / "out") == ""
-    assert 'type = "kelvin-voigt"\npoisson = 0.5' in (tmp_path / "out" / "pipeline.toml").read_text().replace(
-        'indenter = "tip"\n', ""
-    )
 
 
 @pytest.mark.slow

@@ -71,10 +71,8 @@ def test_run_shows_it_and_keeps_its_details(palpate, beside, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["fit cycles", "compare"])
-def test_commands_go_on_beside_it(palpate, beside, tmp_path, command):
-    done = palpate(*command.split(), beside, "--out", tmp_path / "out")
+def test_commands_go_on_beside_it(palpate, beside, tmp_path):
+    done = palpate("fit", "cycles", beside, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
-    if command == "fit cycles":
-        assert [line for line in done.stdout.splitlines() if "dr/own" in line and "100" in line]
+    assert [line for line in done.stdout.splitlines() if "dr/own" in line and "100" in line]

@@ -1,4 +1,4 @@
-"""Commands of two words, the help that names them, and the names that commands had before."""
+"""Commands of two words, and the help that names them."""
 
 import re
 
@@ -11,16 +11,13 @@ from palpate_engine import analysis
 from palpate_engine.cli.commands import command_offers, help_text
 
 COMMANDS = command_offers().commands
-FORMER = {command.former: name for name, command in COMMANDS.items() if command.former}
-TOP = {name.partition(" ")[0] for name in COMMANDS}
+TOP = {name.partition(" ")[0] for name, command in COMMANDS.items() if not command.hidden}
 
 
 def test_the_help_fits_a_mind():
     """What a laboratory types every day, and little else."""
-    assert len(TOP) <= 33
-    daily = (
-        "run rehearse replay resume check init info watch fit map report plot calibrate doctor twin list describe trust"
-    )
+    assert len(TOP) <= 24
+    daily = "run rehearse replay check init info fit map report plot calibrate doctor twin list describe"
     assert set(daily.split()) <= TOP
 
 
@@ -35,17 +32,30 @@ def test_palpate_alone_says_in_ten_lines_what_to_type_first(palpate):
 def test_the_help_shows_every_word(monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     words = help_text().replace(",", " ").replace(".", " ").replace(":", " ").split()
-    for name in COMMANDS:
-        assert set(name.split()) <= set(words), name
-    assert not {"compare-sites", "export-filter"} & set(words)
+    for name, command in COMMANDS.items():
+        assert (set(name.split()) <= set(words)) != command.hidden, name
 
 
-@pytest.mark.parametrize("former", FORMER)
-def test_a_former_name_works_and_says_the_new_one(palpate, former):
-    done = palpate(former, "--help")
-    assert done.returncode == 0
-    assert done.stderr == f"palpate {former} is palpate {FORMER[former]} now\n"
-    assert f"palpate {FORMER[former]}" in done.stdout
+def test_a_hidden_command_works(palpate, tmp_path):
+    (tmp_path / "own.py").write_text("")
+    assert palpate("trust", "own.py").returncode == 0
+    assert str(tmp_path / "own.py") in palpate("trust").stdout
+
+
+@pytest.mark.parametrize("words", [["check"], ["fit"], ["fit", "all"]], ids=" ".join)
+def test_what_takes_no_value_shows_no_type(palpate, words):
+    shown = palpate(words[0], "--help", *words[1:]).stdout
+    assert "--help" in shown
+    assert "bool" not in shown.lower()
+
+
+@pytest.mark.parametrize(
+    "gone", ["reproduce", "compare", "record", "resume", "watch", "plan", "teach", "control", "agree", "spectrum"]
+)
+def test_what_went_from_the_top_is_on_the_page(palpate, root, gone):
+    assert palpate(gone, "x").returncode == 2
+    rows = (root / "docs" / "commands.md").read_text().partition("## Names of drafts")[2]
+    assert f"`{gone}" in rows
 
 
 def test_the_first_help_of_fit_has_ten_options_and_all_the_others_are_a_word_away(palpate):
@@ -72,11 +82,6 @@ def test_a_former_option_is_refused_with_the_new_words(palpate, name, option):
     command, _, other = new.removeprefix("palpate ").partition(" --")
     assert not other or f"--{other}" in options_of(command)
     assert command in COMMANDS
-
-
-def test_no_former_name_is_a_command():
-    assert len(FORMER) == sum(bool(command.former) for command in COMMANDS.values())
-    assert not set(FORMER) & TOP
 
 
 def test_the_help_of_a_command_shows_its_subcommands(palpate):
@@ -115,7 +120,7 @@ def test_a_slip_is_answered_with_what_was_meant(palpate, words, meant):
 def test_a_word_far_from_any_subcommand_is_refused_where_there_is_no_other_use(palpate):
     done = palpate("model", "run.toml")
     assert done.returncode == 2
-    assert "there is no command 'model run.toml' (there are: export, force, thickness)" in done.stderr
+    assert "there is no command 'model run.toml' (there are: export, thickness)" in done.stderr
 
 
 def test_a_file_named_like_a_slip_is_a_file(palpate, tmp_path):
@@ -142,7 +147,7 @@ def test_a_plugin_adds_to_another_ones_command(palpate, tmp_path):
 
 
 def test_the_first_word_of_several_is_no_analysis():
-    with pytest.raises(PluginError, match=r"'model' is the first word of commands \(there are: export, force"):
+    with pytest.raises(PluginError, match=r"'model' is the first word of commands \(there are: export, thickness"):
         analysis("model")
 
 

@@ -1,4 +1,4 @@
-"""``palpate control``: from a run on a reference to the line of every later run."""
+"""``palpate calibrate control``: from a run on a reference to the line of every later run."""
 
 import json
 import shutil
@@ -78,7 +78,7 @@ def changed(folder, name, days=0, factor=1.0, **tip):
 
 
 def control(palpate, folder, *arguments):
-    return palpate("control", *arguments, "--chart", folder / "chart.toml", cwd=folder)
+    return palpate("calibrate", "control", *arguments, "--chart", folder / "chart.toml", cwd=folder)
 
 
 def codes(folder):

@@ -54,7 +54,7 @@ def distribution(tmp_path):
 
 def test_there_are_as_many_hooks_as_are_tested():
     known = {hook for hook, _ in (*hooks.KINDS.values(), *hooks.EXTENSIONS.values())}
-    assert set(HOOKS) == known | {"palpate_offers", "palpate_migrations"}
+    assert set(HOOKS) == known | {"palpate_offers"}
 
 
 @pytest.mark.parametrize(("kind", "field", "root"), [(kind, *names) for kind, names in hooks.OFFERS.items()])

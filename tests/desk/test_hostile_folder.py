@@ -156,22 +156,6 @@ def test_no_command_on_the_folder_does(evil, way, command, palpate):
     palpate(*name.split(), *words)
 
 
-def test_a_paper_counts_as_said_by_nobody(palpate, tmp_path, root, evil):
-    shipped = root / "plugins" / "reproduction" / "palpate_reproduction"
-    paper = tmp_path / "paper"
-    for name in ("items", "pipelines"):
-        (paper / name).mkdir(parents=True)
-    shutil.copy(shipped / "recordings.toml", paper)
-    shutil.copy(root / "pipelines" / "filters.toml", paper / "pipelines" / "point.toml")
-    (paper / "items" / "one.toml").write_text(
-        'label = "one"\ntitle = "One"\n[[published]]\nrow = "E"\nquantity = "elasticity"\nunit = "kPa"\nvalue = 1.0\n'
-        f'source = "simulated"\npipeline = "point.toml"\ntrack = "dr/ekf"\nset = {{"run.plugins" = ["{evil}"]}}\n'
-    )
-    done = palpate("reproduce", "--paper", paper, "--out", tmp_path / "out")
-    assert done.returncode == 2
-    assert "palpate trust" in done.stderr
-
-
 @pytest.mark.parametrize(
     "command",
     [

@@ -346,8 +346,8 @@ def test_the_surface_is_taught_with_any_arm(bench, monkeypatch):
 
     monkeypatch.setattr(typer, "prompt", prompt)
     with pytest.raises(ConfigurationError, match=r"\[device.arm\] has no sensor in its flange that could weigh it"):
-        call(["teach", str(file), "--step", "payload"])
-    call(["teach", str(file), "--step", "surface"])
+        call(["calibrate", "teach", str(file), "--step", "payload"])
+    call(["calibrate", "teach", str(file), "--step", "surface"])
     taught = tomllib.loads(file.read_text())["device"]["arm"]["work"]
     found = [float(text.removesuffix(" mm")) for text in taught["origin"]]
     np.testing.assert_allclose(found, (452.0, 1.0, 100.3), atol=0.02)

@@ -1,4 +1,4 @@
-"""``palpate teach``: a hand leads the twin's arm; what is found against what the twin knows."""
+"""``palpate calibrate teach``: a hand leads the twin's arm; what is found against what the twin knows."""
 
 import json
 import tomllib
@@ -36,7 +36,7 @@ PLACES = {  # where a hand leads the tip, by the words of the prompt: place [mm]
 
 @pytest.fixture
 def teach(simulated, monkeypatch, tmp_path):
-    """Go through `palpate teach` with a hand at a twin in simulated time; the pipeline file afterwards."""
+    """Go through `palpate calibrate teach` with a hand at a twin in simulated time; the pipeline file afterwards."""
 
     def gone_through(*words, rig=(), faults=(), **places):
         where = PLACES | {key.replace("_", " "): value for key, value in places.items()}
@@ -57,7 +57,7 @@ def teach(simulated, monkeypatch, tmp_path):
         monkeypatch.setattr(typer, "prompt", prompt)
         file = tmp_path / "rig.toml"
         file.write_text(PIPELINE.read_text())
-        call(["teach", str(file), *words])
+        call(["calibrate", "teach", str(file), *words])
         return tomllib.loads(file.read_text())["device"]["arm"], file
 
     return gone_through
@@ -150,12 +150,12 @@ def test_local_control_is_no_obstacle_but_a_safety_stop_is(teach):
 )
 def test_what_cannot_be_is_refused_before_anything_connects(words, complaint):
     with pytest.raises(ConfigurationError, match=complaint):
-        call(["teach", str(PIPELINE), *(word.format(file=PIPELINE) for word in words)])
+        call(["calibrate", "teach", str(PIPELINE), *(word.format(file=PIPELINE) for word in words)])
 
 
 def test_a_pipeline_without_a_robot(root):
     with pytest.raises(ConfigurationError, match="one robot is wanted, there are 0"):
-        call(["teach", str(root / "pipelines" / "point.toml")])
+        call(["calibrate", "teach", str(root / "pipelines" / "point.toml")])
 
 
 @pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.0), (10.0, -20.0, 0.0), (180.0, 0.0, 0.0)])

@@ -13,7 +13,6 @@ from palpate_engine.pipeline.live.arm_preparation import refuse_preload
 from palpate_engine.pipeline.live.guard import Guard
 from palpate_engine.pipeline.live.retreat_check import compare_readings, refuse_contact
 from palpate_engine.safety import Reach, SafetySettings, check_motion, check_own_motion, check_setpoints, demand_safe
-from palpate_studies.design.settings import DesignSettings
 from palpate_trajectories.point import Point
 
 LIMITS = {
@@ -266,20 +265,19 @@ def test_a_height_that_counts_downwards_keeps_its_depth_limit():
     assert "the tip is at -8.00 mm, below the limit" in guard.reason
 
 
-def test_calibration_and_design_are_limited_by_the_same_rules_as_a_run():
+def test_a_calibration_is_limited_by_the_same_rules_as_a_run():
     wide = limits(low=(-1.0, -1.0, -1.0), high=(1.0, 1.0, 1.0))
     free, plate = CalibrationSettings().limits(contact=False), CalibrationSettings().limits(contact=True)
     assert (free.low[2], plate.low[2]) == (0.001, -0.001)
     times = np.arange(0.0, PRESS.total_duration, 1e-3)
     deep = [excess.what for excess in plate.excesses(Reach.of(times, PRESS.at(times)))]
     assert deep == ["low"]
-    for table in (free, DesignSettings().limits):
+    for table in (free, plate):
         both = table.tighter(wide.motion)
         assert both == wide.motion.tighter(table)
         assert both.speed == 0.04
         assert both.acceleration == 0.5
         assert both.low[2] == table.low[2]
-    assert DesignSettings().within(wide.motion, 12.0).top_force == 12.0
 
 
 NOTHING = Batch("wrench", np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)))

@@ -1,4 +1,4 @@
-"""What `palpate resume` finds left in run folders that were cut, simulated and live."""
+"""What `palpate run resume` finds left in run folders that were cut, simulated and live."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""`palpate watch`: what the page shows of runs that are recorded."""
+"""`palpate replay watch`: what the page shows of runs that are recorded."""
 
 import shutil
 import threading
@@ -101,10 +101,10 @@ def test_a_recorded_run_is_watched(log, when, record, addresses, monkeypatch, tm
 def test_a_run_without_a_log_is_not_estimated_once_more(run_point, palpate, tmp_path):
     folder = run_point("trajectory.press.duration=1 s", name="bare").folder
     (folder / "log.mcap").unlink()
-    done = palpate("watch", folder, "--set", "alignment.tip_mass=100 g")
+    done = palpate("replay", "watch", folder, "--set", "alignment.tip_mass=100 g")
     assert (done.returncode, "no log to estimate again" in done.stderr) == (2, True)
     (folder / "result.json").unlink()
-    done = palpate("watch", folder)
+    done = palpate("replay", "watch", folder)
     assert (done.returncode, "neither a log nor a result" in done.stderr) == (2, True)
 
 
@@ -115,7 +115,7 @@ def test_a_run_without_a_log_is_not_estimated_once_more(run_point, palpate, tmp_
 def test_what_cannot_be_watched_is_said(arguments, said, palpate, tmp_path):
     (tmp_path / "samples.csv").write_text("t,z,f\n0,0,0\n1,0,0\n")
     (tmp_path / "empty.mcap").write_bytes(b"")
-    done = palpate("watch", *arguments)
+    done = palpate("replay", "watch", *arguments)
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr

@@ -131,7 +131,8 @@ def test_a_table_without_time_needs_the_rate(palpate, tmp_path):
     (tmp_path / "blank.toml").write_text(blank.stdout)
     refused = palpate("check", "blank.toml")
     assert (refused.returncode, "? Hz" in refused.stderr) == (2, True)
-    assert "--rate '500 Hz'" in palpate("compare", "log.csv").stderr
+    blank = palpate("fit", "choose", "log.csv", "--models", "dr,kelvin-voigt")
+    assert (blank.returncode, "palpate info log.csv --suggest -o log.toml" in blank.stderr) == (2, True)
     assert "no column is the time" in palpate("info", "log.csv").stdout
     text, found = from_suggestion_to_elasticity(palpate, tmp_path, "log.csv", "--rate", "500 Hz")
     assert 'rate = "500 Hz"' in text

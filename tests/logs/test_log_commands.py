@@ -236,28 +236,15 @@ def test_an_exported_recording_replays_from_csv(palpate, recording, tmp_path):
 
 
 @pytest.mark.slow
-def test_compare_runs_every_pair_and_draws_them(palpate, point_pipeline, tmp_path):
-    pytest.importorskip("matplotlib", reason="pictures need matplotlib")
-    short = ("--set", "trajectory.press.duration=1 s", "--set", 'estimator.soft={type = "ekf", force_std = "0.1 N"}')
-    done = palpate("compare", point_pipeline, *short, "--reference", "dr/ekf", "--out", "out")
-    assert done.returncode == 0, done.stderr
-    for text in ("dr/ekf", "dr/soft", "against dr/ekf", "picture: out"):
-        assert text in done.stdout
-    assert (tmp_path / "out" / "compare.png").read_bytes()[:4] == b"\x89PNG"
-    refused = palpate("compare", point_pipeline, "--reference", "none/ekf")
-    assert refused.returncode == 2
-    assert "there is no track 'none/ekf' (there are: dr/ekf, dr/kinematic)" in refused.stderr
-
-
-@pytest.mark.slow
-def test_compare_on_a_log_by_the_names_of_models(palpate, shared):
+def test_a_choice_on_a_log_of_others_by_the_names_of_models(palpate, shared):
     log = shared / "rosbag2" / "ur3e_load_unload_soft_1.db3.gz"
-    done = palpate("compare", log, "--models", "dimensionality-reduction", "--estimators", "ekf", "--out", "out")
+    done = palpate("fit", "choose", log, "--models", "dr,kelvin-voigt", "--set", "indenter.tip.radius=3 mm")
     assert done.returncode == 0, done.stderr
-    assert "dimensionality-reduction" in done.stdout
-    refused = palpate("compare", log, "--estimators", "ekff")
+    assert "kelvin-voigt" in done.stdout
+    assert "check: " in done.stderr  # what is a guess
+    refused = palpate("fit", "choose", log, "--models", "dr,kelvin-voight")
     assert refused.returncode == 2
-    assert "there is no estimator 'ekff'; did you mean 'ekf'?" in refused.stderr
+    assert "did you mean 'kelvin-voigt'?" in refused.stderr
 
 
 def flip_in(path, text):

@@ -301,17 +301,6 @@ def test_a_force_that_counts_the_other_way_is_asked_for(palpate, tmp_path):
 
 
 @pytest.mark.slow
-def test_compare_takes_the_roles_as_info_does(palpate, tmp_path):
-    time, height, _, force = press(4.0)
-    written(tmp_path / "log.csv", [time, force, 0.5 * force, height], ["time_s", "a_N", "b_N", "z_m"])
-    done = palpate("compare", "log.csv", "--force", "b_N", "--estimators", "ekf", "--out", "out")
-    assert done.returncode == 0, done.stderr
-    assert "b_N" in (tmp_path / "out" / "given.toml").read_text()
-    refused = palpate("compare", "out/pipeline.toml", "--force", "b_N")
-    assert (refused.returncode, "--force is for logs" in refused.stderr) == (2, True)
-
-
-@pytest.mark.slow
 def test_what_nobody_has_stated_is_flagged_until_somebody_does(palpate, tmp_path):
     time, height, _, force = press(4.0)
     written(tmp_path / "log.csv", [time, force, height], ["time_s", "force_N", "z_m"])
@@ -323,18 +312,15 @@ def test_what_nobody_has_stated_is_flagged_until_somebody_does(palpate, tmp_path
         (track,) = json.loads((folder / "result.json").read_text())["tracks"].values()
         return " ".join(one["message"] for one in track["conditions"] if one.get("code") == "assumed"), track["verdict"]
 
-    told, verdict = said("compare", "log.csv")
+    assert palpate("info", "log.csv", "--suggest", "-o", "own.toml").returncode == 0
+    told, verdict = said("run", "own.toml")
     for text in ("indenter.tip.radius = 5 mm", "model.dr.poisson = 0.5", "alignment.tip_mass"):
         assert text in told
     assert verdict != "good"
-    assert palpate("info", "log.csv", "--suggest", "-o", "own.toml").returncode == 0
-    assert said("run", "own.toml") == (told, verdict)
     stated, _ = said("run", "own.toml", "--set", "indenter.tip.radius=5 mm", "--set", "alignment.tip_mass=0.1 kg")
     assert "radius" not in stated
     assert "tip_mass" not in stated
     assert "indenter.tip.type" in stated
-    other, _ = said("compare", "log.csv", "--models", "kelvin-voigt")
-    assert "model.kelvin-voigt.poisson = 0.5" in other
     text = (tmp_path / "own.toml").read_text()
     (tmp_path / "own.toml").write_text(re.sub(r"(?m)^assumed = .*$", 'assumed = ["indenter.tp.radius"]', text))
     assert said("run", "own.toml")[0] == "indenter.tp.radius = ? (there is no such setting)"

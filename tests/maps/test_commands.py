@@ -1,4 +1,4 @@
-"""`palpate plan`, `map`, `lumps`, `search`, `resume`, `compare`: from a pipeline to a picture and a list of lumps."""
+"""`palpate check motion`, `map` and its subcommands, `run resume`: from a pipeline to a picture and a list of lumps."""
 
 import csv
 import json
@@ -156,10 +156,10 @@ def test_an_interrupted_raster_resumes_at_the_last_whole_line(root, raster_run, 
     rows = (cut / "estimates.csv").read_text().splitlines(keepends=True)
     last = next(i for i, row in enumerate(rows[1:], 1) if float(row.split(",")[0]) > 12.0)
     (cut / "estimates.csv").write_text("".join(rows[:last]) + rows[last][:20])
-    done = palpate("resume", cut)
+    done = palpate("run", "resume", cut)
     assert done.returncode == 0, done.stderr
     assert "first_line = 1" in (cut / "part-2" / "pipeline.toml").read_text()
-    assert "nothing is left" in palpate("resume", cut).stdout
+    assert "nothing is left" in palpate("run", "resume", cut).stdout
     whole, pieces = (make_map(sites_along(read_path(run)), 2e-3, "average") for run in (raster_run, cut))
     both = whole.covered[:-1, :-1] & pieces.covered[: whole.covered.shape[0] - 1, : whole.covered.shape[1] - 1]
     assert both.mean() > 0.9
@@ -185,7 +185,7 @@ def test_ctrl_c_leaves_a_raster_that_resumes(root, tmp_path):
 
 @pytest.mark.slow
 def test_a_killed_raster_resumes_and_gives_the_map_of_an_uninterrupted_one(palpate, root, tmp_path):
-    """Killed without warning in its second line; the rest is done by `palpate resume`."""
+    """Killed without warning in its second line; the rest is done by `palpate run resume`."""
     small = [
         'trajectory.raster.size=["16 mm", "10 mm"]',
         "trajectory.raster.settle=1 s",
@@ -205,7 +205,7 @@ def test_a_killed_raster_resumes_and_gives_the_map_of_an_uninterrupted_one(palpa
     assert not (out / "result.json").exists()
     resolved = out / "pipeline.toml"
     resolved.write_text(resolved.read_text().replace('pace = "real-time"', 'pace = "fast"'))
-    done = palpate("resume", out)
+    done = palpate("run", "resume", out)
     assert done.returncode == 0, done.stderr
     (rest,) = load_pipeline(out / "part-2" / "pipeline.toml").trajectories.values()
     assert rest.first_line in (1, 2)  # 2 where the machine was slow to kill it
@@ -229,14 +229,14 @@ def test_a_motion_that_can_only_be_done_as_one_does_not_resume(palpate, sweep_ru
     shutil.copytree(sweep_run, cut)
     rows = (cut / "estimates.csv").read_text().splitlines(keepends=True)
     (cut / "estimates.csv").write_text("".join(rows[:1000]))
-    done = palpate("resume", cut)
+    done = palpate("run", "resume", cut)
     assert done.returncode == 2
     assert "cannot be continued" in done.stderr
 
 
 @pytest.mark.slow
 def test_a_plan_is_drawn_before_anything_moves(palpate, root, tmp_path):
-    done = palpate("plan", root / "pipelines" / "raster.toml", "--out", tmp_path / "plan.png")
+    done = palpate("check", "motion", root / "pipelines" / "raster.toml", "--out", tmp_path / "plan.png")
     assert done.returncode == 0, done.stderr
     for text in ("duration", "speed", "acceleration", "force         up to", "senses forces"):
         assert text in done.stdout
@@ -252,9 +252,8 @@ def test_a_plan_is_drawn_before_anything_moves(palpate, root, tmp_path):
         ("trajectory.raster.speed=60 mm/s", "periods"),
     ],
 )
-@pytest.mark.parametrize("command", ["plan"])
-def test_an_impossible_motion_is_refused_by_name(palpate, root, command, assignment, word):
-    done = palpate(command, root / "pipelines" / "raster.toml", "--set", assignment)
+def test_an_impossible_motion_is_refused_by_name(palpate, root, assignment, word):
+    done = palpate("check", "motion", root / "pipelines" / "raster.toml", "--set", assignment)
     assert done.returncode == 2
     assert word in done.stderr
     assert "Traceback" not in done.stderr
@@ -270,13 +269,13 @@ SAFETY = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["plan", "run"])
+@pytest.mark.parametrize("command", ["check motion", "run"])
 def test_a_motion_outside_of_the_workspace_is_refused_by_name(palpate, root, tmp_path, command):
     file = root / "pipelines" / "raster.toml"
-    kept = palpate("plan", file, *options(SAFETY), "--out", tmp_path / "plan.png")
+    kept = palpate("check", "motion", file, *options(SAFETY), "--out", tmp_path / "plan.png")
     assert kept.returncode == 0, kept.stderr
     assert "every limit of [safety] is kept" in kept.stdout
-    done = palpate(command, file, *options([*SAFETY, 'safety.high=["20 mm", "50 mm", "20 mm"]']))
+    done = palpate(*command.split(), file, *options([*SAFETY, 'safety.high=["20 mm", "50 mm", "20 mm"]']))
     assert done.returncode == 2
     assert "x goes to 30.00 mm, above the limit of 20.00 mm" in done.stderr
     assert "Traceback" not in done.stderr
@@ -371,7 +370,7 @@ def test_a_map_of_an_offline_track_wants_all_parts(palpate, raster_run, tmp_path
 
 
 def test_a_folder_that_is_no_run_is_refused(palpate, tmp_path):
-    for command in ("map lumps", "map search", "resume"):
+    for command in ("map lumps", "map search", "run resume"):
         done = palpate(*command.split(), tmp_path)
         assert done.returncode == 2, command
         assert "not a run folder" in done.stderr
@@ -485,8 +484,11 @@ def test_curves_of_filters_are_compared_with_points(palpate, root, tmp_path):
     text = (root / "pipelines" / "points.toml").read_text().replace('duration = "4 s"', 'duration = "2 s"')
     points.write_text(text.replace('size = ["70 mm", "0 mm"]', 'size = ["20 mm", "0 mm"]\ncentre = ["0 mm", "-14 mm"]'))
     line = ('trajectory.sweep.start=["0 mm", "-30 mm"]', 'trajectory.sweep.end=["0 mm", "0 mm"]')
-    arguments = ["compare", root / "pipelines" / "sweep.toml", "--estimators", "kinematic,ekf", "--points", points]
-    done = palpate(*arguments, "--out", tmp_path / "out", *options([*line, "trajectory.sweep.settle=2 s"]))
+    few = options([*line, "trajectory.sweep.settle=2 s", 'run.tracks=["*/kinematic", "*/ekf"]'])
+    done = palpate("run", root / "pipelines" / "sweep.toml", "--out", tmp_path / "out", *few)
+    assert done.returncode == 0, done.stderr
+    picture = tmp_path / "out" / "sweep.png"
+    done = palpate("map", "curves", tmp_path / "out", "--points", points, "--out", picture)
     assert done.returncode == 0, done.stderr
     table = {
         row.split("│")[1].strip(): row.split("│")
@@ -495,7 +497,7 @@ def test_curves_of_filters_are_compared_with_points(palpate, root, tmp_path):
     }
     assert float(table["dr/kinematic"][2].split()[0]) == pytest.approx(-14.0, abs=1.0)
     assert float(table["dr/kinematic"][3]) < 2.0 < 5.0 < float(table["dr/ekf"][3])
-    assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    assert picture.read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "out" / "points" / "result.json").is_file()
 
 
@@ -511,13 +513,6 @@ def test_settings_are_compared_along_a_sweep(palpate, root, tmp_path):
     for label in ("theta 1 mm/s", "theta 2 mm/s"):
         assert label in done.stdout
     assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.slow
-def test_points_of_what_is_no_sweep_are_refused(palpate, root, raster_run, tmp_path):
-    done = palpate("compare", root / "pipelines" / "filters.toml", "--estimators", "ekf", "--points", raster_run)
-    assert done.returncode == 2
-    assert "no sweep along a line" in done.stderr
 
 
 def test_too_few_baseline_sites_are_refused(palpate, sweep_run, tmp_path):

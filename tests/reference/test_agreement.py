@@ -127,7 +127,7 @@ def test_precision_is_that_of_a_simulation_and_of_anova():
 def test_the_paper_against_its_dynamometer(palpate, tmp_path):
     """From its published numbers: only the sphere of 2 mm reads less; no tip agrees within the stated scatter."""
     (tmp_path / "paper.csv").write_text(PAPER)
-    done = palpate("agree", "paper.csv", "-o", "out")
+    done = palpate("material", "agree", "paper.csv", "-o", "out")
     assert done.returncode == 0, done.stderr
     found = json.loads((tmp_path / "out" / "agreement.json").read_text())
     errors = {(p["specimen"], p["factors"]["tip"]): p["difference"] / p["reference"] for p in found["pairs"]}
@@ -149,10 +149,10 @@ def test_a_table_with_decimal_commas(palpate, tmp_path):
     """As a spreadsheet of another country writes it, with a comment above."""
     text = "# by Anna\n" + PAPER.replace(",", ";").replace(".", ",")
     (tmp_path / "paper.csv").write_text(text, encoding="utf-16")
-    found = json.loads(palpate("agree", "paper.csv", "--json", "-o", "out").stdout)
+    found = json.loads(palpate("material", "agree", "paper.csv", "--json", "-o", "out").stdout)
     assert found["pairs"][0]["value"] == pytest.approx(302.3e3)
     (tmp_path / "paper.csv").write_text(text.replace("302,3", "high"), encoding="utf-16")
-    assert "paper.csv:3, column 'value': 'high' is not a number" in palpate("agree", "paper.csv").stderr
+    assert "paper.csv:3, column 'value': 'high' is not a number" in palpate("material", "agree", "paper.csv").stderr
 
 
 def many(count=8):
@@ -168,7 +168,7 @@ def many(count=8):
 @pytest.mark.slow
 def test_many_specimens(palpate, tmp_path):
     (tmp_path / "many.csv").write_text(many())
-    found = json.loads(palpate("agree", "many.csv", "-o", "out", "--json").stdout)
+    found = json.loads(palpate("material", "agree", "many.csv", "-o", "out", "--json").stdout)
     assert found["deming"]["slope"]["low"] < 1.02 < found["deming"]["slope"]["high"]
     assert found["precision"]["repeats"]["repeatability"] == pytest.approx(1e3, rel=0.5)
     assert found["precision"]["operator"]["groups"] == 2
@@ -189,7 +189,7 @@ def test_many_specimens(palpate, tmp_path):
 )
 def test_mistakes_in_a_table(palpate, tmp_path, text, said):
     (tmp_path / "paper.csv").write_text(text)
-    done = palpate("agree", "paper.csv")
+    done = palpate("material", "agree", "paper.csv")
     assert done.returncode == 2
     assert said in done.stderr
 
@@ -228,13 +228,13 @@ SWEEP = "f [Hz],G' [kPa],G'' [kPa],shear strain [%]\n0.2,37.5,0.455,1\n20,37.5,4
 def test_a_run_against_a_value_and_a_table(measured, palpate, tmp_path):
     """G'' = 2 pi f eta: 4.55 kPa at 2 Hz; the strain of the rheometer is another, which is said, in the report, too."""
     run = shutil.copytree(measured / "run", tmp_path / "run")
-    done = palpate("agree", "run", "--reference", "112.5 kPa", "--uncertainty", "1.5 kPa", "-o", "a")
+    done = palpate("material", "agree", "run", "--reference", "112.5 kPa", "--uncertainty", "1.5 kPa", "-o", "a")
     assert done.returncode == 0, done.stderr
     assert "frequency and speed of the reference are not stated" in " ".join(done.stdout.split())
     (tmp_path / "sweep.csv").write_text(SWEEP)
     for quantity, unit in (("elasticity", 112.5e3), ("viscosity", 362.0)):
         words = ("--reference", "sweep.csv", "--uncertainty", "2 %", "--quantity", quantity)
-        found = json.loads(palpate("agree", "run", *words, "--json", "-o", quantity).stdout)
+        found = json.loads(palpate("material", "agree", "run", *words, "--json", "-o", quantity).stdout)
         (pair,) = found["pairs"]
         assert pair["reference"] == pytest.approx(unit, rel=2e-3)
         assert abs(pair["e_n"]) < 1
@@ -263,7 +263,7 @@ def test_a_run_against_a_dynamometer(measured, palpate, tmp_path, head, factor, 
     run = shutil.copytree(measured / "run", tmp_path / "run")
     (tmp_path / "press.csv").write_text(PRESS.replace("strain [%],stress [kPa]", head))
     words = ("--reference", "press.csv", "--uncertainty", "1 %", "--speed", "25 mm/s")
-    done = palpate("agree", run, *words, "--json", "-o", "a")
+    done = palpate("material", "agree", run, *words, "--json", "-o", "a")
     assert done.returncode == 0, done.stderr
     (pair,) = json.loads(done.stdout)["pairs"]
     assert pair["reference"] == pytest.approx(factor * 112.5e3, rel=2e-3)
@@ -311,6 +311,6 @@ def test_mistakes_with_a_run(measured, palpate, tmp_path, words, said):
     }
     for name, text in tables.items():
         (tmp_path / f"{name}.csv").write_text(text)
-    done = palpate("agree", measured / "run", *words)
+    done = palpate("material", "agree", measured / "run", *words)
     assert done.returncode == 2
     assert said in done.stderr

@@ -198,7 +198,7 @@ def test_any_table_with_names_and_units(tmp_path, text, kind, shear, x, y):
 
 
 def test_uncertainties_of_the_table_itself(tmp_path):
-    """As in what `palpate spectrum` and `palpate spectrum relaxation` write."""
+    """As in what `palpate fit spectrum` and `palpate fit relaxation` write."""
     text = "frequency_Hz,G_storage_Pa,G_storage_std_Pa,G_loss_Pa,G_loss_std_Pa,E_storage_Pa\n1,200,3,30,2,600\n"
     (table,) = read_tables(written(tmp_path, text), NOTHING)
     assert table.shear
@@ -276,7 +276,13 @@ def test_a_file_that_is_no_text(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (TRIOS, ["# Frequency sweep - 2: oscillation, 2 rows of G', G''", "palpate agree RUN --reference table.csv"]),
+        (
+            TRIOS,
+            [
+                "# Frequency sweep - 2: oscillation, 2 rows of G', G''",
+                "palpate material agree RUN --reference table.csv",
+            ],
+        ),
         (CURE, ["# Stress Relaxation, interval 1: relaxation, 4 rows of G(t) over 0.2 to 1.6 s"]),
         (SWEEP.replace("Hz,Pa,Pa", "Hz,,Pa"), ['# fill in the unit of "G\'": Pa', "--unit 'G'\"'\"'=...'"]),
         (SWEEP.replace("Hz,Pa,Pa\n", ""), ["# fill in the unit of 'Frequency': Hz, rad/s", "--unit Frequency=..."]),

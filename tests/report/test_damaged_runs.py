@@ -20,10 +20,23 @@ READERS = (
     (("plot", "run", "--out", "pictures", "--format", "svg"), (*RESULT, *PIPELINE, *TABLES)),
     (("repeat", "run", "run", "--track", "dr/kinematic"), RESULT),
     (("repeat", "review", "run"), RESULT),
-    (("control", "run", "--reference", "112.5 kPa", "--uncertainty", "1.5 kPa", "--track", "dr/kinematic"), RESULT),
+    (
+        (
+            "calibrate",
+            "control",
+            "run",
+            "--reference",
+            "112.5 kPa",
+            "--uncertainty",
+            "1.5 kPa",
+            "--track",
+            "dr/kinematic",
+        ),
+        RESULT,
+    ),
 )
 OF_A_LOG = (
-    (("spectrum", "run"), (*LOG, *TABLES)),
+    (("fit", "spectrum", "run"), (*LOG, *TABLES)),
     (("fit", "indentation", "run"), (*RESULT, *LOG)),
     (("info", "run/log.mcap"), LOG),
 )

@@ -3,14 +3,15 @@
 import csv
 import gzip
 import hashlib
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from palpate import ConfigurationError, LogError
 from palpate_engine import run_pipeline
-from palpate_reproduction import item_rows
-from palpate_reproduction.item import (
+from reproduction import item_rows
+from reproduction.item import (
     HERE,
     AuthorsRecording,
     Item,
@@ -20,13 +21,13 @@ from palpate_reproduction.item import (
     load_items,
     load_recordings,
 )
-from palpate_reproduction.item_rows import Maker, Row
-from palpate_reproduction.item_table import csv_text, latex_text, tally
-from palpate_reproduction.paper_formulas import value_of
-from palpate_reproduction.record_delay import record_delay
-from palpate_reproduction.recordings import find
-from palpate_reproduction.reproduction_page import page
-from palpate_reproduction.verdict import judge
+from reproduction.item_rows import Maker, Row
+from reproduction.item_table import csv_text, latex_text, tally
+from reproduction.paper_formulas import value_of
+from reproduction.record_delay import record_delay
+from reproduction.recordings import find
+from reproduction.reproduction_page import page
+from reproduction.verdict import judge
 
 LABELS = {
     *(
@@ -277,7 +278,7 @@ track = "dr/fit"
 
 @pytest.mark.slow
 @pytest.mark.parametrize("wrong", [{}, {"elasticity": 1.1, "viscosity": 1.3}, {"elasticity": 0.9, "viscosity": 0.7}])
-def test_a_wrong_value_of_a_record_turns_outside(palpate, tmp_path, monkeypatch, wrong):
+def test_a_wrong_value_of_a_record_turns_outside(reproduce, tmp_path, monkeypatch, wrong):
     for name, text in PAPER.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -289,22 +290,57 @@ def test_a_wrong_value_of_a_record_turns_outside(palpate, tmp_path, monkeypatch,
     )
     if wrong:
         made_wrong(monkeypatch, wrong)
-    done = palpate("reproduce", "--paper", tmp_path, "--data", tmp_path, "--out", tmp_path / "out")
+    done = reproduce("--paper", tmp_path, "--data", tmp_path, "--out", tmp_path / "out")
     assert {row["verdict"] for row in verdicts(tmp_path / "out").values()} == {"outside" if wrong else "reproduced"}
     assert f"{0 if wrong else 2} distinct of 2 possible numbers reproduced" in done.stdout
     assert done.returncode == (1 if wrong else 0)
 
 
+OWN = "print('executed')\n"
+
+
+@pytest.mark.parametrize("named", ["in its pipeline", "in its item"])
+def test_plugin_files_of_a_paper_are_not_executed(reproduce, root, tmp_path, named):
+    for name in ("items", "pipelines"):
+        (tmp_path / "paper" / name).mkdir(parents=True)
+    shutil.copy(HERE / "recordings.toml", tmp_path / "paper")
+    own = tmp_path / "paper" / "pipelines" / "own.py"
+    own.write_text(OWN)
+    plugins = f'plugins = ["{own}"]'
+    text, more = (root / "pipelines" / "filters.toml").read_text(), f'set = {{"run.{plugins[:7]}" = ["{own}"]}}\n'
+    if named == "in its pipeline":
+        text, more = text.replace("[run]\n", f"[run]\n{plugins}\n", 1), ""
+    (tmp_path / "paper" / "pipelines" / "point.toml").write_text(text)
+    (tmp_path / "paper" / "items" / "one.toml").write_text(
+        'label = "one"\ntitle = "One"\n[[published]]\nrow = "E"\nquantity = "elasticity"\nunit = "kPa"\nvalue = 1.0\n'
+        f'source = "simulated"\npipeline = "point.toml"\ntrack = "dr/ekf"\n{more}'
+    )
+    done = reproduce("--paper", "paper", "--out", "out")
+    assert done.returncode == 2
+    assert f"approve it: palpate trust {own}" in done.stderr
+    assert "executed" not in done.stdout
+
+
+def test_the_paper_of_the_readme_is_one(reproduce, tmp_path):
+    text = (HERE / "README.md").read_text()
+    for folder, name in (("pipelines", "point.toml"), ("items", "01.toml")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / name).write_text(text.partition(f"# file: {name}\n")[2].partition("```")[0])
+    done = reproduce("--paper", ".", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    assert "0 distinct of 0 possible numbers reproduced\nnot among them: 1 simulated" in done.stdout
+
+
 @pytest.mark.gate
 @pytest.mark.slow
-def test_without_recordings_all_of_them_are_named_and_skipped(palpate, tmp_path):
-    done = palpate("reproduce", "visc_silic", "--out", tmp_path / "out")
+def test_without_recordings_all_of_them_are_named_and_skipped(reproduce, tmp_path):
+    done = reproduce("visc_silic", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert "0 distinct of 3 possible numbers reproduced" in done.stdout
     assert "8 whose recording is not here" in done.stdout
     assert "simulation_data_d5mm_hard.csv" in done.stdout
-    assert palpate("reproduce", "tab:visc_silic", "--strict", "--out", tmp_path / "strict").returncode == 1
-    wrong = palpate("reproduce", "visc_silc")
+    assert reproduce("tab:visc_silic", "--strict", "--out", tmp_path / "strict").returncode == 1
+    wrong = reproduce("visc_silc")
     assert wrong.returncode == 2
     assert "did you mean 'visc_silic'" in wrong.stderr
 
@@ -313,8 +349,8 @@ TABLES = ("visc_silic", "elast_table2", "el_silic2", "model-comp", "velocity_dif
 
 
 @pytest.mark.slow
-def test_the_authors_recordings_give_what_they_tell(palpate, shared, tmp_path):
-    done = palpate("reproduce", *TABLES, "--data", shared, "--out", tmp_path / "out")
+def test_the_authors_recordings_give_what_they_tell(reproduce, shared, tmp_path):
+    done = reproduce(*TABLES, "--data", shared, "--out", tmp_path / "out")
     assert done.returncode == 1, done.stdout + done.stderr  # the AFUKF's second pick, and 33 for 33.7
     made = verdicts(tmp_path / "out")
     recorded = {key for key, row in made.items() if row["recording"] and row["verdict"] != "skipped"}
@@ -339,9 +375,9 @@ def test_the_authors_recordings_give_what_they_tell(palpate, shared, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sign", [1, -1])
-def test_no_row_agrees_by_construction(palpate, shared, tmp_path, monkeypatch, sign):
+def test_no_row_agrees_by_construction(reproduce, shared, tmp_path, monkeypatch, sign):
     made_wrong(monkeypatch, {"elasticity": 1 + 0.1 * sign, "viscosity": 1 + 0.3 * sign})
-    palpate("reproduce", *TABLES, "--data", shared, "--out", tmp_path / "out")
+    reproduce(*TABLES, "--data", shared, "--out", tmp_path / "out")
     made = [row for row in verdicts(tmp_path / "out").values() if row["recording"]]
     assert not [row for row in made if row["verdict"] == "reproduced"]
     assert sum(row["verdict"] == "outside" for row in made) == 6

@@ -1,4 +1,4 @@
-"""`palpate spectrum` as a user calls it."""
+"""`palpate fit spectrum` as a user calls it."""
 
 import csv
 import json
@@ -21,7 +21,7 @@ def run(tmp_path_factory, root):
 @pytest.mark.gate
 @pytest.mark.slow
 def test_a_run_folder_becomes_a_table_a_csv_and_a_picture(palpate, run, tmp_path):
-    done = palpate("spectrum", run, "--out", tmp_path / "out")
+    done = palpate("fit", "spectrum", run, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert "One frequency cannot distinguish a delay from a loss" in done.stdout
     with (tmp_path / "out" / "spectrum.csv").open(newline="") as file:
@@ -34,7 +34,7 @@ def test_a_run_folder_becomes_a_table_a_csv_and_a_picture(palpate, run, tmp_path
 
 @pytest.mark.slow
 def test_json_holds_everything_and_two_recordings_are_one_spectrum(palpate, run, tmp_path):
-    done = palpate("spectrum", run, run, "--surface", "0.3 mm", "--json", "--out", tmp_path / "out")
+    done = palpate("fit", "spectrum", run, run, "--surface", "0.3 mm", "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert len(found["lines"]) == 2
@@ -53,7 +53,9 @@ def test_json_holds_everything_and_two_recordings_are_one_spectrum(palpate, run,
     ],
 )
 def test_mistakes_are_one_clear_message(palpate, run, tmp_path, arguments, said):
-    done = palpate("spectrum", *(text.replace("{run}", str(run)) for text in arguments), "--out", tmp_path / "out")
+    done = palpate(
+        "fit", "spectrum", *(text.replace("{run}", str(run)) for text in arguments), "--out", tmp_path / "out"
+    )
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
@@ -72,7 +74,7 @@ indenter = "tip"
 type = "casadi-fit"
 """
     (tmp_path / "log.toml").write_text(log + pipeline)
-    done = palpate("spectrum", tmp_path / "log.toml", "--out", tmp_path / "out", "--json")
+    done = palpate("fit", "spectrum", tmp_path / "log.toml", "--out", tmp_path / "out", "--json")
     assert done.returncode == 0, done.stderr
     (line,) = [one for one in json.loads(done.stdout)["lines"] if one["amplitude_m"] > 5e-4]
     assert line["frequency_Hz"] == pytest.approx(2.0, abs=0.05)

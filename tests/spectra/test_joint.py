@@ -89,7 +89,9 @@ def test_two_tips_on_the_authors_soft_silicone(palpate, authors_log, tmp_path):
     (tmp_path / "large.toml").write_text(authors_log("d10mm_soft") + tracks)
     small = authors_log("d5mm_soft", radius="2.5 mm", motion="0 ms", force="12 ms")
     (tmp_path / "small.toml").write_text(small + tracks)
-    done = palpate("spectrum", tmp_path / "large.toml", tmp_path / "small.toml", "--frequencies", "2 Hz", "--json")
+    done = palpate(
+        "fit", "spectrum", tmp_path / "large.toml", tmp_path / "small.toml", "--frequencies", "2 Hz", "--json"
+    )
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     storage = [line["E_storage_Pa"] for line in found["lines"]]

@@ -208,7 +208,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_command_on_a_run_folder(palpate, folder, tmp_path):
-    done = palpate("spectrum", "relaxation", folder / "run", "--json", "--out", tmp_path / "out")
+    done = palpate("fit", "relaxation", folder / "run", "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["held"] == "depth"
@@ -233,6 +233,7 @@ def test_the_command_on_a_run_folder(palpate, folder, tmp_path):
 )
 def test_mistakes_are_one_clear_message(palpate, folder, tmp_path, arguments, said):
     done = palpate(
+        "fit",
         "spectrum",
         "relaxation",
         *(a.replace("{run}", str(folder / "run")) for a in arguments),
@@ -247,7 +248,7 @@ def test_mistakes_are_one_clear_message(palpate, folder, tmp_path, arguments, sa
 
 @pytest.mark.slow
 def test_a_sine_has_no_hold(palpate, root, tmp_path):
-    done = palpate("spectrum", "relaxation", root / "pipelines" / "filters.toml", "--out", tmp_path / "out")
+    done = palpate("fit", "relaxation", root / "pipelines" / "filters.toml", "--out", tmp_path / "out")
     assert done.returncode == 2
     assert "nothing is held" in done.stderr
 
@@ -258,7 +259,7 @@ def test_a_slow_press_of_foam_holds_nothing(palpate, shared, tmp_path):
     settings = {"radius": "10 mm", "model": "dimensionality-reduction", "estimator": "kinematic-ekf"}
     bag = shared / "rosbag2/foam_white_1_p.db3.gz"
     path = pipeline_of(bag, tmp_path, height=2, mass='tip_mass = "140 g"', **settings)
-    done = palpate("spectrum", "relaxation", path.name, "--out", tmp_path / "out")
+    done = palpate("fit", "relaxation", path.name, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert "nothing is held" in done.stderr
 

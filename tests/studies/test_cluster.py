@@ -294,32 +294,21 @@ def test_workers_that_come_later_go_on_and_are_looked_at(own_cluster, monkeypatc
 
 
 @pytest.mark.slow
-def test_repeats_compare_and_reproduction_are_those_of_this_machine(
-    scheduler, place, palpate, point_pipeline, tmp_path
-):
+def test_repeats_are_those_of_this_machine(scheduler, place, palpate, point_pipeline, tmp_path):
     text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "6 s"')
     file = tmp_path / "own.toml"
     file.write_text(text.replace("seed = 1\n", 'seed = 1\ntracks = ["dr/ekf"]\n', 1) + "[repeat]\ncount = 2\n")
-    commands = {
-        "repeat": ("repeat", file, "--track", "dr/ekf"),
-        "compare": ("compare", file, "--estimators", "ekf"),
-        "reproduce": ("reproduce", "loadcycle"),
-    }
-    shared = ("--scheduler", scheduler)
-    for name, command in commands.items():
-        found = {}
-        ways = {"here": (), "there": shared, "staged": (*shared, "--stage", f"{place}/{name}")}
-        if name != "repeat":
-            del ways["there"]
-        for way, more in ways.items():
-            done = palpate(*command, "--json", "--out", tmp_path / f"{name}-{way}", *more)
-            assert done.returncode == 0, done.stderr
-            found[way] = _plain(json.loads(done.stdout))
-        assert all(document == found["here"] for document in found.values())
+    command, shared = ("repeat", file, "--track", "dr/ekf"), ("--scheduler", scheduler)
+    found = {}
+    for way, more in {"here": (), "there": shared, "staged": (*shared, "--stage", f"{place}/repeat")}.items():
+        done = palpate(*command, "--json", "--out", tmp_path / f"repeat-{way}", *more)
+        assert done.returncode == 0, done.stderr
+        found[way] = _plain(json.loads(done.stdout))
+    assert all(document == found["here"] for document in found.values())
     for number in ("1", "2"):
         one, other = (tmp_path / f"repeat-{way}" / number for way in ("here", "staged"))
         assert (one / "estimates.csv").read_bytes() == (other / "estimates.csv").read_bytes()
-    done = palpate(*commands["repeat"], *shared, "--stage", f"{place}/repeat", "--out", tmp_path / "again")
+    done = palpate(*command, *shared, "--stage", f"{place}/repeat", "--out", tmp_path / "again")
     assert done.returncode == 0, done.stderr
     one, other = (RunFolder(tmp_path / out / "1").result["run"]["started"] for out in ("repeat-staged", "again"))
     assert one == other

@@ -117,8 +117,6 @@ def _call(meant: CommandCall, ends: bool) -> None:
     """Call a command's function with its own arguments, read by its annotations."""
     import typer
 
-    if meant.notice:
-        print(meant.notice, file=sys.stderr)
     if meant.command is None:
         print(group_text(meant))
         return
@@ -131,6 +129,9 @@ def _call(meant: CommandCall, ends: bool) -> None:
     )
     single.command(name=meant.name, epilog=epilog(meant))(function_of(meant.command))
     command: Any = typer.main.get_command(single)
-    for parameter in command.params:
+    context = command.context_class(command, **command.context_settings)
+    for parameter in command.get_params(context):  # with --help, of which the command keeps one object
         parameter.hidden |= is_hidden(meant, parameter.opts)
+        if getattr(parameter, "is_flag", False):
+            parameter.metavar = ""  # it takes no value, and the help shows no type
     command(args=list(meant.arguments), prog_name=f"palpate {meant.name}", standalone_mode=ends)

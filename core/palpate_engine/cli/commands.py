@@ -48,7 +48,6 @@ class CommandCall:
     command: Command | None  # None for the first word of subcommands that has no command of its own
     arguments: tuple[str, ...]
     subcommands: Mapping[str, Command]
-    notice: str = ""  # of a former name
 
 
 def parse_arguments(arguments: Sequence[str]) -> Invocation:
@@ -101,9 +100,6 @@ def call_of(invocation: Invocation) -> CommandCall:
     below = registry.subcommands(first)
     if rest and rest[0] in below:
         return CommandCall(f"{first} {rest[0]}", below[rest[0]], tuple(rest[1:]), {})
-    for name, command in registry.commands.items():
-        if command.former == first and first not in registry.commands:
-            return CommandCall(name, command, tuple(rest), {}, f"palpate {first} is palpate {name} now")
     if below and rest and rest[0] not in _HELP:
         _demand_no_slip(first, rest[0], below, alone=first not in registry.commands)
     if below and first not in registry.commands:
@@ -152,7 +148,8 @@ def help_text() -> str:
         rows = {
             name.partition(" ")[0]: _line(name.partition(" ")[0], registry)
             for name, command in registry.commands.items()
-            if (command.panel if command.panel in PANELS else _OTHER) == panel
+            if not command.hidden
+            and (command.panel if command.panel in PANELS else _OTHER) == panel
             and (" " not in name or name.partition(" ")[0] not in registry.commands)
         }
         lines += ["", f"{title}:", *_table(rows)] if rows else []
@@ -185,7 +182,7 @@ def is_hidden(call: CommandCall, names: Sequence[str]) -> bool:
     """Whether the help of a command leaves a parameter of such names out; arguments are always shown."""
     first = call.command.first_options if call.command is not None else ()
     every = any(word in _HELP and following == "all" for word, following in pairwise(call.arguments))
-    return bool(first) and not every and names[0].startswith("-") and not set(names) & set(first)
+    return bool(first) and not every and names[0].startswith("-") and not set(names) & {*first, *_HELP}
 
 
 def demand_no_former_option(call: CommandCall) -> None:

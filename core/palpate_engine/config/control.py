@@ -20,5 +20,5 @@ def control_of(run: RunSettings | None, registry: Registry) -> tuple[ControlUse 
         reader = registry.controls[min(registry.controls)]
         use: ControlUse = function_of(reader)(run.control, run.control_valid)
     except PalpateError as error:
-        return None, [Mistake(("run", "control"), f"{error}; `palpate control` makes one")]
+        return None, [Mistake(("run", "control"), f"{error}; `palpate calibrate control` makes one")]
     return use, []

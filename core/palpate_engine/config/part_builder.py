@@ -12,7 +12,7 @@ from palpate.parts import Part, Settings, nested_settings, part_kind, table_of_p
 from palpate.registry import Registry
 from pydantic import ValidationError
 
-from palpate_engine.config.migrations import KEY
+from palpate_engine.config.file_version import KEY
 from palpate_engine.config.pipeline_source import Source
 from palpate_engine.config.unit_plausibility import UNCHECKED, implausible_units
 

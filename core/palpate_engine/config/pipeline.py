@@ -58,7 +58,8 @@ class RunSettings(Settings):
     )
     calibration_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older calibration is flagged")
     control: InputFile | None = Field(
-        default=None, description="control chart of `palpate control`: the check of the rig that stands behind the run"
+        default=None,
+        description="control chart of `palpate calibrate control`: the check of the rig that stands behind the run",
     )
     control_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older check is called old")
     seed: int = Field(default=0, ge=0, description="seed of everything that is random")
@@ -173,7 +174,6 @@ class Pipeline:
     control: ControlUse | None = None
     tables: Mapping[str, Settings] = field(default_factory=dict)  # those of analyses that the file has, by name
     stated: AlignmentSettings | None = None  # the alignment as the file has it, without the calibration
-    renamed: tuple[Flag, ...] = ()  # what the file calls by a name of an older version
 
     @property
     def ports(self) -> Ports:

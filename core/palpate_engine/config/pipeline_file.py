@@ -13,7 +13,6 @@ from palpate.contact import ContactModel
 from palpate.device import Device, is_live
 from palpate.errors import suggest
 from palpate.estimation import Estimator
-from palpate.flags import Flag
 from palpate.key_mistakes import Mistake
 from palpate.registry import Registry
 from palpate.trust import PluginFile, announce, approved_files, plugin_files_at_hand
@@ -24,7 +23,7 @@ from palpate_engine.config.calibration import calibration_of
 from palpate_engine.config.control import control_of
 from palpate_engine.config.declared_uncertainties import unknown_sources
 from palpate_engine.config.dialects import choose_dialect
-from palpate_engine.config.migrations import MIGRATIONS, migrate
+from palpate_engine.config.file_version import demand_known_version
 from palpate_engine.config.mistakes import raise_mistakes
 from palpate_engine.config.part_builder import Builder, unknown_tables
 from palpate_engine.config.pipeline import Pipeline, RunSettings, Track, sphere_radii
@@ -53,7 +52,7 @@ def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = T
 def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     """The pipeline in a source; raises like `load_pipeline`."""
     tables = source.tables
-    builder, registry, run, renamed = _begun(source)
+    builder, registry, run = _begun(source)
     stated = builder.settings(AlignmentSettings, ("alignment",)) if "alignment" in tables else None
     extra = {name: builder.settings(part, (name,)) for name, part in registry.tables.items() if name in tables}
     safety = builder.settings(SafetySettings, ("safety",)) if "safety" in tables else None
@@ -101,28 +100,26 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         control=control,
         tables=extra,
         stated=stated,
-        renamed=renamed,
     )
     assumed = assumed_keys(run.assumed, pipeline, source.overridden)
     return replace(pipeline, run=run.model_copy(update={"assumed": assumed})) if run.assumed else pipeline
 
 
-def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple[Flag, ...]]:
-    """A source in the names of today, with the plugins that it asks for; its builder, and what was renamed."""
+def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None]:
+    """The builder of a source, the plugins that it asks for, and its ``[run]``."""
     tables = source.tables
     choose_dialect(source)
-    renamed = migrate(source, MIGRATIONS)
+    demand_known_version(source)
     _add_plugins_at_hand(source)
     first = Builder(source, Registry({}))
     run = first.settings(RunSettings, ("run",))
     registry = _registry(source) if run else registries.load()
-    renamed += migrate(source, registry.migrations)
     if apply_rig(source, run and run.rig, registry):
         first = Builder(source, Registry({}))
         run = first.settings(RunSettings, ("run",))
     builder = Builder(source, registry)
     builder.mistakes += first.mistakes + unknown_tables(tables, registry)
-    return builder, registry, run, renamed
+    return builder, registry, run
 
 
 def _add_plugins_at_hand(source: Source) -> None:
@@ -204,7 +201,7 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
         first.settings(RunSettings, ("run",))
         raise_mistakes(first.mistakes, source)
         registry = _registry(source)
-    migrate(source, (*MIGRATIONS, *registry.migrations))
+    demand_known_version(source)
     run = Builder(source, Registry({})).settings(RunSettings, ("run",))
     apply_rig(source, run and run.rig, registry)
     builder = Builder(source, registry)

@@ -11,6 +11,8 @@ from typing import Any
 from palpate.errors import ConfigurationError, suggest
 from palpate.input_file import Enclosure, check_input
 from palpate.key_mistakes import Location
+from palpate.offers import Template
+from palpate.registry import offers
 from palpate.trust import is_argument, is_named
 
 _BARE_QUANTITY = re.compile(r"=\s*[-+.\d]+\s*[A-Za-z]+\s*(#.*)?$")
@@ -55,8 +57,8 @@ class Source:
             return cls(path.read_text(encoding="utf-8"), path, named and is_named(path))
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-            if isinstance(error, FileNotFoundError) and (beside := [file.name for file in path.parent.glob("*.toml")]):
-                reason = f"{reason}{suggest(path.name, beside)}"
+            if isinstance(error, FileNotFoundError):
+                reason += _hint(path)
             raise ConfigurationError(f"{path}: cannot read the pipeline file: {reason}") from error
         except ValueError as error:
             raise ConfigurationError(str(error)) from error
@@ -110,22 +112,6 @@ class Source:
         for key in location:
             table = table[key]
         return table
-
-    def move(self, old: Location, new: Location) -> bool:
-        """Give a key another name or place, with its lines; False where something stands there already."""
-        table = self.table(old[:-1])
-        inner = self.tables
-        for key in new[:-1]:
-            inner = inner.setdefault(key, {})
-            if not isinstance(inner, dict):
-                return False
-        if new[-1] in inner:
-            return False
-        inner[new[-1]] = table.pop(old[-1])
-        n = len(old)
-        self._lines = {new + at[n:] if at[:n] == old else at: line for at, line in self._lines.items()}
-        self._stated = {new + at[n:] if at[:n] == old else at: by for at, by in self._stated.items()}
-        return True
 
     def where(self, location: Location) -> str:
         """``file:line`` of a location, of the nearest table around it, or the command line that set it."""
@@ -199,3 +185,12 @@ def _lines(text: str) -> dict[Location, int]:
 
 def _split(dotted: str) -> Location:
     return tuple(part.strip().strip("\"'") for part in dotted.split("."))
+
+
+def _hint(path: Path) -> str:
+    """What to type where a pipeline file is not there: the command that writes it, or the name of one beside it."""
+    if path.name.removesuffix(".toml") in offers("palpate_templates", Template):
+        name = path.name.removesuffix(".toml")
+        return f"; type palpate init {name}, which writes {name}.toml, and name that file"
+    beside = [file.name for file in path.parent.glob("*.toml")]
+    return suggest(path.name, beside) if beside else ""

@@ -12,7 +12,7 @@ import tomli_w
 from palpate.parts import Part, Settings
 from palpate.registry import Registry
 
-from palpate_engine.config.migrations import FORMAT, KEY
+from palpate_engine.config.file_version import FORMAT, KEY
 from palpate_engine.config.pipeline import Pipeline
 from palpate_engine.config.unit_plausibility import UNCHECKED, implausible_units
 

@@ -62,7 +62,7 @@ def _run(
     live = is_live(pipeline.devices)
     known, beside = facts_beside(pipeline), ThreadPoolExecutor(os.cpu_count() or 1, "tracks")
     tracks = Tracks(start_tracks(pipeline), None if live else beside)
-    started = datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
+    started = datetime.now(UTC).astimezone()  # the day on which it is made, also in simulated time
     folder = make_folder(pipeline.run.name, out, started)
     facts = known.result() | lift | rehearsal_facts(pipeline, rehearsal)
     with remove_refused_folder(folder) as begun, interruptible() as interrupt, closing_reserve(folder, live) as room:

@@ -124,7 +124,6 @@ def _run_flags(
     """Flags that concern every track."""
     motion = live.motion if live is not None else None
     health = motion.devices if motion is not None else {}
-    yield from pipeline.renamed
     yield from (Flag("device", text) for device in pipeline.devices.values() for text in device.warnings)
     if pipeline.calibration is not None:
         yield from pipeline.calibration.flags(pipeline, health)

@@ -49,7 +49,7 @@ class Excess:
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """How far, fast and sudden a tip may go: the same for a run, a calibration and a design."""
+    """How far, fast and sudden a tip may go: the same for a run and a calibration."""
 
     low: tuple[float, ...]  # (3,) [m]
     high: tuple[float, ...]  # (3,) [m]

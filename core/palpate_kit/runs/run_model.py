@@ -119,7 +119,7 @@ class TurnedToolDocument(Document):
 
 
 class ControlDocument(Document):
-    """The check of the rig that stands behind a run; `palpate control` made it."""
+    """The check of the rig that stands behind a run; `palpate calibrate control` made it."""
 
     file: str = Field(description="the control chart")
     reference: str = Field(description="what was palpated in the check")

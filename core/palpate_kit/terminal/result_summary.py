@@ -14,6 +14,12 @@ from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 from palpate_kit.terminal.table import Table as Cells
 
 _MILLINEWTON = 1e-3  # [N]
+_MEANINGS = {  # of the words of a verdict; any other one needs a fact
+    "good": "nothing speaks against the values",
+    "doubtful": "what was found can move a value beyond its ±",
+    "not determined": "the value is within twice its ± of none",
+    "invalid": "there is no number",
+}
 _ALONG = "ranges along the path of the tip; by place: palpate map {folder}"
 
 if TYPE_CHECKING:
@@ -32,9 +38,21 @@ def result_view(
 
     shown = {name: section for name, section in (sections or {}).items() if details or not section.detail}
     said = [Text(_ALONG.format(folder=result.folder))] if any(map(_swept, result.tracks.values())) else []
+    said += [] if details else map(Text, _meanings(result.tracks.values()))
     parts = [*said, *_more(result, shown), *_derived(result), *_doubts(result, details)]
-    table = _every_number(result) if details else _values(result).view()
+    table = _every_number(result) if details else _values(result).view() if result.tracks else _streams(result).view()
     return Group(table, *parts)
+
+
+def _meanings(tracks: Iterable[TrackResult]) -> Iterator[str]:
+    """What each word of a verdict in the table means, once; docs/verdict.md says it at length."""
+    words = dict.fromkeys(verdict_word(track.verdict) for track in tracks)
+    words |= dict.fromkeys(
+        value.verdict for track in tracks for value in track.parameters.values()
+        if track.usable and value.verdict is not None and has_no_number(value.verdict)
+    )  # fmt: skip
+    for word in words:
+        yield f"{word}: {_MEANINGS.get(word, 'depends on that fact, which nobody has stated')}"
 
 
 def _units(result: Result) -> dict[str, str]:
@@ -53,6 +71,20 @@ def _values(result: Result) -> Cells:
     if result.truth:
         rows.append(["truth", *(_plain(_scaled(result.truth.get(name, math.nan), units[name])) for name in units), ""])
     return Cells.of(result.run["name"], ["track", *heads, "verdict"], rows, ["track", "verdict"])
+
+
+def _streams(result: Result) -> Cells:
+    """What a run without tracks recorded."""
+    rows = [
+        [
+            name,
+            str(stream["samples"]),
+            "" if stream.get("rate") is None else f"{stream['rate']:.1f}",
+            str(stream["gaps"]),
+        ]
+        for name, stream in result.streams.items()
+    ]
+    return Cells.of(result.run["name"], ["stream", "readings", "rate\nHz", "gaps"], rows, ["stream"])
 
 
 def _doubts(result: Result, details: bool) -> list[RenderableType]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import CalibrationReader, Command, Migration, plugin
+from palpate import CalibrationReader, Command, plugin
 
 if TYPE_CHECKING:
     from palpate import FlagMeaning, Settings
@@ -28,12 +28,6 @@ def palpate_tables() -> dict[str, type[Settings]]:
     from palpate_calibration.settings import CalibrationSettings
 
     return {"calibration": CalibrationSettings}
-
-
-@plugin
-def palpate_migrations() -> tuple[Migration, ...]:
-    """Former names."""
-    return (Migration("0.2", "calibration", keys={"rest": "standstill"}),)
 
 
 @plugin

@@ -16,7 +16,7 @@ def palpate_commands() -> dict[str, Command]:
     offered = (
         ("run", "run:run", "Run a pipeline; print what was found.", "run"),
         ("replay", "replay:replay", "Estimate again from the log of a run.", "run"),
-        ("resume", "resume:resume", "Continue a run that was interrupted.", "run"),
+        ("run resume", "resume:resume", "Continue a run that was interrupted.", "run"),
         ("check", "check:check", "Show every mistake in a pipeline, without running it.", "begin"),
         ("init", "init:init", "Write a pipeline or a plugin to start from.", "begin"),
         ("doctor", "doctor:doctor", "Check robot and sensor; nothing moves.", "hardware"),
@@ -29,17 +29,18 @@ def palpate_commands() -> dict[str, Command]:
         ("twin", "twin:twin", "Serve robot and sensor of a pipeline in software.", "hardware"),
         ("list", "list_parts:list_parts", "List every part, with its plugin.", "extend"),
         ("describe", "describe:describe", "Describe a part: formula, source, every key.", "extend"),
-        ("trust", "trust:trust", "Approve a plugin file of a recording, or list what is approved.", "extend"),
     )
     schema = "Print the JSON schema of pipeline files, or of result.json."
     return {
         **{name: Command(f"palpate_commands.{target}", text, panel) for name, target, text, panel in offered},
-        "describe schema": Command("palpate_commands.schema:schema", schema, "extend", "schema"),
+        "trust": Command(
+            "palpate_commands.trust:trust", "Approve a plugin file of a recording.", "extend", hidden=True
+        ),
+        "describe schema": Command("palpate_commands.schema:schema", schema, "extend"),
         "init completion": Command(
             "palpate_commands.completion:completion",
             "Print the completion of palpate for a shell.",
             "begin",
-            "completion",
         ),
     }
 

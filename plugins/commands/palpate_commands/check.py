@@ -25,15 +25,12 @@ def check(
     tracks = ", ".join(names)
     if as_json:
         plugins = [{"name": plugin.name, "place": plugin.place} for plugin in pipeline.registry.plugins]
-        notices = [*map(str, pipeline.renamed), *pipeline.registry.notices]
         found = {"file": file, "devices": list(pipeline.devices), "tracks": names, "plugins": plugins}
-        print_json({**found, "notices": notices, "resolved": tomllib.loads(resolved_text(pipeline))})
+        print_json({**found, "notices": pipeline.registry.notices, "resolved": tomllib.loads(resolved_text(pipeline))})
     elif resolved:
         typer.echo(resolved_text(pipeline), nl=False)
     else:
         devices = ", ".join(pipeline.devices)
-        for flag in pipeline.renamed:
-            typer.echo(f"{flag}", err=True)
         for notice in pipeline.registry.notices:
             typer.echo(notice, err=True)
         typer.echo(f"{file} is in order: devices {devices}; tracks {tracks}")

@@ -28,16 +28,25 @@ from palpate_engine import (
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption
 
+from palpate_commands.list_parts import list_parts
+
 _TABLES: dict[str, type[Settings]] = {"run": RunSettings, "alignment": AlignmentSettings}
 
 
 def describe(
     part: Annotated[
-        str, typer.Argument(help="Name of a part, as in `palpate list`; or run, alignment; or a flag's code.")
-    ],
+        str | None,
+        typer.Argument(
+            metavar="[NAME]",
+            help="Name of a part, as in `palpate list`; or run, alignment; or a flag's code. [default: list all]",
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Describe a part: what it is, and every key with unit, default and meaning; or a flag: what it means."""
+    if part is None:
+        list_parts(as_json=as_json)
+        return
     registry = registries.load()
     found: list[tuple[str, str, type[Settings]]] = []
     for kind in registry.parts:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +19,7 @@ _VERSION = 'palpate = "0.2"                        # the version for which this 
 _NEXT = {
     "ur3e": "palpate rehearse {0}   # in simulated time; nothing real moves",
     "raster-ur3e": "palpate rehearse {0} --out rehearsal\npalpate map rehearsal",
-    "breast-ur3e": "palpate plan {0}   # docs/tutorials/breast.md goes on from here",
+    "breast-ur3e": "palpate check motion {0}   # docs/tutorials/breast.md goes on from here",
     "raster": "palpate run {0} --out raster\npalpate map raster",
     "calibrate": "palpate calibrate {0} --yes",
 }
@@ -28,12 +29,13 @@ _BESIDE = {"log": ("log.csv",), "breast-ur3e": ("breast.obj",)}
 
 def init(
     what: Annotated[
-        str,
+        str | None,
         typer.Argument(
             metavar="[WHAT]",
-            help="point, log, ur3e, raster, raster-ur3e, breast-ur3e or calibrate; with --plugin its name.",
+            help="point, log, ur3e, raster, raster-ur3e, breast-ur3e or calibrate; with --plugin its name. "
+            "[default: asks]",
         ),
-    ] = "point",
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="File, or folder of a plugin. [default: named after it]")
     ] = None,
@@ -45,16 +47,19 @@ def init(
 
     Kinds of plugins: tip, model, filter, device, arm, trajectory, analysis.
     """
-    if plugin is not None:
-        _plugin(plugin, what, out)
-    else:
+    if plugin is None:
         _pipeline(what, out)
+    elif what is None:
+        raise ConfigurationError(f"--plugin {plugin}: its name is missing: palpate init --plugin {plugin} NAME")
+    else:
+        _plugin(plugin, what, out)
 
 
-def _pipeline(what: str, out: Path | None) -> None:
+def _pipeline(what: str | None, out: Path | None) -> None:
     offers = registry.offers("palpate_templates", Template)
     texts = {name: offer.text() for name, offer in offers.items()}
     known = {name: text for name, text in texts.items() if _DEVICE.search(text)}  # others are parts of one
+    what = what or _answer({name: offers[name].help for name in known})
     if what not in known:
         raise ConfigurationError(f"there is no pipeline {what!r} to start from{suggest(what, known)}")
     file = out or Path(f"{what}.toml")
@@ -69,6 +74,16 @@ def _pipeline(what: str, out: Path | None) -> None:
         write_new(path, files(_PACKAGE).joinpath("templates", name).read_text(encoding="utf-8"))
     written = ", ".join(str(path) for path in (file, *beside.values()))
     typer.echo(f"written: {written}; now:\n{_NEXT.get(what, 'palpate run {0}').format(file)}")
+
+
+def _answer(texts: Mapping[str, str]) -> str:
+    """The template that a person chooses; raises ConfigurationError where there is no answer."""
+    for name, text in texts.items():
+        typer.echo(f"  {name:<12} {text}", err=True)
+    try:
+        return str(typer.prompt("which", err=True)).strip()
+    except (EOFError, typer.Abort) as error:
+        raise ConfigurationError(f"no answer; palpate init NAME writes one of {', '.join(texts)}") from error
 
 
 def _written(text: str, name: str, file: str) -> str:

@@ -3,19 +3,40 @@
 from __future__ import annotations
 
 import inspect
+from typing import Annotated
 
 import typer
-from palpate import Part
+from palpate import ConfigurationError, Part, suggest
 from palpate_engine import registry as registries
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption
 
 
-def list_parts(as_json: JsonOption = False) -> None:
-    """List every part that a pipeline can name, by kind, with the plugin it comes from."""
+def list_parts(
+    word: Annotated[
+        str | None, typer.Argument(metavar="[WORD]", help="Only parts with this word in kind, name, text or plugin.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List every part that a pipeline can name, by kind, with the plugin it comes from; with a word those that have it.
+
+    `palpate describe NAME` shows the keys of one.
+    """
     registry = registries.load()
     every = {kind: sorted(entries.items()) for kind, entries in registry.parts.items()}
-    usable = {kind: [(name, entry) for name, entry in every[kind] if entry.problem is None] for kind in every}
+    usable = {
+        kind: [
+            (name, entry)
+            for name, entry in every[kind]
+            if entry.problem is None and _has(word, kind, name, _summary(entry.part), entry.plugin.name)
+        ]
+        for kind in every
+    }
+    if word is not None:
+        usable = {kind: entries for kind, entries in usable.items() if entries}
+        if not usable:
+            names = [*every, *(name for entries in every.values() for name, _ in entries)]
+            raise ConfigurationError(f"no part has the word {word!r}{suggest(word, names)}")
     if as_json:
         print_json(
             {
@@ -32,6 +53,10 @@ def list_parts(as_json: JsonOption = False) -> None:
     problems = [entry.problem for entries in every.values() for _, entry in entries if entry.problem is not None]
     for notice in (*registry.notices, *problems):
         typer.echo(notice, err=True)
+
+
+def _has(word: str | None, *texts: str) -> bool:
+    return word is None or any(word.lower() in text.lower() for text in texts)
 
 
 def _summary(part: type[Part]) -> str:

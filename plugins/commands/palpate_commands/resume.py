@@ -1,4 +1,4 @@
-"""``palpate resume``: continue a run that was interrupted."""
+"""``palpate run resume``: continue a run that was interrupted."""
 
 from __future__ import annotations
 

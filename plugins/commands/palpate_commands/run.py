@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate_engine import Pipeline, analysis, function_of, load_pipeline, run_pipeline
+from palpate_engine import Pipeline, function_of, load_pipeline, run_pipeline
 from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, Overrides
@@ -31,7 +31,6 @@ def run(
     out: FolderOption = None,
     overrides: Overrides = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead of the table.")] = False,
-    dry: Annotated[bool, typer.Option("--dry-run", hidden=True)] = False,  # the former name of `palpate plan`
     seed: Annotated[int | None, typer.Option(help="Seed of the run; overrides that of the file.", min=0)] = None,
     report: Annotated[bool, typer.Option("--report", help="Write a report into the run folder.")] = False,
     live: Annotated[bool, typer.Option("--live", help='Show it in the browser: --set sink.live.type="live".')] = False,
@@ -50,10 +49,6 @@ def run(
     assignments = [*(overrides or []), *([f"run.seed={seed}"] if seed is not None else [])]
     assignments += ["run.report=true"] if report else []
     assignments += ['sink.live.type="live"'] if live else []
-    if dry:
-        typer.echo("palpate run --dry-run is palpate plan now", err=True)
-        analysis("plan")(file, assignments)
-        return
     with progress(f"look at {file}"):  # a log of gigabytes is passed once for what it holds
         pipeline = load_pipeline(file, assignments)
     for name, table in pipeline.tables.items():

@@ -9,7 +9,7 @@ from palpate import Command, ControlReader, FlagMeaning, ReportSection, plugin
 def palpate_commands() -> dict[str, Command]:
     """Checking a rig."""
     return {
-        "control": Command(
+        "calibrate control": Command(
             "palpate_control.control_command:control", "Check a rig against a reference of known stiffness.", "hardware"
         )
     }

@@ -19,7 +19,9 @@ from pydantic import Field
 from palpate_control.control_limits import CheckState, CheckValue, check_states
 
 _FORMAT = 1
-_HEAD = "# Control chart: checks of a rig on a reference, in SI units. `palpate control RUN` appends a check.\n"
+_HEAD = (
+    "# Control chart: checks of a rig on a reference, in SI units. `palpate calibrate control RUN` appends a check.\n"
+)
 
 
 class ChartReference(Settings):

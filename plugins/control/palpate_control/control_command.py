@@ -1,4 +1,4 @@
-"""``palpate control``: a run on a reference of known stiffness becomes a check in the rig's chart."""
+"""``palpate calibrate control``: a run on a reference of known stiffness becomes a check in the rig's chart."""
 
 from __future__ import annotations
 

@@ -109,13 +109,11 @@ _KNOWN: Mapping[tuple[str, bool], Mapping[str, Callable[[str], None]]] = {  # by
 
 @lru_cache
 def _file_keys() -> frozenset[str]:
-    """Every key of the tables of the page that takes a path, at whatever depth, and its former names."""
+    """Every key of the tables of the page that takes a path, at whatever depth."""
     known = registry.load()
     tables: list[type[Settings]] = [AlignmentSettings]
     tables += [known.find(kind, name) for kind in _PARTS for name in known.parts[kind]]
-    names = {name for settings in tables for name in _paths_of(settings)}
-    renamed = [(old, new) for migration in known.migrations for old, new in migration.keys.items()]
-    return frozenset(names | {old.split(".")[-1] for old, new in renamed if new.split(".")[-1] in names})
+    return frozenset(name for settings in tables for name in _paths_of(settings))
 
 
 def _paths_of(settings: type[Settings]) -> Iterator[str]:

@@ -8,8 +8,6 @@ import lazy_loader
 from palpate import Command, Fact, plugin
 
 if TYPE_CHECKING:
-    from palpate import Migration
-
     from palpate_devices.bota.device import BotaSensor
     from palpate_devices.mcap_replay import McapReplay
     from palpate_devices.mcap_sink import McapSink
@@ -52,21 +50,13 @@ def palpate_devices() -> dict[str, str]:
 def palpate_commands() -> dict[str, Command]:
     """What is done at a robot by hand."""
     text = "Find payload, tip and surface by leading the arm; nothing is moved."
-    return {"teach": Command("palpate_devices.teach.teach_command:teach", text, "hardware")}
+    return {"calibrate teach": Command("palpate_devices.teach.teach_command:teach", text, "hardware")}
 
 
 @plugin
 def palpate_sinks() -> dict[str, str]:
     """MCAP logs."""
     return {"mcap": "palpate_devices.mcap_sink:McapSink"}
-
-
-@plugin
-def palpate_migrations() -> tuple[Migration, ...]:
-    """Former names of keys."""
-    from palpate_devices.migrations import RENAMED
-
-    return RENAMED
 
 
 @plugin

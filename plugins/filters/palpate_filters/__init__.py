@@ -8,12 +8,11 @@ import lazy_loader
 from palpate import Command, Diagnosis, Fact, Template, plugin
 
 if TYPE_CHECKING:
-    from palpate import FlagMeaning, Migration
+    from palpate import FlagMeaning
 
     from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
     from palpate_filters.filterpy_filter import FilterpyFilter
     from palpate_filters.kinematic_filter import KinematicFilter
-    from palpate_filters.migrations import RENAMED
     from palpate_filters.process_models import InertialProcess, KinematicProcess
     from palpate_filters.smoother import KinematicSmoother
     from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
@@ -25,14 +24,12 @@ __getattr__, _, _ = lazy_loader.attach(
         "filterpy_filter": ["FilterpyFilter"],
         "kinematic_filter": ["KinematicFilter"],
         "process_models": ["InertialProcess", "KinematicProcess"],
-        "migrations": ["RENAMED"],
         "smoother": ["KinematicSmoother"],
         "ukf": ["AdaptiveFadingUkf", "UnscentedKalmanFilter"],
     },
 )
 
 __all__ = [
-    "RENAMED",
     "AdaptiveFadingEkf",
     "AdaptiveFadingUkf",
     "ExtendedKalmanFilter",
@@ -60,21 +57,12 @@ def palpate_estimators() -> dict[str, str]:
 
 
 @plugin
-def palpate_migrations() -> tuple[Migration, ...]:
-    """Former names."""
-    from palpate_filters.migrations import RENAMED
-
-    return RENAMED
-
-
-@plugin
 def palpate_commands() -> dict[str, Command]:
     """Filters for controllers."""
     return {
         "model export": Command(
             "palpate_filters.c_export.export_command:export_filter",
             "A model with its filter as C99, for a controller.",
-            former="export-filter",
         ),
     }
 

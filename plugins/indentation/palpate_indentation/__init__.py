@@ -10,7 +10,7 @@ def palpate_commands() -> dict[str, Command]:
     """Analyses of a press."""
     where = "palpate_indentation.indentation_command:indentation"
     text = "A press as a whole: E over depth, contact point, adhesion, large strain."
-    return {"fit indentation": Command(where, text, former="indentation")}
+    return {"fit indentation": Command(where, text)}
 
 
 @plugin

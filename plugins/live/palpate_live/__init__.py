@@ -21,7 +21,7 @@ def palpate_sinks() -> dict[str, type[Sink]]:
 @plugin
 def palpate_commands() -> dict[str, Command]:
     """The page of what was recorded."""
-    return {"watch": Command("palpate_live.watch_command:watch", "See a recorded run on the live page.", "share")}
+    return {"replay watch": Command("palpate_live.watch_command:watch", "See a recorded run on the live page.", "run")}
 
 
 @plugin

@@ -1,4 +1,4 @@
-"""``palpate watch``: the live page of a recorded run."""
+"""``palpate replay watch``: the live page of a recorded run."""
 
 from __future__ import annotations
 

@@ -59,9 +59,6 @@ def palpate_commands() -> dict[str, Command]:
     where = "palpate_logs.commands"
     return {
         "info": Command(f"{where}.info:info", "Show what a log contains, and suggest a pipeline for it.", "logs"),
-        "log export": Command(f"{where}.export:export", "A log as CSV, NPZ, MAT or Parquet.", "logs", "export"),
-        "record": Command(f"{where}.record:record", "Record the streams of a pipeline, without estimates.", "logs"),
-        "log recover": Command(
-            f"{where}.recover:recover", "The undamaged part of a log as a new log.", "logs", "recover"
-        ),
+        "log export": Command(f"{where}.export:export", "A log as CSV, NPZ, MAT or Parquet.", "logs"),
+        "log recover": Command(f"{where}.recover:recover", "The undamaged part of a log as a new log.", "logs"),
     }

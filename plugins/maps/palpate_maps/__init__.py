@@ -9,16 +9,10 @@ def palpate_commands() -> dict[str, Command]:
     where = "palpate_maps.commands"
     return {
         "map": Command(f"{where}.map_command:map_run", "Map the stiffness of a run, with its uncertainty."),
-        "map curves": Command(
-            f"{where}.curves_command:curves", "Draw runs along a line side by side.", former="curves"
-        ),
-        "map lumps": Command(f"{where}.lumps_command:lumps", "Find the lumps in a run, with p-values.", former="lumps"),
-        "map compare": Command(
-            f"{where}.lumps_command:compare", "Test a suspect site against others.", former="compare-sites"
-        ),
-        "map search": Command(
-            f"{where}.search_command:search", "Propose where to palpate next, or go there.", former="search"
-        ),
+        "map curves": Command(f"{where}.curves_command:curves", "Draw runs along a line side by side."),
+        "map lumps": Command(f"{where}.lumps_command:lumps", "Find the lumps in a run, with p-values."),
+        "map compare": Command(f"{where}.lumps_command:compare", "Test a suspect site against others."),
+        "map search": Command(f"{where}.search_command:search", "Propose where to palpate next, or go there."),
     }
 
 

@@ -176,15 +176,11 @@ def palpate_models() -> dict[str, str]:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Forces without a palpation."""
+    """What a specimen's size does."""
     return {
-        "model force": Command(
-            "palpate_models.force_command:force", "Force of a model and a tip over a ramp or a sine.", former="force"
-        ),
         "model thickness": Command(
             "palpate_models.thickness_command:thickness",
             "Factor of a specimen's size, as a table.",
-            former="thickness",
         ),
     }
 

@@ -11,7 +11,7 @@ from palpate_models.thickness import Layer, Thickness, corrected_contact
 USUAL_HEIGHT = 22e-3  # [m] of a specimen of which no thickness is declared: the paper's
 _RANGE = 0.1  # of the height, to which the corrections are derived
 # Finite elements on a base without friction are softer than Dimitriadis' law by this much X = a/h: 1.5, 2.8, 4.3 and
-# 7 % at X = 0.1, 0.2, 0.3 and 0.5 (docs/models.md).
+# 7 % at X = 0.1, 0.2, 0.3 and 0.5 (benchmarks/results/models.md).
 _SLIDING_BASE = 0.14
 
 

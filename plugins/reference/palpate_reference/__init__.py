@@ -21,7 +21,7 @@ def palpate_commands() -> dict[str, Command]:
         "material card": Command(
             "palpate_reference.cards.card_command:card", "A law for Abaqus, ANSYS, FEBio, COMSOL.", "share"
         ),
-        "agree": Command(
+        "material agree": Command(
             "palpate_reference.agreement.agree_command:agree", "Compare runs with a reference instrument.", "compare"
         ),
     }

@@ -39,7 +39,9 @@ _POISSON_STD = 0.02 / math.sqrt(3)  # as runs take it: known within 0.02 below i
 def fit_material(
     sources: Annotated[
         list[Path],
-        typer.Argument(metavar="SOURCE...", help="Tables, also those of `palpate spectrum`; run folders of a sine."),
+        typer.Argument(
+            metavar="SOURCE...", help="Tables, also those of `palpate fit spectrum`; run folders of a sine."
+        ),
     ],
     laws: Annotated[list[str] | None, typer.Option("--law", help="Law; can be repeated. [default: all]")] = None,
     scale: Annotated[
@@ -63,7 +65,7 @@ def fit_material(
     """Fit laws of linear or hyperelastic materials to tables of one material together, and choose among them.
 
     The linear laws and their parameters are those of the contact models of the same names. A run of a sine is G' and
-    G'' at its frequency; `palpate spectrum` writes tables of many. With --reference-temperature sweeps at several
+    G'' at its frequency; `palpate fit spectrum` writes tables of many. With --reference-temperature sweeps at several
     temperatures are shifted first, as by `palpate material master`; runs are taken as at that temperature. Stress over
     strain is nominal, of an incompressible solid. Writes material.json and fit.png.
     """

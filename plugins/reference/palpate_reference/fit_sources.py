@@ -40,7 +40,7 @@ def _line_of_run(path: Path, poisson: float) -> MaterialTable:
     if frequency is None:
         raise ConfigurationError(
             f"{path}: its motion is not one sine, so that E and eta belong to no frequency; give the spectrum.csv or "
-            "modulus.csv that `palpate spectrum` makes of it"
+            "modulus.csv that `palpate fit spectrum` makes of it"
         )
     turn = 2.0 * math.pi * frequency
     y = np.array([[elastic.value, turn * 2.0 * (1.0 + poisson) * viscous.value]])

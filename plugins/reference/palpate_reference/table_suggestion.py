@@ -59,7 +59,7 @@ def _commands(source: str, tables: Sequence[MaterialTable]) -> list[str]:
         f"palpate material fit {source} --scale '2 %'" + (" --loading ..." if kinds == {"stress-strain"} else "")
     )
     if not kinds or kinds & {"oscillation", "stress-strain"}:
-        commands.append(f"palpate agree RUN --reference {source} --uncertainty '2 %'")
+        commands.append(f"palpate material agree RUN --reference {source} --uncertainty '2 %'")
     return commands
 
 

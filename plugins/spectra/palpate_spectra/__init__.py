@@ -9,11 +9,13 @@ from palpate import Command, FlagMeaning, plugin
 def palpate_commands() -> dict[str, Command]:
     """Their commands."""
     return {
-        "spectrum": Command("palpate_spectra.spectrum_command:spectrum", "Storage and loss modulus over frequency."),
-        "spectrum relaxation": Command(
+        "fit spectrum": Command(
+            "palpate_spectra.spectrum_command:spectrum", "Storage and loss modulus over frequency.", "run"
+        ),
+        "fit relaxation": Command(
             "palpate_spectra.transient.relaxation_command:relaxation",
             "Relaxation modulus or creep compliance.",
-            former="relaxation",
+            "run",
         ),
     }
 

@@ -1,4 +1,4 @@
-"""``palpate spectrum``: storage and loss modulus over frequency, from one or many recordings of one specimen."""
+"""``palpate fit spectrum``: storage and loss modulus over frequency, from one or many recordings of one specimen."""
 
 from __future__ import annotations
 

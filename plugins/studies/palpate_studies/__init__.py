@@ -1,4 +1,4 @@
-"""Studies over many runs: sweeps of settings, comparisons, repeatability, and the design of a palpation."""
+"""Studies over many runs: sweeps of settings, and repeatability."""
 
 from __future__ import annotations
 
@@ -14,9 +14,6 @@ if TYPE_CHECKING:
 def palpate_commands() -> dict[str, Command]:
     """Studies."""
     return {
-        "compare": Command(
-            "palpate_studies.compare_command:compare", "Run every model with every estimator on one log.", "compare"
-        ),
         "sweep": Command(
             "palpate_studies.sweep.sweep_command:sweep", "Run every combination of settings, on all cores.", "compare"
         ),
@@ -25,29 +22,20 @@ def palpate_commands() -> dict[str, Command]:
             "Summarise many runs, and test groups against each other.",
             "compare",
         ),
-        "repeat review": Command(
-            "palpate_studies.review_command:review", "Rate runs, and mark those to leave out.", former="review"
-        ),
+        "repeat review": Command("palpate_studies.review_command:review", "Rate runs, and mark those to leave out."),
         "pack": Command(
             "palpate_studies.archive.pack_command:pack", "A folder of fits as one file that others can check.", "share"
         ),
         "verify": Command(
             "palpate_studies.archive.verify_command:verify", "Make a packed study again, and compare.", "share"
         ),
-        "plan design": Command(
-            "palpate_studies.design.design_command:design",
-            "Bounds of a palpation, and its best settings.",
-            "hardware",
-            "design",
-        ),
     }
 
 
 @plugin
 def palpate_tables() -> dict[str, type[Settings]]:
-    """Settings of a sweep, of a design, and of repeats."""
-    from palpate_studies.design.settings import DesignSettings
+    """Settings of a sweep, and of repeats."""
     from palpate_studies.repeated_runs import RepeatSettings
     from palpate_studies.sweep.settings import SweepSettings
 
-    return {"sweep": SweepSettings, "design": DesignSettings, "repeat": RepeatSettings}
+    return {"sweep": SweepSettings, "repeat": RepeatSettings}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import lazy_loader
-from palpate import Command, Migration, plugin
+from palpate import Command, plugin
 
 if TYPE_CHECKING:
     from palpate_trajectories.excitation import Chirp, MultiSine
@@ -83,19 +83,10 @@ def palpate_trajectories() -> dict[str, str]:
 
 
 @plugin
-def palpate_migrations() -> tuple[Migration, ...]:
-    """Former names."""
-    still = ("point", "load-unload", "compression", "multi-sine", "chirp", "shake")
-    pressed = ("line-sweep", "raster", "grid-points")
-    names = dict.fromkeys(still, ("rest", "standstill")) | dict.fromkeys(pressed, ("press.rest", "press.standstill"))
-    return tuple(Migration("0.2", "trajectory", kind, keys={old: new}) for kind, (old, new) in names.items())
-
-
-@plugin
 def palpate_commands() -> dict[str, Command]:
     """Motions looked at before they are made."""
     return {
-        "plan": Command(
-            "palpate_trajectories.plan.plan_command:plan", "Preview a motion before running it.", "hardware"
+        "check motion": Command(
+            "palpate_trajectories.plan.plan_command:plan", "Preview a motion before running it.", "begin"
         )
     }

@@ -57,12 +57,8 @@ def palpate_commands() -> dict[str, Command]:
     """What the uncertainty of a run is made of, and the choice of a model."""
     where = "palpate_uncertainty"
     return {
-        "report budget": Command(
-            f"{where}.budget_command:budget", "The uncertainty budget of a run's values.", former="budget"
-        ),
-        "fit choose": Command(
-            f"{where}.choose_command:choose", "Which of several models the data support.", former="choose"
-        ),
+        "report budget": Command(f"{where}.budget_command:budget", "The uncertainty budget of a run's values."),
+        "fit choose": Command(f"{where}.choose_command:choose", "Which of several models the data support."),
     }
 
 

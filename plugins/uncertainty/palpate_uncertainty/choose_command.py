@@ -10,15 +10,16 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from palpate import ConfigurationError, Floats, LogError, Problem, Samples, suggest
+from palpate import ConfigurationError, Floats, LogError, Problem, Samples, printable, suggest
 from palpate_engine import Pipeline, Source, TrackResult, build_pipeline, display_unit, is_live, registry
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
+from palpate_kit.logs.draft_pipeline import pipeline_of, suggestion_of
 from palpate_kit.runs.replay_source import added_table, read_run_log, replay_source
 from palpate_kit.runs.sample_observer import SampleObserver
 from palpate_kit.terminal.json_output import print_json
-from palpate_kit.terminal.options import FormatOption, JsonOption, WhereOption
+from palpate_kit.terminal.options import FormatOption, JsonOption, Overrides, WhereOption
 from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
@@ -32,13 +33,14 @@ _FIT = "casadi-fit"
 def choose(
     runs: Annotated[
         list[Path],
-        typer.Argument(metavar="RUN...", help="Run folders, logs of runs, pipeline files, or a folder of fits."),
+        typer.Argument(metavar="LOG...", help="Logs, run folders, pipeline files, or a folder of fits."),
     ],
     models: Annotated[
         str | None,
         typer.Option(help="Names or types of models, separated by commas. [default: all of the pipeline]"),
     ] = None,
     where: WhereOption = None,
+    overrides: Overrides = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:
@@ -48,7 +50,7 @@ def choose(
     is left is the channel's noise.
     """
     wanted = [name.strip() for name in models.split(",") if name.strip()] if models else []
-    found = [candidate for run in runs for candidate in _of_source(run, wanted, where)]
+    found = [candidate for run in runs for candidate in _of_source(run, wanted, where, overrides or [])]
     standings = rank_models(found)
     said = sentence(standings, len({one.record for one in found}))
     if as_json:
@@ -62,12 +64,12 @@ def choose(
             console().print(text, style="yellow", markup=False, highlight=False)
 
 
-def _of_source(path: Path, wanted: Sequence[str], where: str | None) -> Iterator[Candidate]:
+def _of_source(path: Path, wanted: Sequence[str], where: str | None, overrides: Sequence[str]) -> Iterator[Candidate]:
     """Every model on a record, or on each curve of a folder of fits that no review has rejected; raises UserError."""
     if not is_fit_folder(path):
         if where is not None:
             raise ConfigurationError(f"--where: {path} is no folder of fits of many curves")
-        yield from candidates(path, _source(path, wanted))
+        yield from candidates(path, _source(path, wanted, overrides))
         return
     folder = FitFolder(path)
     chosen = {row.curve for row in curve_filter(where, folder).choose(folder.rows) if row.rejected is None}
@@ -80,7 +82,7 @@ def _of_source(path: Path, wanted: Sequence[str], where: str | None) -> Iterator
         dialect, settings = folder.dialect_of(curve.name), path / SETTINGS
         source = Source(folder.settings_text(dialect), settings)
         device = folder.reader(dialect).device
-        for assignment in (f"device.{device}.file={json.dumps(curve.file)}", *curve.own):
+        for assignment in (f"device.{device}.file={json.dumps(curve.file)}", *curve.own, *overrides):
             source.override(assignment)
         yield from candidates(Path(curve.name), with_candidates(source, settings, wanted))
 
@@ -124,15 +126,28 @@ def _candidate(record: str, model: str, found: TrackResult, blocks: Floats) -> C
     )  # fmt: skip
 
 
-def _source(path: Path, wanted: Sequence[str]) -> Source:
-    """The pipeline of a record with one fit of every candidate."""
-    source = Source.read(path) if path.suffix == ".toml" else None
-    if source is None:
-        carried = read_run_log(path)
-        if carried is None:
-            raise LogError(f"{path}: carries no pipeline; give a pipeline file that reads it")
+def _source(path: Path, wanted: Sequence[str], overrides: Sequence[str]) -> Source:
+    """The pipeline of a record, by its file, its log, or a suggestion, with one fit of every candidate."""
+    if path.suffix == ".toml":
+        source = Source.read(path)
+    elif (carried := read_run_log(path)) is not None:
         source = replay_source(carried)
+    else:
+        source = _suggested(path)
+    for assignment in overrides:
+        source.override(assignment)
     return with_candidates(source, path, wanted)
+
+
+def _suggested(log: Path) -> Source:
+    """What is suggested for a log that carries no pipeline; raises LogError where something must be filled in."""
+    suggestion = suggestion_of(log, {})
+    if suggestion.blanks:
+        remedy = f"palpate info {log} --suggest -o log.toml, then give log.toml"
+        raise LogError(f"{log}: carries no pipeline, and {'; '.join(map(printable, suggestion.blanks))}: {remedy}")
+    for text in suggestion.doubts:
+        typer.echo(f"check: {printable(text)}", err=True)
+    return Source(pipeline_of(suggestion, log), Path(f"{log.name}.toml"))
 
 
 def with_candidates(source: Source, path: Path, wanted: Sequence[str]) -> Source:

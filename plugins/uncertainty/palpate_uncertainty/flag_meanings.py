@@ -16,7 +16,7 @@ def _note(meaning: str, remedy: str) -> FlagMeaning:
 _MODEL = {
     "lack-of-fit": _doubtful(
         "The model does not describe this record to the noise of its channel.",
-        "Use a model of the reason that is named, or mend that; else compare models (`palpate compare`).",
+        "Use a model of the reason that is named, or mend that; else compare models (`palpate fit choose`).",
     ),
     "inconsistent": FlagMeaning.sign("lack-of-fit", "The innovations are larger or smaller than the filter expects."),
     "coloured-innovations": FlagMeaning.sign("lack-of-fit", "Innovations correlate from sample to sample."),

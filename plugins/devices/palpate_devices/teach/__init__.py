@@ -1,1 +1,1 @@
-"""``palpate teach``: where the specimen is, whether the tip is where tcp says, and what hangs at the flange."""
+"""``palpate calibrate teach``: where specimen and tip are, and what hangs at the flange, by leading the arm."""

@@ -1,4 +1,4 @@
-"""``palpate teach``: a person leads the arm, this program finds where the specimen and the tip are."""
+"""``palpate calibrate teach``: a person leads the arm, this program finds where the specimen and the tip are."""
 
 from __future__ import annotations
 

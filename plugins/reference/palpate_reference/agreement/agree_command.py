@@ -1,4 +1,4 @@
-"""``palpate agree``: how well palpation agrees with a reference instrument, and how well with itself."""
+"""``palpate material agree``: how well palpation agrees with a reference instrument, and how well with itself."""
 
 from __future__ import annotations
 

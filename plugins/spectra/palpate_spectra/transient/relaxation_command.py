@@ -1,4 +1,4 @@
-"""``palpate spectrum relaxation``: E(t) from a held depth or J(t) from a held force, and the spectrum of times."""
+"""``palpate fit relaxation``: E(t) from a held depth or J(t) from a held force, and the spectrum of times."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""``palpate plan``: motions looked at before they are made."""
+"""``palpate check motion``: motions looked at before they are made."""

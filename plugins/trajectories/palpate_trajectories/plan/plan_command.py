@@ -1,4 +1,4 @@
-"""``palpate plan``: a motion before it is executed."""
+"""``palpate check motion``: a motion before it is executed."""
 
 from __future__ import annotations
 

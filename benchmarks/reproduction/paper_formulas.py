@@ -10,7 +10,7 @@ from decimal import Decimal
 
 from palpate import ConfigurationError
 
-from palpate_reproduction.item import half_digit
+from reproduction.item import half_digit
 
 _OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Add: operator.add,

@@ -1,4 +1,4 @@
-"""``palpate reproduce``: palpate | paper | ratio, for every table and figure that contains a number."""
+"""What `reproduce.py` makes: palpate | paper | ratio, for every table and figure that contains a number."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from typing import Annotated, Any
 
 import typer
 from palpate_engine import make_folder, write_new
-from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_scheduler
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, JsonOption
 from palpate_kit.terminal.table import console
 
-from palpate_reproduction import recordings as files
-from palpate_reproduction.item import HERE, AuthorsRecording, Item, check_recordings, load_items, load_recordings
-from palpate_reproduction.item_figure import draw
-from palpate_reproduction.item_rows import Maker, Row
-from palpate_reproduction.item_table import csv_text, latex_text, table_of, tally
-from palpate_reproduction.reproduction_page import page
+from reproduction import recordings as files
+from reproduction.item import HERE, AuthorsRecording, Item, check_recordings, load_items, load_recordings
+from reproduction.item_figure import draw
+from reproduction.item_rows import Maker, Row
+from reproduction.item_table import csv_text, latex_text, table_of, tally
+from reproduction.reproduction_page import page
 
 _SHOWN = {"row", "quantity", "unit", "spread", "source"}  # of what was published
 
@@ -36,8 +35,6 @@ def reproduce(
         Path, typer.Option(help="Folder of another paper: items/*.toml, pipelines/, recordings.toml.")
     ] = HERE,
     strict: Annotated[bool, typer.Option("--strict", help="Also end with 1 where a recording is missing.")] = False,
-    scheduler: SchedulerOption = None,
-    stage: StageOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Reproduce the paper's tables and figures, and compare them with the published numbers.
@@ -46,8 +43,6 @@ def reproduce(
     was fitted to it. Fetches nothing: recordings that are not in the folder are named, with their source, and skipped.
     Ends with 1 where a number is outside its tolerance, or could not be made.
     """
-    demand_scheduler(scheduler, stage)
-    paper = paper if scheduler is None else paper.resolve()
     items, known = load_items(paper, names or ()), load_recordings(paper)
     check_recordings(items, known)
     asked = {row.recording for item in items for row in item.published if row.recording}
@@ -56,8 +51,6 @@ def reproduce(
     found = files.find(data, known) if data is not None else {}
     folder = make_folder("reproduce", out, datetime.now(UTC).astimezone())
     maker = Maker(paper, folder / "runs", found, known)
-    if scheduler is not None:
-        maker.make_ahead(items, scheduler, stage)
     made: list[tuple[Item, list[Row]]] = []
     with print_aside(as_json):
         for item in items:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from palpate_kit.figures import figure_of, save_figure, style
 
-from palpate_reproduction.item import Item
-from palpate_reproduction.item_rows import Row
+from reproduction.item import Item
+from reproduction.item_rows import Row
 
 _COLOURS = {
     "reproduced": "tab:green",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from palpate import LogError
 
-from palpate_reproduction.item import AuthorsRecording
+from reproduction.item import AuthorsRecording
 
 _BLOCK = 1 << 20
 

@@ -7,7 +7,7 @@ import io
 import json
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,15 +24,13 @@ from palpate_engine import (
     build_pipeline,
     run_pipeline,
 )
-from palpate_kit.jobs.cluster import on_cluster
-from palpate_kit.jobs.job import Job
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.progress import progress, report_progress
 
-from palpate_reproduction.item import AuthorsRecording, Item, PublishedNumber
-from palpate_reproduction.paper_formulas import rounding, value_of
-from palpate_reproduction.record_delay import RecordDelay, record_delay
-from palpate_reproduction.verdict import COMMON, Status, judge
+from reproduction.item import AuthorsRecording, Item, PublishedNumber
+from reproduction.paper_formulas import rounding, value_of
+from reproduction.record_delay import RecordDelay, record_delay
+from reproduction.verdict import COMMON, Status, judge
 
 
 @dataclass(frozen=True)
@@ -71,32 +69,7 @@ class Maker:
     files: Mapping[str, Path]  # recordings on this machine
     recordings: Mapping[str, AuthorsRecording]
     delays: dict[str, RecordDelay] = field(default_factory=dict)  # by recording, as they are asked for
-    _runs: dict[str, Result | PalpateError] = field(default_factory=dict)
-
-    def make_ahead(self, items: Sequence[Item], scheduler: str, stage: str | None = None) -> None:
-        """Make the runs of all items on the workers of a scheduler. Raises UserError."""
-        wanted: dict[str, PublishedNumber] = {}
-        for published in (row for item in items for row in item.published):
-            if published.source != "arithmetic" and not self._lacking(published):
-                wanted.setdefault(_key(published), published)
-        keys, jobs = {}, []
-        for number, (key, published) in enumerate(wanted.items(), start=1):
-            name = _name(number, published)
-            try:
-                jobs.append(Job(name, self._pipeline(published), self.folder / name))
-                keys[name] = key
-            except ConsentError:
-                raise
-            except UserError as error:
-                self._runs[key] = error
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with (
-            progress("runs", "", len(jobs)),
-            contextlib.closing(on_cluster(scheduler, self.folder, stage)(jobs)) as found,
-        ):
-            for done, (job, outcome) in enumerate(found, start=1):
-                self._runs[keys[job.name]] = outcome if isinstance(outcome, PalpateError) else outcome.result
-                report_progress(done)
+    _runs: dict[str, Result] = field(default_factory=dict)
 
     def rows(self, item: Item) -> list[Row]:
         """Every row of an item; a failure is a row with its reason. Raises ConsentError."""
@@ -154,10 +127,7 @@ class Maker:
                 result = run_pipeline(self._pipeline(published), self.folder / name, report_progress)
             result.demand_whole()
             self._runs[key] = result
-        found = self._runs[key]
-        if isinstance(found, PalpateError):
-            raise found
-        return found
+        return self._runs[key]
 
     def _pipeline(self, published: PublishedNumber) -> Pipeline:
         source = Source.read(self.paper / "pipelines" / published.pipeline)

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 from palpate_kit.terminal.table import Table
 
-from palpate_reproduction.item import Item
-from palpate_reproduction.item_rows import Row
-from palpate_reproduction.verdict import Status
+from reproduction.item import Item
+from reproduction.item_rows import Row
+from reproduction.verdict import Status
 
 HEADINGS = ("row", "quantity", "palpate", "paper", "ratio", "allowed\n+- %", "source", "verdict")
 _WORDS = {"failed": "FAILED", "outside": "OUTSIDE"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from palpate_reproduction.item import PublishedNumber, half_digit
+from reproduction.item import PublishedNumber, half_digit
 
 Status = Literal["reproduced", "outside", "no test", "fitted", "arithmetic", "simulated", "shown", "skipped", "failed"]
 

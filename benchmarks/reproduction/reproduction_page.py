@@ -7,10 +7,10 @@ from html import escape
 
 from palpate import to_si
 
-from palpate_reproduction.item import AuthorsRecording, Item
-from palpate_reproduction.item_rows import Row
-from palpate_reproduction.item_table import HEADINGS, cells, tally
-from palpate_reproduction.record_delay import RecordDelay
+from reproduction.item import AuthorsRecording, Item
+from reproduction.item_rows import Row
+from reproduction.item_table import HEADINGS, cells, tally
+from reproduction.record_delay import RecordDelay
 
 _STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem}
 table{border-collapse:collapse;margin:.5rem 0;font-size:13px}td,th{border-bottom:1px solid #ccc;padding:.2rem .6rem;

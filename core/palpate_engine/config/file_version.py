@@ -1,0 +1,30 @@
+"""The version for which a pipeline file was written; a newer one is refused."""
+
+from __future__ import annotations
+
+import re
+
+from palpate.errors import ConfigurationError
+
+from palpate_engine.config.pipeline_source import Source
+
+FORMAT = "0.2"  # version of palpate in whose names pipelines are written today
+KEY = "palpate"  # of a pipeline, at the top: the version for which it was written
+
+
+def demand_known_version(source: Source) -> None:
+    """Raise ConfigurationError for a pipeline of a newer palpate, or with a version that is none."""
+    given = source.tables.get(KEY)
+    if given is None:
+        return
+    where = source.where((KEY,))
+    if not isinstance(given, str) or not re.fullmatch(r"\d+\.\d+(\.\d+)?", given):
+        raise ConfigurationError(f'{where}: {KEY} is {given!r}; write a version, such as {KEY} = "{FORMAT}"')
+    if _version(given) > _version(FORMAT):
+        problem = f'written for palpate {given}, but this palpate reads up to "{FORMAT}": update it'
+        raise ConfigurationError(f"{where}: {problem}")
+
+
+def _version(text: str) -> tuple[int, int]:
+    major, minor, *_ = text.split(".")
+    return int(major), int(minor)
