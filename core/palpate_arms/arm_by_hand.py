@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from palpate import DeviceError, Floats, clock
+from palpate import DeviceError, Floats, Link, clock
 from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 
 if TYPE_CHECKING:
-    from palpate_arms.arm_device import ArmDevice
     from palpate_arms.arm_link import ArmLink
 
 LISTEN = 0.5  # [s] of a standstill
@@ -80,10 +79,10 @@ class _ObservedArm:
 
 
 @contextmanager
-def observed_by_hand(device: ArmDevice) -> Iterator[HandReader]:
-    """A reader of any arm that can be observed; raises DeviceError."""
+def observed_by_hand(name: str, connection: AbstractContextManager[Link]) -> Iterator[HandReader]:
+    """A reader of any arm that is observed by a connection; raises DeviceError."""
     from palpate_arms.arm_link import ArmLink
 
-    with device.observe(0) as link:
+    with connection as link:
         assert isinstance(link, ArmLink)
-        yield _ObservedArm(device.title, link)
+        yield _ObservedArm(name, link)

@@ -33,8 +33,8 @@ from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.rotations import matrix_of, quaternion
 from palpate_kit.kinematics.work_frame import agreement
 
-from palpate_arms.arm_device import ArmDevice
 from palpate_arms.arm_rows import RETRACT, STOP
+from palpate_arms.arm_settings import ArmSettings
 from palpate_arms.fence import SINGULAR, is_singular
 from palpate_arms.force_control import refusal
 from palpate_arms.lateness import lateness_table
@@ -66,7 +66,7 @@ def other_rate(rate: float, usual: float) -> str | None:
 class ArmLink:
     """A connected arm, with limits, retreat, approach, force control, and a report of its health."""
 
-    def __init__(self, settings: ArmDevice, child: Child, identity: dict[str, Any]) -> None:
+    def __init__(self, settings: ArmSettings, child: Child, identity: dict[str, Any]) -> None:
         self._settings, self._child = settings, child
         self._clock, self._rows = ClockMap(), settings.rows
         self._tool = np.array(identity.pop("tool")).reshape(4, 4)

@@ -12,7 +12,7 @@ FORMAT = "0.2"  # version of palpate in whose names pipelines are written today
 KEY = "palpate"  # of a pipeline, at the top: the version for which it was written
 
 
-def demand_known_version(source: Source) -> None:
+def demand_version(source: Source) -> None:
     """Raise ConfigurationError for a pipeline of a newer palpate, or with a version that is none."""
     given = source.tables.get(KEY)
     if given is None:

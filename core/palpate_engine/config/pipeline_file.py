@@ -23,7 +23,7 @@ from palpate_engine.config.calibration import calibration_of
 from palpate_engine.config.control import control_of
 from palpate_engine.config.declared_uncertainties import unknown_sources
 from palpate_engine.config.dialects import choose_dialect
-from palpate_engine.config.file_version import demand_known_version
+from palpate_engine.config.file_version import demand_version
 from palpate_engine.config.mistakes import raise_mistakes
 from palpate_engine.config.part_builder import Builder, unknown_tables
 from palpate_engine.config.pipeline import Pipeline, RunSettings, Track, sphere_radii
@@ -109,7 +109,7 @@ def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None]:
     """The builder of a source, the plugins that it asks for, and its ``[run]``."""
     tables = source.tables
     choose_dialect(source)
-    demand_known_version(source)
+    demand_version(source)
     _add_plugins_at_hand(source)
     first = Builder(source, Registry({}))
     run = first.settings(RunSettings, ("run",))
@@ -201,7 +201,7 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
         first.settings(RunSettings, ("run",))
         raise_mistakes(first.mistakes, source)
         registry = _registry(source)
-    demand_known_version(source)
+    demand_version(source)
     run = Builder(source, Registry({})).settings(RunSettings, ("run",))
     apply_rig(source, run and run.rig, registry)
     builder = Builder(source, registry)

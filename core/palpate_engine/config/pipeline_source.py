@@ -58,7 +58,7 @@ class Source:
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
             if isinstance(error, FileNotFoundError):
-                reason += _hint(path)
+                reason = f"{reason}{_hint(path)}"
             raise ConfigurationError(f"{path}: cannot read the pipeline file: {reason}") from error
         except ValueError as error:
             raise ConfigurationError(str(error)) from error

@@ -93,7 +93,7 @@ class UR(ArmDevice):
         """By the client library alone, in local control; `weighs`: by the sensor in the flange."""
         from palpate_devices.ur.hand_reader import URByHand
 
-        return nullcontext(URByHand(self, weighs))
+        return nullcontext(URByHand(self.host, self.model, self.tcp, self.tcp_rotation, weighs))
 
     @property
     def stop_modes(self) -> StopModes | None:

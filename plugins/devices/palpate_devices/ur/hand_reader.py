@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from palpate_kit.kinematics.ur_arm import MODELS, distinguishable
 from palpate_kit.protocols.ur_dashboard import probe, refuse_unready
 
 from palpate_devices.ur.client_library import missing_library
-from palpate_devices.ur.device import UR
 
 _VARIABLES = ["timestamp", "actual_q", "actual_TCP_pose"]
 _RAW = "ft_raw_wrench"
@@ -28,36 +28,38 @@ class URByHand:
     Raises DeviceError where it cannot be read, ConfigurationError where its TCP is another.
     """
 
-    def __init__(self, settings: UR, weighs: bool) -> None:
-        self._name = f"ur at {settings.host}"
+    def __init__(
+        self, address: str, model: str, tcp: Sequence[float], rotation: Sequence[float] | None, weighs: bool
+    ) -> None:
+        self._name = f"ur at {address}"
         try:
-            self.facts = host().controller_facts(settings.host, probe)
-            refuse_unready(self.facts, settings.host, by_hand=True)
+            self.facts = host().controller_facts(address, probe)
+            refuse_unready(self.facts, address, by_hand=True)
         except DeviceError as error:
             raise DeviceError(f"ur at {error}") from error
         self._weighs = weighs
         try:
-            self._states = host().robot_states(settings.host, [*_VARIABLES, *([_RAW] if weighs else [])])
+            self._states = host().robot_states(address, [*_VARIABLES, *([_RAW] if weighs else [])])
         except ImportError as error:
             raise DeviceError(f"{self._name}: {missing_library()} ({error})") from error
         except RuntimeError as error:
             raise DeviceError(f"{self._name}: cannot connect: {' '.join(str(error).split())}") from error
-        self.tool = self._tool(settings)
+        self.tool = self._tool(model, tcp, rotation)
 
-    def _tool(self, settings: UR) -> Floats:
+    def _tool(self, model: str, tcp: Sequence[float], rotation: Sequence[float] | None) -> Floats:
         """The tool (4, 4) on the flange, by what is declared; the pendant has to have the same."""
         self._next_state(-1.0)
         q, pose = list(self._states.getActualQ()), matrix_of(self._states.getActualTCPPose())
-        declared = matrix_of([*settings.tcp, *(settings.tcp_rotation or (0.0, 0.0, 0.0))])
-        model = MODELS.get(settings.model) or distinguishable(q, declared, pose[:3, 3])[0]
-        pendant = np.linalg.inv(model.flange(q)[0]) @ pose
+        declared = matrix_of([*tcp, *(rotation or (0.0, 0.0, 0.0))])
+        known = MODELS.get(model) or distinguishable(q, declared, pose[:3, 3])[0]
+        pendant = np.linalg.inv(known.flange(q)[0]) @ pose
         apart = float(np.linalg.norm(pendant[:3, 3] - declared[:3, 3]))
         if apart > _NOMINAL:
             raise ConfigurationError(
                 f"{self._name}: the TCP on the pendant is at {_mm(pendant[:3, 3])} on the flange, and tcp says "
                 f"{_mm(declared[:3, 3])}: set the pendant's to that, so that the controller reports where the tip is"
             )
-        if settings.tcp_rotation is None:
+        if rotation is None:
             declared[:3, :3] = pendant[:3, :3]
         return declared
 
