@@ -21,11 +21,11 @@ NEED_RESULT = [
     "map compare --baseline OTHER --suspect RUN",
     "repeat RUN --track dr/kinematic",
     "repeat review RUN --track dr/kinematic",
-    "watch RUN",
+    "replay watch RUN",
 ]
-NEED_WHOLE_RESULT = ["report budget RUN", "repeat RUN", "repeat review RUN", "watch RUN"]
-NEED_ESTIMATES = ["plot RUN estimates", "map RUN", "map lumps RUN", "map curves RUN OTHER", "watch RUN", "resume RUN"]
-NEED_PIPELINE = ["resume RUN", "map search RUN"]
+NEED_WHOLE_RESULT = ["report budget RUN", "repeat RUN", "repeat review RUN", "replay watch RUN"]
+NEED_ESTIMATES = ["plot RUN estimates", "map RUN", "map lumps RUN", "map curves RUN OTHER", "replay watch RUN", "run resume RUN"]
+NEED_PIPELINE = ["run resume RUN", "map search RUN"]
 
 
 @pytest.fixture(scope="module")
