@@ -165,7 +165,7 @@ def test_no_command_executes_what_a_recording_names(made, palpate, tmp_path, mon
     "line",
     [
         "report budget RUN --monte-carlo 100",
-        "fit choose LOG --set alignment.tip_mass=0g",
+        "fit choose LOG --models dimensionality-reduction,kelvin-voigt",
         "info LOG --suggest --force /rig/wrench:wrench.force.z -o own.toml",
         "replay LOG --add-model kelvin-voigt",
         "map search RUN --go",
