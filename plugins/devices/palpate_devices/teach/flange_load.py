@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from palpate import ConfigurationError, Floats
-from palpate_arms.arm_by_hand import Posture
 from palpate_engine import GRAVITY
+
+if TYPE_CHECKING:
+    from palpate_arms.arm_by_hand import Posture
 
 _SPREAD = 0.5  # least singular value of the directions of gravity, about their mean
 _HELD = 2.0  # [N] root mean square of what a weight does not explain

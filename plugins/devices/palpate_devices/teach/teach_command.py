@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, Length, suggest
-from palpate_arms.arm_by_hand import HandReader, Posture, UnsteadyError
-from palpate_arms.arm_device import ArmDevice
 from palpate_engine import Pipeline, load_pipeline, refuse_rehearsal
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
@@ -20,6 +18,10 @@ from palpate_devices.teach.flange_load import weigh_flange
 from palpate_devices.teach.pipeline_edit import edited_text, write_pipeline
 from palpate_devices.teach.surface_plane import SurfacePlane, check_fourth, work_frame
 from palpate_devices.teach.tip_pivot import check_tip, pivot_of
+
+if TYPE_CHECKING:
+    from palpate_arms.arm_by_hand import HandReader, Posture
+    from palpate_arms.arm_device import ArmDevice
 
 _LENGTH = TypeAdapter(Length)
 _LOAD = ("tool down", "tool level", "tool level, turned about its own axis by 90 deg", "tool half way down")
@@ -138,6 +140,8 @@ def _surface(postures: Sequence[Posture], tolerance: float) -> tuple[dict[str, A
 
 def _read(reader: HandReader, step: str, places: Sequence[str]) -> list[Posture]:
     """One posture after the other, each once a person says that it is there."""
+    from palpate_arms.arm_by_hand import UnsteadyError
+
     _tell(f"{step}: {_STEPS[step]}")
     ask, found = _asker(), []
     for number, place in enumerate(places, 1):
@@ -169,6 +173,8 @@ def _tell(text: str) -> None:
 
 def _robot(pipeline: Pipeline) -> tuple[str, ArmDevice]:
     """The one robot of a pipeline; raises ConfigurationError."""
+    from palpate_arms.arm_device import ArmDevice
+
     robots = {name: device for name, device in pipeline.devices.items() if isinstance(device, ArmDevice)}
     if len(robots) != 1:
         names = ", ".join(robots) or "none"
