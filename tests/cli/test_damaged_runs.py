@@ -24,7 +24,14 @@ NEED_RESULT = [
     "replay watch RUN",
 ]
 NEED_WHOLE_RESULT = ["report budget RUN", "repeat RUN", "repeat review RUN", "replay watch RUN"]
-NEED_ESTIMATES = ["plot RUN estimates", "map RUN", "map lumps RUN", "map curves RUN OTHER", "replay watch RUN", "run resume RUN"]
+NEED_ESTIMATES = [
+    "plot RUN estimates",
+    "map RUN",
+    "map lumps RUN",
+    "map curves RUN OTHER",
+    "replay watch RUN",
+    "run resume RUN",
+]
 NEED_PIPELINE = ["run resume RUN", "map search RUN"]
 
 

@@ -43,7 +43,9 @@ import sys
 from palpate_engine.cli import call
 
 call(["replay", *sys.argv[1:]])
-print("loaded:", *(name for name in sys.modules if name.startswith(("palpate_arms", "palpate_engine.pipeline.live"))))
+settings = {"palpate_arms", "palpate_arms.arm_device", "palpate_arms.arm_settings"}
+names = {name for name in sys.modules if name.startswith(("palpate_arms", "palpate_engine.pipeline.live"))}
+print("loaded:", *(names - settings))
 """
 
 
