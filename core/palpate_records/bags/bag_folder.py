@@ -21,7 +21,7 @@ _METADATA = 1 << 24  # [bytes] of metadata.yaml that are read
 _NAMES = 1 << 20  # characters of a list of files
 _NAMED = 5  # parts
 _BESIDE = ("-wal", "-shm", "-journal", ".toml", ".yaml", ".md")  # what may lie beside the files of a bag
-_OF_A_RUN = ("pipeline.toml", "result.json")
+_SETTINGS = "pipeline.toml"  # in the folder of a run, whose log is all of it that is read
 _PAUSE = 1_000_000_000  # [ns] between the parts of one recording, at the most
 SUFFIXES = (".db3", ".db3.gz", ".db3.zstd", ".db3.zst", ".mcap")
 
@@ -117,16 +117,15 @@ def bag_files(path: Path) -> list[Path]:
 def is_bag(path: Path) -> bool:
     """Whether a folder is one bag: it has metadata, or nothing but one file, or numbered parts of one set of topics.
 
-    Beside the one log of a run are its pipeline, result and tables.
-
-    Each part begins where the one before it ends; numbered logs that are records by themselves do not.
+    Each part begins where the one before it ends; numbered logs that are records by themselves do not. Of the folder
+    of a run its log counts alone.
     """
     if not _is(Path.is_dir, path):
         return False
     if (path / "metadata.yaml").is_file():
         return True
     files = [file for file in path.iterdir() if not file.name.startswith(".") and not file.name.endswith(_BESIDE)]
-    if any((path / name).is_file() for name in _OF_A_RUN):
+    if (path / _SETTINGS).is_file():
         files = [file for file in files if file.name.lower().endswith(SUFFIXES)]
     if not files or not all(file.name.lower().endswith(SUFFIXES) and file.is_file() for file in files):
         return False
