@@ -131,7 +131,8 @@ def _model(facts: FolderFacts, model: ContactModel, pipeline: Pipeline) -> Itera
     stated = f" ({sources.removesuffix('.')})" if sources and not keys else ""
     nu = getattr(model, "poisson", None)
     poisson = f", with a Poisson's ratio of {nu:g}{_std(pipeline, 'poisson', '1')}" if isinstance(nu, float) else ""
-    yield f"{_joined(_readable(facts.values)).capitalize()} were estimated by {words}{stated}{cite(keys)}{poisson}."
+    verb = "was" if len(facts.values) == 1 else "were"
+    yield f"{_joined(_readable(facts.values)).capitalize()} {verb} estimated by {words}{stated}{cite(keys)}{poisson}."
     if "thickness" in type(model).model_fields:
         layer = getattr(model, "thickness", None)
         height = getattr(layer, "height", None)

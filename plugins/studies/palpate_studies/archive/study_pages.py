@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 
@@ -17,7 +17,7 @@ def write_pages(fits: Path, options: Mapping[str, str]) -> list[str]:
     Answers the names of the files; raises UserError.
     """
     pages = ["report.html", "methods.txt", "methods.tex", "methods.bib", "supplement.csv", "supplement.tex"]
-    with redirect_stdout(StringIO()):
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # they name a folder that goes
         report = analysis("report")
         report([fits], **options)
         report([fits], methods=True, **options)
