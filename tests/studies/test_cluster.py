@@ -317,7 +317,7 @@ def test_repeats_are_those_of_this_machine(scheduler, place, palpate, point_pipe
 def _plain(document):
     """A document without what is of one run: times, places."""
     if isinstance(document, dict):
-        own = ("folder", "seconds_per_sample", "started", "duration", "command", "host", "pipeline")
+        own = ("folder", "seconds_per_sample", "started", "duration", "command", "host", "pipeline", "means")
         return {key: _plain(value) for key, value in document.items() if key not in own}
     return [_plain(value) for value in document] if isinstance(document, list) else document
 
