@@ -49,7 +49,7 @@ def test_a_folder_in_two_dialects_is_one_table_and_what_was_done_stands_beside_i
     assert max(len(line) for line in lines if "│" in line) <= 80
     assert lines[-1].startswith("3 usable, 1 not: not read (1)")
     assert {path.name for path in (files / "out").iterdir()} == {
-        "fits.csv", "curves.csv", "pipeline.toml",
+        "fits.csv", "curves.csv", "pipeline.toml", "provenance.json",
     }  # fmt: skip
     with (files / "out" / "fits.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
