@@ -18,7 +18,7 @@ _MEANINGS = {  # of the words of a verdict; any other one needs a fact
     "good": "nothing speaks against the values",
     "doubtful": "what was found can move a value beyond its ±",
     "not determined": "the value is within twice its ± of none",
-    "invalid": "there is no number",
+    "invalid": "its numbers must not be used",
 }
 _ALONG = "ranges along the path of the tip; by place: palpate map {folder}"
 
@@ -52,7 +52,7 @@ def _meanings(tracks: Iterable[TrackResult]) -> Iterator[str]:
         if track.usable and value.verdict is not None and has_no_number(value.verdict)
     )  # fmt: skip
     for word in words:
-        yield f"{word}: {_MEANINGS.get(word, 'depends on that fact, which nobody has stated')}"
+        yield f"{word} means: {_MEANINGS.get(word, 'it depends on that fact, which nobody has stated')}"
 
 
 def _units(result: Result) -> dict[str, str]:
