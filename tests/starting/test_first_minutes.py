@@ -45,8 +45,8 @@ def test_the_words_of_a_verdict_are_explained_where_they_are_shown(palpate, poin
     shown = palpate("run", point_pipeline, *few).stdout
     word = next(line for line in shown.splitlines() if line.startswith("│ dr/ekf")).split("│")[-2].strip()
     assert word
-    assert f"\n{word}: " in shown
-    assert f"\n{word}: " not in palpate("run", point_pipeline, *few, "--details").stdout
+    assert f"\n{word} means: " in shown
+    assert f"\n{word} means: " not in palpate("run", point_pipeline, *few, "--details").stdout
 
 
 @pytest.mark.slow
