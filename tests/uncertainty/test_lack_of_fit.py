@@ -232,9 +232,13 @@ def test_without_a_standstill_the_upper_band_tells_the_noise(evidence):
     finding = judged(replace(loud, air_time=nothing, air_force=nothing, air_position=nothing))
     assert finding.table["null"] == "noise"
     assert finding.table["ratio"] > 1.5
-    filtered = np.convolve(loud.kept.force, np.full(9, 1 / 9), "same")
+    force, left = (np.convolve(v, np.full(9, 1 / 9), "same") for v in (loud.kept.force, loud.kept.innovation))
     loud = replace(
-        loud, kept=replace(loud.kept, force=filtered), air_time=nothing, air_force=nothing, air_position=nothing
+        loud,
+        kept=replace(loud.kept, force=force, innovation=left),
+        air_time=nothing,
+        air_force=nothing,
+        air_position=nothing,
     )
     assert judged(loud).table["null"] == "residual"  # a band that is not flat tells nothing
 

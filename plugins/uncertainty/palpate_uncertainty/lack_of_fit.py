@@ -62,8 +62,10 @@ def _judge(track: TrackEvidence, known: dict[Any, RefittedModel]) -> Diagnosed |
     if not possible(track):
         return None
     fitted = track.report is not None and bool(np.isfinite(track.kept.innovation).any())
+    if not np.isfinite(track.kept.velocity).any():
+        raise ValueError("no sample in contact has a known speed; is [alignment] gap below the interval of readings?")
     if not make_course(track, judged_rows(track)).used.any():
-        raise ValueError("no sample in contact has a known motion; is [alignment] gap below the interval of readings?")
+        return None
     enough = np.count_nonzero(track.kept.used & ~track.kept.hesitating) >= ENOUGH
     if sweeps(track) and not fitted:
         return _along_a_sweep(track) if enough else None

@@ -195,7 +195,7 @@ def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float, NDArray[np.bool_]
         return values, 0.0, np.zeros(len(values), bool)
     pieces = np.split(values, np.flatnonzero(np.diff(runs)) + 1)
     smooth, longest = values, 0
-    for width in _WINDOWS:
+    for width in (width for width in _WINDOWS if width <= len(values)):
         tried = np.concatenate([local_cubic(p, width) if len(p) >= width else p for p in pieces])
         taken = np.convolve(values - tried, np.ones(width) / width, "valid")  # what is slow in it was signal
         if float(np.mean(taken**2)) > (_BENT**2 + 2.0 / width) * noise**2:
