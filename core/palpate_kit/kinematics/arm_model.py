@@ -20,14 +20,20 @@ Transform = tuple[float, ...]
 """A rotation (3, 3), row by row, and a translation (3,) [m]: twelve numbers."""
 
 
-class DHJoint(Settings):
-    """One turning joint by its Denavit-Hartenberg parameters, with its ends and its speed."""
+class Joint(Settings):
+    """One turning joint: its name in the messages, and its Denavit-Hartenberg parameters."""
 
-    name: str = Field(min_length=1, description="of the joint")
+    name: str = Field(min_length=1, description='name in the messages, such as "elbow_joint"')
     a: Length = Field(default=0.0, description="length of the link along x")
     d: Length = Field(default=0.0, description="offset along z")
     alpha: Angle = Field(default=0.0, description="twist around x")
     offset: Angle = Field(default=0.0, description="angle at which the joint reads 0")
+
+
+class DHJoint(Joint):
+    """One turning joint by its Denavit-Hartenberg parameters, with its ends and its speed."""
+
+    name: str = Field(min_length=1, description="of the joint")
     low: Angle = Field(default=-_FULL_TURN, description="least angle of the joint")
     high: Angle = Field(default=_FULL_TURN, description="greatest angle of the joint")
     speed: AngularSpeed = Field(default=math.pi, gt=0, description="highest speed of the joint")

@@ -19,6 +19,7 @@ from palpate_records.messages.readings import FieldReading
 from palpate_records.messages.topics import Container
 from pydantic import Field, model_validator
 
+from palpate_kit.kinematics.arm_model import Joint
 from palpate_kit.kinematics.rotations import matrix_of
 from palpate_kit.kinematics.ur_arm import ALPHA, JOINTS, A, D
 from palpate_kit.kinematics.work_frame import WorkFrame
@@ -27,16 +28,6 @@ _POSE = (*((axis, "m") for axis in "xyz"), *((f"q{axis}", "1") for axis in "xyzw
 _TWIST = (*((axis, "m/s") for axis in "xyz"), *((f"w{axis}", "rad/s") for axis in "xyz"))
 # q and -q are one orientation: the one on the side of this is given, whose edge is far from usual poses.
 _SIDE = np.array([0.70, 0.17, 0.11, 0.68])
-
-
-class Joint(Settings):
-    """One turning joint: its name in the messages, and its Denavit-Hartenberg parameters."""
-
-    name: str = Field(min_length=1, description='name in the messages, such as "elbow_joint"')
-    a: Length = Field(default=0.0, description="length of the link along x")
-    d: Length = Field(default=0.0, description="offset along z")
-    alpha: Angle = Field(default=0.0, description="twist around x")
-    offset: Angle = Field(default=0.0, description="angle at which the joint reads 0")
 
 
 class Kinematics(Settings):

@@ -17,6 +17,7 @@ from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 from palpate_report.anonymous import Anonymous
 from palpate_report.comparison_figures import caption_of, sites_of, values_by_run
 from palpate_report.group_numbers import APART, GroupRun, common_of, compare_runs, numbers_of
+from palpate_report.number_texts import readable
 from palpate_report.run_contents import RunContents
 from palpate_report.run_report import render
 from palpate_report.run_verdict import LEVELS, judge, levels_of
@@ -188,7 +189,7 @@ def _cautions(comparisons: Mapping[str, GroupComparison]) -> list[str]:
     for name, comparison in comparisons.items():
         most = f" Shown are the {SHOWN} smallest p." if comparison.tests > SHOWN else ""
         words = [f"{comparison.sentence}{most}", comparison.untested if comparison.tests else ""]
-        found += [f"{name.replace('_', ' ')}: {text}" for text in words if text]
+        found += [f"{readable(name)}: {text}" for text in words if text]
     return found + ([_CAUTION] if any(one.singles and one.tests for one in comparisons.values()) else [])
 
 

@@ -17,6 +17,8 @@ from palpate_kit.curves.replication_unit import compare_rows
 from palpate_kit.figures import figure_of, style
 from palpate_kit.numerics.group_comparison import GroupComparison
 
+from palpate_report.number_texts import readable
+
 _DRAWN = 2000  # points that are drawn one by one; more of them are a picture of dots
 _HALF = 0.3  # of a group's width, the distance of groups being 1
 _LETTER = 1.5  # [mm]
@@ -53,7 +55,7 @@ def folder_comparison(
 @style()
 def groups_figure(comparison: GroupComparison, parameter: str, unit: str, width: float) -> GroupsFigure:
     """The figure of a comparison of a parameter with an SI unit, of a width [mm]; it reads in grey."""
-    words = parameter.replace("_", " ")
+    words = readable(parameter)
     word, factor = display_unit(unit)
     figure, axes = figure_of(width=width, height=min(0.7 * width, 80.0))
     axis = axes[0, 0]

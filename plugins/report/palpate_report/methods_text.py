@@ -16,6 +16,7 @@ from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_report.bibliography import keys_of, sources_of
 from palpate_report.cited_text import CitedText, cite
 from palpate_report.folder_facts import FolderFacts
+from palpate_report.number_texts import readable
 from palpate_report.typical_curves import outcome_of
 
 UNSTATED = "[instrument: not stated]"
@@ -132,7 +133,8 @@ def _model(facts: FolderFacts, model: ContactModel, pipeline: Pipeline) -> Itera
     nu = getattr(model, "poisson", None)
     poisson = f", with a Poisson's ratio of {nu:g}{_std(pipeline, 'poisson', '1')}" if isinstance(nu, float) else ""
     verb = "was" if len(facts.values) == 1 else "were"
-    yield f"{_joined(_readable(facts.values)).capitalize()} {verb} estimated by {words}{stated}{cite(keys)}{poisson}."
+    values = _joined([*map(readable, facts.values)]).capitalize()
+    yield f"{values} {verb} estimated by {words}{stated}{cite(keys)}{poisson}."
     if "thickness" in type(model).model_fields:
         layer = getattr(model, "thickness", None)
         height = getattr(layer, "height", None)
@@ -181,7 +183,7 @@ def _exclusions(facts: FolderFacts) -> Iterator[str]:
         yield f"{len(doubtful)} of those used {'is' if len(doubtful) == 1 else 'are'} doubtful ({told})."
     for name in facts.values:
         if lost := sum(has_no_number(row.verdict_of(name)) for row in facts.used):
-            yield f"{name.replace('_', ' ').capitalize()} could not be determined from {lost} of them."
+            yield f"{readable(name).capitalize()} could not be determined from {lost} of them."
     if facts.own_settings:
         yield f"{facts.own_settings} {_curves(facts.own_settings)} had settings of their own."
 
@@ -203,7 +205,7 @@ def _uncertainty(facts: FolderFacts) -> Iterator[str]:
     sources = _sources(facts)
     of = f", which comprise {_joined(sources)}" if sources else ""
     yield f"Single values carry combined standard uncertainties (coverage factor 1){cite(keys_of('uncertainty'))}{of}."
-    whole = [f"{100 * found[0]:.2g} % for {name.replace('_', ' ')}" for name, found in known.items()]
+    whole = [f"{100 * found[0]:.2g} % for {readable(name)}" for name, found in known.items()]
     shared = [f"{100 * found[1]:.2g} %" for found in known.values()]
     yield (
         f"The median relative uncertainty was {_joined(whole)}; the part that all curves share, which averaging does "
@@ -262,7 +264,7 @@ def _results(facts: FolderFacts, comparisons: Mapping[str, GroupComparison], by:
             f"(n = {group.units}{'' if found.singles else f', {group.curves} curves'})"
             for group in found.groups
         ]
-        yield f"{name.replace('_', ' ').capitalize()} was {_joined(groups)}."
+        yield f"{readable(name).capitalize()} was {_joined(groups)}."
         if found.untested:
             yield f"There is {found.untested}."
         for pair in found.most_significant():
@@ -279,10 +281,6 @@ def _results(facts: FolderFacts, comparisons: Mapping[str, GroupComparison], by:
 
 def _p(p: float) -> str:
     return f"p < {_SMALL}" if p < _SMALL else f"p = {p:.2g}"
-
-
-def _readable(names: list[str]) -> list[str]:
-    return [name.replace("_", " ") for name in names]
 
 
 def _article(word: str) -> str:

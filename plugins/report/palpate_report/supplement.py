@@ -16,6 +16,7 @@ from palpate_kit.terminal.table import Table
 from palpate_kit.terminal.table_file import Column, write_table
 
 from palpate_report.folder_facts import FolderFacts, exclusion_of
+from palpate_report.number_texts import readable
 
 SUFFIXES = (".csv", ".tex", ".xlsx")
 
@@ -43,7 +44,7 @@ def supplement_table(facts: FolderFacts) -> Table:
     """Curve, its columns of ``curves.csv``, values with combined uncertainty, residual, verdict, whether it is used."""
     folder = facts.folder
     shown = {name: display_unit(folder.units.get(name, "1")) for name in facts.values}
-    heads = [f"{name.replace('_', ' ')}\n{word}" if word != "1" else name for name, (word, _) in shown.items()]
+    heads = [f"{readable(name)}\n{word}" if word != "1" else name for name, (word, _) in shown.items()]
     columns = folder.columns
     left = ["curve", *columns, "verdict", "used"]
     rows = [

@@ -64,7 +64,8 @@ def _judge(track: TrackEvidence, known: dict[Any, RefittedModel]) -> Diagnosed |
     fitted = track.report is not None and bool(np.isfinite(track.kept.innovation).any())
     if not np.isfinite(track.kept.velocity).any():
         raise ValueError("no sample in contact has a known speed; is [alignment] gap below the interval of readings?")
-    if not make_course(track, judged_rows(track)).used.any():
+    judged = judged_rows(track)
+    if not make_course(track, judged).used.any():
         return None
     enough = np.count_nonzero(track.kept.used & ~track.kept.hesitating) >= ENOUGH
     if sweeps(track) and not fitted:
@@ -72,7 +73,7 @@ def _judge(track: TrackEvidence, known: dict[Any, RefittedModel]) -> Diagnosed |
     if fitted and getattr(track.estimator, "unloading", "following") == "ting":  # which no refit here does
         own = by_innovations(track)
         return explained(track, own, refitted_model(track, known)) if own.p < LEVEL else misfit_table(own)
-    tests = (residual_tests if fitted else refit_tests)(track, judged_rows(track))
+    tests = (residual_tests if fitted else refit_tests)(track, judged)
     if tests is not None:
         return Diagnosed(table=tests.table(), settles=SETTLED) if tests.is_right else _named(track, tests, known)
     if not enough:
