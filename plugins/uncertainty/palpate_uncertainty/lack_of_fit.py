@@ -30,7 +30,7 @@ from palpate_uncertainty.residual_tests import LEVEL, ResidualTests, refit_tests
 _IDENTIFIABLE = 10.0  # times one step to the alternative, beyond which a refit of it is not identifiable
 _STRETCH = 4.0  # [s] of a sweep
 _OF_A_SWEEP = 0.015  # of the variance of innovations; the most of 28 tracks of clean sweeps was 0.008
-_UNTESTED = "the residual is noise, which too few samples without air do not show"
+_UNTESTED = "the residual is noise alone, which was not tested"
 _DEEP = 3e-3  # [m], where the surface is looked for first
 
 
