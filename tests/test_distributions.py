@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 NAME = f"palpate-{PROJECT['project']['version']}"
-FOLDERS = {"benchmarks", "core", "docs", "pipelines", "plugins", "tests"}
+FOLDERS = {"benchmarks", "core", "distributions", "docs", "pipelines", "plugins", "tests"}
 
 pytestmark = pytest.mark.slow
 

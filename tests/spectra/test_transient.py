@@ -234,7 +234,6 @@ def test_the_command_on_a_run_folder(palpate, folder, tmp_path):
 def test_mistakes_are_one_clear_message(palpate, folder, tmp_path, arguments, said):
     done = palpate(
         "fit",
-        "spectrum",
         "relaxation",
         *(a.replace("{run}", str(folder / "run")) for a in arguments),
         "--out",

@@ -16,7 +16,7 @@ from palpate_reference.table_blocks import TableBlock
 _UNIT_BEHIND = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
 _UNIT_NAMED = re.compile(r"\s+in\s+(\S+)$")  # as RheoWin writes it
 _UNIT_IN_NAME = re.compile(r"_(per_)?(Pa|kPa|MPa|Hz|s|m)$")
-_UNIT_OVER = re.compile(r"(.*?[^\s/])\s*(?:/|,)\s*(\S+)$")  # "G'/Pa", "omega / rad/s", "G', Pa"
+_UNIT_OVER = re.compile(r"(.*?[^\s/,])\s*[/,]\s*([^\s/,]+(?:/[^\s/,]+)?)$")  # "G'/Pa", "omega / rad/s", "G', Pa"
 _OF_TIME = re.compile(r"([GEJD])\(t\)|tan ?\((?:delta|δ)\)", re.IGNORECASE)  # brackets that hold no unit
 _ALIASES = {"°": "deg", "º": "deg", "sec": "s", "Pa.s": "Pa*s", "Pa-s": "Pa*s", "-": "1", "": "", "rad/sec": "rad/s"}
 # Role -> its SI unit, and the names by which programs call it, in small letters.
