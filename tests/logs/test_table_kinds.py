@@ -17,7 +17,7 @@ def device(path, choices=None, **changes):
     """The device that is suggested for a file, which way its channels count, and what it asks."""
     suggestion = CsvReplay.suggest(path, choices or {})
     tables = {key: value for key, value in suggestion.device.items() if key != "type"} | changes
-    return tables, {role: suggestion.alignment[role]["sign"] for role in tables["columns"]}, suggestion.blanks
+    return tables, {role: suggestion.alignment[role]["sign"] for role in tables["columns"] if role in suggestion.alignment}, suggestion.blanks
 
 
 def read(tables, signs):

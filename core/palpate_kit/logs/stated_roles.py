@@ -43,20 +43,40 @@ def role_of_name(name: str) -> tuple[str | None, str, str | None]:
     return None, "", None
 
 
-def beside(role: str, name: str, columns: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Name and number of what belongs to the number of a role: of a force its other axes, of a place its pose."""
-    stem = name.removesuffix(".z")
-    if stem == name:
-        return
+def beside(role: str, name: str, columns: Sequence[str]) -> Iterator[tuple[str, str, str | None]]:
+    """Signal, column and unit of what belongs to the column of a role: a force's other axes, the pose of a height.
+
+    By names that end in x, y and z, or in 0 to 5 as a UR numbers force and pose. No unit: it is that of the role.
+    """
+    if name.endswith("_2"):
+        x, y, z, *turn = (f"{name[:-1]}{axis}" for axis in range(6))
+        turns = [[(f"r{axis}", column, "rad") for axis, column in zip("xyz", turn, strict=True)]] * ("pose" in name)
+    else:
+        stem = name.removesuffix("z")
+        x, y, z = (f"{stem}{axis}" for axis in "xyz")
+        turns = [[(f"q{axis}", f"{start}{axis}", "1") for axis in "xyzw"] for start in _quaternion_stems(stem)]
+        turns += [[(f"r{axis}", f"{stem}r{axis}", "rad") for axis in "xyz"]]
     if role == "force":
-        found = [(f"force_{axis}", f"{stem}.{axis}") for axis in "xy"]
-    elif role == "position":
-        turn = stem.replace("position", "orientation").replace("translation", "rotation")
-        found = [(axis, f"{stem}.{axis}") for axis in "xyz"] + [(f"q{axis}", f"{turn}.{axis}") for axis in "xyzw"]
+        found: list[tuple[str, str, str | None]] = [("force_x", x, None), ("force_y", y, None)]
+    elif role == "position" and (turned := next((t for t in turns if all(c in columns for _, c, _ in t)), None)):
+        found = [("x", x, None), ("y", y, None), ("z", z, None), *turned]
     else:
         return
-    if all(field in columns for _, field in found):
+    if name == z and all(column in columns for _, column, _ in found):
         yield from found
+
+
+def _quaternion_stems(stem: str) -> Iterator[str]:
+    """How the names of a quaternion may begin beside those of a place."""
+    for place, turn in (
+        ("position", "orientation"),
+        ("translation", "rotation"),
+        ("pos", "quat"),
+        ("pos", "orientation"),
+    ):
+        if place in stem:
+            yield stem.replace(place, turn)
+    yield f"{stem}q"
 
 
 def runs_with(values: Floats, logged: Floats) -> bool:

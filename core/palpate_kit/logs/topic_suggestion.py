@@ -67,9 +67,8 @@ def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping
     _guess_units(found, units, extra["doubts"], tip_of(choices))
     signals: dict[str, Any] = {}
     for role, (topic, name) in keys.items():
-        for other, field in roles.beside(role, name, looked[topic][0]):
-            turn = role == "position" and other.startswith("q")
-            signals[other] = {"topic": topic, "field": field, "unit": "1" if turn else units[role]}
+        for other, field, unit in roles.beside(role, name, looked[topic][0]):
+            signals[other] = {"topic": topic, **_field(field), "unit": unit or units[role]}
         signals[role] = {"topic": topic, **_field(name), "unit": units[role]}  # last: the third axis of a force
     device: dict[str, Any] = {"type": kind, "file": str(path), "signals": signals}
     device |= dict(_times(found, keys, looked, extra["reasons"]))

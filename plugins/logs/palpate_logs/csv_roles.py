@@ -22,13 +22,13 @@ from palpate_records.tables.csv_names import (
     is_of_retraction,
     role_by_words,
     stamp_parts,
-    words_of,
 )
 from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
 from palpate_records.tables.footer import footer_words
 from palpate_records.tables.table_records import RECORD, records_note, sheet_of
 
 from palpate_logs.csv_beam import deflections, stiffness_of, which_of_both
+from palpate_logs.csv_pose import places_of, sideways_forces, with_axes
 from palpate_logs.csv_units import DIMENSIONS, units_of
 
 _ROWS = 400_000  # that are looked into
@@ -79,7 +79,8 @@ class SheetRoles:
             roles = ["other" if k in places and k not in depths else mine for k, mine in enumerate(roles)]
         if not all(map(is_of_retraction, names)):
             roles = ["other" if is_of_retraction(name) else mine for mine, name in zip(roles, names)]
-        return roles
+        sideways = sideways_forces(names, roles, self.values)
+        return ["other" if k in sideways else role for k, role in enumerate(roles)]
 
 
 def _counts(values: Floats) -> bool:
@@ -137,7 +138,8 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
         rate = _rate(found, factors, extra)
         device["rate"] = "? Hz" if rate is None else f"{rate:g} Hz"
     device |= sheet.settings
-    device["columns"] = _columns(found, sheet, units, choices, extra["blanks"])
+    columns = _columns(found, sheet, units, choices, extra["blanks"])
+    device["columns"] = with_axes(columns, found, sheet, looked.values)
     trials = _other_trials(found, sheet)
     doubts += [f"{role}: {names[0]} and {', '.join(names[1:])} can be it" for role, names in trials.items()]
     back = [name for name in sheet.names if is_of_retraction(name)]
@@ -149,7 +151,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     facts = facts_worth_stating(sheet.facts)
     extra["hints"] += [f"line {fact.line} states: {fact.name}: {fact.value}" for fact in facts]
     channels = {role: f"log.{role}" for role in found.picks}
-    places = _places(sheet) if sheet.record is not None else {}
+    places = places_of(sheet) if sheet.record is not None else {}
     device["columns"] |= places
     beam: dict[str, str] = {}
     if bent and choices.get(POSITION_OF) == "stage":
@@ -166,16 +168,6 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     rivals = {**suggestion.rivals, **trials}
     worth = tuple((fact.line, fact.name, fact.value) for fact in facts)
     return replace(suggestion, alignment=alignment, guesses=keys, rivals=rivals, facts=worth, has_time=has_time)
-
-
-def _places(sheet: Sheet) -> dict[str, dict[str, Any]]:
-    """The columns that say where along the skin a record is; none where one of the two is missing."""
-    found: dict[str, dict[str, Any]] = {}
-    for k, name in enumerate(sheet.names):
-        unit, words = sheet.unit(k), words_of(name)
-        if words and words[0] in ("x", "y") and unit and si_unit(unit)[0] == "m":
-            found.setdefault(words[0], {"column": sheet.column(k), "unit": unit})
-    return found if len(found) == 2 else {}
 
 
 def _other_trials(found: RoleGuess, sheet: Sheet) -> dict[str, tuple[str, ...]]:
