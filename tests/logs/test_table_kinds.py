@@ -17,7 +17,11 @@ def device(path, choices=None, **changes):
     """The device that is suggested for a file, which way its channels count, and what it asks."""
     suggestion = CsvReplay.suggest(path, choices or {})
     tables = {key: value for key, value in suggestion.device.items() if key != "type"} | changes
-    return tables, {role: suggestion.alignment[role]["sign"] for role in tables["columns"] if role in suggestion.alignment}, suggestion.blanks
+    return (
+        tables,
+        {role: suggestion.alignment[role]["sign"] for role in tables["columns"] if role in suggestion.alignment},
+        suggestion.blanks,
+    )
 
 
 def read(tables, signs):
@@ -200,7 +204,9 @@ def test_a_folder_is_suggested_once_and_what_is_unlike_is_named(tmp_path, monkey
     lines = done.stderr.splitlines()
     assert lines[0] == "reader.toml: 3 files read alike: 0.csv, 1.csv, 2.csv"
     assert lines[1] == "reader-2.toml: 1 file with another delimiter: tabs.txt"
-    assert lines[2].startswith("reader-3.toml: 1 file with another time.column, time.unit, alignment.gap, ...: timeless.csv")
+    assert lines[2].startswith(
+        "reader-3.toml: 1 file with another time.column, time.unit, alignment.gap, ...: timeless.csv"
+    )
     assert lines[4] == "curves/words.csv: the file contains no rows of numbers"
     assert "README" not in done.stderr
     fitted = palpate("info", "curves", "--suggest", "-o", "reader.toml")
