@@ -3,6 +3,7 @@
 The blocks of plugins/*/README.md are run by test_plugin_readmes, those of docs/tutorials when the site is built.
 """
 
+import ast
 import re
 import shlex
 import tomllib
@@ -19,6 +20,8 @@ from palpate_engine.cli.commands import call_of, parse_arguments
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(?::[^\n]*\n)*(.*?)^```$", re.MULTILINE | re.DOTALL)
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -74,12 +77,37 @@ def options(name):
     return {option for parameter in typer.main.get_command(app).params for option in parameter.opts} | {"--help", "-h"}
 
 
+def assert_is_there(words):
+    """That a command exists, with the options that are given."""
+    meant = call_of(parse_arguments(words))
+    given = {word.partition("=")[0] for word in meant.arguments if re.match(r"--?[a-z]", word)}
+    assert given <= options(meant.name), meant.name
+
+
 @pytest.mark.parametrize("text", blocks("sh", "bash"))
 def test_commands_and_their_options_are_there(text):
     for line in text.replace("\\\n", " ").splitlines():
         for call in re.findall(r"(?:^|&&|\||;)\s*(?:\S*/)?palpate ([^|&;]*)", line.partition(" #")[0]):
             words = [word for word in shlex.split(call) if word != "--no-plugins"]
             if words and not words[0].startswith("-"):
-                meant = call_of(parse_arguments(words))
-                given = {word.partition("=")[0] for word in meant.arguments if re.match(r"--?[a-z]", word)}
-                assert given <= options(meant.name), meant.name
+                assert_is_there(words)
+
+
+def calls(text):
+    """The words of every call of palpate in the cells of a tutorial, up to the first that is computed."""
+    for cell in CELL.findall(text):
+        for node in ast.walk(ast.parse(cell)):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "palpate":
+                words = []
+                for argument in node.args:
+                    part = argument.values[0] if isinstance(argument, ast.JoinedStr) else argument
+                    if not isinstance(part, ast.Constant) or not isinstance(part.value, str):
+                        break
+                    words += part.value.replace("'", "").split()[:2] if part is not argument else [part.value]
+                yield shlex.split(words[0]) if len(node.args) == 1 and len(words) == 1 else words
+
+
+@pytest.mark.parametrize("page", TUTORIALS, ids=[page.stem for page in TUTORIALS])
+def test_commands_of_a_tutorial_are_there(page):
+    for words in calls(page.read_text()):
+        assert_is_there(words)
