@@ -251,7 +251,7 @@ class ArmLoop:
 
     def _wait_for_standstill(self) -> None:
         """Raise ArmFaultError where the tip goes on, or nothing says that it does not: believe no driver."""
-        deadline, places = clock().now() + _BRAKES, list[Any]()
+        deadline, places, far = clock().now() + _BRAKES, list[Any](), math.inf
         while clock().now() < deadline:
             self._ring.beat(clock().now_ns())
             self._take_state()
