@@ -80,7 +80,7 @@ def leaves(value: Any, above: str = "") -> Iterator[tuple[str, str]]:
         yield above, repr(value)
         return
     for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
-        if key not in OF_ONE_RUN:
+        if str(key).rpartition(".")[2] not in OF_ONE_RUN:  # of inputs as well: rig.file
             yield from leaves(inner, f"{above}.{key}")
 
 
