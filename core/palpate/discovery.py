@@ -148,7 +148,7 @@ def _place(error: Exception, plugin: Plugin) -> str:
 
 
 def missing_methods(part: Any) -> str:
-    """The methods that a part's kind asks for and it does not define; empty where there are none."""
+    """The methods that a part's kind asks for and it does not define; empty if none is missing."""
     return ", ".join(sorted(part.__abstractmethods__)) if isabstract(part) else ""
 
 

@@ -36,7 +36,7 @@ def verdict_rank(verdict: str) -> int:
 
 
 def advice_on(verdict: str) -> str:
-    """A verdict in words: of what gives a number with what to do, else why there is none."""
+    """A verdict in words: of what gives a number with what to do, else why it has none."""
     return ADVICE.get(verdict, verdict)
 
 

@@ -135,18 +135,18 @@ class Registry:
         entries = self.parts[kind]
         if full := self._full_name(kind, name):
             return entries[full].part
-        raise PluginError(f"there is no {kind} {name!r}{suggest(name, entries)}{self._lost}")
+        raise PluginError(f"no {kind} {name!r}{suggest(name, entries)}{self._lost}")
 
     def named(self, kind: str, name: str) -> str:
         """The full name of a part, from it or from its initials ("dr"); raises ConfigurationError."""
         if full := self._full_name(kind, name):
             return full
         raise ConfigurationError(
-            f"there is no {kind} {name!r}{suggest(name, [*self.parts[kind], *self._initials(kind)])}{self._lost}"
+            f"no {kind} {name!r}{suggest(name, [*self.parts[kind], *self._initials(kind)])}{self._lost}"
         )
 
     def _full_name(self, kind: str, name: str) -> str:
-        """The full name of a part, from it or from initials that only one has; empty where there is none."""
+        """The full name of a part, from it or from initials that only one has; empty if it matches none."""
         return name if name in self.parts[kind] else self._initials(kind).get(name, "")
 
     def _initials(self, kind: str) -> dict[str, str]:
@@ -168,7 +168,7 @@ class Registry:
             hint = suggest(close[0] if close else name, {*first, *close})
             # An editable installation knows the plugins of the day it was made.
             hint += "" if "did you mean" in hint else "; after an update, reinstall palpate (pip install)"
-            raise PluginError(f"there is no command {name!r}{hint}{self._lost}")
+            raise PluginError(f"no command {name!r}{hint}{self._lost}")
         return self.commands[name]
 
     def subcommands(self, name: str) -> dict[str, Command]:

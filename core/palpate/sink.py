@@ -66,7 +66,7 @@ class EstimatesWriter(Protocol):
 
 @runtime_checkable
 class TakesHealth(Protocol):
-    """A writer that wants to know how a live run is doing."""
+    """A writer that is informed of the health of a live run."""
 
     def health(self, health: Mapping[str, Any]) -> None:
         """Once a second: time of the record and how far estimates are behind [s], streams, devices, tare, and `tracks`:
@@ -77,7 +77,7 @@ class TakesHealth(Protocol):
 
 @runtime_checkable
 class TakesFlags(Protocol):
-    """A writer that wants to know of flags as they rise, and fall again."""
+    """A writer that is informed of flags when they are raised and when they are cleared."""
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
         """All flags of a track, or of the record as a whole, whenever they have changed."""
@@ -95,7 +95,7 @@ class GuardState:
 
 @runtime_checkable
 class TakesGuard(Protocol):
-    """A writer that wants to know what the guard does."""
+    """A writer that is informed of what the guard does."""
 
     def guard(self, state: GuardState) -> None:
         """Its state, whenever it has changed."""
@@ -104,7 +104,7 @@ class TakesGuard(Protocol):
 
 @runtime_checkable
 class TakesResult(Protocol):
-    """A writer that wants the result."""
+    """A writer that takes the result."""
 
     def result(self, table: Mapping[str, Any]) -> None:
         """The contents of ``result.json``; nothing comes after it."""

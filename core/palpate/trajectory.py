@@ -104,7 +104,7 @@ class SupportsSurface(Protocol):
 
 
 def surface_of(trajectory: Trajectory) -> Surface | None:
-    """The surface that a motion follows, also as part of another one; None where there is none."""
+    """The surface that a motion follows, also as part of another one; None if it follows none."""
     inner = getattr(trajectory, "of", None)
     if isinstance(trajectory, SupportsSurface):
         return trajectory.followed
@@ -157,7 +157,7 @@ def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
             what = (
                 f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
             )
-            raise PluginError(f"{name}: {field} for {count} times is {what}; an array of numbers {wanted} is wanted")
+            raise PluginError(f"{name}: {field} for {count} times is {what}; expected an array of numbers {wanted}")
         rows = np.isfinite(values).reshape(count, -1).all(axis=1)
         if not rows.all():
             raise PluginError(f"{name}: a setpoint is not a finite number: {field} at {time[np.argmin(rows)]:.3f} s")
@@ -168,9 +168,7 @@ def duration_of(trajectory: Trajectory) -> float:
     """Duration of a trajectory [s]; raises PluginError naming it where it raises, or returns none that is finite."""
     found = answer_of(trajectory, lambda: trajectory.total_duration)
     if not isinstance(found, (int, float, np.floating)) or not math.isfinite(found) or found < 0:
-        raise PluginError(
-            f"{_named(trajectory)}: its total_duration is {found!r}; a finite number of seconds is wanted"
-        )
+        raise PluginError(f"{_named(trajectory)}: its total_duration is {found!r}; expected a finite number of seconds")
     return float(found)
 
 

@@ -32,7 +32,7 @@ class PluginFile:
 
     @classmethod
     def read(cls, path: Path) -> PluginFile:
-        """The file at a path; raises PluginError where there is none, or it is not Python source."""
+        """The file at a path; raises PluginError if it does not exist or is not Python source."""
         try:
             if not path.is_file():
                 raise PluginError(f"plugin file {path} does not exist")

@@ -140,7 +140,7 @@ class ArmSettings(Device):
 
     @property
     def live(self) -> bool:
-        """It sends as time goes by."""
+        """It sends in real time."""
         return True
 
     @property
@@ -171,7 +171,7 @@ class ArmSettings(Device):
 
     @property
     def stop_modes(self) -> StopModes | None:
-        """How its status tells of its own stops; None where a second connection cannot watch it beside a run."""
+        """How its status reports its own stops; None if a second connection cannot watch it during a run."""
         return None
 
     @property

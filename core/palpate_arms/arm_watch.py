@@ -19,7 +19,7 @@ _LEAP = "no arm does that; was another TCP set meanwhile?"
 
 
 class ArmWatch:
-    """Looks at every state of an arm; `beat` tells the main job, while a stop is waited for, that this process lives.
+    """Looks at every state of an arm; while it waits for a stop, `beat` shows the main job that this process lives.
 
     An arm that is only observed is not asked whether it could move.
     """

@@ -177,7 +177,7 @@ class Commander:
         """The turn of the tool where a part of it is left."""
         if not self._turn_by.any():
             return self._turn_from
-        if np.array_equal(self._turn_by, -self._turn_from):  # to where the work frame wants it
+        if np.array_equal(self._turn_by, -self._turn_from):  # to its orientation by the work frame
             return self._turn_from * left
         return turn_after(self._turn_from, self._turn_by * (1.0 - left))
 

@@ -58,7 +58,7 @@ def _no_link(path: str, flags: int) -> int:
 
 @contextmanager
 def file_in_place(path: Path) -> Iterator[IO[bytes]]:
-    """A file to read and change where it stands, made where there is none; raises OutputError.
+    """A file to read and change where it stands, created if missing; raises OutputError.
 
     A link is refused: it may lead out of the folder, to a file of the user that nobody has named.
     """

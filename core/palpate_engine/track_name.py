@@ -1,10 +1,10 @@
-"""The name of a track: model and estimator, as one text wherever a text is wanted."""
+"""The name of a track: model and estimator, as one text where one text is needed."""
 
 from __future__ import annotations
 
 
 class TrackName(str):
-    """``MODEL/ESTIMATOR``: key of results, column of tables, topic of logs, with its two halves at hand."""
+    """``MODEL/ESTIMATOR``: key of results, column of tables, topic of logs, with its two halves."""
 
     __slots__ = ("estimator", "model")
     model: str  # name of the [model.*] table

@@ -28,7 +28,7 @@ class Condition:
     fact: str  # one of the facts of docs/verdict.md, such as "thickness"
     text: str  # what is assumed, as in "holds if: ..."
     remedy: str  # the words that state the fact
-    alternative: str = ""  # with which the shifts are, as in "22 mm"; empty: there is none, and no value needs the fact
+    alternative: str = ""  # with which the shifts are, as in "22 mm"; empty: none, and no value needs the fact
     shifts: Mapping[str, float] = field(default_factory=dict)  # [SI] of each value by the alternative, with signs
     code: str = ""  # of the flag by which older versions said it
 

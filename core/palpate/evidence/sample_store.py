@@ -25,7 +25,7 @@ class SampleStore:
     velocity: Floats  # (n,) [m/s]
     lateral: Floats  # (n, 2) [m]; NaN: not known
     used: NDArray[np.bool_]  # (n,) the track has an estimate there
-    surface: Floats  # (n,) [m] by that estimate; NaN where there is none
+    surface: Floats  # (n,) [m] by that estimate; NaN without one
     innovation: Floats  # (n,) over its own standard deviation; NaN where the estimator reports none
 
     @cached_property

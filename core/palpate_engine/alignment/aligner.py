@@ -72,11 +72,11 @@ class Aligner:
         horizon = min((-1 if series.last is None else series.last for series in (base, *others)), default=-1)
         count = int(np.searchsorted(base.stamps, horizon, side="right"))
         if "velocity" not in self._roles and not final:
-            # A central difference wants the next position, too, and behind a beam the force at it.
+            # A central difference needs the next position, too, and behind a beam the force at it.
             count = count - 1 if self._settings.beam is not None else min(count, len(base.stamps) - 1)
         count = max(count, 0)
         if self._origin is None and count:
-            # There is no sample before the first reading of every signal.
+            # No sample comes before the first reading of every signal.
             early = int(np.searchsorted(base.stamps[:count], max(int(series.stamps[0]) for series in others)))
             base.drop(early)
             count -= early

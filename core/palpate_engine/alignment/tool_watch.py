@@ -139,6 +139,6 @@ class _Stays:
 
     @property
     def slope(self) -> float:
-        """Tangent of the angle between the normal and the motion; 0 where there is no motion along it."""
+        """Tangent of the angle between the normal and the motion; 0 without motion along it."""
         *place, height = self._whole
         return math.sqrt(max(sum(place) / height - 1.0, 0.0)) if height > 0 else 0.0

@@ -110,7 +110,7 @@ def call_of(invocation: Invocation) -> CommandCall:
 def _demand_no_slip(first: str, word: str, below: Mapping[str, Command], alone: bool) -> None:
     """Raise PluginError where a word is no subcommand, and can be nothing else or nearly is one."""
     if alone or (get_close_matches(word, below, cutoff=0.75) and not Path(word).exists()):
-        raise PluginError(f"there is no command '{first} {word}'{suggest(word, below)}")
+        raise PluginError(f"no command '{first} {word}'{suggest(word, below)}")
 
 
 def command_offers() -> Registry:

@@ -145,7 +145,7 @@ class Builder:
         if isinstance(value, str):
             names = self._tables.get(kind, {})
             if not isinstance(names, dict) or value not in names:
-                self._note(location, f"there is no [{kind}.{value}]{suggest(value, names)}")
+                self._note(location, f"no [{kind}.{value}]{suggest(value, names)}")
                 raise _PartError
             if (kind, value) in self._begun:
                 self._note(location, f"[{kind}.{value}] needs itself")

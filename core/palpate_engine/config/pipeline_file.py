@@ -216,7 +216,7 @@ def _wrong_rehearsal(run: RunSettings | None, kinds: Mapping[str, Mapping[str, A
     if run is None or run.rehearsal is None or run.rehearsal in kinds["twin"] or not is_live(kinds["device"]):
         return []
     known = suggest(run.rehearsal, kinds["twin"])
-    return [Mistake(("run", "rehearsal"), f"there is no [twin.{run.rehearsal}]{known}")]
+    return [Mistake(("run", "rehearsal"), f"no [twin.{run.rehearsal}]{known}")]
 
 
 def _missing(tables: Mapping[str, Any], registry: Registry, needed: tuple[str, ...]) -> list[Mistake]:

@@ -93,7 +93,7 @@ def _columns(value: object) -> object:
     if not isinstance(value, dict):
         return value
     if wrong := next((role for role in value if role not in ROLES), None):
-        raise ValueError(f"there is no role {wrong!r}{suggest(wrong, ROLES)} (there are: {', '.join(ROLES)})")
+        raise ValueError(f"no role {wrong!r}{suggest(wrong, ROLES)} (there are: {', '.join(ROLES)})")
     return {role: tuple(names) if isinstance(names, list | tuple) else (names,) for role, names in value.items()}
 
 

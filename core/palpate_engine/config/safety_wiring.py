@@ -43,7 +43,7 @@ def contradictions(
     axis = position.stream.channels[position.column].name
     if position.device in own_motions(devices) and position.stream.layout == "pose" and axis != "z":
         problem = (
-            f"is {position.signal.channel!r}, but depth is along the normal: the z axis of the work frame is wanted"
+            f"is {position.signal.channel!r}, but depth is along the normal: expected the z axis of the work frame"
         )
         mistakes.append(Mistake(("alignment", "position"), problem))
     return mistakes

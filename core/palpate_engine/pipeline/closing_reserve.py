@@ -29,7 +29,7 @@ class ClosingReserve:
 
 @contextmanager
 def closing_reserve(folder: Path, wanted: bool) -> Iterator[ClosingReserve]:
-    """The reserve of a run, or an empty one where none is wanted; raises OutputError where there is no room."""
+    """The reserve of a run, or an empty one if not requested; raises OutputError if the disk is full."""
     file = None
     try:
         if wanted:

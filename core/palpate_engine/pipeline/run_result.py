@@ -177,7 +177,7 @@ def _setting(settings: Mapping[str, Any], key: str) -> str:
     value: Any = settings
     for word in key.split("."):
         value = value.get(word) if isinstance(value, dict) else None
-    return "? (there is no such setting)" if value is None else str(value)
+    return "? (no such setting)" if value is None else str(value)
 
 
 def _model_of(key: str, pipeline: Pipeline) -> str | None:

@@ -1,4 +1,4 @@
-"""Materiality: what speaks against a value of a track beyond its uncertainty, and what it is worth by that."""
+"""Materiality: what counts against a value of a track beyond its uncertainty, and what it is worth by that."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _ratio(flag: Flag, name: str, value: UncertainValue) -> float:
 
 
 def _undetermined(said: set[str], values: Mapping[str, UncertainValue]) -> Iterator[Flag]:
-    """The note on values that may be none as far as the record tells; nothing of what is said already."""
+    """The note on values that may be none as far as the record shows; nothing of what is said already."""
     for name, value in values.items():
         u = value.of_one_place
         if name in said or not math.isfinite(value.value):

@@ -27,7 +27,7 @@ def systematic_terms(
     included: Container[str] = (),
 ) -> list[Term]:
     """The terms of everything that is declared, or has a default; what an estimator has `included` is left out, and
-    without a `report` of the alignment what only that tells: tare, and directions of a tool that turns.
+    without a `report` of the alignment what only that states: tare, and directions of a tool that turns.
 
     Timing: dtheta/dtau u(tau), by `shifts` (k,) of `delay_shifts`. All others: a small error f(t) of the force shifts
     the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last

@@ -86,9 +86,7 @@ def _choice(word: str, name: str, value: str, codes: set[str], folder: FitFolder
             raise ConfigurationError(f"--where {word!r}: no curve has the flag {value!r}{suggest(value, codes)}")
         return lambda row: value in row.flags
     if name not in _CHOICES:
-        raise ConfigurationError(
-            f"--where {word!r}: there is no {name!r}{suggest(name, ['flag', 'condition', *_CHOICES])}"
-        )
+        raise ConfigurationError(f"--where {word!r}: no {name!r}{suggest(name, ['flag', 'condition', *_CHOICES])}")
     if value not in _CHOICES[name]:
         raise ConfigurationError(f"--where {word!r}: {value!r} is no {name}{suggest(value, _CHOICES[name])}")
     return lambda row: getattr(row, name) == value
@@ -97,7 +95,7 @@ def _choice(word: str, name: str, value: str, codes: set[str], folder: FitFolder
 def _equal(word: str, name: str, value: str, folder: FitFolder) -> Test:
     if name == "curve":
         if value not in folder.names:
-            raise ConfigurationError(f"--where {word!r}: there is no curve {value!r}{suggest(value, folder.names)}")
+            raise ConfigurationError(f"--where {word!r}: no curve {value!r}{suggest(value, folder.names)}")
         return lambda row: row.curve == value
     if name == "track":
         return lambda row: row.track == value
@@ -111,7 +109,7 @@ def _comparison(word: str, name: str, sign: str, value: str, folder: FitFolder) 
     key = folder.symbols.get(name, name)
     if key not in (*folder.values, *_NUMBERS):
         known = [*folder.symbols, *folder.values, *_NUMBERS]
-        raise ConfigurationError(f"--where {word!r}: there is no number {name!r}{suggest(name, known)}")
+        raise ConfigurationError(f"--where {word!r}: no number {name!r}{suggest(name, known)}")
     unit = _NUMBERS.get(key, folder.units.get(key, ""))
     try:
         limit = float(value) / display_unit(unit)[1]

@@ -118,7 +118,7 @@ class FitTable:
         return latest_rows(self.path)
 
     def compact(self, names: Sequence[str] = ()) -> None:
-        """Write the table anew where it holds rows that later ones stand for, or not in the order of the names."""
+        """Rewrite the table where it holds rows that later ones stand for, or not in the order of the names."""
         known = self.rows
         places = {name: place for place, name in enumerate(names)}
         rows = sorted(known, key=lambda row: places.get(row["curve"], len(places)))
@@ -155,7 +155,7 @@ def _quartiles(values: Floats) -> list[float]:
 
 
 def replace_columns(path: Path, columns: Sequence[str]) -> None:
-    """Write a table of fits anew with other columns; a cell of one that is new is empty."""
+    """Rewrite a table of fits with other columns; cells of a new column are empty."""
     write_rows(path, columns, latest_rows(path))
 
 
@@ -281,7 +281,7 @@ def rows_of_fits(path: Path) -> Iterator[tuple[int, Row]]:
             row = dict(zip(head, cells, strict=True))
             for name, cell in row.items():
                 if wanted := _wanted(name, cell):
-                    raise LogError(f"{path}:{number}: column {name} holds {cell[:40]!r}, which is no {wanted}")
+                    raise LogError(f"{path}:{number}: column {name} holds {cell[:40]!r}, expected a {wanted}")
             yield file.tell(), row
 
 

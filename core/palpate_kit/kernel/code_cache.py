@@ -34,7 +34,7 @@ def cached_code(causes: tuple[str, ...], make: Callable[[], bytes]) -> bytes:
 
 
 def _folder() -> Path | None:
-    """The user's own folder, closed to others; None where there is none, or ``PALPATE_CACHE=off``."""
+    """The user's own folder, closed to others; None without one, or with ``PALPATE_CACHE=off``."""
     wanted = os.environ.get(_VARIABLE)
     if wanted == "off":
         return None
@@ -50,7 +50,7 @@ def _folder() -> Path | None:
 
 
 def _read(file: Path) -> bytes | None:
-    """The code of a file; None where there is none, or it is another's, a link, or not what was written."""
+    """The code of a file; None if it is missing, another user's, a link, or not what was written."""
     try:
         with open(os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as opened:
             found = os.fstat(opened.fileno())

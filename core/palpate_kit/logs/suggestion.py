@@ -99,7 +99,7 @@ def no_tare(time: Floats, force: Floats) -> str | None:
 
 
 def tip_of(choices: Mapping[str, str]) -> Indenter | None:
-    """The tip among choices, by which units are guessed; None where there is none."""
+    """The tip among choices, by which units are guessed; None without any."""
     if TIP not in choices:
         return None
     known = registry.load()

@@ -41,7 +41,7 @@ def read_run_log(path: Path) -> RunLog | None:
 
 
 def log_in(path: Path) -> Path:
-    """The log itself, or the one log in a run folder; raises LogError where there is none, or several."""
+    """The log itself, or the one log in a run folder; raises LogError if it has none or several."""
     if not path.is_dir() or not RunFolder(path).began:
         return path
     readers = readers_of(registries.load()).values()
@@ -49,7 +49,7 @@ def log_in(path: Path) -> Path:
     logs = [file for file in logs if file.suffix != ".csv"]  # its tables of estimates are no logs
     if len(logs) != 1:
         found = ", ".join(file.name for file in logs) or "none"
-        raise LogError(f"{path}: one log is wanted in a run folder ({found}); add a [sink.*] to the pipeline")
+        raise LogError(f"{path}: expected one log in a run folder ({found}); add a [sink.*] to the pipeline")
     return logs[0]
 
 
@@ -155,7 +155,7 @@ def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
         known = next((m["indenter"] for m in tables.get("model", {}).values() if "indenter" in m), None)
         known = known or next(iter(tables.get("indenter", {})), None)
         if known is None:
-            raise ConfigurationError(f"{kind} {name!r} wants a tip, and the recorded pipeline has none")
+            raise ConfigurationError(f"{kind} {name!r} needs a tip, and the recorded pipeline has none")
         table["indenter"] = known
     return table
 

@@ -74,7 +74,7 @@ class Bag:
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
-        """Messages of the wanted topics, file after file."""
+        """Messages of the requested topics, file after file."""
         for i, part in enumerate(self._parts):
             names = {name: self._topics[i, name].name for name in part.topics}
             present = {name for name in names if names[name] in wanted}

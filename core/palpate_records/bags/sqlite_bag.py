@@ -88,7 +88,7 @@ class SqliteBag:
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
-        """Messages of the wanted topics in the order of their time-stamps, within [begin, end) [ns]."""
+        """Messages of the requested topics in the order of their time-stamps, within [begin, end) [ns]."""
         with self._open() as database:
             named = {identity: topic.name for identity, topic in self._topics.items()}
             identities = [identity for identity, name in named.items() if name in wanted]

@@ -150,7 +150,7 @@ class McapFile:
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
-        """Messages of the wanted topics in the order of the file, within [begin, end) of log time [ns]."""
+        """Messages of the requested topics in the order of the file, within [begin, end) of log time [ns]."""
         known = self._definitions.copy()
         for block in self._passed(known, begin, end):
             yield from self._sorted_out(block, known, wanted, begin, end)

@@ -195,7 +195,7 @@ class Pass:
 
 
 def check_data_sum(file: IO[bytes], summary: Definitions) -> bool | None:
-    """Whether the checksum over all data is right; None where there is none."""
+    """Whether the checksum over all data is right; None if it has none."""
     if summary.data is None:
         return None
     left, expected = summary.data

@@ -46,7 +46,7 @@ class MessageLayout:
     places: Mapping[str, FieldPlace]  # by path, such as "wrench.force.z"
     texts: Mapping[str, bytes]  # as they stand there, with their closing zero
     lengths: tuple[tuple[int, int], ...]  # offset of a length, and its value
-    kind: int | None  # of encapsulation; None: there is none
+    kind: int | None  # of encapsulation; None: without
     order: str
     cost: int  # [bytes] of memory that the walk was charged
 
@@ -119,7 +119,7 @@ class Excerpt:
 
 
 def _at(place: FieldPlace, index: int | None) -> tuple[int, str]:
-    """Offset and code of a number; no code where there is none."""
+    """Offset and code of a number; no code if it is none."""
     count = 1 if place.count is None else place.count
     if place.code == "S" or (place.count is None) != (index is None) or (index or 0) >= count:
         return 0, ""

@@ -10,7 +10,7 @@ from palpate import LogError
 
 from palpate_records.messages.fields import Field
 
-# What is opened and never closed goes to the end: looking for its end anew from every place would take hours.
+# What is opened and never closed goes to the end: looking for its end again from every place would take hours.
 _TOKEN = re.compile(
     r'"(?:\\.|[^"\\])*(?:"|\\?\Z)|\'(?:\\.|[^\'\\])*(?:\'|\\?\Z)|(?:::)?[A-Za-z_]\w*(?:::[A-Za-z_]\w*)*|[\d.][\w.+-]*|\S',
     re.DOTALL,

@@ -161,7 +161,7 @@ def _number(value: Any) -> float:
 
 
 def _stamp(item: Any, paths: Sequence[str | None]) -> int | None:
-    """The stamp [ns] of the element that is read, else that of the message; None where there is none."""
+    """The stamp [ns] of the element that is read, else that of the message; None without either."""
     inner = [path.rpartition("].")[0] + "].header.stamp" for path in paths if path and "]." in path]
     for path in (*inner, *_STAMPS):
         stamp = _inside(item, path)

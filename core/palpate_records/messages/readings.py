@@ -1,4 +1,4 @@
-"""What is wanted of a message: one number for each reading, and a time-stamp."""
+"""What is read from a message: one number for each reading, and a time-stamp."""
 
 from __future__ import annotations
 

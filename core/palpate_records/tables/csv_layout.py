@@ -88,7 +88,7 @@ def layout_of(
 ) -> TableLayout:
     """The layout by the first lines of a file; the lines of `header` and `units` as stated, 0 for none.
 
-    Raises LogError where there are no rows of numbers.
+    Raises LogError without rows of numbers.
     """
     if any('"' in line for line in lines):  # each by itself: a quotation mark that stands alone spoils no other line
         rows = [next(dialect.rows([line]), []) for line in lines]

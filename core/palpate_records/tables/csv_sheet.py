@@ -194,12 +194,12 @@ class Sheet:
         return ", ".join(names) + (", ..." if len(self.names) > _NAMED else "")
 
     def index_of(self, role: str, choice: str) -> int:
-        """The column that a choice names, by the header or by its number; raises LogError where there is none."""
+        """The column that a choice names, by the header or by its number; raises LogError if it is missing."""
         if choice in self.names:
             return self.names.index(choice)
         if choice.isdigit() and int(choice) < len(self.names):
             return int(choice)
-        raise LogError(f"{self.path}: --{role}: there is no column {choice!r} (there are: {self.columns})")
+        raise LogError(f"{self.path}: --{role}: no column {choice!r} (there are: {self.columns})")
 
     def demand_numbers(self, role: str, column: int, values: Floats) -> None:
         """Raise LogError where a column (n,) that was chosen for a role contains hardly a number."""
@@ -245,7 +245,7 @@ def _checked(path: Path, key: str, text: str) -> str | int:
     }
     words, right = wanted.get(key, ("", True))
     if not right:
-        raise LogError(f"{path}: {key} = {text!r}: {words} is wanted")
+        raise LogError(f"{path}: {key} = {text!r}: expected {words}")
     return int(text) if key in ("header", "units") else text
 
 
@@ -269,7 +269,7 @@ def _refuse_decimal_commas(
 
 
 def _with_thousands(path: Path, dialect: Dialect, rows: list[list[str]], layout: TableLayout) -> Dialect:
-    """The dialect, where ``1,234`` may be a fraction or a thousand; raises LogError where neither can be told."""
+    """The dialect, where ``1,234`` may be a fraction or a thousand; raises LogError where neither is certain."""
     columns = [[row[k] for row in rows if k < len(row)] for k in range(layout.width) if k not in layout.clocks]
     if dialect.thousands:
         return dialect

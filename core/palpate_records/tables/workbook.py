@@ -67,9 +67,7 @@ def _sheet(path: Path, book: Any, name: str | None) -> Any:
     sheets = {sheet.title: sheet for sheet in book.worksheets}
     if name is not None:
         if name not in sheets:
-            raise LogError(
-                f"{path}: there is no sheet {name!r}{suggest(name, list(sheets))} (there are: {', '.join(sheets)})"
-            )
+            raise LogError(f"{path}: no sheet {name!r}{suggest(name, list(sheets))} (there are: {', '.join(sheets)})")
         return sheets[name]
     if not (numbered := _numbered(book)):
         raise LogError(f"{path}: the file contains no rows of numbers")

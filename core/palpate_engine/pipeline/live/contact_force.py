@@ -60,7 +60,7 @@ class ContactForce:
         if repeats.longest[0] == len(rows):
             raise DeviceError(
                 f"{repeats.names[0]} repeats its reading in every digit through the standstill, {len(rows)} times: the "
-                "sensor or its driver is stuck, or its resolution is too coarse to see that it measures; start it anew"
+                "sensor or its driver is stuck, or its resolution is too coarse to see that it measures; restart it"
             )
         self.torques = tuple(i for i in self.torques if np.isfinite(rows[:, i]).all())  # others are not measured
         self.torque_tare = rows[:, self.torques].mean(axis=0)

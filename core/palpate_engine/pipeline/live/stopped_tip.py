@@ -30,7 +30,7 @@ class StoppedTip:
         """What is added to the reason of a stop after which the arm did not leave, by a second fault; `felt` [N]."""
         return (
             f"; the arm was to leave, and that has failed: {self.standing(text, felt)} Nothing moves it any more: keep "
-            "the emergency stop at hand, find the cause at the pendant, and lift the tip in freedrive"
+            "the emergency stop within reach, find the cause at the pendant, and lift the tip in freedrive"
         )
 
     def disobedience(self, limits: SafetySettings) -> str | None:
