@@ -78,7 +78,7 @@ def read_chart(path: Path) -> ControlChart:
 def append_check(path: Path, chart: ControlChart, check: RecordedCheck) -> ControlChart:
     """The chart with one more check, written: whole, or as it was. What stands in the file stays to the letter.
 
-    `chart` is used where there is no file yet. Raises ConfigurationError for a check that is in the chart already, or
+    `chart` is used for a new file. Raises ConfigurationError for a check that is in the chart already, or
     is older than its last, OutputError where it cannot be written.
     """
     with _alone(path.parent):
@@ -112,7 +112,7 @@ def _alone(folder: Path) -> Iterator[None]:
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError as error:
-        raise ConfigurationError(f"{folder}: there is no such folder: {error.strerror}") from error
+        raise ConfigurationError(f"{folder}: no such folder: {error.strerror}") from error
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
         yield

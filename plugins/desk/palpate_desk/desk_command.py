@@ -85,7 +85,7 @@ def _begin(
 ) -> Path:
     """A folder of fits of curves, none fitted yet; raises UserError."""
     if not source.exists():
-        raise ConfigurationError(f"{source}: there is no such file or folder")
+        raise ConfigurationError(f"{source}: no such file or folder")
     if read_only:
         raise ConfigurationError(f"{source}: has no fits yet, and --read-only makes none")
     if tip is None and pipeline is None and not _states_tip(source, overrides or ()):

@@ -59,7 +59,7 @@ class TipOrder(Question):
 
 
 class RefitOrder(Question):
-    """One curve fitted anew, or all that are not current; or an end to that."""
+    """One curve fitted again, or all that are not current; or an end to that."""
 
     do: Literal["refit", "refit-all", "cancel", "undo"]
     curve: Text = ""

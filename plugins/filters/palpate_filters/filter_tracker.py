@@ -274,7 +274,7 @@ class RecursiveTracker:
 
 
 def _root(variance: float) -> float:
-    """Standard deviation; 0 where rounding has left less than none, NaN where there is no number."""
+    """Standard deviation; 0 where rounding has left less than none, NaN without a number."""
     return 0.0 if variance <= 0 else math.sqrt(variance)
 
 

@@ -81,7 +81,7 @@ def kinematic_step(
         x, total, seen_count = x + gain * innovation, total + innovation**2 * weight, seen_count + seen
     seen = ca.fabs(force) <= _LARGEST
     known = None
-    if linearised:  # out of contact there is no slope to linearise by
+    if linearised:  # out of contact the slope is none to linearise by
         given = ca.logic_and(ca.fabs(sample[4]) <= _LARGEST, process.depth(ca.vertsplit(sample[4:])) > 0)
         known = ca.if_else(given, sample[4:], x)
     x, P, surprise = _force_update(process, x, P, force, noise.force**2, seen, iterations, student, centre, known)

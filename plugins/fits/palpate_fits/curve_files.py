@@ -18,7 +18,7 @@ def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve
     found = 0
     for source in sources:
         if not source.exists():
-            raise ConfigurationError(f"{source}: there is no such file or folder")
+            raise ConfigurationError(f"{source}: no such file or folder")
         for path in log_paths(source, recognises) if source.is_dir() else [source]:
             found += 1
             name = path.relative_to(source) if path != source and len(sources) == 1 else path

@@ -116,7 +116,7 @@ def fit(
         from palpate_fits.file_fits import FileFit, fit_files
 
         if scheduler:
-            raise ConfigurationError("--scheduler: wants a pipeline; --tip writes one beside its table")
+            raise ConfigurationError("--scheduler: needs a pipeline; --tip writes one beside its table")
         given = {"force": force, "position": position, "time": time, "rate": rate}
         choices = {role: text for role, text in given.items() if text is not None}
         fit_files(sources, FileFit(stated, choices, out, jobs, as_json, not no_refit, details, by))

@@ -25,7 +25,7 @@ class FitSettings(Estimator):
     )
     contact_point: Literal["free", "threshold", "deviation-from-baseline", "gradient"] = Field(
         default="free",
-        description="where the surface is: an unknown of the fit, or told by a method on the force alone",
+        description="where the surface is: an unknown of the fit, or determined by a method on the force alone",
     )
     threshold: Force | None = Field(
         default=None, gt=0, description='force of the "threshold" method; left out: 5 sigma of the air before touch'

@@ -120,7 +120,7 @@ def each_table(tracks: Mapping[str, Mapping[str, Any]], pipeline: Pipeline) -> T
 
 
 def quartiles_text(found: Sequence[float] | None, factor: float) -> str:
-    """Median and quartiles in a display unit; a dash where there are none."""
+    """Median and quartiles in a display unit; a dash without values."""
     if found is None:
         return "-"
     low, middle, high = (f"{value * factor:.4g}" for value in found)

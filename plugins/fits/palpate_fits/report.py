@@ -111,7 +111,7 @@ def _judge(fit: FitOutcome) -> _FitWithUncertainty:
         found = replace(found, covariance=covariance)
     free = list(fit.residual.free)
     variance = found.covariance.diagonal()
-    if not (variance >= 0).all():  # the unknowns cannot be told apart to the last digit
+    if not (variance >= 0).all():  # the unknowns cannot be distinguished within rounding
         raise NotFitted("diverged", "the fit ended where the force hardly depends on its unknowns")
     random = np.sqrt(variance)
     low, high = fit.unknowns.bounds(free)

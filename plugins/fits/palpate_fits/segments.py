@@ -103,7 +103,7 @@ def passage(samples: Samples) -> RecordCourse:
 
 
 def segment_rows(windows: tuple[Window, ...], samples: Samples, rate: Floats, course: RecordCourse) -> Rows:
-    """(n,) the samples that every window allows and whose force is known; raises NotFitted where there are none."""
+    """(n,) the samples that every window allows and whose force is known; raises NotFitted if none is left."""
     rows = np.isfinite(samples.force) & np.isfinite(samples.position)
     for window in windows:
         allowed = _allowed(window, samples, rate, course)

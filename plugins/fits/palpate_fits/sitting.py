@@ -31,7 +31,7 @@ def is_asking() -> bool:
 
 
 def prompt(text: str) -> str:
-    """The answer to a question on the terminal; raises ConfigurationError where there is none."""
+    """The answer to a question on the terminal; raises ConfigurationError without an answer."""
     try:
         answer = typer.prompt(printable(text), default="", show_default=False, prompt_suffix=" ", err=True)
     except (EOFError, typer.Abort) as error:

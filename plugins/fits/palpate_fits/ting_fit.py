@@ -97,7 +97,7 @@ class _TingTracker:
         known = np.isfinite(samples.position) & np.isfinite(samples.force)
         if len(touched) < _FEWEST:
             return replace(
-                idle, flags=(Flag("too-few-samples", f"{len(touched)} samples in contact, {_FEWEST} wanted"),)
+                idle, flags=(Flag("too-few-samples", f"{len(touched)} samples in contact, {_FEWEST} needed"),)
             )
         around = (samples.time > samples.time[touched[0]] - _AROUND) & (
             samples.time < samples.time[touched[-1]] + _AROUND

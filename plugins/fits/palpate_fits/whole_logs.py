@@ -94,7 +94,7 @@ def _fitted(asked: WholeLogs, failures: dict[str, PalpateError]) -> tuple[Path, 
     if asked.details:
         for name, pipeline in loaded:
             told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
-            typer.echo(f"{name}: taken for known: {told}", err=True)
+            typer.echo(f"{name}: assumed exact: {told}", err=True)
     names = [name for name, _ in loaded]
     gone_on_with = asked.out is not None and (asked.out / _FIT).is_file()
     folder = _folder(asked.out, names)

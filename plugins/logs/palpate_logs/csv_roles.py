@@ -206,7 +206,7 @@ def _columns(
         try:
             columns[role]["scale"] = float(choices[key]) if key in choices else "?"
         except ValueError as error:
-            raise LogError(f"{sheet.path}: {key} = {choices[key]!r}: a number is wanted") from error
+            raise LogError(f"{sheet.path}: {key} = {choices[key]!r}: expected a number") from error
         if key not in choices:
             per = f"how many {units[role]} one {sheet.written_unit(k)} of {pick.series.label} is"
             blanks.append(f"{key}: {per}")

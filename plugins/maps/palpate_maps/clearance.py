@@ -33,7 +33,7 @@ class PatchGrid:
 class Clearance:
     """How far palpations of nodes go towards a number of patches that may remain.
 
-    A palpation with the variance v at x multiplies the odds of the least patch at z, where there is none, by
+    A palpation with the variance v at x multiplies the odds of the least patch at z, where none is, by
     exp(-h(x - z)^2/(2 v)) in the average of their logarithm. The logarithm of an expected number n(z) over the number
     that may remain there is what is left to do at z; it is done in any order, so that it counts the same for all
     places: palpations gain sum_z min(log n(z)/allowed, sum h^2/(2 v)).

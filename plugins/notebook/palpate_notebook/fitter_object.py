@@ -160,7 +160,7 @@ class Fitter:
     ) -> Iterator[Fit | PalpateError]:
         """The fit of each record in their order, or the error by which it is refused; the others are fitted.
 
-        `progress` is told how many are done; where `cancelled` answers True, no further record is begun.
+        `progress` gets how many are done; where `cancelled` answers True, no further record is begun.
         """
         for count, record in enumerate(records, start=1):
             if cancelled is not None and cancelled():

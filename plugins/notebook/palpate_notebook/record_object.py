@@ -144,7 +144,7 @@ def record(
 def _columns(given: Mapping[str, ArrayLike | None], units: Mapping[str, str]) -> dict[str, Floats]:
     """Numbers (n,) [SI] of the columns that are given; raises ConfigurationError for what is none."""
     for key in units.keys() - {*given, "time"}:
-        raise ConfigurationError(f"units: there is no column {key!r}{suggest(key, [*given, 'time'])}")
+        raise ConfigurationError(f"units: no column {key!r}{suggest(key, [*given, 'time'])}")
     there = {key: value for key, value in given.items() if value is not None}
     return {key: numbers(key, value, _UNITS[key], units.get(key)) for key, value in there.items()}
 
@@ -194,7 +194,7 @@ def alignment_table(
         for signal, value in every.items():
             role = _ROLES.get(signal, signal)
             if signal not in _SIGNALS or role not in table:
-                raise ConfigurationError(f"{key}: there is no signal {signal!r}{suggest(signal, _SIGNALS)}")
+                raise ConfigurationError(f"{key}: no signal {signal!r}{suggest(signal, _SIGNALS)}")
             table[role][key] = value
     if timing is not None:
         table["force"]["uncertainty"] = timing

@@ -96,7 +96,7 @@ def moduli_among(roles: Collection[str]) -> tuple[str, ...]:
 
 
 def _spread(values: Floats) -> float:
-    """The usual distance from the median over that; infinite where there is none."""
+    """The usual distance from the median over that; infinite without one."""
     middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
     return float(np.nanmean(np.abs(values - middle))) / abs(middle) if middle else math.inf
 

@@ -1,4 +1,4 @@
-"""What ``palpate info FILE --suggest`` says of the table of an instrument: commands, and what they need to be told."""
+"""What ``palpate info FILE --suggest`` says of the table of an instrument: commands, and what they still need."""
 
 from __future__ import annotations
 

@@ -86,7 +86,5 @@ def _notes(rows: Sequence[CurveRow], where: str | None, path: Path) -> list[str]
     if rejected:
         found.append(f"{rejected} of {len(rows)} curves were rejected and are in no number.")
     if old := sum(row.state == "stale" for row in rows):
-        found.append(
-            f"{old} of {len(rows)} rows were made with other settings: palpate fit {path.name} makes them anew."
-        )
+        found.append(f"{old} of {len(rows)} rows were made with other settings: palpate fit {path.name} repeats them.")
     return found

@@ -112,7 +112,7 @@ def _write_texts(facts: FolderFacts, methods: bool, supplement: Path | None, by:
 
 
 def _hand_over(text: str, path: Path, pdf: bool) -> None:
-    """Write a page, and print it to a PDF where that is wanted, too."""
+    """Write a page, and print it to a PDF if requested, too."""
     from palpate_report.pdf import print_pdf
 
     write_whole(path, text)

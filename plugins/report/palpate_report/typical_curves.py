@@ -31,7 +31,7 @@ class CurveDrawing:
     title: str
     depth: Floats
     force: Floats
-    model: Floats  # NaN where there is none
+    model: Floats  # NaN without one
     error: str = ""  # why there is nothing to draw
 
 

@@ -145,7 +145,7 @@ class Ros2Device(Device):
         found = []
         for name, ends in self.limits.items():
             if name not in places:
-                raise ValueError(f"limits: there is no channel {name!r} (there are: {', '.join(places)})")
+                raise ValueError(f"limits: no channel {name!r} (there are: {', '.join(places)})")
             stream_name, column, unit = places[name]
             low = -inf if ends.least is None else to_si(ends.least, unit)
             high = inf if ends.greatest is None else to_si(ends.greatest, unit)
@@ -156,7 +156,7 @@ class Ros2Device(Device):
 
     @property
     def live(self) -> bool:
-        """It sends as time goes by."""
+        """It sends in real time."""
         return True
 
     @classmethod

@@ -137,5 +137,5 @@ def _problem(topic: str, type_name: str, why: str) -> str:
 
 def _topics(there: Mapping[str, str], network: Network) -> str:
     if not there:
-        return f"there are no topics at all: {network.nobody}"
+        return f"no topics at all: {network.nobody}"
     return "there are: " + ", ".join(f"{topic} of {kind}" for topic, kind in sorted(there.items()))

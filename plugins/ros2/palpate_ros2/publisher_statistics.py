@@ -139,7 +139,7 @@ class Losses:
     _steps: list[int] = field(default_factory=list)
     _usual: float = 0.0
     _last: int | None = None
-    _debt: float = 0.0  # messages that should have come by now
+    _debt: float = 0.0  # messages that should have arrived before now
     _regular: int = 0  # steps since the debt last changed
 
     def add(self, stamps: Stamps) -> None:

@@ -57,7 +57,7 @@ def _length(time: Floats, interval: float) -> int:
 
 
 def _error(folder: Path, track: str) -> tuple[Floats, Floats] | None:
-    """Time tracked (n,) [s] and error of the force (n,) [N] of a run; None where its tables do not tell."""
+    """Time tracked (n,) [s] and error of the force (n,) [N] of a run; None where its tables do not show it."""
     run = RunFolder(folder)
     try:
         table = next((table for table in run.tables if track in table.tracks), None)

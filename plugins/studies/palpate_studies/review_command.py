@@ -26,7 +26,7 @@ from palpate_studies.parameter_values import ParameterValue, readings, tell_left
 _BY_VERDICT = {"good": 1.0, "note": 1.0, "doubtful": 0.6, "invalid": 0.0}
 _FAR = 3.5  # robust standard deviations (Iglewicz and Hoaglin 1993)
 _FEWEST = 4  # of a group; among fewer nobody stands out
-_WIDE = 110  # characters of a line where there is no terminal
+_WIDE = 110  # characters of a line without a terminal
 _SURELY = 0.01  # of the median: a spread below is none that matters
 
 
@@ -86,7 +86,7 @@ def review(
         list[str] | None, typer.Option("--clear", metavar="NAME", help="Take any mark back. Can be repeated.")
     ] = None,
     where: WhereOption = None,
-    reason: Annotated[str | None, typer.Option(help="Why; wanted with --reject.")] = None,
+    reason: Annotated[str | None, typer.Option(help="Why; required with --reject.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
     layout: FormatOption = "table",
 ) -> None:  # fmt: skip

@@ -54,7 +54,7 @@ def read_registration(path: Path, mesh: str) -> Registration:
     if not np.isfinite(numbers).all() or np.linalg.eigvalsh((covariance + covariance.T) / 2)[0] <= 0:
         raise ConfigurationError(f"{path}: is no registration: its pose or covariance is not one of finite numbers")
     if registration.mesh != mesh:
-        raise ConfigurationError(f"{path}: it registers another mesh; touch this one and register it anew")
+        raise ConfigurationError(f"{path}: it registers another mesh; touch this one and register it again")
     return registration
 
 

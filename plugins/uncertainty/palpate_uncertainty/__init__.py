@@ -40,7 +40,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 
 @plugin
 def palpate_report_sections() -> dict[str, ReportSection]:
-    """What the values of a run take on trust."""
+    """What the values of a run assume to be exact."""
     return {"assumptions": ReportSection("palpate_uncertainty.assumption_line:assumption_lines", order=80, detail=True)}
 
 

@@ -146,7 +146,7 @@ def relaxing_parameter(course: Course) -> int | None:
 
 
 def fastest_branch(course: Course, frequency: float | None) -> float:
-    """The time [s] in which what relaxes is told from the model's viscosity; 0 where nothing keeps it from that."""
+    """The time [s] in which what relaxes is distinguished from the model's viscosity; 0 for any time."""
     viscous = any(parameter.role == "viscous" for parameter in course.model.parameters)
     return 1.0 / (2.0 * np.pi * frequency) if frequency is not None and viscous else 0.0
 

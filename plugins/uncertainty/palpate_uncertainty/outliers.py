@@ -47,7 +47,7 @@ def spikes_of(force: Floats, judged: NDArray[np.bool_], noise: float = 0.0) -> F
     median of their neighbours.
 
     Noise by the median size of second differences, 6 times its variance in white noise; not below the least step of the
-    readings, and not below what the air tells [N]: a channel that is filtered or held hardly changes. Source: Hampel
+    readings, and not below what the air shows [N]: a channel that is filtered or held hardly changes. Source: Hampel
     1974.
     """
     judged, force = judged[np.isfinite(force)], force[np.isfinite(force)]

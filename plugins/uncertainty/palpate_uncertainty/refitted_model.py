@@ -29,7 +29,7 @@ _DRIFTS = 1.5  # times the drift that is allowed, as one of the record is known 
 _NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
 _SHALLOW = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
 _WHOLE = ("active", "contact", "all")  # segments of a fit that leave no part of the contact out on purpose
-# What innovations and residuals say where those of the model itself are noise: the noise that a filter was told is then
+# What innovations and residuals say where those of the model itself are noise: the noise given to a filter is then
 # judged by the distance of its estimate from least squares.
 SETTLED = frozenset({"misfit", "correlated-residuals", "coloured-innovations", "inconsistent"})
 

@@ -23,7 +23,7 @@ _BINS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
 _STEPS = 8  # bins of what moves in time
 _LIMIT = 0.95  # of the largest force, above which a sensor may give less
 _AHEAD = 0.01  # [s] by which an arm is behind its command; what eta does not take of that goes with the acceleration
-_STEP = 20.0  # times the noise of a height, of depths that are told apart
+_STEP = 20.0  # times the noise of a height, of depths that are distinguished
 _CLEAR = 10.0  # times the noise of an acceleration, from which on it is one
 _SLOW = 0.05  # of the largest speed, below which friction is not full
 _DEEP = 0.04  # of the largest depth, above which a bin is not judged
@@ -100,7 +100,7 @@ class JudgedRows:
             yield end.settings.drift * (self.time - self.course.begin)
 
     def open(self) -> Iterator[Floats]:
-        """(n,) a zero that the air tells: nothing is said of it."""
+        """(n,) a zero that the air determines: it is not judged."""
         if self._tells_zero:
             yield np.ones(len(self.time))
 

@@ -63,7 +63,7 @@ class ResidualTests:
 
     @property
     def is_right(self) -> bool:
-        """Whether nothing speaks against the model."""
+        """Whether nothing counts against the model."""
         return self.p >= LEVEL
 
     def explaining(self, share: float = _PARTLY) -> list[str]:
@@ -283,7 +283,7 @@ def _by_size(jacobian: Floats, residual: Floats, rms: float) -> Floats:
 
 
 def _tail(freedom: int, value: float, readings: int) -> float:
-    """Chance of more than a chi square whose variance n readings tell: F with n - 1 degrees of freedom.
+    """Chance of more than a chi square whose variance n readings determine: F with n - 1 degrees of freedom.
 
     F has the longer tail: where that of chi square says nothing, it is the answer, without the import of scipy.
     """

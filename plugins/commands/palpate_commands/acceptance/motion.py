@@ -36,7 +36,7 @@ class ForceRecord:
         """They are of no account here."""
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """There are none."""
+        """Nothing to limit."""
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -129,7 +129,7 @@ class Acceptance:
             "spacing of the robot's states."
         )
         yield ""
-        yield "What the run told:"
+        yield "What the run reported:"
         yield ""
         yield from (f"- {outcome.visit.name}: {outcome.told or 'nothing: it was killed'}" for outcome in self.outcomes)
         yield ""

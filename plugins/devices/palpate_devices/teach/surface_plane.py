@@ -36,7 +36,7 @@ class SurfacePlane:
         if height < max(_APART, _SLIM * longest):
             raise ConfigurationError(
                 f"the three points lie on one line, or nearly so: one of them is {1e3 * height:.1f} mm from the line "
-                f"of the others, and at least {1e3 * max(_APART, _SLIM * longest):.1f} mm are wanted: touch a triangle"
+                f"of the others, and at least {1e3 * max(_APART, _SLIM * longest):.1f} mm are needed: touch a triangle"
             )
         normal = across / np.linalg.norm(across)
         normal = normal if float(normal @ outwards) >= 0 else -normal
@@ -59,7 +59,7 @@ def check_fourth(plane: SurfacePlane, points: Floats, fourth: Floats, tolerance:
     if nearest < _APART:
         raise ConfigurationError(
             f"the fourth point is {1e3 * nearest:.1f} mm from one of the first three and shows nothing: at least "
-            f"{1e3 * _APART:g} mm are wanted"
+            f"{1e3 * _APART:g} mm are needed"
         )
     height = plane.height_of(fourth)
     if abs(height) > tolerance:

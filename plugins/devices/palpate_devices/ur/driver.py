@@ -125,7 +125,7 @@ class URDriver(ArmDriver):
         self.facts |= {"model": self.model.name, "nominal_kinematics_off": apart}
 
     def enable(self) -> None:
-        """The watchdog: it wants to be fed."""
+        """The watchdog: it must be fed."""
         self._control.setWatchdog(self.settings["watchdog"])
 
     def read(self) -> ArmReading | None:

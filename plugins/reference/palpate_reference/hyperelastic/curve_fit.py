@@ -18,7 +18,7 @@ from palpate_reference.material_table import MaterialTable
 Loading = Literal["tension", "compression", "shear"]
 _LEAST_ALPHA = 1e-2  # Ogden's exponent is not nought
 _FAR = 1e3  # bound of scaled parameters
-_WORST = 0.9  # autocorrelation of residuals, above which it tells no more
+_WORST = 0.9  # autocorrelation of residuals, above which it says no more
 _UNDETERMINED = 1.0  # relative standard uncertainty
 
 

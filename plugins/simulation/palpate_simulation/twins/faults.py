@@ -199,7 +199,7 @@ _NUMBERS = {
     "start": "six numbers",
     "lead": "six numbers",
     "saturated-force": "two numbers",
-}  # that an action wants; others one
+}  # that an action needs; others one
 
 
 def apply_fault(world: World, words: list[str]) -> str:
@@ -214,7 +214,7 @@ def apply_fault(world: World, words: list[str]) -> str:
 
 
 def make_fault(world: World, words: list[str]) -> None:
-    """Make a fault; raises ConfigurationError where there is no such fault, or its numbers are wrong."""
+    """Make a fault; raises ConfigurationError for an unknown fault or wrong numbers."""
     name, given = words[0], words[1:]
     if name not in _ACTIONS:
         raise ConfigurationError(f"unknown: {name}{suggest(name, _ACTIONS)}; help lists the commands")

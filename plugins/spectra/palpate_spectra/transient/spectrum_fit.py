@@ -205,7 +205,7 @@ def _skin(problem: PressProblem, rig: PressUnknowns, std: Floats) -> tuple[float
     """The middle [m] of all surfaces with which some spectrum describes the press, and their standard deviation.
 
     Which ones do is decided by chi^2 alone, at 95 %: a smooth spectrum has fast parts that a material need not have,
-    and wants the skin lower, or higher, for them.
+    and places the skin lower, or higher, to fit them.
     """
     from scipy.optimize import brentq, minimize_scalar
 

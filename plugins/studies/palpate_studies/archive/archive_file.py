@@ -107,7 +107,7 @@ def unpack(path: Path, root: Path) -> Manifest:
 @contextmanager
 def _opened(path: Path) -> Iterator[ZipFile]:
     if not path.is_file():
-        raise LogError(f"{path}: {'is no regular file' if path.exists() else 'there is no such file'}")
+        raise LogError(f"{path}: {'is no regular file' if path.exists() else 'no such file'}")
     try:
         with ZipFile(path) as archive:
             yield archive

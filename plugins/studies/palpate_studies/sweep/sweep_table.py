@@ -28,7 +28,7 @@ class SweepRow:
 
     rows: list[dict[str, Any]]
     folder: Path | None  # of the run
-    failure: str | None  # why there is none
+    failure: str | None  # why it has no value
 
     @classmethod
     def of(cls, combination: Combination, outcome: Outcome) -> SweepRow:

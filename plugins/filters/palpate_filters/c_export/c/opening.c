@@ -457,7 +457,7 @@ static int fit_without_bias(const palpate_filter *f, int count, palpate_start_fi
 }
 #endif
 
-/* Parameters by least squares on u + m z'' = F(d, d') + b at the surface; 0 where the window does not tell. */
+/* Parameters by least squares on u + m z'' = F(d, d') + b at the surface; 0 where the window does not determine them. */
 static int fit_at_surface(palpate_filter *f, int count, int lenient, palpate_start_fit *found)
 {
     double theta[FITTED], scale[FITTED + 1] = {0.0}, row[FITTED + 1];
@@ -505,7 +505,7 @@ static int fit_at_surface(palpate_filter *f, int count, int lenient, palpate_sta
 #endif
 }
 
-/* The same with the surface's height, without the digits that no window tells. */
+/* The same with the surface's height, without the digits that no window determines. */
 static int fit_start(palpate_filter *f, int count, int lenient, palpate_start_fit *found)
 {
     palpate_fit *fit = &f->fit;
