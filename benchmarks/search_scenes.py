@@ -78,7 +78,7 @@ def scene(seed: int, count: int, peaks: tuple[float, float], body: str) -> Scene
 
 @dataclass
 class Rig:
-    """The rig of a scene, and what it was told so far: with the simulated rig, its relief, and the smoother."""
+    """The rig of a scene, and what it has got so far: with the simulated rig, its relief, and the smoother."""
 
     scene: Scene
     seconds: float = 0.0  # of motion

@@ -120,7 +120,7 @@ def test_a_slip_is_answered_with_what_was_meant(palpate, words, meant):
 def test_a_word_far_from_any_subcommand_is_refused_where_there_is_no_other_use(palpate):
     done = palpate("model", "run.toml")
     assert done.returncode == 2
-    assert "there is no command 'model run.toml' (there are: export, thickness)" in done.stderr
+    assert "no command 'model run.toml' (there are: export, thickness)" in done.stderr
 
 
 def test_a_file_named_like_a_slip_is_a_file(palpate, tmp_path):

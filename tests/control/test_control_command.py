@@ -188,7 +188,7 @@ def test_a_reference_without_value_unit_or_uncertainty_is_named(palpate, place, 
 @pytest.mark.parametrize(
     ("table", "text"),
     [
-        ('nam = "x"', "[reference] nam: there is no such key; did you mean 'name'?"),
+        ('nam = "x"', "[reference] nam: no such key; did you mean 'name'?"),
         ('value = "1 kPa"\nuncertainty = "1 Pa"', "[reference] name is missing: what the reference is"),
         ('name = "x"\nuncertainty = "1 Pa"', "[reference] value is missing"),
         ('name = "x"\nvalue = "1 kPa"', "[reference] uncertainty is missing: its standard uncertainty"),

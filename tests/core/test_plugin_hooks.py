@@ -103,7 +103,7 @@ def test_what_needs_the_failed_hook_says_so(palpate, distribution, point_pipelin
     assert cause in wanted.stderr
     called = palpate("measure", PYTHONPATH=site)
     assert called.returncode == 2
-    assert "there is no command 'measure'" in called.stderr
+    assert "no command 'measure'" in called.stderr
     assert "palpate_commands raises KeyError: 'lost' (sensor_tips.py, line 7)" in called.stderr
     assert "palpate_commands raises KeyError" in palpate("--help", PYTHONPATH=site).stdout
     told = json.loads(palpate("info", "--json", PYTHONPATH=site).stdout)["failures"]["sensor 1.0 (sensor)"]

@@ -117,7 +117,7 @@ def test_filter_words_choose_rows(folder, palpate, words, count):
         ("E>1mm", "not a pressure"),
         ("E>", "E>"),
         ("sample=S1", "has no column 'sample'"),
-        ("curve=S1_0.csv", "there is no curve"),
+        ("curve=S1_0.csv", "no curve"),
         ("'S1", "No closing quotation"),
     ],
 )
@@ -132,11 +132,11 @@ def test_a_word_that_is_none_is_named(folder, palpate, words, message):
 @pytest.mark.parametrize(
     ("file", "text", "message"),
     [
-        ("own.toml", '["S1_9.csv"]\nset = ["a.b=1"]\n', "there is no curve 'S1_9.csv'"),
+        ("own.toml", '["S1_9.csv"]\nset = ["a.b=1"]\n', "no curve 'S1_9.csv'"),
         ("own.toml", '["curves/S1_0.csv"]\nste = []\n', "did you mean 'set'"),
         ("own.toml", '["curves/S1_0.csv"]\nset = [3]\n', "list of texts"),
         ("own.toml", "[", "cannot be read"),
-        ("curves.csv", "curve,sample\ncurves/S1_0.cvs,S1\n", "curves.csv:2: there is no curve 'curves/S1_0.cvs'"),
+        ("curves.csv", "curve,sample\ncurves/S1_0.cvs,S1\n", "curves.csv:2: no curve 'curves/S1_0.cvs'"),
         ("curves.csv", "curv,sample\n", "has no column 'curve'; did you mean 'curv'"),
         ("curves.csv", "curve,a\ncurves/S1_0.csv,1\ncurves/S1_0.csv,2\n", "is there twice"),
         ("curves.csv", "curve\ncurves/S1_0.csv,1\n", "2 cells for 1 columns"),
@@ -170,11 +170,11 @@ def test_a_setting_of_one_curve_that_cannot_be_is_told_with_its_file(folder, pal
         (["--where", "S1", "--set", "estimator.fit.segmnt=load"], "did you mean 'segment'"),
         (["--where", "S1", "--set", "estimator.fit.segment=laod"], "segment 'laod'"),
         (["--tip", "spher 3 mm"], "did you mean 'sphere'"),
-        (["--model", "hrtz"], "there is no model 'hrtz'"),
+        (["--model", "hrtz"], "no model 'hrtz'"),
         (["--where", "S1", "--tip", "sphere 3 mm"], "one for all curves"),
         (["--unset", "estimator.fit.segment"], "of single curves"),
         (["--pipeline", "x.toml"], "has its pipeline"),
-        (["--groups", "none.csv"], "there is no such file"),
+        (["--groups", "none.csv"], "no such file"),
     ],
 )
 def test_settings_that_cannot_be_are_refused_before_anything_is_written(folder, palpate, options, message):

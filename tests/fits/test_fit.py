@@ -495,7 +495,7 @@ def test_a_wrong_model_is_flagged():
         ({"segment": "depth 2 s..3 s"}, "not a length"),
         ({"bounds": {"elasticity": (2e5, 1e5)}}, "leaves nothing"),
         ({"bounds": {"elasticity": ("-5 kPa", "-1 kPa")}}, "outside what is possible"),
-        ({"bounds": {"stiffness": (1.0, 2.0)}}, "there is no unknown 'stiffness'"),
+        ({"bounds": {"stiffness": (1.0, 2.0)}}, "no unknown 'stiffness'"),
         ({"fixed": {"viscosity": "5 mm"}}, "not a viscosity"),
         ({"fixed": {"bias": 0.0}, "unknowns": ("bias",)}, "bias is fixed and among the unknowns"),
         ({"start_at": {"elasticity": 1e7}, "bounds": {"elasticity": (1e3, 1e6)}}, "outside its bounds"),

@@ -56,7 +56,7 @@ def test_recovery_of_a_whole_log_of_nothing_and_onto_something(palpate, recordin
     assert numbers(tmp_path / "again.mcap").keys() == numbers(recording).keys()
     for source, out, words in (
         (recording, "again.mcap", "exists already"),
-        ("none.mcap", "x.mcap", "there is no such file"),
+        ("none.mcap", "x.mcap", "no such file"),
         ("head.mcap", "x.mcap", "nothing in it is undamaged"),
     ):
         (tmp_path / "head.mcap").write_bytes(recording.read_bytes()[:60])

@@ -153,7 +153,7 @@ def test_lines_and_encoding_that_are_stated(tmp_path, changes, text):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"encoding": "latin-11"}, "there is no such encoding; did you mean 'latin-1'"),
+        ({"encoding": "latin-11"}, "no such encoding; did you mean 'latin-1'"),
         ({"decimal": ",", "thousands": ","}, "is the mark before the decimals"),
         ({"header": 9}, "header = 9: that line holds numbers; rows of numbers begin in line 10"),
         ({"encoding": "ascii"}, "is not a CSV text"),
@@ -224,9 +224,9 @@ def test_a_folder_without_logs_says_so(tmp_path, palpate, name, words):
     ("choices", "words"),
     [
         ({"decmal": ","}, "a table has no 'decmal'; did you mean 'decimal'"),
-        ({"decimal": ";"}, 'decimal = \';\': "." or "," is wanted'),
-        ({"header": "first"}, "header = 'first': a line, counted from 1, or 0 is wanted"),
-        ({"columns.force.scale": "much"}, "columns.force.scale = 'much': a number is wanted"),
+        ({"decimal": ";"}, 'decimal = \';\': expected "." or ","'),
+        ({"header": "first"}, "header = 'first': expected a line, counted from 1, or 0"),
+        ({"columns.force.scale": "much"}, "columns.force.scale = 'much': expected a number"),
     ],
 )
 def test_what_cannot_be_stated_of_a_table(tmp_path, choices, words):

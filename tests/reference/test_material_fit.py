@@ -213,7 +213,7 @@ def test_the_command(palpate, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--law", "maxwel"], "there is no law 'maxwel'; did you mean 'maxwell'?"),
+        (["--law", "maxwel"], "no law 'maxwel'; did you mean 'maxwell'?"),
         (["--scale", "much"], "--scale 'much': write for example '2 %'"),
         (["--scale", "200 %"], "must be from 0 to 100 %"),
         (["strain.csv"], "tension or compression? State --loading"),

@@ -209,7 +209,7 @@ FORCE = {"topic": "/wrench", "field": "wrench.force.z", "unit": "N"}
     ("settings", "problem"),
     [
         ({}, "give signals"),
-        ({"signals": {"force": FORCE}, "limits": {"farce": {"greatest": 1.0}}}, "there is no channel 'farce'"),
+        ({"signals": {"force": FORCE}, "limits": {"farce": {"greatest": 1.0}}}, "no channel 'farce'"),
         ({"signals": {"force": FORCE}, "limits": {"force": {"greatest": "3 mm"}}}, "is a length, not a force"),
         ({"signals": {"force": FORCE}, "limits": {"force": {"least": 2.0, "greatest": 1.0}}}, "is not below"),
         ({"signals": {"force": FORCE}, "alarm": "/alarm"}, "alarm needs limits"),
