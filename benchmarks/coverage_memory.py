@@ -74,7 +74,7 @@ class Material:
     model: ContactModel
     theta: tuple[float, ...]
     modulus: Callable[[Floats], Floats] | None  # its integral; None: the model's own force
-    viscosity: float = 0.0  # [Pa s] of a damper beside it
+    viscosity: float = 0.0  # [Pa s] of a damper in parallel
 
 
 def of_springpot(model: PowerLaw | FractionalKelvinVoigt, theta: tuple[float, ...]) -> Material:

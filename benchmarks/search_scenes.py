@@ -162,7 +162,7 @@ def first_line(given: Pipeline, y: float = 0.0) -> Trajectory:
     )
 
 
-LEAST = 'depth="3.2 mm", radius="4.2 mm"'  # half as stiff 5 mm beside its middle
+LEAST = 'depth="3.2 mm", radius="4.2 mm"'  # half as stiff 5 mm off its middle
 
 
 def judged(scene: Scene, lumps: Iterable[Any], within: float = 8e-3) -> tuple[int, int]:

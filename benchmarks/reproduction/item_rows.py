@@ -35,7 +35,7 @@ from reproduction.verdict import COMMON, Status, judge
 
 @dataclass(frozen=True)
 class Row:
-    """One published number beside what palpate finds."""
+    """One published number and what palpate finds."""
 
     published: PublishedNumber
     status: Status

@@ -1,4 +1,4 @@
-"""One HTML page of all items; pictures are beside it."""
+"""One HTML page of all items; pictures are next to it."""
 
 from __future__ import annotations
 

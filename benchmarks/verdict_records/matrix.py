@@ -1,4 +1,4 @@
-"""The matrix of the verdict: proportions with their 95 % intervals (Wilson 1927), beside what is required."""
+"""The matrix of the verdict: proportions with their 95 % intervals (Wilson 1927), next to what is required."""
 
 from __future__ import annotations
 

@@ -178,8 +178,8 @@ def _installed(_: tuple[str, ...]) -> tuple[tuple[str, importlib.metadata.EntryP
 def import_plugin_file(file: PluginFile) -> ModuleType:
     """The module of a file: that of the last time where nobody has changed it, for its classes are to stay the same.
 
-    Its content is compiled as it was read: another file there by now, or compiled code beside it, is not executed.
-    Nor is a file beside it that it imports. Raises PluginError.
+    Its content is compiled as it was read: another file there by now, or compiled code next to it, is not executed.
+    Nor is a file next to it that it imports. Raises PluginError.
     """
     name = f"palpate_file_{file.path.stem}"
     before = sys.modules.get(name)
@@ -199,7 +199,7 @@ def import_plugin_file(file: PluginFile) -> ModuleType:
 
 
 def _advice(error: Exception, path: Path) -> str:
-    """What to do about an import of what lies beside a plugin file; empty where it is none."""
+    """What to do about an import from the folder of a plugin file; empty where it is none."""
     name = (getattr(error, "name", None) or "").partition(".")[0]
     beside = bool(name) and (path.with_name(f"{name}.py").exists() or (path.parent / name).is_dir())
     if not isinstance(error, ImportError) or not (beside or "relative import" in str(error)):

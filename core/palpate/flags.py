@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 Severity = Literal["note", "doubtful", "invalid"]
 Verdict = Literal["good", "note", "doubtful", "invalid"]
-NOT_DETERMINED, NEEDS = "not determined", "needs "  # words of a value beside those; "needs delay"
+NOT_DETERMINED, NEEDS = "not determined", "needs "  # further words of a value; "needs delay"
 
 SEVERITIES: dict[Severity, str] = {
     "invalid": "the track's numbers must not be used",

@@ -80,7 +80,7 @@ class Health:
         return good
 
     def repeated(self, counts: NDArray[np.int64], changes: NDArray[np.float64]) -> None:
-        """Take note of runs (n,) of equal readings, and of the larger change beside each."""
+        """Take note of runs (n,) of equal readings, and of the larger change adjacent to each."""
         every = np.concatenate([self._repeats, np.column_stack([counts, changes])])
         every = every[np.lexsort((-every[:, 1], -every[:, 0]))]
         before = np.maximum.accumulate(np.concatenate([[-1.0], every[:-1, 1]]))

@@ -62,7 +62,7 @@ class ForceEye:
             return f"a reading of {self._name} is over range or invalid"
         ends = ((forces <= self._low) | (forces >= self._high)).any(axis=0)
         if ends.any():
-            return f"{self._name if ends[self._normal] else f'a force beside {self._name}'} is at the end of its range"
+            return f"{self._name if ends[self._normal] else f'a force across {self._name}'} is at the end of its range"
         if largest > self.stop:
             return f"the force is {largest:.1f} N, over the limit of {self.stop:g} N that stops the motion"
         if (text := torque_fault(rows[:, self._torques], *self._torque)) is not None:

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written beside their place, brought to the disk, then renamed; others in place."""
+"""Files that are whole or not there: written next to their place, synced to the disk, then renamed; others in place."""
 
 from __future__ import annotations
 

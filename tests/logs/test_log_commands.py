@@ -269,7 +269,7 @@ def test_a_recovered_log_is_replayed(palpate, recording, tmp_path, damage):
         flip_in(folder / "log.mcap", b"dimensionality-reduction")
     done = palpate("log", "recover", folder / "log.mcap", "-o", tmp_path / "good.mcap")
     assert done.returncode == 0, done.stderr
-    assert ("with pipeline.toml from beside" in done.stdout) == (damage == "pipeline")
+    assert ("with pipeline.toml from next to" in done.stdout) == (damage == "pipeline")
     attached = McapReplay.attached(tmp_path / "good.mcap")
     done = palpate("replay", tmp_path / "good.mcap", "--out", tmp_path / "again")
     if damage == "pipeline, and none beside":

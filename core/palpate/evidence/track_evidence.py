@@ -93,7 +93,7 @@ class Diagnosed:
     terms: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty [SI] that it adds, by parameter
     unknown: frozenset[str] = frozenset()  # parameters whose uncertainty cannot be determined
     table: Mapping[str, Any] = field(default_factory=dict)  # plain data for result.json
-    # Known, by parameter: the value stays, its uncertainty holds all of the shift, a corrected value stands beside it.
+    # Known, by parameter: the value stays, its uncertainty holds all of the shift, a corrected value is added.
     biases: Mapping[str, Bias] = field(default_factory=dict)
     sources: tuple[Term, ...] = ()  # rows of the budget, each a cause of its own for all values
     delays: Mapping[str, float] = field(default_factory=dict)  # [s] that would explain a parameter or derived value

@@ -116,7 +116,7 @@ class Aligner:
         return Samples(stamps, time, interval, *motion, np.column_stack(lateral), signals.curvature)
 
     def _central_difference(self, stamps: NDArray[np.int64], position: Floats) -> Floats:
-        """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and beside a gap."""
+        """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and next to a gap."""
         if self._previous is not None:
             stamps = np.concatenate([[self._previous[0]], stamps])
             position = np.concatenate([[self._previous[1]], position])

@@ -36,7 +36,7 @@ class Invocation:
 
     wants: Literal["start", "help", "version", "command"]
     words: tuple[str, ...] = ()  # the command and its arguments
-    files: tuple[Path, ...] = ()  # plugins beside those that are installed
+    files: tuple[Path, ...] = ()  # plugins in addition to the installed ones
     forbids: bool = False  # plugin files that a pipeline names
 
 

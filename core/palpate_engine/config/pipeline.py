@@ -44,7 +44,7 @@ class RunSettings(Settings):
     tracks: tuple[str, ...] = Field(
         default=("*",), description='which model/estimator pairs run, as patterns: "dr/*", "*/ekf"'
     )
-    plugins: tuple[File, ...] = Field(default=(), description="Python files beside the pipeline with parts of your own")
+    plugins: tuple[File, ...] = Field(default=(), description="Python files next to the pipeline with your own parts")
     rig: InputFile | None = Field(
         default=None,
         description="file of facts of rig and specimens (`rig.toml`): what this file leaves open of tip, delay, mass, "

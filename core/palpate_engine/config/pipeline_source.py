@@ -188,7 +188,7 @@ def _split(dotted: str) -> Location:
 
 
 def _hint(path: Path) -> str:
-    """What to type where a pipeline file is not there: the command that writes it, or the name of one beside it."""
+    """What to type if a pipeline file is missing: the command that writes it, or the name of one in the same folder."""
     if path.name.removesuffix(".toml") in offers("palpate_templates", Template):
         name = path.name.removesuffix(".toml")
         return f"; type palpate init {name}, which writes {name}.toml, and name that file"

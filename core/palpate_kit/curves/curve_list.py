@@ -100,7 +100,7 @@ def fact_assignments(cells: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:
-    """What ``curves.csv`` beside the files of curves says of them, called by their files as seen from its folder.
+    """What ``curves.csv`` next to the files of curves says of them, called by their files as seen from its folder.
 
     Raises LogError.
     """

@@ -76,7 +76,7 @@ class CurveRow:
         return value if math.isfinite(value) else None
 
     def systematic(self, name: str) -> float | None:
-        """Uncertainty of a value [SI] beside that of its own fit, which curves of one rig share; None where unknown."""
+        """Uncertainty of a value [SI] that curves of one rig share, in addition to its own fit's; None if unknown."""
         std, combined = self.number(f"{name}_std"), self.number(f"{name}_combined")
         return None if std is None or combined is None else math.sqrt(max(combined**2 - std**2, 0.0))
 

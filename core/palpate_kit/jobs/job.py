@@ -127,7 +127,7 @@ def cached_result(job: Job) -> Result | None:
 
 
 def unused_folder(folder: Path) -> Path:
-    """The folder, or one beside it where an earlier attempt has left something, as a process does that was killed."""
+    """The folder, or one next to it where an earlier attempt has left something, as a process does that was killed."""
     return next(path for path in _attempts(folder) if not path.exists())
 
 

@@ -59,7 +59,7 @@ def replay_source(
     """The pipeline of a recorded run that reads the log in place of its devices, as a source to be built.
 
     Nothing that a log carries is executed: plugin files are those of this machine, only where their hash is that of the
-    recording, and, when the source is built, only with consent. Relative paths are those beside the log. Raises
+    recording, and, when the source is built, only with consent. Relative paths are those next to the log. Raises
     ConfigurationError where a plugin file is missing or another one, LogError for what is not a pipeline.
     """
     where = carried.log.with_name(f"{carried.log.name}:{carried.name}")

@@ -175,7 +175,7 @@ class RunFolder:
 
     @property
     def parts(self) -> list[RunFolder]:
-        """This folder and those of its continuations, in their order; raises LogError for simulated beside measured."""
+        """This folder and those of its continuations, in their order; raises LogError if only some are simulated."""
         later = sorted(self.path.glob("part-*"), key=lambda part: int(part.name.rpartition("-")[2]))
         parts = [self, *(RunFolder(part) for part in later)]
         simulated = {part.path: part.rehearsal is not None for part in parts if later and part.began}
@@ -203,7 +203,7 @@ class RunFolder:
         return self._table(ONLINE)
 
     def _table(self, name: str) -> EstimatesTable | None:
-        """The table of a name in the form that it has; a stream of Arrow beside Parquet was to be deleted."""
+        """The table of a name in the form that it has; a stream of Arrow next to Parquet was to be deleted."""
         paths = (self.path / f"{name}{suffix}" for suffix in (TEXT, WHOLE, STREAM))
         path = next((path for path in paths if path.is_file()), None)
         if path is None:

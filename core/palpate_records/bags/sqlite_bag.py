@@ -28,7 +28,7 @@ _COMPRESSED = {".gz": "gzip", ".zstd": "zstd", ".zst": "zstd"}
 
 
 class SqliteBag:
-    """One database file; a compressed one is unpacked beside the system's temporary files while it is read."""
+    """One database file; a compressed one is unpacked into the folder of temporary files while it is read."""
 
     def __init__(self, path: Path, packed_messages: bool = False) -> None:
         self.path = path
@@ -171,13 +171,13 @@ def check_tables(database: sqlite3.Connection, path: Path) -> None:
 
 
 def journals(path: Path) -> list[Path]:
-    """What a recorder that is at work, or was killed, leaves beside a database: messages that are not yet in it."""
+    """What a recorder that is at work, or was killed, leaves next to a database: messages that are not yet in it."""
     beside = (path.with_name(path.name + suffix) for suffix in ("-wal", "-journal"))
     return [file for file in beside if file.is_file() and file.stat().st_size]
 
 
 def copy_with_journal(path: Path, target: Path) -> None:
-    """Copy a database with the files beside it, so that SQLite can complete the copy and leave the original alone."""
+    """Copy a database with the files next to it, so that SQLite can complete the copy and leave the original alone."""
     shutil.copyfile(path, target)
     for file in journals(path):
         shutil.copyfile(file, target.with_name(target.name + file.name.removeprefix(path.name)))

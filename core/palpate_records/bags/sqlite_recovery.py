@@ -107,7 +107,7 @@ def _created(out: Path) -> closing[sqlite3.Connection]:
 
 
 def _tables(old: sqlite3.Connection) -> dict[str, str]:
-    """Plain tables and how they are made; an index of words (FTS) beside has tables of its own, and is left behind."""
+    """Plain tables and how they are made; an index of words (FTS) has tables of its own, and is left behind."""
     rows = old.execute(
         "SELECT name, sql FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'"
     ).fetchall()

@@ -1,7 +1,7 @@
 """The records of an MCAP file: chunks opened, checked and cut into messages in whole arrays.
 
 Nothing that the file claims is trusted: lengths are held against what is there, checksums are compared, and the index
-beside a chunk only speeds up what the chunk itself must confirm: that its records fill it without a gap.
+of a chunk only speeds up what the chunk itself must confirm: that its records fill it without a gap.
 """
 
 from __future__ import annotations

@@ -108,7 +108,7 @@ def role_by_words(name: str) -> str | None:
 
 
 def is_depth(name: str) -> bool:
-    """Whether a name states the depth itself, which others beside it only resemble."""
+    """Whether a name states the depth itself, which other columns only resemble."""
     return bool(_DEPTHS & {*words_of(name)})
 
 

@@ -69,7 +69,7 @@ def calibrate(
     file: Annotated[Path, typer.Argument(help="A pipeline file, or one with devices and [alignment] only.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="File of facts that takes it. [default: rig.toml beside FILE]"),
+        typer.Option("--out", "-o", help="File of facts that takes it. [default: rig.toml next to FILE]"),
     ] = None,
     overrides: Overrides = None,
     picture: Annotated[

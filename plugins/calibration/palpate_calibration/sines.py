@@ -1,4 +1,4 @@
-"""Sines in unevenly sampled records: frequencies, phasors, and the noise that the record itself has beside them."""
+"""Sines in unevenly sampled records: frequencies, phasors, and the noise that the record itself has around them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class SineFit:
     """
 
     phasors: NDArray[np.complex128]  # (k,)
-    variances: Floats  # (k,) of each quadrature, from the spectrum of the residual beside the line
+    variances: Floats  # (k,) of each quadrature, from the spectrum of the residual around the line
     freedom: Floats  # (k,) degrees of freedom of the variances
     offset: float
     slope: float  # [1/s]

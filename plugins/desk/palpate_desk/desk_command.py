@@ -109,7 +109,7 @@ def _begin(
 
 
 def _states_tip(source: Path, overrides: Sequence[str]) -> bool:
-    """Whether the file of facts beside curves, or the one that is named, states their tip."""
+    """Whether the file of facts next to curves, or the one that is named, states their tip."""
     named = (str(value) for keys, value in map(parsed_assignment, overrides) if keys == ("run", "rig"))
     path = Path(next(named, str((source if source.is_dir() else source.parent) / RIG)))
     return path.is_file() and read_rig(path).tip is not None

@@ -23,7 +23,7 @@ def first_guess(
 
     `forces` holds, for "elastic" [N] and "viscous" [N s/m], the first guess of the force that such a parameter makes at
     a depth of 1 mm, and its standard deviation. A parameter of neither role starts at its own first guess, or amid its
-    bounds. A guess applies to the models that have the parameter; `others` are the parameters of those beside this one.
+    bounds. A guess applies to the models that have the parameter; `others` are the parameters of the other models.
     Raises ConfigurationError where that is impossible and nothing is given, or where what is given is not right.
     """
     _refuse_unknown({*given, *given_std}, model, others)

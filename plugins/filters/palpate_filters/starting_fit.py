@@ -161,7 +161,7 @@ def _kinematics(mass: float, window: Samples) -> tuple[Floats, Floats, Floats]:
 
 
 def _smooth(values: Floats) -> Floats:
-    """Local cubics (m - 2 n,) of readings (m,); the reading itself beside one that is missing."""
+    """Local cubics (m - 2 n,) of readings (m,); the reading itself next to a missing one."""
     smooth = np.convolve(values, cubic_weights(2 * _SPAN + 1), "valid")
     return np.where(np.isfinite(smooth), smooth, values[_SPAN:-_SPAN])
 

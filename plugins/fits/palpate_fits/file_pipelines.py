@@ -101,7 +101,7 @@ def file_groups(
 
 
 def _no_records(read: Sequence[LogPart], refused: dict[str, str]) -> list[str]:
-    """The sheets and tables that are no record, beside others of the same file that are: named, and left out."""
+    """The sheets and tables that are no record, unlike others of the same file: named, and left out."""
     files = {str(log.path) for log in read if log.part is not None}
     beside = [name for name in refused if name not in files and any(name.startswith(f"{file}:") for file in files)]
     return [f"{name} is no record, and left out: {refused.pop(name)}" for name in beside]

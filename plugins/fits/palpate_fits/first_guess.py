@@ -163,7 +163,7 @@ def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord
 
 
 def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: Floats, linear: Sequence[int]) -> Guess:
-    """The best values of the linear unknowns beside given others, within bounds, and their cost."""
+    """The best values of the linear unknowns with the others given, within bounds, and their cost."""
     rows, memory = list(record.parts), (0.0,) * len(model.memory)
     base = x.copy()
     base[list(linear)] = 0.0
@@ -213,7 +213,7 @@ def solve_scaled(
     linear: Sequence[int],
     moduli: Sequence[int],
 ) -> Guess:
-    """The best scale of some moduli and values of the linear unknowns beside given others, and their cost."""
+    """The best scale of some moduli and values of the linear unknowns with the others given, and their cost."""
     base, rows = x.copy(), list(record.parts)
     base[list(linear)] = 0.0
     twice = base.copy()

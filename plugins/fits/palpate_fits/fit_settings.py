@@ -32,7 +32,7 @@ class FitSettings(Estimator):
     )
     unknowns: tuple[Extra, ...] | None = Field(
         default=None,
-        description='what to fit beside the model and the surface: "bias", "slope" [N/s], "tip_mass", "delay" (of the '
+        description='what to fit besides the model and the surface: "bias", "slope" [N/s], "tip_mass", "delay" (of the '
         "force); left out: the bias, where a tenth of the samples is in air",
     )
     fixed: dict[str, float | str] = Field(

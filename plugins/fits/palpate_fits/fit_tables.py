@@ -186,7 +186,7 @@ def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
 
 
 def _unknown(report: FitReport | None, name: str) -> str:
-    """What a fit looked for beside the parameters of the model; nothing where it did not."""
+    """What a fit looked for in addition to the parameters of the model; nothing where it did not."""
     known = None if report is None else report.unknowns.get(name)
     if known is None or not known.free:
         return ""

@@ -91,7 +91,7 @@ class _TingTracker:
         self._settings, self._problem, self._begin, self._free = settings, problem, begin, free
 
     def run(self, samples: Samples) -> Estimates:
-        """Estimates for the whole record; constant over the fitted samples, and idle beside them."""
+        """Estimates for the whole record; constant over the fitted samples, and idle outside them."""
         idle = Estimates.idle(samples, len(self._begin))
         touched = np.flatnonzero(samples.contact)
         known = np.isfinite(samples.position) & np.isfinite(samples.force)

@@ -69,7 +69,7 @@ class FitTracker:
         self._linear: dict[tuple[int, ...], tuple[int, ...]] = {}  # by what is free, which alone it follows from
 
     def run(self, samples: Samples) -> Estimates:
-        """Estimates for the whole record; constant over the fitted samples, and idle beside them."""
+        """Estimates for the whole record; constant over the fitted samples, and idle outside them."""
         from palpate_fits.report import estimates_of
 
         if not len(samples):

@@ -86,7 +86,7 @@ def law_of(model: ContactModel, name: str, parameters: Mapping[str, str], reach:
     if model.adhesive or not elastic:
         raise ConfigurationError(
             f"model {name}: its force at rest is not proportional to a modulus, so it gives none over depth; take one "
-            "such as dimensionality-reduction (adhesion is looked for beside it)"
+            "such as dimensionality-reduction (adhesion is looked for in addition)"
         )
     place, held = elastic[0], [0.0] * len(names)
     for key, text in parameters.items():

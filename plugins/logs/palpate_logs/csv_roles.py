@@ -142,7 +142,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     doubts += [f"{role}: {names[0]} and {', '.join(names[1:])} can be it" for role, names in trials.items()]
     back = [name for name in sheet.names if is_of_retraction(name)]
     if back:
-        extra["reasons"].append(f"left out: {', '.join(map(column_text, back))}: the way back, beside the way in")
+        extra["reasons"].append(f"left out: {', '.join(map(column_text, back))}: the way back, next to the way in")
     doubts += [footer_words(sheet.footer)] if sheet.footer else []
     stated = {key: choices[key] for key in (*KEYS, RECORD) if key in choices}
     doubts += [note] if (note := records_note(path, stated)) is not None else []

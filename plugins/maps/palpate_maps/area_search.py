@@ -106,7 +106,7 @@ class AreaSearch:
     def observe(self, sites: Sites, visited: bool) -> None:
         """Take up all sites of the run so far; `visited` where the latest came of a round of this search.
 
-        A single line has no lumps before the first round, which goes beside it.
+        A single line has no lumps before the first round, which goes off it.
         """
         flat, sites = sites, replace(sites, place=self.area.lift(sites.place))
         if visited or (line_coordinate(sites) is None and len(sites) >= FEWEST):

@@ -26,7 +26,7 @@ def sweep_power(std: float, length: float, settings: LumpSettings) -> LumpPower:
     """The power of a sweep of a length [m] where differences of its curve have a standard deviation.
 
     A Gaussian lump of log height H is seen as a H, a = s/sqrt(s^2 + w^2/12), behind the smoothing over w. Its peak is
-    the highest that noise makes of it, the valleys beside it are the lowest: that adds 0.6 to 1.8 standard deviations
+    the highest that noise makes of it, the valleys next to it are the lowest: that adds 0.6 to 1.8 standard deviations
     of one end over 70 mm, more over 150 mm, about what a probability of 0.8 takes. So a H is the limit.
     """
     sigma = WIDTH / 2.3548

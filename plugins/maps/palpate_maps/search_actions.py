@@ -62,7 +62,7 @@ class ActionGrid:
 
     @cached_property
     def _rows(self) -> list[NDArray[np.intp]]:
-        """Nodes beside one another along each axis, in their order."""
+        """Neighbouring nodes along each axis, in their order."""
         pieces = []
         for axis in (0, 1):
             steps = np.diff(np.unique(np.round(self.nodes[:, axis], 7)))

@@ -17,7 +17,7 @@ _NOTHING = 0.01  # of the modulus at rest; a part below it is none
 def at_rest(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Of models whose relaxation times are parameters: whether the slowest part found fades well within the record.
 
-    Arms beside one another imitate any fading for as long as a record lasts, and call at rest what has not faded then.
+    Arms in parallel imitate any fading for as long as a record lasts, and call at rest what has not faded then.
     The next time, as far beyond the longest as that is beyond the one before (3 to 5 times), has to be within the
     record, or what fades with it would not have been seen: then between nothing and three more parts as strong as the
     slowest, at most all of the modulus, may still fade, a rectangular distribution.

@@ -49,7 +49,7 @@ def table_of(part: object, what: str, kind: str, known: Registry) -> dict[str, A
     if not any(entry.part is type(part) for entry in known.parts[kind].values()):
         raise ConfigurationError(
             f"{what}: {type(part).__name__} is a part of no plugin: a distribution offers it by a hook, or a file "
-            "beside a pipeline does, in [run] plugins"
+            "next to a pipeline does, in [run] plugins"
         )
     table: dict[str, Any] = _without_marks(plain_settings(part, known))
     return table

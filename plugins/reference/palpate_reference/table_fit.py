@@ -191,7 +191,7 @@ def _covariance(slopes: Floats) -> tuple[Floats, NDArray[np.bool_]]:
 
     Those have a share in a direction along which the tables do not change, as E_1 and tau of a fast arm. What is known
     before holds a direction by 1, however little the tables scatter: it is none of these. The slopes are not squared,
-    which would lose that beside a table without noise.
+    which would lose against a table without noise.
     """
     _, sizes, directions = np.linalg.svd(slopes, full_matrices=False)
     power = sizes**2

@@ -43,7 +43,7 @@ def plot(
 ) -> None:
     """Draw pictures of a run, or of groups of curves, as PDF, SVG or PNG in widths of journals.
 
-    Each has a CSV of its numbers beside it.
+    Each has a CSV of its numbers next to it.
     """
     from palpate_report.figure_subject import Subject
     from palpate_report.run_figures import PICTURES, draw
@@ -100,7 +100,7 @@ def _draw_groups(
 
 
 def _write(figure: Any, caption: str, data: str, path: Path, endings: list[str]) -> None:
-    """Write a picture in its formats, and its numbers beside it."""
+    """Write a picture in its formats, and its numbers next to it."""
     _make(path.parent)
     files = [path.with_name(f"{path.name}.{ending}") for ending in endings]
     write_whole(path.with_name(f"{path.name}.csv"), data)

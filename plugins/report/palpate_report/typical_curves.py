@@ -18,7 +18,7 @@ from palpate_kit.figures import WIDTHS, figure_of, style
 from palpate_report.figure_data import thin_rows
 from palpate_report.folder_facts import FolderFacts, exclusion_of
 
-_ACROSS = 3  # panels beside each other
+_ACROSS = 3  # panels side by side
 _EXCLUDED = 6  # curves that are not used, of which each reason has one first
 _POINTS = 1500  # of a curve
 _LETTERS = 34  # of a title
@@ -86,7 +86,7 @@ def _short(name: str) -> str:
 
 @style()
 def used_curves_figure(drawings: Sequence[CurveDrawing]) -> Any:
-    """Force with its model over depth, and the residual below, of curves beside each other."""
+    """Force with its model over depth, and the residual below, of curves side by side."""
     figure, axes = figure_of(len(drawings), 2, width=WIDTHS["double"], height=44.0)
     for column, curve in enumerate(drawings):
         above, below = axes[0, column], axes[1, column]

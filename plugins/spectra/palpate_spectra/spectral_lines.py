@@ -14,7 +14,7 @@ Phasors = NDArray[np.complex128]
 
 _MOST = 12  # lines of one motion
 _WEAK = 0.02  # of the largest amplitude; fainter sines of the motion are no lines
-_CLEAR = 100.0  # power of a line over that of the motion's noise beside it
+_CLEAR = 100.0  # power of a line over that of the motion's noise around it
 _EXPLAINED = 0.98  # of the motion's power; less is no sum of sines
 _LOWEST = 1.5  # periods in the record
 _TREND = 0.4  # of the lowest line's frequency; what is slower is the drift of tip, sensor and material
@@ -63,7 +63,7 @@ def _apart(found: Sequence[float], t: Floats) -> bool:
 
 
 def _peak(t: Floats, left: Floats) -> tuple[float, float, float]:
-    """Frequency [Hz] and amplitude of the highest peak, and the noise's squared amplitude beside it (Hann's window)."""
+    """Frequency [Hz] and amplitude of the highest peak, and the noise's squared amplitude around it (Hann's window)."""
     n, step = len(t), float(np.median(np.diff(t)))
     window = np.hanning(n)
     size = 4 * n

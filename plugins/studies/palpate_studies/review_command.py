@@ -136,7 +136,7 @@ _OPTIONS: dict[Mark, str] = {"bad": "--reject", "good": "--accept", "none": "--c
 
 
 def _mark(group: Sequence[ParameterValue], marks: Mapping[Mark, Sequence[str]], reason: str) -> None:
-    """Write marks beside the results; raises ConfigurationError for a name that none, or more than one, has."""
+    """Write marks next to the results; raises ConfigurationError for a name that none, or more than one, has."""
     changes: list[tuple[ParameterValue, Mark]] = [
         (_named(group, name, _OPTIONS[mark]), mark) for mark, names in marks.items() for name in names
     ]

@@ -216,7 +216,7 @@ def _inertia_free(track: TrackEvidence, air: _Air) -> tuple[Floats, Floats, Floa
 
 
 def _regression(columns: Floats, force: Floats) -> tuple[Floats, Floats]:
-    """Weights (m,) of columns (n, m) beside a constant, and their standard deviations.
+    """Weights (m,) of columns (n, m) together with a constant, and their standard deviations.
 
     The noise is that of the means of blocks, so that it may hang together from sample to sample.
     """

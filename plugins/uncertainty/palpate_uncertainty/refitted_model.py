@@ -120,7 +120,7 @@ class RefittedModel:
 def refitted_model(track: TrackEvidence, known: dict[Any, RefittedModel]) -> RefittedModel:
     """The model fitted to all samples in contact, whether the track used them or not; once for all tracks of a model.
 
-    Of a fit that leaves a part of the contact out on purpose, or has unknowns beside the model, what it used.
+    Of a fit that leaves a part of the contact out on purpose, or has unknowns besides the model's, what it used.
     """
     used = judged_rows(track)
     key = id(track.model), int(np.count_nonzero(used)), float(track.kept.time[used][0])

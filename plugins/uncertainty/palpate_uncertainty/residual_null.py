@@ -21,7 +21,7 @@ _LOWEST = 0.125  # of the band, from which on what a model leaves is noise
 _FLAT, _CHANCE = 1.5, 3.8  # by which parts of a flat band differ: a factor, or standard deviations of few readings
 _NEW = 0.7  # of the readings, fewer of which differ from the one before where a sensor is held
 _PER_LINE = 1.94  # variance of the mean of lines of a Hann window, of that of independent ones (Harris 1978)
-_COARSE = 0.5  # of the noise, above which a step of the readings counts beside it
+_COARSE = 0.5  # of the noise, above which a step of the readings counts in addition
 
 
 @dataclass(frozen=True)

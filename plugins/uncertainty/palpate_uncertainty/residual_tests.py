@@ -236,12 +236,12 @@ class _Tested:
 
 @dataclass(frozen=True)
 class _Space:
-    """Residuals over their standard deviation, beside what the fit and open facts take of them."""
+    """Residuals over their standard deviation, and what the fit and open facts take of them."""
 
     std: Floats  # (n,) [N]
     basis: Floats  # (n, b) orthonormal
     fitted: Floats  # (n, k + 1) what the fit takes
-    stated: Floats  # (n, s) of each stated quantity, beside that
+    stated: Floats  # (n, s) what each stated quantity takes in addition
 
     @classmethod
     def of(cls, std: Floats, jacobian: Floats, open_facts: list[Floats], stated: list[Floats]) -> _Space:

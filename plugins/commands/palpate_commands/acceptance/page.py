@@ -52,7 +52,7 @@ class Acceptance:
         return "failed" if self.failed else "passed" if self.is_whole else "passed in part"
 
     def worst(self) -> Iterator[str]:
-        """ForceDelay of the force, latency and deceleration as measured, beside those declared."""
+        """ForceDelay of the force, latency and deceleration as measured, and as declared."""
         for late in (outcome.force_delay for outcome in self.outcomes if outcome.force_delay is not None):
             declared = f"`sensor_delay` = {1e3 * (self.limits.sensor_delay or 0.0):.1f} ms is declared"
             yield f"the force comes {1e3 * late.value:.0f} ± {1e3 * late.std:.0f} ms after the pose; {declared}"

@@ -21,7 +21,7 @@ def is_folder_of_logs(path: Path) -> bool:
 
 
 def suggest_folder(folder: Path, choices: dict[str, str], out: Path | None, as_json: bool) -> None:
-    """Print or write the pipeline of the most files, and one beside it for each other group; raises LogError."""
+    """Print or write the pipeline of the most files, and one more for each other group; raises LogError."""
     known = registry.load()
     refused: dict[str, str] = {}
     with progress(f"look at {folder.name}"):

@@ -1,4 +1,4 @@
-"""Curves along a sweep, of several tracks or runs, beside point palpations: one picture and one table."""
+"""Curves along a sweep, of several tracks or runs, with point palpations: one picture and one table."""
 
 from __future__ import annotations
 

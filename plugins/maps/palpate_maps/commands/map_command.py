@@ -106,7 +106,7 @@ def map_run(
         lumps = findings.lumps if findings is not None else None
         print_json({**answer, **of, "lumps": lumps, "files": sorted(made.folder.glob(f"{name}.*"))})
         return
-    typer.echo(f"{said}\nwritten to {made.folder / name}.csv and beside it")
+    typer.echo(f"{said}\nwritten to {made.folder / name}.csv and next to it")
 
 
 def _run_first(run: Path) -> Path:

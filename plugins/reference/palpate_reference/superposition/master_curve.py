@@ -159,7 +159,7 @@ def master_curve(
 
 
 def _first_shifts(rows: _Rows, sweeps: Sequence[TemperatureSweep], reference: int) -> Floats:
-    """ln a_T (n,) by laying each sweep beside its neighbour; raises ConfigurationError where they do not meet."""
+    """ln a_T (n,) by shifting each sweep onto its neighbour; raises ConfigurationError where they do not meet."""
     steps = [0.0]
     for k, (cold, warm) in enumerate(pairwise(sweeps)):
         one, other = ((rows.x[rows.sweep == i], rows.y[rows.sweep == i]) for i in (k, k + 1))

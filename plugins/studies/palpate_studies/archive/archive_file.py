@@ -84,7 +84,7 @@ def _check(path: Path) -> None:
 
 
 def unpack(path: Path, root: Path) -> Manifest:
-    """Unpack an archive into an empty folder, and nothing beside it; raises LogError for what palpate did not pack."""
+    """Unpack an archive into an empty folder, and nothing outside it; raises LogError for what palpate did not pack."""
     with _opened(path) as archive:
         for info in _demand_plain(path, archive):
             target = root.joinpath(*PurePosixPath(info.filename).parts)

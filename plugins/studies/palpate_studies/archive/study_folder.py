@@ -85,7 +85,7 @@ class _Study:
 
     @cached_property
     def members(self) -> dict[Path, str]:
-        """Every file, or folder of a bag, beside the folder of fits, and where it is in the archive."""
+        """Every file, or folder of a bag, next to the folder of fits, and where it is in the archive."""
         curves = dict.fromkeys(map(self._file, self.folder.names))
         found = _members(curves, CURVES)
         others = [path for path in self._files_of_settings() if path not in found]

@@ -1,4 +1,4 @@
-"""What a motion does, as text: facts beside the limits of [safety], and its height over time in characters."""
+"""What a motion does, as text: facts next to the limits of [safety], and its height over time in characters."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ def _laws(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
 
 
 def _richer(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
-    """What a record that is not Kelvin and Voigt's may be beside: a spring and a power law, and two branches."""
+    """What a record that is not Kelvin and Voigt's may be instead: a spring and a power law, and two branches."""
     times, fastest, slowest = _times(record)
 
     def fractional(course: Course, surface: float, numbers: Floats) -> Floats:
@@ -293,7 +293,7 @@ def _by_another(told: Sequence[DelayFit], best: float) -> dict[str, Any]:
 
 
 def _said(table: Mapping[str, Any], told: Sequence[DelayFit], best: float) -> str:
-    """That delay in words, and the laws beside it."""
+    """That delay in words, and the other laws."""
     near = [f"{one.law} {1e3 * one.delay:.3g}" for one in told if 0 < one.bic - best < _NEARLY]
     beside = f" (nearly as well: {', '.join(near)} ms)" if near else ""
     return f"by {table['law']} the delay is {1e3 * table['delay']:.3g} +- {1e3 * table['delay_std']:.2g} ms{beside}"

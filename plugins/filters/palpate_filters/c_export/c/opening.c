@@ -105,7 +105,7 @@ static double condition(const double *matrix, int n)
     return low > 0.0 ? high / low : HUGE_VAL;
 }
 
-/* Position and velocity of a reading by local cubics; as they are beside one that is missing. */
+/* Position and velocity of a reading by local cubics; as they are next to a missing one. */
 static void motion_at(const palpate_filter *f, int i, double *position, double *velocity)
 {
     static const double weights[SPAN + 1] = {89.0 / 429.0, 84.0 / 429.0, 69.0 / 429.0, 44.0 / 429.0, 9.0 / 429.0, -36.0 / 429.0};
