@@ -47,13 +47,15 @@ class Entry:
 
     @cached_property
     def part(self) -> type[Part]:
-        """The part; raises PluginError where what the plugin names cannot be imported or is none."""
+        """The part; raises PluginError where what the plugin names cannot be imported or is not a part."""
         try:
             found: Any = import_target(self.offered) if isinstance(self.offered, str) else self.offered
         except PluginError as error:
             raise PluginError(f"plugin {self.plugin.name}: {self.name!r}: {error}") from error
         if not (isinstance(found, type) and issubclass(found, self.root)):
-            raise PluginError(f"plugin {self.plugin.name}: {self.name!r} ({self.offered}) is no {self.root.__name__}")
+            raise PluginError(
+                f"plugin {self.plugin.name}: {self.name!r} ({self.offered}) is not of kind {self.root.__name__}"
+            )
         if missing := missing_methods(found):
             raise PluginError(f"plugin {self.plugin.name}: {self.name!r} ({found.__name__}) does not define {missing}")
         return found

@@ -36,7 +36,7 @@ class Run:
     duration: float | None = None  # [s] as planned, of the record; None where unknown
     extent: Extent | None = None  # [m] box of the planned motion; None where nothing moves
     surface: Surface | None = None  # along whose normals force and height are; None where they are along one axis
-    # Ends the run with a reason, from any thread, at once: the guard lets the arm retract. It is no emergency stop.
+    # Ends the run with a reason, from any thread, at once: the guard lets the arm retract. It is not an emergency stop.
     stop: Callable[[str], None] = _never
 
 

@@ -141,7 +141,7 @@ class Resumable(Protocol):
 def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
     """Setpoints of a trajectory at times (n,) [s] since its start.
 
-    Raises PluginError naming the trajectory where it raises, or where what it returns is no finite setpoint for each.
+    Raises PluginError naming the trajectory if it raises, or if what it returns is not a finite setpoint for each.
     """
     span = f" at {time[0]:.3f} to {time[-1]:.3f} s" if len(time) else ""
     found = answer_of(trajectory, lambda: trajectory.at(time), span)

@@ -203,7 +203,7 @@ class ArmLoop:
             case "retreat":
                 commander.plane = StationPlane(np.array(message["foot"]), np.array(message["normal"]))
                 if not commander.plane.is_one:
-                    self._fail("the plane of the first station is none")
+                    self._fail("the plane of the first station is invalid")
                 self._begin(commander)
                 commander.retreat(message["way"], message["speed"])
             case "follow":

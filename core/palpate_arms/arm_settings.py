@@ -110,7 +110,7 @@ class ArmSettings(Device):
     def controller_stiffness(self) -> float | None:
         """Stiffness [N/m] by which the controller gives way to a force; None of an arm that does not.
 
-        It is on record as a known compliance. What counts as depth is the measured pose, so that it is no part of the
+        It is on record as a known compliance. What counts as depth is the measured pose, so that it is not part of the
         specimen's stiffness.
         """
         return None

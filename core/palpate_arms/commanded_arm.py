@@ -62,7 +62,7 @@ class CommandedArm:
                 raise RuntimeError("the controller sends no states")
             clock().sleep(PERIOD)
         if not math.isfinite(self.stamp):
-            raise RuntimeError("the controller's time-stamp is no number")
+            raise RuntimeError("the controller's time-stamp is not a number")
         self._note_rate(stamps)
         return self.reading
 

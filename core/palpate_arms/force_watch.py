@@ -9,7 +9,7 @@ from palpate import Floats, RepeatCount, Repeats, torque_fault
 from palpate_engine import ReadingAge, RiseWatch, SoundForce
 from palpate_kit.acquisition.ring import Ring, integers
 
-_DEAF = 30_000_000  # [ns] without a reading; a serial line's latency timer of 16 ms is none
+_DEAF = 30_000_000  # [ns] without a reading; not a serial line's latency timer of 16 ms
 _MISSED = 4  # readings, where they come more slowly than that
 
 

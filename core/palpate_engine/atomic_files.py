@@ -16,7 +16,7 @@ from palpate.errors import OutputError
 def whole_file(path: Path, binary: bool = False) -> Iterator[IO[Any]]:
     """A file to write that takes its name when the context ends well: until then an older one stays as it was.
 
-    What is no ordinary file, such as /dev/stdout, is written at once. Raises OutputError.
+    What is not an ordinary file, such as /dev/stdout, is written at once. Raises OutputError.
     """
     direct = path.exists() and not path.is_file()
     partial = path if direct else path.with_name(f".{path.name[:200]}.{os.getpid()}.part")

@@ -26,5 +26,5 @@ class TrackName(str):
             return text
         model, slash, estimator = text.partition("/")
         if not (model and slash and estimator):
-            raise ValueError(f"{text!r} is no track: write MODEL/ESTIMATOR")
+            raise ValueError(f"{text!r} is not a track: write MODEL/ESTIMATOR")
         return cls(model, estimator)

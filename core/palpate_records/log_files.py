@@ -22,7 +22,7 @@ def regular(path: Path) -> Path:
     if not there:
         raise LogError(f"{path}: no such file")
     if not usual:
-        raise LogError(f"{path}: is no regular file")
+        raise LogError(f"{path}: is not a regular file")
     return path
 
 

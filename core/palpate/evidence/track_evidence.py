@@ -100,7 +100,7 @@ class Diagnosed:
     settles: frozenset[str] = frozenset()  # codes of flags by lower orders whose effect this diagnosis accounts for
     left: Mapping[str, float] = field(default_factory=dict)  # in place of `terms` for a corrected value
     conditions: tuple[Condition, ...] = ()  # facts that the record cannot show and nobody has stated
-    known: frozenset[str] = frozenset()  # facts that the record itself measures, so that they are no condition
+    known: frozenset[str] = frozenset()  # facts that the record itself measures, so that they are not conditions
 
 
 # Tracks of one run -> findings by the name of the track; tracks that it has nothing to say of may be left out.

@@ -17,7 +17,7 @@ ROBOT_FORCE = 0.05  # [N] below which a robot's force is its tip's inertia, what
 SIGMAS = 10.0  # of the noise, that count as touch where they are less than that
 FIRST_READINGS = 64  # samples from which the noise is estimated
 FEWEST_IN_AIR = 10  # samples
-_ROUGHER = 1.5  # times the noise of its beginning, that a line through all of the air leaves where it is none
+_ROUGHER = 1.5  # times the noise of its beginning, that a line through all of the air leaves where it is bent
 
 
 def may_decide(settings: AlignmentSettings) -> bool:

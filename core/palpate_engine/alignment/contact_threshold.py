@@ -18,7 +18,7 @@ SAMPLES_IN_A_ROW = 3  # that must agree before contact is found or lost
 _PAPER_NOISE = 0.05  # [N] of a robot: standard deviation of the sensor in the paper; where no free air shows it
 _SIGMAS = 5.0
 _FOR_DRIFT = 0.1  # of the threshold
-_RISE = 0.03  # [N] of a robot, of a tenth of a second's mean; less is none
+_RISE = 0.03  # [N] of a robot, of a tenth of a second's mean; less does not count
 _RISE_SIGMAS = 0.6  # of the noise: the same of a record whose own noise says what counts as touch
 
 

@@ -10,7 +10,7 @@ from palpate.device import Batch
 from palpate_engine.alignment.ports import Port
 
 _QUATERNION = ("qx", "qy", "qz", "qw")
-_UNIT = 1e-3  # by which the square of a quaternion may be off 1; what is beyond is none
+_UNIT = 1e-3  # by which the square of a quaternion may be off 1; what is beyond is not a rotation
 
 
 class TiltRange:

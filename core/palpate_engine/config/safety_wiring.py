@@ -31,7 +31,7 @@ def wire_safety(limits: SafetySettings, alignment: AlignmentSettings, devices: M
 def contradictions(
     limits: SafetySettings, alignment: AlignmentSettings, devices: Mapping[str, Device]
 ) -> list[Mistake]:
-    """A force that the sensor cannot show, and a height that is none."""
+    """A force that the sensor cannot show, and an impossible height."""
     mistakes, ports = [], _ports(alignment, devices)
     force, position = ports["force"], ports["position"]
     if force.limits is not None and limits.stop_force >= (most := max(map(abs, force.limits))):

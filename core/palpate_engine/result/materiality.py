@@ -71,7 +71,7 @@ def _word(doubt: Verdict, is_open: bool, needed: str) -> str:
 
 
 def _leaves_nothing(flag: Flag, name: str, registry: Registry) -> bool:
-    """Whether a flag says that a value is none, while others of its track may be used."""
+    """Whether a flag says that a value is void, while others of its track may be used."""
     meaning = registry.meanings.get(flag.code)
     return meaning is not None and meaning.voids and math.isinf((flag.effects or {}).get(name, 0.0))
 

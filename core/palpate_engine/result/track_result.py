@@ -122,7 +122,7 @@ def _of_row(by_value: Mapping[str, str]) -> str:
 
 
 def _doubt(word: str) -> str:
-    """What a verdict of one value is worth for others: a doubt where that value is none."""
+    """What a verdict of one value is worth for others: a doubt where that value is void."""
     return "doubtful" if word == "invalid" else word if word in VERDICTS else "good"
 
 

@@ -122,7 +122,7 @@ def _of_curvature(found: Along, settings: AlignmentSettings, report: AlignmentRe
 
 
 def _of_law(found: Along) -> Iterator[Term]:
-    """The term of a formula that stands for a solution and is off it by e of the force at the most.
+    """The term of a formula that stands for a solution and is off it by e of the force at most.
 
     By how much at which depth is not known, only that it changes slowly: f = e/2 F cos(n pi s), n = 0 to 3 and each by
     itself, with weights so that f^2 is (e/2)^2 F^2 on average, s the root of the depth over that of the deepest.

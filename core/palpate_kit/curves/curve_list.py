@@ -117,7 +117,7 @@ def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:
 
 
 def is_list(path: Path) -> bool:
-    """Whether a file says of other files what they are, and is no curve."""
+    """Whether a file says of other files what they are, and is not a curve."""
     if path.name != LIST or not path.is_file():
         return False
     with path.open(encoding="utf-8-sig", errors="replace") as file:

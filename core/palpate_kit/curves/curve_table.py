@@ -181,12 +181,12 @@ def _columns(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def demand_columns(path: Path) -> None:
-    """Raise LogError for a table of fits that another version has written, or that is none."""
+    """Raise LogError for a table of fits that another version has written, or that is not one."""
     head, _ = _head_of(path)
     names = [name.removesuffix("_std") for name in head if name.endswith("_std")]
     now = _columns(names)
     if head not in (now, tuple(name for name in now if name not in _LATER and not name.endswith("_verdict"))):
-        about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is no table of fits"
+        about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is not a table of fits"
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
 
 
@@ -233,7 +233,7 @@ def write_dialects(path: Path, texts: Mapping[str, str]) -> None:
 
 
 def _run_table(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """The table ``[run]``; empty where it is none, which whoever builds the pipeline says."""
+    """The table ``[run]``; empty if it is not a table, which whoever builds the pipeline says."""
     run = tables.get("run")
     return run if isinstance(run, dict) else {}
 
@@ -306,4 +306,4 @@ def _readable(path: Path) -> Iterator[IO[bytes]]:
         with readable(regular(path)) as file:
             yield file
     except (UnicodeDecodeError, csv.Error) as error:
-        raise LogError(f"{path}: is no table of fits of palpate: {error}") from error
+        raise LogError(f"{path}: is not a table of fits of palpate: {error}") from error

@@ -22,7 +22,7 @@ def compare_rows(
 ) -> GroupComparison:
     """Groups of curves by a column, in the order of their names, compared by a parameter [SI] of their usable rows.
 
-    The rows are of one track. Raises ConfigurationError for a unit that is none.
+    The rows are of one track. Raises ConfigurationError for an unknown unit.
     """
     groups: dict[str, list[CurveRow]] = {}
     for row in rows:
@@ -56,7 +56,7 @@ def replication_unit(groups: Mapping[str, Sequence[Cells]], unit: str | None = N
     """The column that names the units of groups of curves; `curve` where each curve is one.
 
     By default the column with at least two values in each group whose values lie in one group each; of several the
-    coarsest. Raises ConfigurationError where none of them is the coarsest, and for a given `unit` that is no such
+    coarsest. Raises ConfigurationError where none of them is the coarsest, and for a given `unit` that is not such a
     column.
     """
     everything = [cells for of_group in groups.values() for cells in of_group]

@@ -23,7 +23,7 @@ _RADIUS = 0.005  # [m] of the tip by which a unit's plausibility is judged
 _LEAST = 0.04  # of that radius, the least way of a palpation
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("m", 1.0))  # a factor of 1000 apart
 _FORCES = (("N", 1.0), ("mN", 1e-3), ("uN", 1e-6), ("nN", 1e-9))
-TIP, UNITS = "tip", "units."  # choices that are no role: the tip in words, the unit of a column
+TIP, UNITS = "tip", "units."  # choices that are not a role: the tip in words, the unit of a column
 POSITION_OF = "position-of"  # a choice: "tip", or the "stage" behind a beam
 _STIFFEST, _SOFTEST = 5e7, 50.0  # [Pa] beyond which another unit of force is likelier
 
@@ -175,7 +175,7 @@ def assemble_suggestion(
 
 
 def _pause(series: Iterable[tuple[Floats, Floats]]) -> float | None:
-    """The pause [s] between readings that is a gap, where that of a robot's logs is none; else None."""
+    """The pause [s] between readings that is a gap, where that of a robot's logs is not; else None."""
     steps = [float(np.median(np.diff(time))) for time, _ in series if len(time) > 1]
     longest = _STEPS * max(steps, default=0.0)
     return longest if longest > AlignmentSettings.model_fields["gap"].default else None

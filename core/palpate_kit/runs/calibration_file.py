@@ -82,5 +82,5 @@ def read_calibration(path: Path) -> Calibration:
         tables = {"values": tables[MEASURED], **tables.get(MEASUREMENT, {})}
     calibration = settings_of(tables, path, Calibration, "calibration file")
     if calibration.created.tzinfo is None:
-        raise ConfigurationError(f"{path}: is no calibration file: created has no time zone")
+        raise ConfigurationError(f"{path}: is not a calibration file: created has no time zone")
     return calibration

@@ -46,7 +46,7 @@ def log_in(path: Path) -> Path:
         return path
     readers = readers_of(registries.load()).values()
     logs = [file for file in sorted(path.iterdir()) if file.is_file() and any(r.recognises(file) for r in readers)]
-    logs = [file for file in logs if file.suffix != ".csv"]  # its tables of estimates are no logs
+    logs = [file for file in logs if file.suffix != ".csv"]  # its tables of estimates are not logs
     if len(logs) != 1:
         found = ", ".join(file.name for file in logs) or "none"
         raise LogError(f"{path}: expected one log in a run folder ({found}); add a [sink.*] to the pipeline")

@@ -104,7 +104,7 @@ class RunFolder:
 
     @property
     def finished(self) -> bool:
-        """Whether there is a result; half of one is none."""
+        """Whether there is a result; half of one does not count."""
         return is_whole(self.path / RESULT)
 
     @cached_property

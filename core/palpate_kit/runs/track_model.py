@@ -48,7 +48,7 @@ class ValueDocument(Document):
     settling: Number = Field(description="standard uncertainty from an estimate that has not come to rest")
     systematic: Number = Field(
         None,
-        description="standard uncertainty of everything that is taken for known; absent where nothing is declared",
+        description="standard uncertainty of everything that is assumed exact; absent where nothing is declared",
     )
     combined: Number = Field(description="standard uncertainty of all parts together; null where it is not known")
     equivalent_delay: Number = Field(
@@ -199,7 +199,7 @@ class TrackDocument(Document):
     flags: list[FlagDocument] = Field(description="what counts against it; those of the record come first")
     conditions: list[ConditionDocument] = Field([], description="open facts: what the values hold for")
     immaterial: list[FlagDocument] = Field(
-        [], description="flags that can move no value beyond its uncertainty, and are no doubt"
+        [], description="flags that can move no value beyond its uncertainty, and are not a doubt"
     )
     seconds_per_sample: float = Field(description="of computing [s]")
     fit: FitDocument | Absent = Field(None, description="of an offline fit")

@@ -139,7 +139,7 @@ def _every_number(result: Result) -> RenderableType:
 
 
 def _residual(force: float) -> str:
-    """In mN, or with two digits where that is none."""
+    """In mN, or with two digits where that shows nothing."""
     return f"{force:.3f}" if not 0 < force < _MILLINEWTON else f"{force:.2g}"
 
 

@@ -63,7 +63,7 @@ def console(width: int = 80) -> Console:
     from rich.console import Console
 
     class WholeTables(Console):
-        """Prints tables whole; in another format all that is no table goes to standard error."""
+        """Prints tables whole; in another format all that is not a table goes to standard error."""
 
         def print(self, *objects: Any, **options: Any) -> None:
             """As rich does, but for tables that do not fit."""

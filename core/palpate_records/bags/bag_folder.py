@@ -22,7 +22,7 @@ _NAMES = 1 << 20  # characters of a list of files
 _NAMED = 5  # parts
 _BESIDE = ("-wal", "-shm", "-journal", ".toml", ".yaml", ".md")  # what may lie next to the files of a bag
 _SETTINGS = "pipeline.toml"  # in the folder of a run, whose log is all of it that is read
-_PAUSE = 1_000_000_000  # [ns] between the parts of one recording, at the most
+_PAUSE = 1_000_000_000  # [ns] between the parts of one recording, at most
 SUFFIXES = (".db3", ".db3.gz", ".db3.zstd", ".db3.zst", ".mcap")
 
 

@@ -50,7 +50,7 @@ class SqliteBag:
         with self._open() as database:
             columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
             if not {"name", "type", "serialization_format"} <= columns:
-                raise LogError(f"{self.path}: is no rosbag2 database: it has no table of topics")
+                raise LogError(f"{self.path}: is not a rosbag2 database: it has no table of topics")
             texts = dict(self._definitions(database))
             rows = database.execute("SELECT id, name, type, serialization_format FROM topics ORDER BY id").fetchall()
         undefined = "ros2msg", b""
@@ -115,7 +115,7 @@ class SqliteBag:
                 path = self._plain(folder)
                 with path.open("rb") as file:
                     if file.read(len(_MAGIC)) != _MAGIC:
-                        raise LogError(f"{self.path}: is no rosbag2 database")
+                        raise LogError(f"{self.path}: is not a rosbag2 database")
                     if (missing := _missing(file)) and not journals(self.path):
                         raise sqlite3.DatabaseError(f"its last {missing} bytes are missing")
                 with closing(_connected(path, "mode=ro&immutable=1" if path == self.path else "mode=rw")) as database:
@@ -167,7 +167,7 @@ def check_tables(database: sqlite3.Connection, path: Path) -> None:
     for name, kind, text in database.execute("SELECT name, type, sql FROM sqlite_master"):
         ours = str(name).lower() in ("topics", "messages", "message_definitions")
         if ours and (kind not in ("table", "index") or str(text).lstrip()[:15].upper().startswith("CREATE VIRTUAL")):
-            raise LogError(f"{path}: is no rosbag2 database: {name} is no table in it")
+            raise LogError(f"{path}: is not a rosbag2 database: {name} is not a table in it")
 
 
 def journals(path: Path) -> list[Path]:

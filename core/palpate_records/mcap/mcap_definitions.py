@@ -70,7 +70,7 @@ class Definitions:
                 self.offer(opcode, content)
 
     def define(self, opcode: int, content: bytes) -> None:
-        """Take in a record that is no message."""
+        """Take in a record that is not a message."""
         try:
             match opcode:
                 case records.SCHEMA:

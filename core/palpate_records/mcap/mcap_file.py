@@ -57,7 +57,7 @@ class McapFile:
     def _refuse_foreign(self, file: IO[bytes], size: int) -> None:
         """A file without the first bytes of a log counts as one if it contains chunks, and is read only on request."""
         if not self._accept_cut or next(chunks_from(file, 0, size), None) is None:
-            raise LogError(f"{self.path}: is no MCAP log")
+            raise LogError(f"{self.path}: is not an MCAP log")
         self._notes.append("its first bytes are wrong")
 
     def _compare_data(self) -> None:

@@ -116,7 +116,7 @@ class Pass:
             raise
 
     def _other(self, file: IO[bytes], opcode: int, length: int) -> None:
-        """A record that is no message, and contains none."""
+        """A record that is not a message, and contains none."""
         if opcode in (records.SCHEMA, records.CHANNEL) and length <= records.LIMIT:
             self._known.define(opcode, file.read(length))
         elif opcode == 0:

@@ -31,7 +31,7 @@ def cell_factor(unit: str, column: str) -> float:
     """
     (dimension, size), (wanted, one) = (si_unit(text) for text in (_weight(unit, column), column))
     if dimension != wanted:
-        raise ValueError(f"{unit} is no unit of a column in {column}")
+        raise ValueError(f"{unit} is not a unit of a column in {column}")
     return size / one
 
 

@@ -32,7 +32,7 @@ class TimeColumn:
 def clock_of(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Sequence[int] = ()) -> TimeColumn | None:
     """The time of a file's rows: by a column, as chosen, by its name or since it grows evenly, else by a rate, or None.
 
-    It is none of the columns that are taken for something else. A rate is for files without a time: it would shift
+    It is not one of the columns that are taken for something else. A rate is for files without a time: it would shift
     every reading of one that has gaps, or runs at another rate.
     """
     found = _clock_column(sheet, values, choices, taken)

@@ -31,7 +31,7 @@ _NAME, _NAMED = 40, 12  # characters of a column's name, and columns, that are s
 _OWN_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?\s*(\D.*?)\s*")
 _PADDED = re.compile(r"0\d+")  # what is behind a comma, and no number of its own
 _LEAST = 10  # numbers of a column that is to be something
-_SURE = 3  # such cells that are no coincidence
+_SURE = 3  # such cells that are not a coincidence
 _TWICE = 100  # rows by which a mark between digits is judged
 
 
@@ -50,7 +50,7 @@ class Sheet:
 
     @classmethod
     def of(cls, path: Path, stated: Mapping[str, str] | None = None, record: TableRecord | None = None) -> Sheet:
-        """Found from the first lines, but for what is stated; raises LogError where they are no table of numbers."""
+        """Found from the first lines, but for what is stated; raises LogError where they are not a table of numbers."""
         own = {} if record is None else {key: str(value) for key in OF_RECORD if (value := getattr(record, key))}
         given = {key: _checked(path, key, text) for key, text in ({**(stated or {}), **own}).items()}
         with open_text(path, _text(given, "encoding"), _text(given, "sheet")) as file:
@@ -99,7 +99,7 @@ class Sheet:
         return _text(self.stated, "encoding"), _text(self.stated, "sheet")
 
     def blocks(self) -> Iterator[Floats]:
-        """The numbers (n, k), some thousand rows at a time; NaN where a cell is none, seconds for times of day."""
+        """The numbers (n, k), some thousand rows at a time; NaN for any other cell, seconds for times of day."""
         count = len(self.names)
         readers = [seconds_or_nan if k in self.layout.clocks else self._reader(k) for k in range(count)]
         days = {k: Days() for k in self.layout.clocks if k < count}
@@ -121,7 +121,7 @@ class Sheet:
                 yield block[[bool(cells) for cells in part]]
 
     def _reader(self, column: int) -> Callable[[str], float]:
-        """What makes a number of the cells of a column, NaN where they are none."""
+        """What makes a number of the cells of a column, NaN where they are not numbers."""
         plain = partial(number_or_nan, decimal=self.dialect.decimal, thousands=self.dialect.thousands)
         usual = self._unit_there(column)
         if usual is None or not self.layout.cell_units[column : column + 1] or not self.layout.cell_units[column]:
@@ -158,7 +158,7 @@ class Sheet:
         return self._own_unit(column)[0] if self._is_own(column) else 1.0
 
     def _own_unit(self, column: int) -> tuple[float, str]:
-        """How many of which unit a person has stated one to be; raises LogError for what is none."""
+        """How many of which unit a person has stated one to be; raises LogError for anything else."""
         text = self.own_units[self.names[column]]
         match = _OWN_UNIT.fullmatch(text)
         try:
@@ -168,7 +168,7 @@ class Sheet:
         except ValueError as error:
             name = column_text(self.column(column))
             raise LogError(
-                f'{self.path}: unit of column {name}: {text!r} is none; write "mN", or "10 N" for one'
+                f'{self.path}: unit of column {name}: {text!r} is not a unit; write "mN", or "10 N" for one'
             ) from error
 
     def written_unit(self, column: int) -> str:

@@ -83,7 +83,7 @@ def _records(path: Path, stated: tuple[tuple[str, str], ...], changed: int, size
             found += [] if inner else [TableRecord(sheet, sheet=sheet)]
     found = found or _in_table(path, given)
     if len(found) > _MOST:
-        raise LogError(f"{path}: holds {len(found)} records; {_MOST} are read at the most: split the file")
+        raise LogError(f"{path}: holds {len(found)} records; {_MOST} are read at most: split the file")
     return tuple(found) if len(found) > 1 else ()
 
 

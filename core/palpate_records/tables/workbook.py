@@ -51,7 +51,7 @@ def _opened(path: Path) -> Iterator[Any]:
             with zipfile.ZipFile(file) as packed:
                 if sum(part.file_size for part in packed.infolist()) > largest(path.stat().st_size):
                     raise LogError(f"{path}: it unpacks to more than a workbook of its size does")
-            warnings.simplefilter("ignore")  # styles and the like, which are no numbers
+            warnings.simplefilter("ignore")  # styles and the like, which are not numbers
             book = load_workbook(file, read_only=True, data_only=True)
             try:
                 yield book

@@ -68,7 +68,7 @@ class ContactForce:
         self.repeats, self._count = repeats, RepeatCount(repeats)
 
     def fault_of(self, values: Floats) -> str | None:
-        """Why forces (n, components) are no readings; None where they are."""
+        """Why forces (n, components) are not readings; None where they are."""
         if not np.isfinite(values).all():
             return f"a reading of {self.name} is over range or invalid"
         ends = ((values <= self._low) | (values >= self._high)).any(axis=0)
