@@ -13,7 +13,7 @@ from palpate_engine import Hesitations
 from palpate_calibration.calibration_record import CalibrationRecord
 
 _WINDOW = 0.1  # [s] over which the motion is judged
-_STILL = 2e-6  # [m]; a standard deviation of the position that is no motion
+_STILL = 2e-6  # [m]; a standard deviation of the position that is not motion
 _MOVING = 2e-4  # [m]; no position at standstill is as noisy as that
 _EVEN = 0.1  # change of the swing over a second that is still even
 _SHORTEST_STANDSTILL = 0.4  # [s]

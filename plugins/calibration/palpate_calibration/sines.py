@@ -89,7 +89,7 @@ def _variance_at(
 ) -> tuple[float, float]:
     """Variance of each quadrature of a phasor at a frequency [Hz], and its degrees of freedom.
 
-    The mean of the residual's spectrum over neighbouring frequencies, so that coloured noise is no trouble; lines that
+    The mean of the residual's spectrum over neighbouring frequencies, so that coloured noise does no harm; lines that
     were fitted are left out, since the fit took the noise there along. The residual is zero but for a share of the
     readings: sums over them have so much less power, and neighbouring frequencies correlate.
     """

@@ -64,11 +64,11 @@ class ControlChart(Settings):
 
 
 def read_chart(path: Path) -> ControlChart:
-    """The chart in a file; raises ConfigurationError where it cannot be read, is damaged, or is none."""
+    """The chart in a file; raises ConfigurationError where it cannot be read, is damaged, or is not a chart."""
     chart = read_settings(path, ControlChart, "control chart")
     for number, check in enumerate(chart.check, 1):
         if check.date.tzinfo is None:
-            raise ConfigurationError(f"{path}: is no control chart: check {number}: date has no time zone")
+            raise ConfigurationError(f"{path}: is not a control chart: check {number}: date has no time zone")
     for number, (before, after) in enumerate(pairwise(chart.check), 2):
         if after.date < before.date:
             raise ConfigurationError(f"{path}: is a damaged control chart: check {number} is older than the one before")
@@ -76,7 +76,7 @@ def read_chart(path: Path) -> ControlChart:
 
 
 def append_check(path: Path, chart: ControlChart, check: RecordedCheck) -> ControlChart:
-    """The chart with one more check, written: whole, or as it was. What stands in the file stays to the letter.
+    """The chart with one more check, written: whole, or as it was. What stands in the file stays unchanged.
 
     `chart` is used for a new file. Raises ConfigurationError for a check that is in the chart already, or
     is older than its last, OutputError where it cannot be written.

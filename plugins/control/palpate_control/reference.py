@@ -79,7 +79,7 @@ def _unit(value: Any, key: str) -> str:
             continue
         return unit
     allowed = ", ".join(dimension(unit) for unit in QUANTITIES)
-    raise ConfigurationError(f"{key}: {value!r} is none of {allowed}")
+    raise ConfigurationError(f"{key}: {value!r} is not one of {allowed}")
 
 
 def _number(value: Any, unit: str, key: str) -> float:

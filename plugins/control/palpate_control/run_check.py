@@ -38,7 +38,7 @@ def check_of_run(path: Path, reference: Reference, track: str | None) -> RunChec
     """The check that a run folder holds, of one track or the best; raises UserError where it holds none."""
     folder = RunFolder(path)
     if not folder.finished:
-        raise LogError(f"{path}: is no run folder with a {RESULT}")
+        raise LogError(f"{path}: is not a run folder with a {RESULT}")
     document = folder.result
     name = _track(path, document["tracks"], reference, track)
     found = values_by_name(document["tracks"][name])[reference.quantity]

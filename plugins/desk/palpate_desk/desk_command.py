@@ -70,7 +70,7 @@ def desk(
 
 def _demand_fits(source: Path) -> Path:
     if not is_fit_folder(source):
-        raise ConfigurationError(f"{source}: is no folder of fits: it has no fits.csv")
+        raise ConfigurationError(f"{source}: is not a folder of fits: it has no fits.csv")
     return source
 
 
@@ -90,7 +90,7 @@ def _begin(
         raise ConfigurationError(f"{source}: has no fits yet, and --read-only makes none")
     if tip is None and pipeline is None and not _states_tip(source, overrides or ()):
         raise ConfigurationError(
-            f'{source}: is no folder of fits; say the tip of its curves, as in --tip "sphere 3 mm", or --pipeline FILE'
+            f'{source}: is not a folder of fits; give the tip of its curves: --tip "sphere 3 mm", or --pipeline FILE'
         )
     folder = out or make_folder("fit", None, datetime.now(UTC).astimezone())
     options = [("--tip", tip), ("--model", model), ("--pipeline", str(pipeline) if pipeline else None)]

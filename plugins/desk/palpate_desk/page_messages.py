@@ -104,7 +104,7 @@ READING = (CurveQuestion, FilterQuestion, GroupsQuestion, CompareQuestion)  # wh
 
 
 def read_message(text: str | bytes) -> Question:
-    """A message of the page; raises ConfigurationError for what is none."""
+    """A message of the page; raises ConfigurationError for anything else."""
     try:
         return _MESSAGES.validate_json(text)
     except ValidationError as error:

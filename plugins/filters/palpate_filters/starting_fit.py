@@ -181,7 +181,7 @@ def _misfit(columns: Floats, force: Floats, prior: BiasPrior | None = None) -> t
 
 
 def _search(misfit: Callable[[float], float], position: Floats) -> float:
-    """The surface height of the smallest misfit: a grid from amid the motion upwards, then a bounded search."""
+    """The surface height of the smallest misfit: a grid from within the motion upwards, then a bounded search."""
     lowest, highest = float(position.min()), float(position.max())
     reach = np.linspace(0.0, 1.0, _GRID) ** 2 * _DEEPEST
     heights = np.concatenate([np.linspace(lowest, highest, 12)[1:-1], highest + reach])

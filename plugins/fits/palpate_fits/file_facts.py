@@ -30,7 +30,7 @@ class StatedFacts:
 
     facts: RigFacts
     path: Path  # of the file of facts, that there is or that answers are written to
-    settings: tuple[str, ...] = ()  # ``--set`` that are no facts
+    settings: tuple[str, ...] = ()  # ``--set`` that are not facts
     is_read: bool = False  # there is such a file
     is_named: bool = False  # by --rig, and not found next to the files
     answers: frozenset[str] = frozenset()  # keys of the facts that were asked
@@ -38,7 +38,7 @@ class StatedFacts:
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """The facts as ``--set`` of a pipeline that lacks them, then those that are none, which go before them."""
+        """The facts as ``--set`` of a pipeline that lacks them, then the other settings, which take precedence."""
         return (*rig_assignments(self.facts, self.path), *self.settings)
 
     def answered(self, **more: Any) -> StatedFacts:
@@ -93,7 +93,7 @@ def _places(sources: Sequence[Path]) -> list[Path]:
 
 
 def _is_pipeline(path: Path) -> bool:
-    """Whether a file that is called like one of facts is a pipeline; one with mistakes is none yet."""
+    """Whether a file that is called like one of facts is a pipeline; one with mistakes does not count yet."""
     with suppress(OSError, ValueError):
         return "device" in toml_tables(bounded_text(path))
     return False

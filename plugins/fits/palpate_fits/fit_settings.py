@@ -68,7 +68,7 @@ class FitSettings(Estimator):
     seed: int = Field(default=0, ge=0, description="seed of the bootstrap")
     systematic: dict[str, float | str] = Field(
         default={},
-        description='standard uncertainties of what is taken for known, by key of the model or "tip_mass", "bias", '
+        description='standard uncertainties of what is assumed exact, by key of the model or "tip_mass", "bias", '
         '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }',
     )
 

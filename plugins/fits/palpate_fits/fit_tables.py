@@ -170,7 +170,7 @@ def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
         return [*([said] * len(names)), *([""] * 8), codes]
     cells = [_value(track.parameters[name]) if name in track.parameters else _unknown(report, name) for name in names]
     cells.append(value_with_uncertainty(1e3 * track.surface.value, 1e3 * track.surface.combined))
-    if report is None:  # an offline estimator that is no fit, or reports nothing
+    if report is None:  # an offline estimator that is not a fit, or reports nothing
         return [*cells, "", f"{track.force_rms:.4g}", "", "", "", str(track.samples), "", codes]
     return [
         *cells,

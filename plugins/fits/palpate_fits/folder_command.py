@@ -114,7 +114,7 @@ def stale_count(folder: FitFolder) -> int:
 def change_folder(path: Path, change: FolderChange) -> None:
     """Write the settings that are asked for: of some curves into own.toml, of all into the pipeline of every dialect.
 
-    Whatever is no setting is refused before anything is written. Raises ConfigurationError, LogError, OutputError.
+    Whatever is not a setting is refused before anything is written. Raises ConfigurationError, LogError, OutputError.
     """
     folder = FitFolder(path)
     names = chosen_curves(folder, change.where)

@@ -75,7 +75,7 @@ class RecordCourse:
 
 
 def passage(samples: Samples) -> RecordCourse:
-    """The course of a record; raises NotFitted where the tip never touches or the force is no signal."""
+    """The course of a record; raises NotFitted where the tip never touches or the force is not a signal."""
     known = np.isfinite(samples.force)
     if not known.any():
         raise NotFitted("no-force", "the record has no force")

@@ -77,9 +77,9 @@ def ask_of_files(stated: StatedFacts, questions: Mapping[str, FileQuestion], ask
 
 
 def _answered(stated: StatedFacts, question: FileQuestion, answer: str) -> dict[str, Any]:
-    """The facts of an answer; raises ConfigurationError where it is none of those to choose from."""
+    """The facts of an answer; raises ConfigurationError where it is not one of the choices."""
     if question.choices and answer not in question.choices:
-        raise ConfigurationError(f"{answer}: is none of {', '.join(question.choices)}")
+        raise ConfigurationError(f"{answer}: is not one of {', '.join(question.choices)}")
     if question.key == "columns":
         columns = dict(stated.facts.columns or {})
         return {"columns": {**columns, question.name: (*columns.get(question.name, ()), answer)}}

@@ -122,7 +122,7 @@ def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
     try:
         known = list(json_document(bounded_text(wanted / _FIT))["logs"])
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise OutputError(f"{wanted / _FIT}: is no document of palpate fit: {error}") from error
+        raise OutputError(f"{wanted / _FIT}: is not a document of palpate fit: {error}") from error
     if others := [name for name in known if name not in names]:
         raise OutputError(f"{wanted}: holds fits of {', '.join(others)}, which is not among these; nothing is mixed")
     return wanted

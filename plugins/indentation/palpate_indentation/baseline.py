@@ -69,7 +69,7 @@ def _told(law: ElasticLaw, branch: Branch, fit: CurveFit, level: CurveFit) -> bo
     """Whether the tilt is known beyond 10 % of the force from the air, and beyond doubt where it is larger than that.
 
     A press that hardly bends looks like a tilt: so only the air may determine it, and a tilt that is much of the
-    force needs air over a fourth of the depth at least, and evidence that the press is none on a level baseline.
+    force needs air over a fourth of the depth at least, and evidence that the press does not follow a level baseline.
     """
     depth, air = float(fit.surface - branch.height.min()), branch.height > fit.surface
     limit = _MATTERS * force_of(law, branch, fit) / depth

@@ -257,7 +257,7 @@ class CsvLink:
     def _number(self, cells: list[str], place: int, line: int, unit: str, clock: bool) -> float:
         if place >= len(cells):
             if len(cells) == 1 and not self._dialect.is_value(cells[0]):
-                raise LogError(f"{self._log.file}:{line}: {cells[0].strip()[:40]!r} is no row of numbers")
+                raise LogError(f"{self._log.file}:{line}: {cells[0].strip()[:40]!r} is not a row of numbers")
             there = f"the line has {len(cells)}, 0 to {len(cells) - 1}"
             raise LogError(f"{self._log.file}:{line}: no column {place}; {there}")
         text = cells[place].strip()
@@ -274,12 +274,12 @@ class CsvLink:
             comma = not clock and self._dialect.decimal == "." and has_decimal_comma(text)
             advice = f"; a decimal comma? {POINTS}" if comma else ""
             kind = "time of day" if clock else "number"
-            problem = f"column {place} holds {text!r}, which is no {kind}{advice}"
+            problem = f"column {place} holds {text!r}, which is not a {kind}{advice}"
             raise LogError(f"{self._log.file}:{line}: {problem}") from error
 
 
 def _parsed(numbers: str) -> Floats | None:
-    """The numbers (n,) between commas; None where they are none."""
+    """The numbers (n,) between commas; None where they are not numbers."""
     try:  # a reader of JSON, which has the same numbers but for +1, .5 and 1., takes a third of the time
         found = from_json(f"[{numbers}]")
         return np.fromiter(found, np.float64, len(found))

@@ -65,7 +65,7 @@ class SheetRoles:
         return found
 
     def _roles(self) -> list[str | None]:
-        """What each column's unit states, else its name, else a word of it; "other" is none."""
+        """What each column's unit states, else its name, else a word of it; "other" if nothing does."""
         names, roles = self.sheet.names, []
         for k, name in enumerate(names):
             unit, by_words = self.sheet.unit(k), role_by_words(name)

@@ -78,7 +78,7 @@ def demand_one_pipeline(run: RunFolder) -> None:
         if part.began:
             text = part.pipeline_text
             if differing := differences(text, own or "", _OF_A_PART):
-                raise LogError(f"{part.path}: is no continuation of {run.path}, nothing is mixed: {differing}")
+                raise LogError(f"{part.path}: is not a continuation of {run.path}, nothing is mixed: {differing}")
 
 
 def _demand_estimates(folder: Path, parts: list[RunFolder]) -> set[str]:

@@ -125,7 +125,7 @@ class ActionGrid:
         return self.motion.seconds_to(way)
 
     def _most(self, row: NDArray[np.intp], sites: Floats) -> float:
-        """What a line along a row gains in a second at the most: as if each of its sites stood alone."""
+        """What a line along a row gains in a second at most: as if each of its sites stood alone."""
         along = lengths_along(self.nodes, row)
         sums = np.r_[0.0, np.cumsum(sites[row])]
         first, last = np.triu_indices(len(row), 1)

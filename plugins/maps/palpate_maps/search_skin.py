@@ -52,7 +52,7 @@ class SearchSkin:
 
 
 def tips_on(points: SurfacePoints, depth: float) -> tuple[Setpoint, NDArray[np.bool_]]:
-    """A tool at each point, along its normal and as deep below [m], and where (n,) the skin is none that it visits."""
+    """A tool at each point, along its normal and as deep below [m], and where (n,) the skin cannot be visited."""
     normal = points.normal
     refused = ~(normal[:, 2] >= _STEEPEST)  # where nothing is known, too
     still = np.zeros((len(points), 3))

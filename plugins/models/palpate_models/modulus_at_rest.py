@@ -11,7 +11,7 @@ from palpate_models.relaxing_models import RelaxingModel
 
 _APART = (3.0, 5.0)  # by how much at least, and at most, the next time of a spectrum is taken to be longer
 _MORE = 3.0  # parts as strong as the slowest that may fade after the record
-_NOTHING = 0.01  # of the modulus at rest; a part below it is none
+_NOTHING = 0.01  # of the modulus at rest; a part below it does not count
 
 
 def at_rest(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:

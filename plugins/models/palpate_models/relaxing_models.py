@@ -77,7 +77,7 @@ class RelaxingModel(ContactModel):
         return curved_share(self, curvature, depth)
 
     def loading_cycle_force(self, time: Floats, depth: Floats, theta: Sequence[float], reversal: float) -> Floats:
-        """Force (n,) [N] over one loading and one unloading, see `ting_force`; raises ValueError where it is none."""
+        """Force (n,) [N] over one loading and one unloading, see `ting_force`; raises ValueError where it is not."""
         if self.pace(1e-3, theta) is not None:
             raise ValueError(f"Ting's unloading needs a relaxation modulus, and {type(self).__name__} has none")
         return ting_force(self, self.spectrum(theta), time, depth, reversal)

@@ -79,7 +79,7 @@ class Skin(Settings):
     def check(self, indenter: Indenter) -> None:
         """Raise ValueError where a tip cannot touch such a skin, or its contact is not known."""
         if 0.0 in (self.skin_radius, self.skin_radius_across):
-            raise ValueError('skin: a radius of 0 is no skin; write "flat" where it is not curved')
+            raise ValueError('skin: a radius of 0 is not a skin; write "flat" where it is not curved')
         if not any(self.curvatures):
             return
         if isinstance(indenter, _FACES):

@@ -79,7 +79,7 @@ class RecordEstimator:
         """What is estimated of a record; raises ConfigurationError, and LogError where it cannot be read."""
         if not isinstance(record, Record):
             made = "palpate.read(path) makes one of a file, palpate.record(...) of arrays"
-            raise ConfigurationError(f"a {type(record).__name__} is no record: {made}")
+            raise ConfigurationError(f"a {type(record).__name__} is not a record: {made}")
         tracks = self._tracks(record, name)
         pipeline = tracks.pipeline
         devices = {key: _named_as(pipeline.devices[key], table) for key, table in record.devices.items()}

@@ -42,7 +42,7 @@ def read(
     (`assumed`). Of a file that holds several records, such as the sheets of a workbook, ``{"record": "gel 1"}`` names
     one. All else as in `palpate.record`.
 
-    Raises LogError for what is no log, ConfigurationError where something must be said that no file can say.
+    Raises LogError for what is not a log, ConfigurationError where something must be said that no file can say.
     """
     log = Path(path)
     choices = {_ROLES.get(role, role): str(text) for role, text in (signals or {}).items()}

@@ -58,13 +58,13 @@ def plot(
         return
     for option, given in (("--by", by), ("--unit", unit), ("--where", where)):
         if given is not None:
-            raise ConfigurationError(f"{option} {given}: {run} is no folder of fits of many curves")
+            raise ConfigurationError(f"{option} {given}: {run} is not a folder of fits of many curves")
     record = RunContents.read(run)
     if record.unreadable is not None:
         raise LogError(record.unreadable)
     for name in what or ():
         if name not in PICTURES:
-            raise ConfigurationError(f"{name!r} is no picture{suggest(name, PICTURES)}")
+            raise ConfigurationError(f"{name!r} is not a picture{suggest(name, PICTURES)}")
     for name in track or ():
         if name not in record.tracks:
             raise ConfigurationError(f"{run}: has no estimates of {name!r}{suggest(name, record.tracks)}")

@@ -30,7 +30,7 @@ class RunContents:
 
     @classmethod
     def read(cls, path: Path) -> RunContents:
-        """The folder of a run, or of its result.json; raises LogError for what is none."""
+        """The folder of a run, or of its result.json; raises LogError for anything else."""
         folder = path.parent if path.name == "result.json" else path
         if not folder.is_dir() or not (RunFolder(folder).began or any((folder / name).is_file() for name in _SIGNS)):
             raise LogError(f"{path}: is not a run folder: it has none of {', '.join(_SIGNS)}")

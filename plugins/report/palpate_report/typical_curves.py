@@ -74,7 +74,7 @@ def drawing(folder: FitFolder, row: CurveRow, word: str) -> CurveDrawing:
     blocks = [block.force for block in outcome.estimates.get(name, ())]
     model = np.concatenate(blocks) if found.usable and blocks else np.full(len(samples), np.nan)
     surface = found.surface.value if found.usable and np.isfinite(found.surface.value) else np.nanmax(samples.position)
-    # What a fit takes for offset and drift is no force of the contact.
+    # What a fit takes for offset and drift is not a force of the contact.
     bias = found.report.table().get("bias", 0.0) if found.report is not None else 0.0
     kept = thin_rows(len(samples), _POINTS)
     return CurveDrawing(title, (surface - samples.position)[kept], (samples.force - bias)[kept], model[kept])

@@ -101,7 +101,7 @@ class Ros2Device(Device):
     def _readable(cls, value: dict[str, str]) -> dict[str, str]:
         for name, text in value.items():
             if name.count("/") != 2:
-                raise ValueError(f'{name!r} is no type: give it as "package/msg/Name"')
+                raise ValueError(f'{name!r} is not a type: give it as "package/msg/Name"')
             try:
                 parse_definitions(name, text)
             except LogError as error:
@@ -128,7 +128,7 @@ class Ros2Device(Device):
     def _limits_of_channels(self) -> Self:
         if self.alarm is not None and not self.limits:
             raise ValueError("alarm needs limits")
-        self._bounds  # noqa: B018  raises where a limit is none
+        self._bounds  # noqa: B018  raises for an invalid limit
         return self
 
     @cached_property

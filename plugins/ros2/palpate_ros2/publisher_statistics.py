@@ -15,7 +15,7 @@ _BACK = 10_000_000  # [ns] that stamps may go back within a clock
 _LEAP = 500_000_000  # [ns] by which they may go ahead of the arrivals
 _KNOWN = 50  # steps that determine the usual one
 _IRREGULAR = 0.5  # of the usual step
-_PAUSE = 1_000_000_000  # [ns]; longer is no loss, but a pause of the sender
+_PAUSE = 1_000_000_000  # [ns]; longer is not a loss, but a pause of the sender
 
 
 @dataclass
@@ -175,7 +175,7 @@ class Losses:
                 self.missing, self._debt = self.missing + round(self._debt), 0.0
 
     def anew(self) -> None:
-        """Another publisher sends: what lies between is no loss."""
+        """Another publisher sends: what lies between is not a loss."""
         self._last = None
 
     @property

@@ -34,7 +34,7 @@ _ROUND = (1e-6, 1e-4, 0.02)  # [m] depths at which a round tip has the same radi
 
 
 def _shorthand(schema: dict[str, Any]) -> None:
-    """Parameters next to the model, and what the paper's specimen of a name has, are no mistakes of the table."""
+    """Parameters next to the model, and what the paper's specimen of a name has, are not mistakes of the table."""
     schema["additionalProperties"] = {"anyOf": [{"type": "number"}, {"type": "string"}]}
     schema["properties"]["parameters"]["additionalProperties"] = schema["additionalProperties"]
     schema["required"] = ["model"]

@@ -60,14 +60,14 @@ def readings(
 ) -> Iterator[ParameterValue]:
     """Readings of a run, or of every log, cycle or curve of `palpate fit`; `first`: of the first of several tracks.
 
-    Of curves those `where` filter words hold. Raises LogError for what is no result, ConfigurationError for an
+    Of curves those `where` filter words hold. Raises LogError for what is not a result, ConfigurationError for an
     unknown track or parameter, and for words that do not parse.
     """
     if is_fit_folder(path):
         yield from _of_curves(FitFolder(path), track, parameter, first, where)
         return
     if where is not None:
-        raise ConfigurationError(f"--where: {path} is no folder of fits of many curves")
+        raise ConfigurationError(f"--where: {path} is not a folder of fits of many curves")
     file = path
     if path.is_dir():
         file = path / "fit.json" if (path / "fit.json").is_file() else path / "result.json"

@@ -100,7 +100,7 @@ def moving_average(values: Floats, window: int) -> Floats:
 
 
 def common_edges(groups: Sequence[Floats]) -> Floats:
-    """Edges of bins that all groups share, as fine as the group that asks for the finest, 30 bins at the most."""
+    """Edges of bins that all groups share, as fine as the group that asks for the finest, 30 bins at most."""
     everything = np.concatenate(groups) if groups else np.zeros(0)
     if len(everything) < 2 or not scatters(everything):
         return np.zeros(0)

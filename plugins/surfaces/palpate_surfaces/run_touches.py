@@ -95,7 +95,7 @@ def _stays(table: TrackTable) -> Iterator[Any]:
 
 
 def _radius(part: RunFolder, model: str) -> float:
-    """Radius [m] of the sphere that a run's tip ends with; raises LogError for a tip that is none."""
+    """Radius [m] of the sphere that a run's tip ends with; raises LogError for any other tip."""
     settings: Mapping[str, Any] = part.settings
     tip = settings.get("model", {}).get(model, {}).get("indenter")
     tip = settings.get("indenter", {}).get(tip) if isinstance(tip, str) else tip

@@ -24,7 +24,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "self-timed": Diagnosis("palpate_uncertainty.delay.delay_from_motion:diagnose_delay", order=11),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.model_choice:model_choice"),
-        # Last, since a filter's bias that is predicted is no distance.
+        # Last, since a filter's bias that is predicted is not a distance.
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability", order=60),
         "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
         "force-across": Diagnosis("palpate_uncertainty.inclined_skin:inclined_skin", order=11, quick=True),

@@ -58,7 +58,7 @@ def _scales(percent: Mapping[str, Mapping[str, float]], first: str, second: str 
 
 
 def _conditions(table: Mapping[str, Any], first: str) -> Iterator[str]:
-    """What is no number of the pipeline, each with the size at which it begins to matter."""
+    """What is not a number of the pipeline, each with the size at which it begins to matter."""
     stiffness, thick = table.get("rigid_above", {}).get(first), table.get("half_space_above")
     yield "rigid mount" + (f" ({_rounded(1e-3 * stiffness)} N/mm: 1 %)" if stiffness else "")
     if not table.get("skin_stated"):

@@ -20,7 +20,7 @@ _FARTHEST = 0.02  # [m] that the surface may move
 _HEAVIEST = 10.0  # [kg]
 _SOFTEST = 1e3  # [N/m] of arm and base
 _TOO_MUCH = 1e6  # [N]
-MEMORY = "memory"  # the reason that is no change of the force at an instant: a material that relaxes
+MEMORY = "memory"  # the reason that is not a change of the force at an instant: a material that relaxes
 
 # From the model's parameters (k,), the surface [m] and the extra numbers:
 Force = Callable[[Floats, float, Floats], Floats]  # the force (n,) [N]

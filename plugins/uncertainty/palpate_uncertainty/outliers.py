@@ -57,7 +57,7 @@ def spikes_of(force: Floats, judged: NDArray[np.bool_], noise: float = 0.0) -> F
     steps = np.abs(np.diff(force))
     least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
     scale = max(1.4826 * float(np.median(np.abs(np.diff(force, 2)))) / np.sqrt(6.0), least, noise)
-    # A fast motion is no spike: what neighbouring readings do as well.
+    # A fast motion is not a spike: what neighbouring readings do as well.
     bend = _SIGMAS * scale + 2.0 * _running_median(np.abs(np.gradient(force))) * _REACH
     return off[judged & (np.abs(off) > bend)] if scale > 0 else np.zeros(0)
 

@@ -205,7 +205,7 @@ def misfit_table(found: WhitenessTest) -> Diagnosed:
 def explained(track: TrackEvidence, found: WhitenessTest, base: RefittedModel) -> Diagnosed:
     """The reason shown by the pattern, and by how much each parameter may be off for it.
 
-    A drift of the sensor's zero that the alignment allows is no reason for a doubt, and a row of the budget.
+    A drift of the sensor's zero that the alignment allows is not a reason for a doubt, and a row of the budget.
     """
     names = [parameter.name for parameter in track.model.parameters]
     first = base.test(base.fit.residual)

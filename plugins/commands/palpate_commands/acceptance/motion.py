@@ -33,7 +33,7 @@ class ForceRecord:
             self._file.write(rows.tobytes())
 
     def samples(self, samples: Samples) -> None:
-        """They are of no account here."""
+        """Not used here."""
 
     def estimates(self, track: str, estimates: Estimates) -> None:
         """Nothing to limit."""

@@ -16,9 +16,9 @@ SCHEMA = 1
 _IDENTITY = ("robot", "serial", "software", "model", "safety_checksum", "payload", "tcp", "powered_since")
 _HEADINGS = ("step", "what happened", "speed mm/s", "reaction ms", "deceleration m/s^2", "way mm", "verdict")
 _LIMITS = (
-    "`[safety]` and all that palpate does are limits of a program. They are no safety function and have no performance "
+    "`[safety]` and all that palpate does are limits of a program: not a safety function, and without a performance "
     "level: what protects people is the robot's own safety system, its emergency stop and the safeguard. This page "
-    "says what was measured once, at these speeds and in this posture; it is no declaration of conformity."
+    "says what was measured once, at these speeds and in this posture; it is not a declaration of conformity."
 )
 
 

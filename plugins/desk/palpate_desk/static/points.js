@@ -119,7 +119,7 @@ export function drawSites(box, rows, name, unit, show, dragged) {
   return placed.length;
 }
 
-// A rectangle in the units of the picture, once the mouse is let go; a click is none.
+// A rectangle in the units of the picture, once the mouse is let go; a click is not one.
 function drag(svg, told) {
   const frame = node("rect", { class: "drag", fill: COLOURS[0], "fill-opacity": 0.15, stroke: COLOURS[0] });
   let from = null;

@@ -56,7 +56,7 @@ def configure(port: Any, baud: int, filters: dict[str, Any], boot: float) -> str
 
 def stop_stream(port: Any) -> None:
     """Leave the sensor in CONFIG, where it is quiet."""
-    with contextlib.suppress(Exception):  # whatever a port that has gone raises; termios.error is no OSError
+    with contextlib.suppress(Exception):  # whatever a port that has gone raises; termios.error is not an OSError
         os.write(port.fileno(), b"C\n")
 
 

@@ -66,7 +66,7 @@ def check_fourth(plane: SurfacePlane, points: Floats, fourth: Floats, tolerance:
         raise ConfigurationError(
             f"the fourth point contradicts the first three: it lies {1e3 * abs(height):.2f} mm "
             f"{'above' if height > 0 else 'below'} their plane, over --tolerance {1e3 * tolerance:g} mm: touch all "
-            "four again, or the surface is no plane"
+            "four again, or the surface is not a plane"
         )
     return height
 

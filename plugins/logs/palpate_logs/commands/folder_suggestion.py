@@ -16,7 +16,7 @@ _NAMED, _KEYS = 4, 3  # files of a group, and keys in which it differs, that are
 
 
 def is_folder_of_logs(path: Path) -> bool:
-    """Whether a path is a folder that is no log by itself, as a bag is."""
+    """Whether a path is a folder that is not a log by itself, as a bag is."""
     return path.is_dir() and not any(reader.recognises(path) for reader in readers_of(registry.load()).values())
 
 

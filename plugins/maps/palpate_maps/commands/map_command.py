@@ -65,7 +65,7 @@ def map_run(
     run = _run_first(run)
     of_curves = is_fit_folder(run)
     if where is not None and not of_curves:
-        raise ConfigurationError(f"--where: {run} is no folder of fits of many curves")
+        raise ConfigurationError(f"--where: {run} is not a folder of fits of many curves")
     drop_rejected([] if of_curves else [run])
     with progress(f"map of {run.resolve().name}"):
         if of_curves:

@@ -58,7 +58,7 @@ class Controller:
         self.deaf = False  # no program starts
         self.uploads = 0
         self.stuck: list[float] | None = None  # the pose that it keeps reporting
-        self.no_number = False  # its pose is none
+        self.no_number = False  # its pose is not a number
         self.stamp_leap = 0.0  # [s] of its time-stamps
         self.speed_factor = 1.0  # of the tip's speed that it reports
         self.pendant_tcp = arm.tcp

@@ -112,7 +112,7 @@ class PressProblem:
         return 0.5 * float(self.pressed.time[begin] + self.pressed.time[row])
 
     def linear(self, rig: PressUnknowns) -> tuple[Floats, Floats, int]:
-        """Columns (n, free + k) whose sum with the law's numbers is the target (n,), and how many are no spectrum's."""
+        """Columns (n, free + k) whose sum with the law's numbers is the target (n,), and how many no spectrum has."""
         pressed = self.pressed
         nu, time = poisson_of(pressed.model), pressed.time
         load = 0.5 * (1.0 - nu**2) * np.where(pressed.depth(rig.surface, 0.0) > 0, pressed.force + rig.offset, 0.0)

@@ -120,7 +120,7 @@ class _Study:
             yield from self._files_in(item)
 
     def _file_of(self, text: str) -> Path | None:
-        with suppress(OSError, ValueError):  # a text that is no path
+        with suppress(OSError, ValueError):  # a text that is not a path
             path = Path(os.path.normpath(self.folder.path.resolve() / text))
             if path.is_file() or (path.exists() and path in {*map(self._file, self.folder.names)}):
                 return path

@@ -307,7 +307,7 @@ static double height_of_grid(int i, double lowest, double highest)
     return highest + part * part * DEEPEST_FIT;
 }
 
-/* The surface height of the smallest misfit: a grid from amid the motion upwards, then a bounded search. */
+/* The surface height of the smallest misfit: a grid from within the motion upwards, then a bounded search. */
 static int best_surface(palpate_filter *f, int count, double *surface)
 {
     palpate_fit *fit = &f->fit;
