@@ -404,7 +404,7 @@ def main() -> None:
 
 
 def read(file: Path) -> list[dict[str, Any]]:
-    """The scenes that a file has; a line that was cut is none."""
+    """The scenes that a file has; a line that was cut does not count."""
     rows = []
     for line in file.read_text().splitlines() if file.exists() else ():
         with contextlib.suppress(json.JSONDecodeError):

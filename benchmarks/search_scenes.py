@@ -166,7 +166,7 @@ LEAST = 'depth="3.2 mm", radius="4.2 mm"'  # half as stiff 5 mm off its middle
 
 
 def judged(scene: Scene, lumps: Iterable[Any], within: float = 8e-3) -> tuple[int, int]:
-    """True lumps that were missed, and lumps that are none."""
+    """True lumps that were missed, and false lumps."""
     lumps = list(lumps)
     missed = sum(all(math.dist(m, at) > within for at in lumps) for m in scene.middles)
     false = sum(all(math.dist(m, at) > within for m in scene.middles) for at in lumps)

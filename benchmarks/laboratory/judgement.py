@@ -66,7 +66,7 @@ def shown(mistake: Mistake) -> float:
 
 
 def _even(stamp: Floats) -> Any:
-    """Rows whose neighbours are one step away: a slope over a gap is none."""
+    """Rows whose neighbours are one step away: a slope over a gap does not count."""
     step = np.diff(stamp)
     near = np.abs(step - 1.0 / RATE) < 0.3 / RATE
     return np.concatenate([[False], near[1:] & near[:-1], [False]])

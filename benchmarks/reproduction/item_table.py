@@ -53,7 +53,7 @@ def tally(made: Sequence[tuple[Item, Sequence[Row]]]) -> str:
     impossible = sum(missing.numbers for item, _ in made for missing in item.missing)
     words: dict[Status, str] = {
         "outside": "outside of their tolerance",
-        "no test": "with a tolerance over 20 %, which is no test",
+        "no test": "with a tolerance over 20 %, which is not a test",
         "failed": "failed",
         "skipped": "whose recording is not here",
         "fitted": "to which a constant was fitted",

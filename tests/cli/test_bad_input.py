@@ -102,7 +102,7 @@ def test_files_that_are_not_there_or_no_pipeline(refused, tmp_path):
     ("text", "words"),
     [
         ("", "log.csv: the file contains no rows of numbers"),
-        (ROWS + "1,2,abc\n", "log.csv:601: column 2 holds 'abc', which is no number"),
+        (ROWS + "1,2,abc\n", "log.csv:601: column 2 holds 'abc', which is not a number"),
         ("1,2\n", "log.csv:1: no column 2; the line has 2, 0 to 1"),
     ],
 )

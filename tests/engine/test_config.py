@@ -66,7 +66,7 @@ def test_every_mistake_is_shown_at_once_with_its_line(point_pipeline):
         ("trajektory.press.bias=4 mm", "unknown table; did you mean 'trajectory'?"),
         ("model.dr=3", 'needs type = "..."'),
         ("nonsense", "write table.key=value"),
-        ("run.name.first=1", "is no table"),
+        ("run.name.first=1", "is not a table"),
     ],
 )
 def test_one_mistake_one_message(point_pipeline, override, words):
@@ -146,7 +146,10 @@ def test_a_plugin_beside_the_pipeline(point_pipeline):
     [
         ("import nothing_of_the_kind", "fails to import: ModuleNotFoundError"),
         ("1/0", "fails to import: ZeroDivisionError"),
-        ("from palpate import plugin\n@plugin\ndef palpate_indenters():\n    return {'sphere': int}", "is no Indenter"),
+        (
+            "from palpate import plugin\n@plugin\ndef palpate_indenters():\n    return {'sphere': int}",
+            "is not of kind Indenter",
+        ),
         ("from palpate import plugin\n@plugin\ndef palpate_indenters():\n    return 3", "not a mapping"),
         (
             "from palpate import Indenter, plugin\nclass T(Indenter):\n    '''T.'''\n"

@@ -499,7 +499,7 @@ def test_a_wrong_model_is_flagged():
         ({"fixed": {"viscosity": "5 mm"}}, "not a viscosity"),
         ({"fixed": {"bias": 0.0}, "unknowns": ("bias",)}, "bias is fixed and among the unknowns"),
         ({"start_at": {"elasticity": 1e7}, "bounds": {"elasticity": (1e3, 1e6)}}, "outside its bounds"),
-        ({"systematic": {"radios": 1e-5}}, "'radios' is no number of"),
+        ({"systematic": {"radios": 1e-5}}, "'radios' is not a number of"),
         ({"systematic": {"delay": 1e-3}}, "[alignment]"),
         ({"contact_point": "threshold", "fixed": {"surface": 0.0}}, "neither fixed nor bounded"),
     ],

@@ -93,7 +93,7 @@ def test_empty_cells_and_nan_are_invalid_readings(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("1,2\n3,abc\n", r":2: column 1 holds 'abc', which is no number"),
+        ("1,2\n3,abc\n", r":2: column 1 holds 'abc', which is not a number"),
         ("1,2\n3\n", r":2: no column 1; the line has 1"),
         ("", "contains no rows of numbers"),
         ("height,force\n", "contains no rows of numbers"),

@@ -87,11 +87,11 @@ TIME = {"column": 0, "unit": "s"}
     [
         (
             PLAIN + PLAIN,
-            r"a\.csv:402: column 1 holds 'force_N', which is no number",
+            r"a\.csv:402: column 1 holds 'force_N', which is not a number",
         ),  # two tables, one below the other
         ("0.1,1\n" + ROWS, r"a\.csv:1: the line has 2 cells, those below it 3; header = LINE"),
         ("name\n0.1,1\n" + ROWS, r"a\.csv:2: the line has 2 cells, those below it 3"),
-        (PLAIN + "mean,1.2,0.3\n9,1.0,2.0\n", r"a\.csv:402: column 0 holds 'mean', which is no number"),
+        (PLAIN + "mean,1.2,0.3\n9,1.0,2.0\n", r"a\.csv:402: column 0 holds 'mean', which is not a number"),
         ("time,force,height\ns,kN,mm\n" + ROWS, r"a\.csv:2: the row of units says 'kN' for column 1, and not 'N'"),
         ("# only\n# comments\n", "no rows of numbers"),
     ],

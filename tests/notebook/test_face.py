@@ -464,7 +464,7 @@ def test_a_csv_is_a_record(arrays, tmp_path):
     ("change", "what"),
     [
         ({"force": [1.0, 2.0]}, "must be equally long: time has .*, force has 2"),
-        ({"force": "words"}, "force: contains something that is no number"),
+        ({"force": "words"}, "force: contains something that is not a number"),
         ({"force": np.ones((3, 2))}, "force: must be one column of numbers, not 3 x 2"),
         ({"force": 3.0}, "force: must be one column"),
         ({"time": None}, "give either time"),
@@ -494,7 +494,7 @@ def test_times_that_are_none(arrays):
 
 
 def test_what_is_no_record_is_told(tmp_path):
-    with pytest.raises(ConfigurationError, match=r"a list is no record: palpate\.read\(path\) makes one"):
+    with pytest.raises(ConfigurationError, match=r"a list is not a record: palpate\.read\(path\) makes one"):
         palpate.fit(["a.csv"], tip="sphere 5 mm")
     with pytest.raises(LogError, match=r"is a folder, and no log; read its files one by one"):
         palpate.read(tmp_path)
@@ -513,7 +513,7 @@ def test_what_a_fit_is_asked_for_in_other_words(fitted, name, meant):
     [
         ({"model": "dr"}, "needs a tip"),
         ({"model": "doctor", "tip": Sphere(radius="5 mm")}, "no model 'doctor'"),
-        ({"model": 3, "tip": Sphere(radius="5 mm")}, "3 is no model"),
+        ({"model": 3, "tip": Sphere(radius="5 mm")}, "3 is neither of kind model"),
         ({"tip": "sphere"}, "sphere needs its radius"),
         ({"tip": Sphere(radius=5)}, 'did you mean "5 mm"'),
         ({"tip": Sphere(radius="5 mm"), "uncertainties": {"radios": "1 um"}}, "radios"),

@@ -221,7 +221,7 @@ def test_the_command(palpate, tmp_path):
         (["strain.csv", "--law", "maxwell"], "no law 'maxwell' of stress over strain (there are: mooney-rivlin"),
         (["strain.csv", "--reference-temperature", "20 °C"], "stress over strain has no time that could be shifted"),
         (["amplitude.csv"], "no modulus over several frequencies or over time"),
-        (["empty"], "is no run folder with a result.json"),
+        (["empty"], "is not a run folder with a result.json"),
     ],
 )
 def test_mistakes(palpate, tmp_path, words, said):
