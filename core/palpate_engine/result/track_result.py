@@ -127,7 +127,7 @@ def _doubt(word: str) -> str:
 
 
 def _rank(word: str) -> int:
-    """The higher the worse; a value without a number is no worse than a good one."""
+    """The higher the worse; a value without a number counts as a good one."""
     return VERDICTS.index(word) if word in VERDICTS else 0
 
 

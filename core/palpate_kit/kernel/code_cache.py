@@ -2,8 +2,7 @@
 
 Code is executed, so that only what this user wrote is read: the folder is the user's own and closed to all others,
 a file is not a link, and its first bytes are the SHA-256 of the rest. Whatever is not so is as if it were not there. A
-file's name is the SHA-256 of all that the code follows from, the processor among it: a home that machines share is
-no danger.
+file's name is the SHA-256 of all that the code follows from, the processor among it: machines may share a home.
 """
 
 from __future__ import annotations

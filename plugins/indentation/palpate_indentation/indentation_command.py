@@ -87,7 +87,7 @@ def indentation(
 
 
 def _of_run(whole: WholeCurve, law: ElasticLaw) -> PressViscosity | None:
-    """The viscosity of the run that a record comes from; None where model or tip are no longer that run's."""
+    """The viscosity of the run that a record comes from; None where model or tip differ from that run's."""
     if law.viscosity is None or whole.changed:
         return None
     return viscosity_of_run(whole.place, whole.model_name, law.viscosity[0])

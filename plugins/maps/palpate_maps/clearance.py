@@ -58,7 +58,7 @@ class Clearance:
         return np.asarray(np.minimum(self._told, self.left).sum(axis=1))
 
     def sites(self) -> Floats:
-        """(m,) gained by one site of a line at each node, which is no more than by a point."""
+        """(m,) gained by one site of a line at each node, which is at most that of a point."""
         return self.points()
 
     def lines(self, row: NDArray[np.intp]) -> Floats:

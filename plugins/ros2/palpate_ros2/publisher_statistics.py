@@ -130,7 +130,7 @@ def _leapt(step: int, passed: int) -> bool:
 class Losses:
     """Messages that are missing between stamps, by the usual step.
 
-    A publisher that was held up sends late, and then several at once: what comes too soon after a long step is no loss.
+    A publisher that was held up sends late, and then several at once: what comes soon after a long step is not lost.
     Nor is what comes behind its successors.
     """
 

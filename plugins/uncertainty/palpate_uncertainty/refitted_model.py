@@ -244,7 +244,7 @@ def explained(track: TrackEvidence, found: WhitenessTest, base: RefittedModel) -
 
 
 def _is_allowed_drift(track: TrackEvidence, base: RefittedModel, other: Refit) -> bool:
-    """Whether a refit is a drift of the force that is no faster than the alignment allows."""
+    """Whether a refit is a drift of the force within what the alignment allows."""
     if other.reason != "drift" or not other.numbers or track.ending is None:
         return False
     tare = track.ending.report.tare
