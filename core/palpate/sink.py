@@ -69,8 +69,10 @@ class TakesHealth(Protocol):
     """A writer that is informed of the health of a live run."""
 
     def health(self, health: Mapping[str, Any]) -> None:
-        """Once a second: time of the record and how far estimates are behind [s], streams, devices, tare, and `tracks`:
-        what each would find if the run ended now. By the record's seconds for a writer whose `by_record` is true.
+        """Take the health of a run: time of the record and backlog [s], streams, devices, tare, and the results so far.
+
+        Called once a second; once for each second of the record if `by_record` is true. `tracks` has for each track the
+        result that it would have if the run ended now.
         """
         ...
 

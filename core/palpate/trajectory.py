@@ -33,7 +33,7 @@ class Setpoint:
 
     @property
     def fastest_turn(self) -> float:
-        """[rad/s]."""
+        """Largest angular speed |w| of the setpoints [rad/s]; 0 without rotation."""
         if self.angular_velocity is None:
             return 0.0
         return float(np.linalg.norm(self.angular_velocity, axis=1).max(initial=0.0))

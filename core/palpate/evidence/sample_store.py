@@ -16,7 +16,7 @@ _GAP = 2.5  # of the usual interval
 
 @dataclass(frozen=True, eq=False)
 class SampleStore:
-    """Samples in contact of a track, in blocks of 4096 consecutive ones that are spread evenly over the record."""
+    """The samples of a track in contact (n,), as blocks of 4096 consecutive ones spread evenly over the record."""
 
     index: NDArray[np.int64]  # (n,) count of the sample among all in contact; it jumps where blocks were dropped
     time: Floats  # (n,) [s]

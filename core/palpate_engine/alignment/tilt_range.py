@@ -14,7 +14,7 @@ _UNIT = 1e-3  # by which the square of a quaternion may be off 1; what is beyond
 
 
 class TiltRange:
-    """Range of the cosine between the tool's axis and the z axis of its poses."""
+    """Range over time of cos(tilt), the z component of the tool's axis: 1 - 2 (x^2 + y^2) of a unit quaternion."""
 
     def __init__(self, position: Port) -> None:
         names = [channel.name for channel in position.stream.channels]

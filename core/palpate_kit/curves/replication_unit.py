@@ -79,7 +79,7 @@ def replication_unit(groups: Mapping[str, Sequence[Cells]], unit: str | None = N
 
 
 def shared_units(groups: Mapping[str, Sequence[Cells]], column: str) -> list[str]:
-    """The values of a column that several groups have, in their order."""
+    """The values of `column` that occur in more than one group, in order of first occurrence."""
     of_group = [dict.fromkeys(cells.get(column) or "" for cells in found) for found in groups.values()]
     counts = Counter(value for values in of_group for value in values if value)
     return [value for value, count in counts.items() if count > 1]

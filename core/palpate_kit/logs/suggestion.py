@@ -29,7 +29,7 @@ _STIFFEST, _SOFTEST = 5e7, 50.0  # [Pa] beyond which another unit of force is li
 
 
 def options(role: str, others: Sequence[NumberColumn]) -> str:
-    """What else a role could be, as the command line takes it."""
+    """Options of the command line that would assign a role to each of the `others`, separated by commas."""
     return ", ".join(f"--{role} {s.label.removeprefix('column ')}" for s in others)
 
 

@@ -49,7 +49,7 @@ class Salvage:
         self.repeated = 0  # chunks that are in the file twice
 
     def blocks(self, begin: int) -> Iterator[Block]:
-        """Blocks of messages from an offset on."""
+        """Yield the blocks of messages from the offset `begin` [bytes] to the file's end, and note what is damaged."""
         latest = self._latest
         with self._path.open("rb") as file:
             size = file.seek(0, 2)

@@ -74,7 +74,7 @@ def standing_still(record: CalibrationRecord) -> list[Segment]:
 
 
 def longest_standstill(record: CalibrationRecord) -> Segment | None:
-    """The longest standstill of a record that may hold nothing else; None where it moves all the time."""
+    """The longest stretch of a record in which the tip stands still; None if it always moves."""
     edges, swing = _swing(record)
     noise = float(np.quantile(swing, 0.02))
     if noise > _MOVING:

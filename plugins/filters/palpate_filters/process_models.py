@@ -102,7 +102,7 @@ class InertialProcess:
         return evolved
 
     def gain(self, interval: Any) -> tuple[Any, Any]:
-        """B: what one newton adds to depth [m/N] and rate [m/s/N] over an interval [s]."""
+        """B = (T^2/(2 m), T/m): change of depth [m/N] and rate [m/s/N] by a force constant over T = `interval` [s]."""
         return interval**2 / (2 * self.mass), interval / self.mass
 
 

@@ -31,7 +31,7 @@ class Window:
 
 
 def parse_segment(text: str) -> tuple[Window, ...]:
-    """The conditions that a text names; raises ConfigurationError."""
+    """The windows of a text such as "load, depth 0 mm..2 mm"; raises ConfigurationError."""
     return tuple(_parse_one(part.strip(), text) for part in text.split(","))
 
 

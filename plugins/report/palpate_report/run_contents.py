@@ -100,7 +100,7 @@ class RunContents:
 
     @property
     def unreadable(self) -> str | None:
-        """Why the tables of estimates cannot be read; None where they can."""
+        """The error by which the tables of estimates could not be read; None if they were read."""
         return self._read_tables[1]
 
     @property

@@ -287,7 +287,7 @@ def _removes(test: WhitenessTest, first: WhitenessTest) -> bool:
 
 
 def misfit_sentence(found: WhitenessTest, reasons: list[str], is_explained: bool, null: str) -> str:
-    """What tests of whiteness found, and the reasons that refits name."""
+    """The sentence on residuals that failed the tests of whiteness: p value, likely reasons, what is unexplained."""
     level = f"p {found.p:.0e}" if found.p > 1e-99 else "p < 1e-99"
     likely = f"; likely {' or '.join(reasons)}" if reasons else ""
     unknown = "" if is_explained else "; no alternative explains all of it"

@@ -34,7 +34,7 @@ class StoppedTip:
         )
 
     def disobedience(self, limits: SafetySettings) -> str | None:
-        """What is added where the tip goes on inwards, the first time; None where the arm obeys."""
+        """The sentence to add, once, if the tip goes deeper than v t + v^2/(2 a) after a stop; None while it obeys."""
         allowed = limits.speed * limits.latency + limits.speed**2 / (2.0 * limits.deceleration) + _MORE
         deeper = self._at_stop - self.height
         if self._is_disobeyed or not (math.isfinite(deeper) and deeper > allowed):

@@ -193,7 +193,7 @@ class URDriver(ArmDriver):
         self._control.stopScript()
 
     def check(self, reading: ArmReading) -> None:
-        """By the modes of robot, safety and program."""
+        """Check the modes of robot, safety and program; raises ArmFaultError, GarbledStateError for unknown modes."""
         modes = _modes(reading)
         if (text := complaint(modes)) is None:
             return

@@ -175,7 +175,7 @@ def drop_rejected(runs: list[Path]) -> list[Path]:
 
 
 def unit_of(run: Path, track: str, parameter: str) -> str:
-    """SI unit of a track's parameter, or nothing where the run's pipeline cannot be read again."""
+    """SI unit of a track's parameter; empty if the run's pipeline cannot be read or has no such parameter."""
     from palpate_kit.runs.continuation import recorded_pipeline
 
     with suppress(PalpateError):
