@@ -250,7 +250,7 @@ def test_what_another_program_writes_is_seen(desk):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["curves"], 'say the tip of its curves, as in --tip "sphere 3 mm"'),
+        (["curves"], 'give the tip of its curves: --tip "sphere 3 mm"'),
         (["none"], "no such file or folder"),
         (["fits", "--tip", "sphere 3 mm"], "has its settings"),
         (["curves", "--history"], "has no fits.csv"),
