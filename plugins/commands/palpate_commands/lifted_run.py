@@ -19,7 +19,7 @@ _PERCENT = re.compile(r"\s*([0-9.eE+-]+)\s*%\s*")
 def lifted(pipeline: Pipeline, lift: str, speed: str | None) -> Pipeline:
     """The same pipeline with its motion at a height above its own.
 
-    Raises ConfigurationError for an invalid height or speed, the tip would not be clear of the skin, or a limit breaks.
+    Raises ConfigurationError for an invalid height or speed, a tip not clear of the skin, or a broken limit.
     """
     height, pace = _height(lift), _pace(speed)
     motion = single_trajectory(pipeline)

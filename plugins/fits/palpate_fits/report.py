@@ -290,7 +290,7 @@ def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
         yield Flag("not-converged", what)
     for j, place in enumerate(free):
         if judged.held[j] and _is_none(fit, place):
-            text = f"{names[place]} is zero or at most {2 * total[place]:.2g} {fit.unknowns.items[place].unit}"
+            text = f"{names[place]} is zero, or at most {2 * total[place]:.2g} {fit.unknowns.items[place].unit}"
             yield Flag("undetermined", text, effects={names[place]: float(total[place])})
         elif judged.held[j]:
             by_force = names[place] == "surface" and fit.settings.force_uncertainty is not None

@@ -190,8 +190,8 @@ def _covariance(slopes: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Covariance (k, k) of the unknowns whose residuals have these slopes (n, k), and which of them are loose (k,).
 
     Those have a share in a direction along which the tables do not change, as E_1 and tau of a fast arm. What is known
-    before holds a direction by 1, however little the tables scatter: it is excluded. The slopes are not squared,
-    which would lose against a table without noise.
+    before holds a direction by 1, however little the tables scatter: it is not loose. The slopes are not squared,
+    which would lose that next to a table without noise.
     """
     _, sizes, directions = np.linalg.svd(slopes, full_matrices=False)
     power = sizes**2

@@ -25,7 +25,7 @@ def curves_page(
 ) -> str:
     """The whole page of a folder of fits, its curves in groups by a column of ``curves.csv``, compared by units.
 
-    Raises LogError, and ConfigurationError for a track, a column, a unit or unknown filter words.
+    Raises LogError, and ConfigurationError for an unknown track, column, unit or filter word.
     """
     facts = folder_facts(path, track, by, where)
     folder, rows = facts.folder, facts.rows
