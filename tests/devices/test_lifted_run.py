@@ -60,7 +60,7 @@ def test_a_lifted_run_touches_nothing_and_nothing_takes_it_for_a_palpation(twin)
         ("-2 mm", None, "expected a height above 0"),
         ("nan mm", None, "--lift 'nan mm'"),
         ("20 kg", None, "is a mass, not a length"),
-        ("10 mm", "120 %", "--speed '120 %': more than 0 % and at most 100 %"),
+        ("10 mm", "120 %", "--speed '120 %': expected more than 0 % and at most 100 %"),
         ("10 mm", "0 %", "more than 0 % and at most 100 %"),
         ("10 mm", "nan %", "more than 0 % and at most 100 %"),
         ("10 mm", "0.25", "more than 0 % and at most 100 %"),
