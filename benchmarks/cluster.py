@@ -52,7 +52,7 @@ class Cluster:
         self.begin()
 
     def begin(self) -> None:
-        """Start all of it anew, at the same address."""
+        """Restart all of it, at the same address."""
         self._log = (self._folder / "cluster.log").open("a")
         where = ("--host", "127.0.0.1", "--port", self._port, "--no-dashboard")
         self.scheduler = self._started("dask_scheduler", *where)
@@ -199,7 +199,7 @@ def _values(text: str) -> list[dict[str, str]]:
 
 
 def _hungry() -> int:
-    """What wants more memory than a worker may have."""
+    """What needs more memory than a worker may have."""
     held = []
     for _ in range(100):
         held.append(np.ones(10_000_000))

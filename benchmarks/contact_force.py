@@ -83,7 +83,7 @@ OTHERS: Mapping[str, tuple[ContactModel, list[float]]] = {
 
 
 def candidates() -> dict[str, tuple[ContactModel, list[float]]]:
-    """Every model with every tip that is worth telling apart."""
+    """Every model with every tip that is worth distinguishing."""
     tips = {name: (DimensionalityReduction(indenter=tip), [1e5, 300.0]) for name, tip in TIPS.items()}
     return {**tips, **OTHERS}
 

@@ -10,7 +10,7 @@ from run to run, are the shares of the value that `palpate.fit` states of one ru
 that of `palpate calibrate control`.
 
 Four checks: a spring of 3 N/mm; a sphere of 5 mm on the specimen (112.5 kPa, 362 Pa s) at 1 to 4 mm of depth; the
-ratio of that and of the value at 0.3 to 1.5 mm, beside what differs from run to run; a flat tip of 5 mm, at 0.3 to
+ratio of that and of the value at 0.3 to 1.5 mm, against what differs from run to run; a flat tip of 5 mm, at 0.3 to
 1.5 mm. For each mistake the size from which on 95 of 100 laboratories find it (|E_n| > 1) is interpolated from runs
 without it and runs with one size of it, and counted with as many laboratories of other seeds. "change" is what
 Shewhart's chart finds in 95 of 100 after 25 checks without the mistake: 4.64 standard deviations of repeats of one
@@ -142,7 +142,7 @@ def doubted(lab: Lab) -> bool:
 
 
 def normalised(check: str, values: Sequence[float], shares: Sequence[tuple[float, float, bool]], seed: int) -> float:
-    """E_n of a check; of two depths that of their ratio, beside what differs from run to run."""
+    """E_n of a check; of two depths that of their ratio, against what differs from run to run."""
     if check == "two depths":
         return math.log(values[0] / values[1]) / (2 * math.hypot(shares[0][1], shares[1][1]))
     kind = CHECKS[check][0]

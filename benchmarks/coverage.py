@@ -44,7 +44,7 @@ FORCE, POSITION, VELOCITY = 0.05, 5e-6, 0.67e-3  # [N], [m], [m/s] noise
 MASS, RADIUS, NU, LATE = 0.05, 0.005, 0.005, 1e-4  # relative, relative, absolute, [s]: declared uncertainties
 MOST = 40.0  # [N]
 LEVEL = 1e-3
-TELLING = 0.2  # a bound below this share of the value, for both values, says that the record tells them
+TELLING = 0.2  # a bound below this share of the value, for both values, says that the record determines them
 STIFFNESS = (1e3, 1e4, 1e5, 4e5, 1.5e6)  # [Pa] edges of the cells
 ESTIMATORS: dict[str, Estimator] = {
     "kinematic-ekf": KinematicFilter(),
@@ -119,7 +119,7 @@ def quartic(radius: float) -> float:
 
 
 def model_of(draw: Draw, radius: float) -> ContactModel:
-    """What the estimators are told."""
+    """What the estimators are given."""
     tips: dict[str, Indenter] = {
         "sphere": Sphere(radius=radius),
         "exact-sphere": ExactSphere(radius=radius),
@@ -295,7 +295,7 @@ def show(rows: list[dict[str, str]]) -> None:
     order = sorted(p for _, _, *pair in judged for p in pair)
     limit = max((p for i, p in enumerate(order) if p * (len(order) - i) < LEVEL), default=-1.0)
     told = {row["draw"] for row in rows} - {row["draw"] for row in rows if float(row["bound"]) >= TELLING}
-    print(f"{len({row['draw'] for row in rows})} draws, of which {len(told)} can be told")
+    print(f"{len({row['draw'] for row in rows})} draws, of which {len(told)} can be determined")
     print(f"{'':42}{'n':>6}{'flagged %':>11}{'bias %':>16}{'68 %':>8}{'95 %':>8}")
     for label, of, low, high in judged:
         telling = [row for row in of if row["draw"] in told]

@@ -2,7 +2,7 @@
 
 Run: python benchmarks/coverage_memory.py [DRAWS] [--out FILE.csv] [--models a,b] [--forces 0.01,0.05,0.2] [--first N].
 One motion (air, a press to 3 mm, a hold, sines of 1 and 5 Hz; 8 s at 250 Hz), one material a model, noise of the force
-at each level and 5 um of the height, drawn anew for each record. Forces are hereditary integrals written out here,
+at each level and 5 um of the height, drawn again for each record. Forces are hereditary integrals written out here,
 summed over twenty steps a sample: nothing of the product makes the records, but for `poroelastic`, whose contact radius
 sets its own pace. One row a parameter and record is appended to the file as it is found; the same command goes on
 where it was stopped.
@@ -74,7 +74,7 @@ class Material:
     model: ContactModel
     theta: tuple[float, ...]
     modulus: Callable[[Floats], Floats] | None  # its integral; None: the model's own force
-    viscosity: float = 0.0  # [Pa s] of a damper beside it
+    viscosity: float = 0.0  # [Pa s] of a damper in parallel
 
 
 def of_springpot(model: PowerLaw | FractionalKelvinVoigt, theta: tuple[float, ...]) -> Material:

@@ -1,7 +1,7 @@
 """What a key costs on the page of `palpate desk`, over its WebSocket and without a browser.
 
 Run it with: python benchmarks/desk.py [CURVES]. Processor time of the server and its processes for a curve that is
-looked at, one that is fitted anew and a mark, beside the fit itself in this process; wall times of 200 keys on the
+looked at, one that is fitted again and a mark, against the fit itself in this process; wall times of 200 keys on the
 machine as it is; bytes of a curve and of the page.
 """
 
@@ -117,7 +117,7 @@ def main(count=200):
                 walls, processor, size = timed(page, process.pid, looks, "curve")
                 told("a curve is looked at", walls, processor)
                 told(
-                    "it is fitted anew",
+                    "it is fitted again",
                     *timed(page, process.pid, [{"do": "refit", "curve": n} for n in names[:50]], "curve")[:2],
                 )
                 marks = [{"do": "mark", "curve": name, "mark": "good"} for name in names[:50]]

@@ -1,4 +1,4 @@
-"""How often comparisons of groups find a difference where there is none, at 5 %.
+"""How often comparisons of groups find a difference where none exists, at 5 %.
 
     python benchmarks/false_positives.py [--draws 2000] [--seed 56] [--mixed] [--only "groups of 10"]
 
@@ -39,7 +39,7 @@ def by_curve(groups: dict[str, list[tuple[str, float]]]) -> GroupComparison:
 
 
 def smallest_games_howell(comparison: GroupComparison) -> float:
-    """The p of a family by Games and Howell's test, of the pair that Welch's test tells most apart."""
+    """The p of a family by Games and Howell's test, of the pair that Welch's test separates most."""
     return min(p for pair in comparison.most_significant(1) if (p := comparison.games_howell(pair)) is not None)
 
 

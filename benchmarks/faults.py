@@ -215,7 +215,7 @@ def measure(tables: list[str], repeats: int, file: Path) -> None:
 
 
 def read(file: Path) -> list[dict[str, Any]]:
-    """The measurements that a file has; a line that was cut is none."""
+    """The measurements that a file has; a line that was cut does not count."""
     rows = []
     for line in file.read_text().splitlines() if file.exists() else ():
         with contextlib.suppress(json.JSONDecodeError):

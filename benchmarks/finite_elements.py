@@ -81,7 +81,7 @@ def force(cylinder: Cylinder, tip: TipProfile, depth: float, fine: int) -> float
 
 
 def told(found: float, laws: dict[str, float]) -> str:
-    """A factor beside the laws', and which of these it is nearer to."""
+    """A factor against the laws', and which of these it is nearer to."""
     sides = ", ".join(f"{name} {law:.4f} ({found / law - 1:+.1%})" for name, law in laws.items())
     nearest = min(laws, key=lambda name: abs(found - laws[name]))
     return f"{found:.4f}; {sides}{f'; nearer to {nearest}' if len(laws) > 1 else ''}"

@@ -1,4 +1,4 @@
-"""Tilted and curved skins: E where they are stated, and what is told where they are not.
+"""Tilted and curved skins: E where they are stated, and what is reported where they are not.
 
 Run: python benchmarks/inclined_skins.py [DRAWS] [--first N]. Each draw is a palpation on the simulated rig as in
 pipelines/point.toml, R 5 mm: tilt 0 to 30 deg, skin flat, bulging, hollow or a cylinder with a curvature up to
@@ -126,10 +126,10 @@ def spread(errors: Any, stds: Any) -> str:
 
 
 def table(draws: list[Draw]) -> str:
-    """By tilt: how many are right where the skin is stated; how many are wrong where it is not, and told."""
+    """By tilt: how many are right where the skin is stated; how many are wrong where it is not, and reported."""
     lines = [
         "| tilt | draws | stated: within 95 % | error, u | three axes: within 95 % | error, u | flagged | "
-        "silent: wrong | by the tilt | told |",
+        "silent: wrong | by the tilt | reported |",
         f"|{10 * '---|'}",
     ]
     for low, high in ((0, 5), (5, 10), (10, 20), (20, 30), (0, 30)):
@@ -154,7 +154,7 @@ def table(draws: list[Draw]) -> str:
 
 
 def main() -> None:
-    """Print the table, and every draw that is not right where its skin is stated, or wrong and not told."""
+    """Print the table, and every draw that is not right where its skin is stated, or wrong and not reported."""
     numbers = [int(word) for word in sys.argv[1:] if word.isdigit()]
     count, first = (numbers[0] if numbers else 100), (numbers[1] if "--first" in sys.argv else 0)
     with ProcessPoolExecutor(2) as pool:

@@ -94,7 +94,7 @@ def sites_of(given: Pipeline) -> Sites:
 
 
 def found(seeds: Sequence[int]) -> None:
-    """How many patches are found, where and how large, and how many lumps are none."""
+    """How many patches are found, where and how large, and how many lumps are false."""
     rows: dict[tuple[str, float, float], list[tuple[int, int, int, list[float], list[float]]]] = {}
     for seed in seeds:
         dice = np.random.default_rng(seed)

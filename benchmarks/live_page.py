@@ -1,4 +1,4 @@
-"""The live page beside a live run of the twins, in a real Chromium: ``python benchmarks/live_page.py --seconds 20``.
+"""The live page during a live run of the twins, in a real Chromium: ``python benchmarks/live_page.py --seconds 20``.
 
 What the page costs (sink, server, browser), how long a reading takes to the drawn curve, how long a click on "Stop and
 retract" takes, and whether the servo loop is later with the page open, its process stopped, or killed, than without.

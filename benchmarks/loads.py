@@ -344,7 +344,7 @@ def day(options: argparse.Namespace) -> None:
 
 
 def each(commands: dict[str, Callable[[], object]], options: argparse.Namespace) -> None:
-    """Those that are wanted, one after the other."""
+    """Those that are requested, one after the other."""
     if unknown := set(options.only or ()) - set(commands):
         sys.exit(f"--only {', '.join(sorted(unknown))}: there are {', '.join(commands)}")
     for name, command in commands.items():

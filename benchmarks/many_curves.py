@@ -1,4 +1,4 @@
-"""What a curve costs in `palpate fit --each`, beside reading and fitting it by hand with numpy and scipy.
+"""What a curve costs in `palpate fit --each`, against reading and fitting it by hand with numpy and scipy.
 
 Run it with: python benchmarks/many_curves.py [CURVES]. Processor time of a curve of 1000 samples, in turns in one
 process, on one core. By hand is `numpy.loadtxt` and `scipy.optimize.curve_fit` on the formula of a sphere with the

@@ -22,8 +22,8 @@ CHECK, RUN = ("check", "point.toml"), ("run", "point.toml", "--out", "out")
 # What is wrong, the command, and what is replaced in the file by what.
 MISTAKES: list[tuple[str, tuple[str, ...], tuple[str, str]]] = [
     ("a file that is not there", ("run", "pont.toml"), ("", "")),
-    ("a command that is none", ("rnu", "point.toml"), ("", "")),
-    ("an option that is none", ("run", "point.toml", "--outt", "x"), ("", "")),
+    ("an unknown command", ("rnu", "point.toml"), ("", "")),
+    ("an unknown option", ("run", "point.toml", "--outt", "x"), ("", "")),
     ("no TOML", CHECK, ("seed = 1", "seed = ")),
     ("a key twice", CHECK, ("seed = 1", "seed = 1\nseed = 2")),
     ("a misspelt table", CHECK, ("[alignment]", "[alignmnt]")),
@@ -43,7 +43,7 @@ MISTAKES: list[tuple[str, tuple[str, ...], tuple[str, str]]] = [
     ),
     ("a mass in grams without a unit", (*CHECK, "--set", "alignment.tip_mass=140"), ("", "")),
     ("a unit of something else", CHECK, ('radius = "5 mm"', 'radius = "5 kPa"')),
-    ("a unit that is none", CHECK, ('radius = "5 mm"', 'radius = "5 mmm"')),
+    ("an unknown unit", CHECK, ('radius = "5 mm"', 'radius = "5 mmm"')),
     ("a number out of range", (*CHECK, "--set", "model.dr.poisson=0.7"), ("", "")),
     ("a text for a number", CHECK, ("seed = 1", 'seed = "one"')),
     ("an amplitude that leaves the skin", CHECK, ('amplitude = "1 mm"', 'amplitude = "5 mm"')),
@@ -91,7 +91,7 @@ _TRACK = ("--set", 'run.tracks=["dr/mine"]', "--set", "trajectory.press.duration
 
 # What is broken, the plugin's file, what is added to the pipeline, the command.
 PLUGINS: list[tuple[str, str, str, tuple[str, ...]]] = [
-    ("a file that is no Python", "def palpate_models(:\n", "", CHECK),
+    ("a file that is not Python", "def palpate_models(:\n", "", CHECK),
     ("a file that raises when it is loaded", "1 / 0\n", "", CHECK),
     ("a hook that raises", _plugin("palpate_indenters", "1 / 0", "Indenter", ""), "", CHECK),
     ("a misspelt hook", _plugin("palpate_indenter", "Own", "Indenter", _TIP), "", CHECK),

@@ -96,7 +96,7 @@ def _group(name: str, kinds: Sequence[Mistake], rows: Sequence[dict[str, Any]]) 
 
 
 def _outcome(row: dict[str, Any], estimator: str) -> str:
-    return "told" if "refused" in row else str(row[estimator]["outcome"])
+    return "reported" if "refused" in row else str(row[estimator]["outcome"])
 
 
 def _percent(errors: Sequence[float | None]) -> str:
@@ -129,7 +129,7 @@ noise 0.05 N, 5 um and 0.67 mm/s; the approach through air and the way out are i
 
 - **right**: both values within 2 %, no doubt shown
 - **covered**: further off, but within two of the stated uncertainties
-- **told**: the verdict is doubtful or invalid, or the record is refused
+- **reported**: the verdict is doubtful or invalid, or the record is refused
 - **silent**: beyond two uncertainties, and the verdict is good
 - **false alarm**: doubtful, though both values are within 2 %
 

@@ -1,7 +1,7 @@
 """How often each model finds the truth within its stated 95 %, by spectrum and by Ting, on simulated records.
 
 A triangle in and out with 0.05 N and 5 um of noise for `ting-fit`; three sines for the spectrum; a ramp and a hold for
-E(t). Counts stand beside the exact binomial range at 99.9 %, and how many of the records were flagged as not telling a
+E(t). Counts are given with the exact binomial range at 99.9 %, and how many records were flagged as not determining a
 parameter. For `casadi-fit` see coverage.py and coverage_memory.py.
 ``python benchmarks/recovered.py [--records 200] [--how METHOD] [NAME...]``
 """

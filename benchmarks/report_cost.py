@@ -15,7 +15,7 @@ from pathlib import Path
 
 
 def cost(runs: list[str], file: Path) -> float:
-    """CPU [s] of one report of these runs; raises CalledProcessError where there is none."""
+    """CPU [s] of one report of these runs; raises CalledProcessError if none was written."""
     before = os.times()
     words = [sys.executable, "-c", "from palpate_engine.cli import main; main()", "report", *runs, "--out", str(file)]
     subprocess.run(words, check=True, stdout=subprocess.DEVNULL)

@@ -1,4 +1,4 @@
-"""Random scenes in simulated time: does the arm keep its limits, and is what is told true, whatever happens?
+"""Random scenes in simulated time: does the arm keep its limits, and are its reports true, whatever happens?
 
 ``python benchmarks/scenes.py 2000 [first seed] [-o scenes.jsonl]``: a line of the file for each scene as it ends, on
 all cores; started again it goes on with the seeds that the file lacks, and prints the table of all. ``--table`` only
@@ -40,7 +40,7 @@ FAULTS = (
 )
 _SECOND = ("protective-stop", "mute-control", "freeze", "gone", "half-open 3", "close")  # while the arm leaves, perhaps
 _HARMLESS = ("nothing", "message", "throttled", "corrupt 0.05", "lumps 0.016")
-# Faults that a run may end well with, for the arm still does what it is told, and what it feels is still true enough.
+# Faults that a run may end well with, for the arm still follows its commands, and what it feels is still true enough.
 _MAY_PASS = (
     *_HARMLESS,
     "stall 0.2",
@@ -307,15 +307,15 @@ def unnamed(scene: Scene, ended: str, height: float) -> list[str]:
         return []
     if height > scene.place[2] - _LEFT:  # where it was found
         return []
-    return [f"the tip stays in the material, at {1e3 * height:.1f} mm, and that is not told"]
+    return [f"the tip stays in the material, at {1e3 * height:.1f} mm, and that is not reported"]
 
 
 def untrue(scene: Scene, ended: str, made: list[float], last: float) -> list[str]:
-    """What was told of the run, and was not so."""
+    """What was reported of the run and was not true."""
     faults = [fault for fault in (scene.fault, scene.second) if fault != "nothing"]
     for fault, instant in zip(faults, made, strict=False):
         if ended == "done" and fault not in _MAY_PASS and instant < last - 0.3:
-            return [f"{fault} at {instant:.2f} s of {last:.2f} s is not told"]
+            return [f"{fault} at {instant:.2f} s of {last:.2f} s is not reported"]
     if last > _LONGEST:
         return [f"it took {last:.0f} s"]
     return []
@@ -335,7 +335,7 @@ def unreadable(folder: Path) -> list[str]:
         return [f"log: {type(error).__name__}: {error}"]
     if summary is None or summary.statistics is None or summary.statistics.message_count != count:
         return ["the log has no whole summary"]
-    return [] if (folder / "result.json").exists() else ["there is no result.json"]
+    return [] if (folder / "result.json").exists() else ["no result.json"]
 
 
 def row_of(scene: Scene, keep: Path | None = None) -> dict[str, Any]:
@@ -404,7 +404,7 @@ def main() -> None:
 
 
 def read(file: Path) -> list[dict[str, Any]]:
-    """The scenes that a file has; a line that was cut is none."""
+    """The scenes that a file has; a line that was cut does not count."""
     rows = []
     for line in file.read_text().splitlines() if file.exists() else ():
         with contextlib.suppress(json.JSONDecodeError):

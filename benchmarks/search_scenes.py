@@ -78,7 +78,7 @@ def scene(seed: int, count: int, peaks: tuple[float, float], body: str) -> Scene
 
 @dataclass
 class Rig:
-    """The rig of a scene, and what it was told so far: with the simulated rig, its relief, and the smoother."""
+    """The rig of a scene, and what it has got so far: with the simulated rig, its relief, and the smoother."""
 
     scene: Scene
     seconds: float = 0.0  # of motion
@@ -162,11 +162,11 @@ def first_line(given: Pipeline, y: float = 0.0) -> Trajectory:
     )
 
 
-LEAST = 'depth="3.2 mm", radius="4.2 mm"'  # half as stiff 5 mm beside its middle
+LEAST = 'depth="3.2 mm", radius="4.2 mm"'  # half as stiff 5 mm off its middle
 
 
 def judged(scene: Scene, lumps: Iterable[Any], within: float = 8e-3) -> tuple[int, int]:
-    """True lumps that were missed, and lumps that are none."""
+    """True lumps that were missed, and false lumps."""
     lumps = list(lumps)
     missed = sum(all(math.dist(m, at) > within for at in lumps) for m in scene.middles)
     false = sum(all(math.dist(m, at) > within for m in scene.middles) for at in lumps)

@@ -1,10 +1,10 @@
 """A long live run against the twins: memory, clocks, losses. ``python benchmarks/soak.py --minutes 30 -o soak.jsonl``.
 
-The file gets a line with the memory as time goes by and, at the end, the table; Ctrl-C ends the run, and what it was
+The file gets a line with the memory over time and, at the end, the table; Ctrl-C ends the run, and what it was
 until then is judged. It ends with a verdict, and with exit code 1 where one is bad: after three hours, by the slope of
 the last four fifths of the time, memory must be within its budget; nothing may be lost; and both devices' clocks must
 stay with the host's as they say. Where the slope's uncertainty leaves that open, it says so: no pass, and no failure.
-How late estimates come, what waited and which periods passed without a command are told with the load, and not judged:
+How late estimates come, what waited and which periods had no command is reported with the load, and not judged:
 that is the machine's.
 """
 
@@ -230,7 +230,7 @@ def memory_verdict(looks: list[Look]) -> tuple[bool | None, str]:
 
 
 def verdicts(soaked: Soaked) -> Iterator[tuple[bool | None, str]]:
-    """What must hold, and whether it does; None where this run does not tell."""
+    """What must hold, and whether it does; None where this run does not show it."""
     live, state = soaked.table["run"]["live"], soaked.state
     yield soaked.code == 0, f"the job ends with exit code {soaked.code}"
     yield memory_verdict(soaked.looks)

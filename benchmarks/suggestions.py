@@ -115,7 +115,7 @@ def mutated(table: Table, rng: np.random.Generator) -> Table:
 
 
 def written(table: Table, folder: Path, rng: np.random.Generator | None) -> tuple[Path, dict[str, str]]:
-    """The file, and what a person must say: the rate, where nothing in the file tells it."""
+    """The file, and what a person must say: the rate, where nothing in the file states it."""
     time = np.arange(len(table.columns[0].values)) / table.rate
     if table.bag:
         rows = np.column_stack([time, *(c.values for c in table.columns)])

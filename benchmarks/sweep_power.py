@@ -97,7 +97,7 @@ def described(given: Pipeline, samples: Samples) -> dict[str, list[float]]:
 
 
 def agree(seeds: Sequence[int], file: Path) -> None:
-    """The recording beside the simulation, with its defaults and as set here."""
+    """The recording and the simulation, with its defaults and as set here."""
     recorded = load_pipeline(FIGURES / "recorded.toml", [f"device.log.file={file}", TRACKS])
     real = described(recorded, aligned(recorded))
     print(f"bands: {FREQUENCIES} Hz; surface: {LENGTHS} mm")

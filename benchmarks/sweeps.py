@@ -1,4 +1,4 @@
-"""Sweeps over the simulated S5: which filters find the lumps, how far off, and how often where there is none.
+"""Sweeps over the simulated S5: which filters find the lumps, how far off, and how often where none exists.
 
 Run it with: python benchmarks/sweeps.py lumps|null|relief|roc|search [--seeds 20] [--first 1000] [--speeds 2 4 6].
 One process, no timing. Thresholds and settings were chosen on seeds below 1000; reported are others.

@@ -3,7 +3,7 @@
     python benchmarks/thousands_of_curves.py [--animals 25] [--curves 40]
 
 Two treatments of so many animals each, with so many curves of each: 2000 by default. Values are given and not fitted;
-processes are real ones, with their start. At most 3 s of processor time and a screen are wanted of `repeat` and
+processes are real ones, with their start. At most 3 s of processor time and a screen are the goal of `repeat` and
 `repeat review`.
 """
 

@@ -111,7 +111,7 @@ def _force(p: Palpation, kind: str, time: Floats, depth: Floats, rate: Floats) -
         case "thickness":  # Dimitriadis et al. 2002, eq. 13, bonded; its derivative for the dashpot
             x = np.sqrt(p.radius * d) / p.height
             return hertz * _layer(x) + dashpot * (_layer(x) + x / 3.0 * _layer_slope(x))
-        case "memory":  # a Maxwell branch beside the spring: the force relaxes to what the spring holds
+        case "memory":  # a Maxwell branch in parallel with the spring: the force relaxes to what the spring holds
             branch = _relaxing(p.share * hertz, step, p.relaxation)
             return hertz + branch + dashpot
         case "power-law":  # ten branches, one a third of a decade: a loss angle that hardly depends on frequency

@@ -26,7 +26,7 @@ nb_execution_timeout = 600  # of a cell, where other work goes on
 nb_merge_streams = True
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
-# Links to files of the repository, which are no pages of the site; pages of decisions, which their own index lists;
+# Links to files of the repository, which are not pages of the site; pages of decisions, which their own index lists;
 # cells of pages that are not executed.
 suppress_warnings = ["myst.xref_missing", "myst.header", "toc.not_included", "myst-nb.lexer"]
 

@@ -251,7 +251,7 @@ def _symbol(name: str) -> str:
 
 
 def latex_of(text: str) -> str | None:
-    """A formula as LaTeX; None where the text as a whole is none."""
+    """A formula as LaTeX; None where the text as a whole is not one."""
     reader = _Reader(text, 0)
     found = reader.attempt(reader.relation)
     return found if found is not None and reader.end == len(text.rstrip()) else None

@@ -73,7 +73,7 @@ def git(folder, *words):
     return subprocess.run(["git", *who, *words], cwd=folder, check=True, capture_output=True, text=True).stdout.strip()
 
 
-@pytest.mark.skipif(shutil.which("git") is None, reason="there is no git here")
+@pytest.mark.skipif(shutil.which("git") is None, reason="no git here")
 def test_changes_are_counted_from_a_commit_before(gate, tmp_path):
     git(tmp_path, "init")
     (tmp_path / "a b.py").write_text("1")

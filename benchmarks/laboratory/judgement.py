@@ -16,24 +16,24 @@ from laboratory.sensing import Log, make_log
 
 RIGHT = 0.02  # of a value
 SHOWN = 3.0  # standard deviations
-OUTCOMES = ("right", "covered", "told", "silent", "false alarm")
+OUTCOMES = ("right", "covered", "reported", "silent", "false alarm")
 MASS = 0.14  # [kg] as declared
 
 
 def outcome(track: Mapping[str, Any], truth: tuple[float, float]) -> str:
     """What a track's result is, by its values, their combined uncertainties and its verdict.
 
-    right: within 2 %, without doubt. covered: further off, but within two stated uncertainties. told: doubtful or
+    right: within 2 %, without doubt. covered: further off, but within two stated uncertainties. reported: doubtful or
     invalid. silent: beyond both, without doubt. false alarm: doubtful, and both values within 2 %.
     """
     found = [track["parameters"][name] for name in ("elasticity", "viscosity")]
     doubt = track["verdict"] in ("doubtful", "invalid")
     if any(one["value"] is None or one["combined"] is None for one in found):
-        return "told" if doubt else "silent"
+        return "reported" if doubt else "silent"
     errors = [abs(one["value"] - true) for one, true in zip(found, truth, strict=True)]
     if doubt:
         good = all(e <= RIGHT * true for e, true in zip(errors, truth, strict=True))
-        return "false alarm" if good else "told"
+        return "false alarm" if good else "reported"
     if all(e <= RIGHT * true for e, true in zip(errors, truth, strict=True)):
         return "right"
     spreads = [one["combined"] for one in found]
@@ -66,7 +66,7 @@ def shown(mistake: Mistake) -> float:
 
 
 def _even(stamp: Floats) -> Any:
-    """Rows whose neighbours are one step away: a slope over a gap is none."""
+    """Rows whose neighbours are one step away: a slope over a gap does not count."""
     step = np.diff(stamp)
     near = np.abs(step - 1.0 / RATE) < 0.3 / RATE
     return np.concatenate([[False], near[1:] & near[:-1], [False]])

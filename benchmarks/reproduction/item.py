@@ -26,7 +26,7 @@ class AuthorsRecording(_Strict):
     """A public file of the paper's authors, and what is known of the delays that it does not state.
 
     Delays that were chosen since the published numbers come out with them are `fitted`. Only rows that are fitted, too,
-    use those; the others have the delay that the record `delay_of` tells of itself.
+    use those; the others have the delay that the record `delay_of` shows.
     """
 
     repository: str
@@ -43,7 +43,7 @@ class AuthorsRecording(_Strict):
     @model_validator(mode="after")
     def _told(self) -> Self:
         if self.fitted and not self.delay_of:
-            raise ValueError("delays that were fitted to the paper need delay_of, the recording that tells one itself")
+            raise ValueError("delays that were fitted to the paper need delay_of, a recording that shows one")
         return self
 
     @property
@@ -130,7 +130,7 @@ def load_items(paper: Path, names: Sequence[str] = ()) -> list[Item]:
     known = {name: item for item in items for name in (item.name, item.label)}
     for name in names:
         if name not in known:
-            raise ConfigurationError(f"there is no item {name!r}{suggest(name, [item.name for item in items])}")
+            raise ConfigurationError(f"no item {name!r}{suggest(name, [item.name for item in items])}")
     return [item for item in items if not names or {item.name, item.label} & set(names)]
 
 
@@ -147,7 +147,7 @@ def check_recordings(items: Sequence[Item], recordings: Mapping[str, AuthorsReco
         (item.label, row.recording) for item in items for row in item.published
     ]:
         if name and name not in recordings:
-            raise ConfigurationError(f"{owner}: there is no recording {name!r}{suggest(name, recordings)}")
+            raise ConfigurationError(f"{owner}: no recording {name!r}{suggest(name, recordings)}")
     seen: dict[str, str] = {}
     for item in items:
         for row in item.published:

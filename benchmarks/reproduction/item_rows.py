@@ -35,7 +35,7 @@ from reproduction.verdict import COMMON, Status, judge
 
 @dataclass(frozen=True)
 class Row:
-    """One published number beside what palpate finds."""
+    """One published number and what palpate finds."""
 
     published: PublishedNumber
     status: Status
@@ -97,7 +97,7 @@ class Maker:
         if published.recording not in self.files:
             return f"{published.recording} is not here"
         other = "" if published.fitted else self.recordings[published.recording].delay_of
-        return f"{other}, which tells its delay, is not here" if other and other not in self.files else ""
+        return f"{other}, which shows its delay, is not here" if other and other not in self.files else ""
 
     def _value(self, published: PublishedNumber) -> tuple[float | None, float | None, float, tuple[str, ...]]:
         """Value, combined uncertainty, the one without what is common to both numbers, and what is flagged."""
@@ -107,7 +107,7 @@ class Maker:
         result = self._run(published)
         track = result.tracks.get(published.track)
         if track is None:
-            raise UserError(f"there is no track {published.track!r}")
+            raise UserError(f"no track {published.track!r}")
         flags = tuple(dict.fromkeys(f.code for f in (*result.flags, *track.flags) if f.severity != "note"))
         if published.quantity == "lumps":
             return float(_lumps(result.folder, published.track)), None, 0.0, flags
@@ -156,7 +156,7 @@ class Maker:
         return {f"{name}.delay": delay for name, delay in channels.items() if name in given} | more
 
     def delay(self, name: str, published: PublishedNumber) -> RecordDelay:
-        """What a recording tells of its own delay, read by the pipeline of a row."""
+        """What a recording shows of its own delay, read by the pipeline of a row."""
         if name not in self.delays:
             self.delays[name] = record_delay(self.files[name], self._tables(published))
         return self.delays[name]
@@ -184,7 +184,7 @@ def _parameter(track: TrackResult, name: str) -> UncertainValue:
     if name == "surface":
         return track.surface
     if name not in track.parameters:
-        raise UserError(f"there is no parameter {name!r} (there are: {', '.join(track.parameters)})")
+        raise UserError(f"no parameter {name!r} (there are: {', '.join(track.parameters)})")
     return track.parameters[name]
 
 

@@ -45,7 +45,7 @@ def table_of(item: Item, rows: Sequence[Row]) -> Table:
 def tally(made: Sequence[tuple[Item, Sequence[Row]]]) -> str:
     """First how many distinct numbers are reproduced of those that can be, then how all others ended, and why.
 
-    A number that a public recording could give, and one for which there is none, are counted each by itself.
+    A number that a public recording could give, and one that none could give, are counted each by itself.
     """
     rows = [row for _, item_rows in made for row in item_rows]
     count = Counter(row.status for row in rows)
@@ -53,7 +53,7 @@ def tally(made: Sequence[tuple[Item, Sequence[Row]]]) -> str:
     impossible = sum(missing.numbers for item, _ in made for missing in item.missing)
     words: dict[Status, str] = {
         "outside": "outside of their tolerance",
-        "no test": "with a tolerance over 20 %, which is no test",
+        "no test": "with a tolerance over 20 %, which is not a test",
         "failed": "failed",
         "skipped": "whose recording is not here",
         "fitted": "to which a constant was fitted",

@@ -22,7 +22,7 @@ _OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
 
 
 def value_of(formula: str, given: Mapping[str, float]) -> float:
-    """The value of a formula; raises ConfigurationError for what is none."""
+    """The value of a formula; raises ConfigurationError for anything else."""
     try:
         return _value(ast.parse(formula, mode="eval").body, given)
     except (SyntaxError, KeyError, TypeError, ZeroDivisionError, OverflowError) as error:
@@ -49,4 +49,4 @@ def _value(node: ast.expr, given: Mapping[str, float]) -> float:
         return float(node.value)
     if isinstance(node, ast.Name):
         return given[node.id]
-    raise TypeError(f"{ast.unparse(node)} is no number, name or operation")
+    raise TypeError(f"{ast.unparse(node)} is not a number, name or operation")

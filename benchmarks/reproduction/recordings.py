@@ -22,7 +22,7 @@ def find(folder: Path, wanted: Mapping[str, AuthorsRecording]) -> dict[str, Path
     Raises LogError where the folder cannot be read.
     """
     if not folder.is_dir():
-        raise LogError(f"{folder}: there is no such folder")
+        raise LogError(f"{folder}: no such folder")
     sizes = {recording.bytes for recording in wanted.values()}
     names = {recording.sha256: name for name, recording in wanted.items()}
     found: dict[str, Path] = {}

@@ -1,4 +1,4 @@
-"""One HTML page of all items; pictures are beside it."""
+"""One HTML page of all items; pictures are next to it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def page(
     here: Container[str],
     delays: Mapping[str, RecordDelay],
 ) -> str:
-    """The whole page; `here` are the recordings that it was made with, `delays` what they tell of their own delay."""
+    """The whole page; `here` are the recordings that it was made with, `delays` what they show of their own delay."""
     body = "".join(_section(item, rows) for item, rows in made)
     first, _, others = tally(made).partition("\n")
     links = "".join(
@@ -70,7 +70,7 @@ def _recordings(
         f"<td><a href='{escape(r.url)}'>{escape(r.path)}</a><br><code>{r.sha256}</code></td></tr>"
         for name, r in recordings.items()
     )
-    heads = ("recording", "was here", "late by", "motion late by, as its kind tells itself", "why", "file, SHA-256")
+    heads = ("recording", "was here", "late by", "motion late by, as its own kind shows", "why", "file, SHA-256")
     return f"<h2>Recordings</h2><table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>{rows}</table>"
 
 

@@ -15,7 +15,7 @@ WIDEST = 0.2  # of the published number: a tolerance beyond tests nothing
 
 
 def judge(published: PublishedNumber, value: float, std: float) -> tuple[Status, float | None]:
-    """Verdict and tolerance, None where there is none; `std` is that of the value without what is common to both.
+    """Verdict and tolerance, None without one; `std` is that of the value without what is common to both.
 
     The paper's part is its standard uncertainty, or the rounding of the digits that it prints. A count is exact.
     """

@@ -20,7 +20,7 @@ def relaxing(s: Specimen, elastic: Column, tau: float) -> Column:
 
 
 def memory(*taus: float) -> Change:
-    """Maxwell branches beside the spring, x of it together."""
+    """Maxwell branches in parallel with the spring, x of it together."""
     return lambda s, x, d, f: f + x * sum(relaxing(s, f, tau) for tau in taus) / len(taus)
 
 

@@ -1,4 +1,4 @@
-"""The matrix of the verdict: proportions with their 95 % intervals (Wilson 1927), beside what is wanted."""
+"""The matrix of the verdict: proportions with their 95 % intervals (Wilson 1927), next to what is required."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _DOUBT = ("doubtful", "invalid", "not determined")
 
 def matrix(rows: Sequence[Row]) -> str:
     """The table in Markdown, and what fails behind it."""
-    lines = ["| records | what | measured | 95 % | wanted |", "|---|---|---|---|---|"]
+    lines = ["| records | what | measured | 95 % | required |", "|---|---|---|---|---|"]
     for row, words in (("right", "right, everything stated"), ("nothing", "right, nothing stated but the tip")):
         lines += [f"| {words} | {line}" for line in _right([r for r in rows if r["row"] == row], row == "right")]
     lines += [f"| wrong, and it shows | {line}" for line in _wrong([r for r in rows if r["row"] == "wrong"])]
@@ -68,11 +68,11 @@ def _wrong(rows: Sequence[Row]) -> Iterator[str]:
     for sigma in sorted({row["sigma"] for row in there}):
         here = [row for row in there if row["sigma"] == sigma]
         wanted = "90 %" if sigma < 10 else "95 %"
-        yield from _line(f"told at {sigma} sigma", [_told(row) or _found(row) for row in here], wanted)
+        yield from _line(f"reported at {sigma} sigma", [_told(row) or _found(row) for row in here], wanted)
         yield from _line(f"of them doubtful or without a number at {sigma}", [_told(row) for row in here], "")
         told = [row for row in here if _told(row) or _found(row)]
         named = [_named(row, causes[row["kind"]]) for row in told]
-        yield from _line(f"with its cause, of those told at {sigma}", named, "80 %")
+        yield from _line(f"with its cause, of those reported at {sigma}", named, "80 %")
         silent = [not _told(row) and not _covered(row, "elasticity", 1.0) for row in here]
         yield from _line(f"E `good` and off by more than u at {sigma}", silent, "none" if sigma == 50 else "")
 
@@ -147,7 +147,7 @@ def _by_rig(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _by_kind(rows: Sequence[Row]) -> Iterator[str]:
-    """Of wrong records, by kind: how many are told at each size, and how many with their cause."""
+    """Of wrong records, by kind: how many are reported at each size, and how many with their cause."""
     wrong = [row for row in rows if row["row"] == "wrong"]
     if wrong:
         yield from ("| wrong | 6 | 12 | 50 sigma | cause named | findings |", "|---|---|---|---|---|---|")

@@ -20,7 +20,7 @@ class Readings:
     time: Column  # (m,) [s]
     depth: Column  # (m,) [m] as it is logged
     force: Column  # (m,) [N]
-    extra: Column | None = None  # (m,) [m] the deflection of a beam, logged beside the stage
+    extra: Column | None = None  # (m,) [m] the deflection of a beam, logged next to the stage
 
 
 def readings(s: Specimen, wrong: Wrong | None = None, size: float = 0.0) -> Readings:

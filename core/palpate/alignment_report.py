@@ -94,7 +94,7 @@ class AlignmentReport:
     duration: float  # [s] between the first sample and the last
     velocity_delay: tuple[float, float] | None  # [s] of the velocity against the position, and its uncertainty
     by_change_point: bool = False  # the first touch is where contact began; else where touch_force was passed
-    pull: float = 0.0  # [N] how far below none the force stays for a few samples, at the most
+    pull: float = 0.0  # [N] how far below none the force stays for a few samples, at most
     sideways: SidewaysShare | None = None  # of the force; None where its stream has one axis
     turned: TurnedTool | None = None  # of a tool whose orientation is read
     tilt: float = 0.0  # range of the cosine between tool and z of its poses, where the weight counts as constant

@@ -62,13 +62,13 @@ class ForceWatch:
     name: str
     normal: int = 0  # which of the channels is the force along the normal
     sign: float = 1.0  # of that channel, where the tip is pushed out
-    ranges: tuple[tuple[float, float], ...] = ()  # [N] of each channel: at its ends it is no reading; none declared
-    repeats: Repeats | None = None  # of a sound sensor; None: equal readings are of no account
+    ranges: tuple[tuple[float, float], ...] = ()  # [N] of each channel; readings at an end are invalid
+    repeats: Repeats | None = None  # of a sound sensor; None: equal readings do not count
     torques: tuple[int, ...] = ()  # channels of the stream
     torque_tare: tuple[float, ...] = ()  # [N m] of each
     torque: float = math.inf  # [N m] at which it stops
     reading_age: float = NO_AGE  # [s]; see `ReadingAge`
-    sound: SoundForce | None = None  # at standstill; None: whether the force rises on the way in is of no account
+    sound: SoundForce | None = None  # at standstill; None: whether the force rises on the way in does not count
 
 
 def torque_fault(torques: Floats, tare: Floats, most: float) -> str | None:

@@ -58,7 +58,7 @@ class Queue(Protocol):
         ...
 
     def empty(self) -> bool:
-        """Whether there are none."""
+        """Whether it is empty."""
         ...
 
 
@@ -164,13 +164,13 @@ _clocks: list[Clock] = [_WALL]
 
 
 def clock() -> Clock:
-    """The clock that this process goes by."""
+    """The clock of this process."""
     return _clocks[-1]
 
 
 @contextmanager
 def use_clock(other: Clock) -> Iterator[None]:
-    """Let this process go by another clock within the context."""
+    """Give this process another clock within the context."""
     _clocks.append(other)
     try:
         yield

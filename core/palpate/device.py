@@ -82,7 +82,7 @@ class Arm(Protocol):
 
 @runtime_checkable
 class SupportsApproach(Protocol):
-    """An arm that goes by itself from where it stands to the first setpoint."""
+    """An arm that moves on its own from its present position to the first setpoint."""
 
     def approach_path(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
         """Times (n,) [s] and setpoints of the way that `follow` would take now; nothing moves for it.
@@ -146,7 +146,7 @@ class Device(Part, ABC):
 
     @property
     def live(self) -> bool:
-        """Whether it sends as time goes by, so that it must not be kept waiting; a log or a fast simulation does not.
+        """Whether it sends in real time, so that it must not be kept waiting; a log or a fast simulation does not.
 
         The batches of a live link come at least every 0.1 s, empty ones where there is nothing to say.
         """
@@ -228,16 +228,16 @@ class Observable(Protocol):
 
 @dataclass(frozen=True)
 class StopModes:
-    """How the states of a robot tell that its own safety system stopped it."""
+    """Which values in a robot's states mean that its own safety system stopped it."""
 
     channel: str  # of one of its streams
     emergency: tuple[int, ...]  # its values at an emergency stop
-    safeguard: tuple[int, ...] = ()  # at a safeguard stop; empty: the robot has none, or does not tell
+    safeguard: tuple[int, ...] = ()  # at a safeguard stop; empty: the robot has none, or does not report it
 
 
 @runtime_checkable
 class ReportsStops(Protocol):
-    """A robot that a second connection can watch while a run moves it, and whose states tell of its own stops."""
+    """A robot that a second connection can watch while a run moves it, and whose states report its own stops."""
 
     @property
     def stop_modes(self) -> StopModes | None:
@@ -255,7 +255,7 @@ class SupportsReach(Protocol):
 
 
 def is_live(devices: Mapping[str, Device]) -> bool:
-    """Whether any of the devices sends as time goes by."""
+    """Whether any of the devices sends in real time."""
     return any(device.live for device in devices.values())
 
 

@@ -148,7 +148,7 @@ def _place(error: Exception, plugin: Plugin) -> str:
 
 
 def missing_methods(part: Any) -> str:
-    """The methods that a part's kind asks for and it does not define; empty where there are none."""
+    """The methods that a part's kind asks for and it does not define; empty if none is missing."""
     return ", ".join(sorted(part.__abstractmethods__)) if isabstract(part) else ""
 
 
@@ -178,8 +178,8 @@ def _installed(_: tuple[str, ...]) -> tuple[tuple[str, importlib.metadata.EntryP
 def import_plugin_file(file: PluginFile) -> ModuleType:
     """The module of a file: that of the last time where nobody has changed it, for its classes are to stay the same.
 
-    Its content is compiled as it was read: another file there by now, or compiled code beside it, is not executed.
-    Nor is a file beside it that it imports. Raises PluginError.
+    Its content is compiled as it was read: another file there by now, or compiled code next to it, is not executed.
+    Nor is a file next to it that it imports. Raises PluginError.
     """
     name = f"palpate_file_{file.path.stem}"
     before = sys.modules.get(name)
@@ -199,7 +199,7 @@ def import_plugin_file(file: PluginFile) -> ModuleType:
 
 
 def _advice(error: Exception, path: Path) -> str:
-    """What to do about an import of what lies beside a plugin file; empty where it is none."""
+    """What to do about an import from the folder of a plugin file; empty for any other."""
     name = (getattr(error, "name", None) or "").partition(".")[0]
     beside = bool(name) and (path.with_name(f"{name}.py").exists() or (path.parent / name).is_dir())
     if not isinstance(error, ImportError) or not (beside or "relative import" in str(error)):
@@ -227,16 +227,16 @@ def _digest(module: Any) -> str:
 
 
 def _oddities(module: Any, plugin: Plugin) -> Iterator[str]:
-    """Functions that look like hooks and are none, and a plugin without any."""
+    """Functions that look like hooks but are not, and a plugin without any."""
     known = {name for name in vars(hooks) if name.startswith(_PREFIX)}
     marked = {name for name, item in vars(module).items() if hasattr(item, f"{hooks.PROJECT}_impl")}
     named = {name for name, item in vars(module).items() if isfunction(item) and name.startswith(_PREFIX)}
     former = {f"{_PREFIX}{field}": f"{{{kind!r}: ...}}" for kind, (field, _) in hooks.OFFERS.items()}
     for name in sorted(marked - known):
         hint = f": return it as {former[name]} from palpate_offers" if name in former else suggest(name, known)
-        yield f"plugin {plugin.name}: {name} is no hook{hint}"
+        yield f"plugin {plugin.name}: {name} is not a hook{hint}"
     for name in sorted(named - marked):
-        hint = "" if name in known else f", and is no hook{suggest(name, known)}"
+        hint = "" if name in known else f", and is not a hook{suggest(name, known)}"
         yield f"plugin {plugin.name}: {name} is not marked @palpate.plugin{hint}"
     if not marked & known and not marked | named:
         yield f"plugin {plugin.name} offers nothing: it has no function marked @palpate.plugin, such as palpate_models"
@@ -252,17 +252,17 @@ def _claim(found: dict[str, tuple[Any, Plugin]], kind: str, items: Mapping[str, 
 
 
 def _checked_kinds(offer: Any) -> dict[str, dict[str, Any]]:
-    """The items of `palpate_offers` by kind; raises PluginError where a kind is none, or an item not of its kind."""
+    """The items of `palpate_offers` by kind; raises PluginError for an unknown kind, or an item not of its kind."""
     if not isinstance(offer, Mapping):
         raise PluginError(f"returns {offer!r}, not a mapping of kinds")
     for kind in offer:
         if kind not in hooks.OFFERS:
-            raise PluginError(f"returns {kind!r}, which is no kind of offer{suggest(str(kind), hooks.OFFERS)}")
+            raise PluginError(f"returns {kind!r}, which is not a kind of offer{suggest(str(kind), hooks.OFFERS)}")
     return {kind: dict(_checked(items, kind, hooks.OFFERS[kind][1])) for kind, items in offer.items()}
 
 
 def _checked(offer: Any, kind: str, root: type) -> Iterator[tuple[str, Any]]:
-    """The items of an offer; raises PluginError where it is no mapping, or one of them is not of the kind."""
+    """The items of an offer; raises PluginError where it is not a mapping, or one of them is not of the kind."""
     if not isinstance(offer, Mapping):
         raise PluginError(f"returns {offer!r}, not a mapping of names")
     for name, item in offer.items():
@@ -272,7 +272,7 @@ def _checked(offer: Any, kind: str, root: type) -> Iterator[tuple[str, Any]]:
             yield name, item  # a part that is imported when it is asked for
             continue
         if not (isinstance(item, root) or (isinstance(item, type) and issubclass(item, root))):
-            raise PluginError(f"offers {name!r}, which is no {root.__name__}")
+            raise PluginError(f"offers {name!r}, which is not of kind {root.__name__}")
         if isinstance(item, type) and (missing := missing_methods(item)):
             raise PluginError(f"offers {name!r} ({item.__name__}), which does not define {missing}")
         yield name, item

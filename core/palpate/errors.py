@@ -10,7 +10,7 @@
         ├── PluginError         a plugin cannot be loaded, clashes, or breaks its interface
         │   └── ConsentError    a plugin file may not be executed without consent
         ├── LogError            a recorded log cannot be read, or does not hold what is asked of it
-        └── OutputError         a result cannot be written where it is wanted
+        └── OutputError         a result cannot be written to its destination
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class LogError(UserError):
 
 
 class OutputError(UserError):
-    """A result cannot be written where it is wanted."""
+    """A result cannot be written to its destination."""
 
 
 def error_text(error: BaseException) -> str:

@@ -77,7 +77,7 @@ class Status(IntFlag):
 
 @dataclass(frozen=True)
 class Estimates:
-    """A block of estimates, one for each sample; NaN where there is none."""
+    """A block of estimates, one for each sample; NaN where a sample has none."""
 
     time: Floats  # (n,) [s]
     values: Floats  # (n, k) [SI] the contact model's parameters
@@ -140,7 +140,7 @@ class Estimator(Part, ABC):
     """Settings of an estimator; `start` makes the tracker that does the work."""
 
     kind: ClassVar[str] = "estimator"
-    online: ClassVar[bool] = True  # False: it wants all samples in one block
+    online: ClassVar[bool] = True  # False: it needs all samples in one block
     motion: ClassVar[Literal["position", "velocity", "both"]] = "both"  # what it takes the tip's motion from
     reusable: ClassVar[bool] = False  # True: its tracker learns nothing, so that one serves any number of records
 

@@ -1,4 +1,4 @@
-"""What an offline fit reports beside its estimates, the same for every fit."""
+"""What an offline fit reports in addition to its estimates, the same for every fit."""
 
 from __future__ import annotations
 

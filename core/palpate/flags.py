@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 Severity = Literal["note", "doubtful", "invalid"]
 Verdict = Literal["good", "note", "doubtful", "invalid"]
-NOT_DETERMINED, NEEDS = "not determined", "needs "  # words of a value beside those; "needs delay"
+NOT_DETERMINED, NEEDS = "not determined", "needs "  # further words of a value; "needs delay"
 
 SEVERITIES: dict[Severity, str] = {
     "invalid": "the track's numbers must not be used",
@@ -26,7 +26,7 @@ ADVICE: dict[str, str] = {  # a verdict in words, and what a person is to do wit
 
 
 def has_no_number(verdict: str) -> bool:
-    """Whether a value of a verdict is none to calculate with: it is not determined, or needs a fact."""
+    """Whether a verdict forbids calculating with its value: it is not determined, or needs a fact."""
     return verdict == NOT_DETERMINED or verdict.startswith(NEEDS)
 
 
@@ -36,7 +36,7 @@ def verdict_rank(verdict: str) -> int:
 
 
 def advice_on(verdict: str) -> str:
-    """A verdict in words: of what gives a number with what to do, else why there is none."""
+    """A verdict in words: of what gives a number with what to do, else why it has none."""
     return ADVICE.get(verdict, verdict)
 
 
@@ -90,13 +90,13 @@ class Flag:
 class FlagMeaning:
     """What a flag's code means, the same wherever it is raised; `SEVERITIES` says what each severity is.
 
-    A code that is `evidence_of` another is no flag of its own, but a sign of what the other one names.
+    A code that is `evidence_of` another is not a flag of its own, but a sign of what the other one names.
     """
 
     severity: Severity
     meaning: str  # one sentence
     remedy: str  # what to do, one sentence
-    voids: bool = False  # a value that it can move by any amount (infinity) is none
+    voids: bool = False  # a value that it can move by any amount (infinity) is void
     evidence_of: str = ""
 
     @classmethod
@@ -117,7 +117,7 @@ def judged_flags(flags: Iterable[Flag], meanings: Mapping[str, FlagMeaning]) -> 
     causes: dict[tuple[str, int | None], list[Flag]] = {}
     for place, flag in enumerate(flags):
         meaning = meanings.get(flag.code, UNREGISTERED)
-        is_note = meaning.severity == "note" and not meaning.evidence_of  # which is no doubt, and stands by itself
+        is_note = meaning.severity == "note" and not meaning.evidence_of  # which is not a doubt, and stands by itself
         head = meaning.evidence_of if meaning.evidence_of in meanings else flag.code
         causes.setdefault((head, place if is_note else None), []).append(flag)
     return tuple(_one(code, signs, meanings) for (code, _), signs in causes.items())

@@ -96,8 +96,8 @@ def palpate_offers() -> Mapping[str, Mapping[str, Offer]]:  # type: ignore[empty
     - ``check``: is called with the parts of each pipeline that is built, and refuses wrong ones.
     - ``control chart``: reads the chart of ``[run] control``; of several the first by name is used.
     - ``display``: shows a run on the terminal while it goes on; of several the first by name is used.
-    - ``file suggestion``: what can be done with a file that is no log, for ``palpate info FILE --suggest``.
-    - ``recorder``: writes down the estimates of every run, beside the sinks that a pipeline asks for.
+    - ``file suggestion``: what can be done with a file that is not a log, for ``palpate info FILE --suggest``.
+    - ``recorder``: writes down the estimates of every run, in addition to the sinks that a pipeline requests.
     - ``report``: what ``palpate run --report`` makes of a run, by the name of the command that makes it later, too.
     - ``summary``: what is gathered of every track while it runs, such as values over the places of a sweep.
     """

@@ -52,10 +52,10 @@ def check_input(path: Path, enclosure: Enclosure | None = None) -> None:
 
 
 def bounded_text(path: Path, encoding: str = "utf-8") -> str:
-    """The text of a file; raises UnicodeDecodeError, and OSError where it is no regular file or far too large."""
+    """The text of a file; raises UnicodeDecodeError, and OSError where it is not a regular file or far too large."""
     status = path.stat()
     if not S_ISREG(status.st_mode):  # a pipe would be waited for, and a device has no end
-        raise OSError(errno.EINVAL, "is no regular file", str(path))
+        raise OSError(errno.EINVAL, "is not a regular file", str(path))
     if status.st_size > _TEXT:
         raise OSError(errno.EFBIG, f"has {status.st_size} bytes; at most {_TEXT} are read", str(path))
     return path.read_text(encoding=encoding)

@@ -103,7 +103,7 @@ class Fact:
 
 @dataclass(frozen=True)
 class FileSuggestion:
-    """What ``palpate info FILE --suggest`` says of a file that is no log: ``function(path)`` answers commands to type.
+    """What ``palpate info FILE --suggest`` says of a file that is not a log: ``function(path)`` returns commands.
 
     It answers a sequence of commands, comments and what is to be filled in, and None for a file of another kind.
     """
@@ -175,7 +175,7 @@ def import_target(target: str) -> Callable[..., Any]:
     """What ``module:name`` names; raises PluginError where it cannot be imported."""
     module, colon, name = target.partition(":")
     if not (module and colon and name):
-        raise PluginError(f"{target!r} is no MODULE:FUNCTION")
+        raise PluginError(f"{target!r} is not of the form MODULE:FUNCTION")
     try:
         found: Callable[..., Any] = getattr(import_module(module), name)
     except (ImportError, AttributeError) as error:

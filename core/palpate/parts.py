@@ -52,7 +52,7 @@ class Settings(BaseModel):
         except ValidationError as error:
             raise settings_error(error, type(self)) from None
 
-    # Validation of a table does not come by here: it has a context, and a way to tell where a mistake is.
+    # Validation of a table does not pass here: it has a context, and a way to report where a mistake is.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @model_validator(mode="before")

@@ -47,13 +47,15 @@ class Entry:
 
     @cached_property
     def part(self) -> type[Part]:
-        """The part; raises PluginError where what the plugin names cannot be imported or is none."""
+        """The part; raises PluginError where what the plugin names cannot be imported or is not a part."""
         try:
             found: Any = import_target(self.offered) if isinstance(self.offered, str) else self.offered
         except PluginError as error:
             raise PluginError(f"plugin {self.plugin.name}: {self.name!r}: {error}") from error
         if not (isinstance(found, type) and issubclass(found, self.root)):
-            raise PluginError(f"plugin {self.plugin.name}: {self.name!r} ({self.offered}) is no {self.root.__name__}")
+            raise PluginError(
+                f"plugin {self.plugin.name}: {self.name!r} ({self.offered}) is not of kind {self.root.__name__}"
+            )
         if missing := missing_methods(found):
             raise PluginError(f"plugin {self.plugin.name}: {self.name!r} ({found.__name__}) does not define {missing}")
         return found
@@ -135,18 +137,18 @@ class Registry:
         entries = self.parts[kind]
         if full := self._full_name(kind, name):
             return entries[full].part
-        raise PluginError(f"there is no {kind} {name!r}{suggest(name, entries)}{self._lost}")
+        raise PluginError(f"no {kind} {name!r}{suggest(name, entries)}{self._lost}")
 
     def named(self, kind: str, name: str) -> str:
         """The full name of a part, from it or from its initials ("dr"); raises ConfigurationError."""
         if full := self._full_name(kind, name):
             return full
         raise ConfigurationError(
-            f"there is no {kind} {name!r}{suggest(name, [*self.parts[kind], *self._initials(kind)])}{self._lost}"
+            f"no {kind} {name!r}{suggest(name, [*self.parts[kind], *self._initials(kind)])}{self._lost}"
         )
 
     def _full_name(self, kind: str, name: str) -> str:
-        """The full name of a part, from it or from initials that only one has; empty where there is none."""
+        """The full name of a part, from it or from initials that only one has; empty if it matches none."""
         return name if name in self.parts[kind] else self._initials(kind).get(name, "")
 
     def _initials(self, kind: str) -> dict[str, str]:
@@ -168,7 +170,7 @@ class Registry:
             hint = suggest(close[0] if close else name, {*first, *close})
             # An editable installation knows the plugins of the day it was made.
             hint += "" if "did you mean" in hint else "; after an update, reinstall palpate (pip install)"
-            raise PluginError(f"there is no command {name!r}{hint}{self._lost}")
+            raise PluginError(f"no command {name!r}{hint}{self._lost}")
         return self.commands[name]
 
     def subcommands(self, name: str) -> dict[str, Command]:

@@ -38,7 +38,7 @@ class Repeats:
         return cls(tuple(names), groups, tuple(count.longest.tolist()), rate)
 
     def most(self, span: float) -> Floats:
-        """So many readings in a row (groups,) are believed, where a run of a time [s] is of no account."""
+        """So many readings in a row (groups,) are believed, where a run of a time [s] does not count."""
         return np.maximum(span * self.rate, _TIMES * np.array(self.longest, np.float64))
 
 

@@ -36,7 +36,7 @@ class Run:
     duration: float | None = None  # [s] as planned, of the record; None where unknown
     extent: Extent | None = None  # [m] box of the planned motion; None where nothing moves
     surface: Surface | None = None  # along whose normals force and height are; None where they are along one axis
-    # Ends the run with a reason, from any thread, at once: the guard lets the arm retract. It is no emergency stop.
+    # Ends the run with a reason, from any thread, at once: the guard lets the arm retract. It is not an emergency stop.
     stop: Callable[[str], None] = _never
 
 
@@ -66,18 +66,20 @@ class EstimatesWriter(Protocol):
 
 @runtime_checkable
 class TakesHealth(Protocol):
-    """A writer that wants to know how a live run is doing."""
+    """A writer that is informed of the health of a live run."""
 
     def health(self, health: Mapping[str, Any]) -> None:
-        """Once a second: time of the record and how far estimates are behind [s], streams, devices, tare, and `tracks`:
-        what each would find if the run ended now. By the record's seconds for a writer whose `by_record` is true.
+        """Take the health of a run: time of the record and backlog [s], streams, devices, tare, and the results so far.
+
+        Called once a second; once for each second of the record if `by_record` is true. `tracks` has for each track the
+        result that it would have if the run ended now.
         """
         ...
 
 
 @runtime_checkable
 class TakesFlags(Protocol):
-    """A writer that wants to know of flags as they rise, and fall again."""
+    """A writer that is informed of flags when they are raised and when they are cleared."""
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
         """All flags of a track, or of the record as a whole, whenever they have changed."""
@@ -95,7 +97,7 @@ class GuardState:
 
 @runtime_checkable
 class TakesGuard(Protocol):
-    """A writer that wants to know what the guard does."""
+    """A writer that is informed of what the guard does."""
 
     def guard(self, state: GuardState) -> None:
         """Its state, whenever it has changed."""
@@ -104,7 +106,7 @@ class TakesGuard(Protocol):
 
 @runtime_checkable
 class TakesResult(Protocol):
-    """A writer that wants the result."""
+    """A writer that takes the result."""
 
     def result(self, table: Mapping[str, Any]) -> None:
         """The contents of ``result.json``; nothing comes after it."""

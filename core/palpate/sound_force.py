@@ -30,7 +30,7 @@ class SoundForce:
 
     @classmethod
     def of(cls, name: str, force: Floats, position: Floats, window: float, inertia: float) -> SoundForce:
-        """From readings (n,) [N] and positions (m,) [m] at standstill, both finite; `window` [m] beside 1 mm."""
+        """From readings (n,) [N] and positions (m,) [m] at standstill, all finite; `window` [m] besides 1 mm."""
         size = max(len(force) // _BLOCKS, _SHORTEST)
         means = force[: len(force) // size * size].reshape(-1, size).mean(axis=1)
         std = float(force.std())

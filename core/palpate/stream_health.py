@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate.device import Stream
 
 _SECOND = 1_000_000_000  # [ns]
-_SECONDS = 1000  # in one batch; more are no clock
+_SECONDS = 1000  # in one batch; more are not a clock
 _LEAST_SECONDS = 4
 _STEPS = 3.5  # of a coarse reading, by which it may go on after a repeat
 
@@ -80,7 +80,7 @@ class Health:
         return good
 
     def repeated(self, counts: NDArray[np.int64], changes: NDArray[np.float64]) -> None:
-        """Take note of runs (n,) of equal readings, and of the larger change beside each."""
+        """Take note of runs (n,) of equal readings, and of the larger change adjacent to each."""
         every = np.concatenate([self._repeats, np.column_stack([counts, changes])])
         every = every[np.lexsort((-every[:, 1], -every[:, 0]))]
         before = np.maximum.accumulate(np.concatenate([[-1.0], every[:-1, 1]]))
@@ -88,7 +88,7 @@ class Health:
 
     @property
     def longest_repeat(self) -> int:
-        """The longest run of exactly equal readings that is none of coarse ones, which go on by a step or two."""
+        """The longest run of exactly equal readings apart from coarse readings, which change by a step or two."""
         counts, changes = self._repeats.T
         stuck = (changes > _STEPS * self.step) | np.isinf(self.step)
         return int(counts[stuck].max(initial=0.0))

@@ -64,7 +64,7 @@ def surface_points(surface: Surface, places: Floats) -> SurfacePoints:
     """Points of a surface nearest to places (n, 3) [m], or uppermost at x and y (n, 2) [m].
 
     Raises ConfigurationError with the first place at which the surface is not known, PluginError naming the surface
-    where it raises, or where what it returns is no finite number for each place.
+    where it raises, or where what it returns is not a finite number for each place.
     """
     places = np.asarray(places, float)
     ask = surface.uppermost if places.shape[1] == 2 else surface.nearest

@@ -33,7 +33,7 @@ class Setpoint:
 
     @property
     def fastest_turn(self) -> float:
-        """[rad/s]."""
+        """Largest angular speed |w| of the setpoints [rad/s]; 0 without rotation."""
         if self.angular_velocity is None:
             return 0.0
         return float(np.linalg.norm(self.angular_velocity, axis=1).max(initial=0.0))
@@ -104,7 +104,7 @@ class SupportsSurface(Protocol):
 
 
 def surface_of(trajectory: Trajectory) -> Surface | None:
-    """The surface that a motion follows, also as part of another one; None where there is none."""
+    """The surface that a motion follows, also as part of another one; None if it follows none."""
     inner = getattr(trajectory, "of", None)
     if isinstance(trajectory, SupportsSurface):
         return trajectory.followed
@@ -141,7 +141,7 @@ class Resumable(Protocol):
 def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
     """Setpoints of a trajectory at times (n,) [s] since its start.
 
-    Raises PluginError naming the trajectory where it raises, or where what it returns is no finite setpoint for each.
+    Raises PluginError naming the trajectory if it raises, or if what it returns is not a finite setpoint for each.
     """
     span = f" at {time[0]:.3f} to {time[-1]:.3f} s" if len(time) else ""
     found = answer_of(trajectory, lambda: trajectory.at(time), span)
@@ -157,7 +157,7 @@ def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
             what = (
                 f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
             )
-            raise PluginError(f"{name}: {field} for {count} times is {what}; an array of numbers {wanted} is wanted")
+            raise PluginError(f"{name}: {field} for {count} times is {what}; expected an array of numbers {wanted}")
         rows = np.isfinite(values).reshape(count, -1).all(axis=1)
         if not rows.all():
             raise PluginError(f"{name}: a setpoint is not a finite number: {field} at {time[np.argmin(rows)]:.3f} s")
@@ -168,9 +168,7 @@ def duration_of(trajectory: Trajectory) -> float:
     """Duration of a trajectory [s]; raises PluginError naming it where it raises, or returns none that is finite."""
     found = answer_of(trajectory, lambda: trajectory.total_duration)
     if not isinstance(found, (int, float, np.floating)) or not math.isfinite(found) or found < 0:
-        raise PluginError(
-            f"{_named(trajectory)}: its total_duration is {found!r}; a finite number of seconds is wanted"
-        )
+        raise PluginError(f"{_named(trajectory)}: its total_duration is {found!r}; expected a finite number of seconds")
     return float(found)
 
 

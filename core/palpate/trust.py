@@ -32,7 +32,7 @@ class PluginFile:
 
     @classmethod
     def read(cls, path: Path) -> PluginFile:
-        """The file at a path; raises PluginError where there is none, or it is not Python source."""
+        """The file at a path; raises PluginError if it does not exist or is not Python source."""
         try:
             if not path.is_file():
                 raise PluginError(f"plugin file {path} does not exist")
@@ -83,7 +83,7 @@ def inherited_approval(digests: Iterable[str]) -> Iterator[None]:
 def with_plugin_files(paths: Iterable[Path]) -> Iterator[None]:
     """Within the context, and in processes that are started in it, these plugin files are as if they were installed.
 
-    Whoever names them has approved of them. Raises PluginError for what is no Python file.
+    Whoever names them has approved of them. Raises PluginError for what is not a Python file.
     """
     before = os.environ.get(NAMED)
     files = [PluginFile.read(path) for path in dict.fromkeys(path.absolute() for path in paths)]
@@ -145,7 +145,7 @@ def is_named(path: Path) -> bool:
 
 
 def is_argument(assignment: str) -> bool:
-    """Whether a person has given a ``table.key=value``, as `is_named` for files; what own.toml sets is no argument."""
+    """Whether a person has given a ``table.key=value``, as `is_named` for files; settings of own.toml do not count."""
     arguments = _consent.get().arguments
     return arguments is None or assignment in arguments
 
@@ -231,7 +231,7 @@ def announce(files: Iterable[PluginFile]) -> None:
 
 
 def trust_plugin(path: Path) -> PluginFile:
-    """Record the content of a plugin file as approved; raises PluginError for what is none, OutputError."""
+    """Record the content of a plugin file as approved; raises PluginError for anything else, OutputError."""
     file = PluginFile.read(path)
     if file.digest not in trusted_plugins():
         _record(file)
@@ -279,7 +279,7 @@ def _record_file() -> Path:
 
 
 def _resolved(path: Path) -> Path | None:
-    """The path without links; None where the file system refuses it, as a text that is no path."""
+    """The path without links; None where the file system refuses it, as a text that is not a path."""
     try:
         return path.resolve()
     except (OSError, ValueError, RuntimeError):

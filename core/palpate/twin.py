@@ -68,7 +68,7 @@ class SimulatedTwin(Protocol):
         ...
 
     def fault(self, words: str) -> None:
-        """Make a fault now; raises ConfigurationError where there is no such fault, or its numbers are wrong."""
+        """Make a fault now; raises ConfigurationError for an unknown fault or wrong numbers."""
 
     @property
     def truth(self) -> ArmTruth:

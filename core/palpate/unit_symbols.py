@@ -22,7 +22,7 @@ _PI = math.pi.as_integer_ratio()
 
 
 class UnknownUnitError(ValueError):
-    """A name that is no unit."""
+    """A name that is not a unit."""
 
 
 class Unit(NamedTuple):

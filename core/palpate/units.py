@@ -107,7 +107,7 @@ def to_si(value: object, unit: str) -> float:
     ValueError: '5 kPa' is a pressure, not a length; write for example "5 mm"
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError(f'a {dimension(unit)} is wanted, a number in {unit} or a text such as "{example(unit)}"')
+        raise ValueError(f'expected a {dimension(unit)}: a number in {unit} or a text such as "{example(unit)}"')
     try:
         number = float(value) if isinstance(value, int | float) else _parse(value, unit)
     except OverflowError:  # a whole number of 400 digits
@@ -154,7 +154,7 @@ def _dimension_of(given: Unit, written: str) -> str:
 
 
 def _meant(written: str, unit: str) -> str:
-    """``; did you mean "kPa"?`` for a unit that is none: one of the wanted dimension if any is like it."""
+    """``; did you mean "kPa"?`` for an unknown unit: one of the expected dimension if any resembles it."""
     own, usual = _quantity(unit).usual, [text for row in _QUANTITIES.values() for text in row.usual]
     slips = [name for name in own if len(name) == len(written) and name[0] == written[0]]  # "mn" for "mm"
     names = dict.fromkeys([*own, *usual, *unit_names()])

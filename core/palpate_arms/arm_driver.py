@@ -73,7 +73,7 @@ class ArmDriver(ABC):
 
     @abstractmethod
     def read(self) -> ArmReading | None:
-        """The newest state; None where there is none since the last call. Raises ArmFaultError."""
+        """The newest state; None if none arrived since the last call. Raises ArmFaultError."""
 
     @abstractmethod
     def send(self, pose: Sequence[float]) -> bool:
@@ -105,7 +105,7 @@ class ArmDriver(ABC):
             )
 
     def enable(self) -> None:  # noqa: B027
-        """What is done last before commands may come, such as a watchdog that wants to be fed."""
+        """Last action before commands are sent, such as starting a watchdog that must be fed."""
 
     def keep_alive(self) -> None:  # noqa: B027
         """What a controller needs in each period without a command."""
@@ -116,7 +116,7 @@ class ArmDriver(ABC):
     def slowdown(self, reading: ArmReading, first: ArmReading | None) -> str | None:
         """Why the arm is slower than it is commanded; None where it is not.
 
-        `first` is the state at the start of the motion; None: there is no motion yet.
+        `first` is the state at the start of the motion; None: no motion yet.
         """
         return None
 
@@ -127,12 +127,12 @@ class ArmDriver(ABC):
 
     @property
     def unheard(self) -> float:
-        """For how long [s] the controller has taken none of the commands on their way; 0 where nothing tells."""
+        """For how long [s] the controller has taken none of the commands on their way; 0 if not known."""
         return 0.0
 
     @property
     def ahead(self) -> float:
-        """How far [m] the latest command is from what the controller has taken before it; 0 where nothing tells."""
+        """How far [m] the latest command is from what the controller has taken before it; 0 if not known."""
         return 0.0
 
     def explain(self) -> str | None:

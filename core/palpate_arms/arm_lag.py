@@ -13,7 +13,7 @@ _ENOUGH = 0.5e-3**2  # [m^2/s^2] variance of the commanded speed, from which a l
 class LagMeter:
     """Least squares of the distance to the command on the commanded speed, about their means.
 
-    About their means, so that what an arm gives way to a constant force, or hangs below its command, is no lag.
+    About their means, so that what an arm gives way to a constant force, or hangs below its command, is not a lag.
     """
 
     def __init__(self) -> None:

@@ -58,8 +58,8 @@ def other_rate(rate: float, usual: float) -> str | None:
     if abs(rate - usual) <= _RATE_SLACK * usual:
         return None
     return (
-        f"the controller sends its state at {rate:.0f} Hz in place of {usual:.0f} Hz: the motion goes by time, and is "
-        "recorded more coarsely"
+        f"the controller sends its state at {rate:.0f} Hz in place of {usual:.0f} Hz: the motion is timed by the clock "
+        "and recorded more coarsely"
     )
 
 
@@ -143,7 +143,7 @@ class ArmLink:
             way = min(way, self._limits.high[2] - float(place[2]))
         if way < _SHORTEST_RETREAT:
             raise DeviceError(
-                f"{self._child.name}: the tip is at the top of the workspace, at {1e3 * place[2]:.1f} mm: there is no "
+                f"{self._child.name}: the tip is at the top of the workspace, at {1e3 * place[2]:.1f} mm: no "
                 "room for the retreat that checks whether it is free; bring it down by hand or raise [safety] high"
             )
         plane = LEVEL if self._station is None else self._station.plane

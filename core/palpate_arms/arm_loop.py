@@ -30,7 +30,7 @@ from palpate_arms.station_plane import StationPlane
 _BLIND = 1.15e9  # [ns] without a new state, of a second between two: of more commands only the last would count
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
 _EXPLAIN = 10  # periods
-_LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
+_LISTEN_EVERY = 5  # periods; stopping uses shared memory and does not wait
 _MOVING = ("retreat", "stay", "approach", "follow")
 _BRAKES = 1.0  # [s] at most, from a stop to a standstill
 _LOOKS, _STANDS = 25, 0.1e-3  # states, [m] that the tip moves at most meanwhile where it stands
@@ -203,7 +203,7 @@ class ArmLoop:
             case "retreat":
                 commander.plane = StationPlane(np.array(message["foot"]), np.array(message["normal"]))
                 if not commander.plane.is_one:
-                    self._fail("the plane of the first station is none")
+                    self._fail("the plane of the first station is invalid")
                 self._begin(commander)
                 commander.retreat(message["way"], message["speed"])
             case "follow":

@@ -110,7 +110,7 @@ class ArmSettings(Device):
     def controller_stiffness(self) -> float | None:
         """Stiffness [N/m] by which the controller gives way to a force; None of an arm that does not.
 
-        It is on record as a known compliance. What counts as depth is the measured pose, so that it is no part of the
+        It is on record as a known compliance. What counts as depth is the measured pose, so that it is not part of the
         specimen's stiffness.
         """
         return None
@@ -140,7 +140,7 @@ class ArmSettings(Device):
 
     @property
     def live(self) -> bool:
-        """It sends as time goes by."""
+        """It sends in real time."""
         return True
 
     @property
@@ -171,7 +171,7 @@ class ArmSettings(Device):
 
     @property
     def stop_modes(self) -> StopModes | None:
-        """How its status tells of its own stops; None where a second connection cannot watch it beside a run."""
+        """How its status reports its own stops; None if a second connection cannot watch it during a run."""
         return None
 
     @property

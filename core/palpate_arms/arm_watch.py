@@ -19,7 +19,7 @@ _LEAP = "no arm does that; was another TCP set meanwhile?"
 
 
 class ArmWatch:
-    """Looks at every state of an arm; `beat` tells the main job, while a stop is waited for, that this process lives.
+    """Looks at every state of an arm; while it waits for a stop, `beat` shows the main job that this process lives.
 
     An arm that is only observed is not asked whether it could move.
     """
@@ -34,7 +34,7 @@ class ArmWatch:
         """Raise ArmFaultError where the newest state makes no sense."""
         arm = self._arm
         if not math.isfinite(arm.stamp):
-            raise self._garbled("the controller's time-stamp is no number")
+            raise self._garbled("the controller's time-stamp is not a number")
         ahead = arm.stamp - arm.seen / 1e9
         if ahead > self._ahead + _AHEAD:
             raise self._garbled(
@@ -42,7 +42,7 @@ class ArmWatch:
             )
         self._ahead = ahead if math.isinf(self._ahead) else max(ahead, self._ahead)
         if not arm.is_number:
-            raise self._garbled("the controller's pose or joints are no numbers")
+            raise self._garbled("the controller's pose or joints are not numbers")
         self._age.add([round(1e9 * arm.stamp)], [arm.seen])
         if not arm.observed and (arm.leap is not None or arm.driver.explain() is not None):
             raise self._garbled(f"the tip leapt by {1e3 * (arm.leap or 0.0):.0f} mm between two states: {_LEAP}")

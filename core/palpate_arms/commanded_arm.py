@@ -18,7 +18,7 @@ from palpate_arms.setpoint_buffer import PERIOD
 from palpate_arms.tool_turns import tool_turn
 
 _SWING, _FASTEST = 5e-3, 3.0  # [m], [m/s] of a tip: the largest arm that is driven reaches 2 m/s
-_ENOUGH, _SELDOM = 10, 0.01  # states that tell their rate; [s] between states at the most
+_ENOUGH, _SELDOM = 10, 0.01  # states from which their rate is determined; [s] between states at most
 _FIRST = 2.0  # [s] for the first state
 
 
@@ -62,7 +62,7 @@ class CommandedArm:
                 raise RuntimeError("the controller sends no states")
             clock().sleep(PERIOD)
         if not math.isfinite(self.stamp):
-            raise RuntimeError("the controller's time-stamp is no number")
+            raise RuntimeError("the controller's time-stamp is not a number")
         self._note_rate(stamps)
         return self.reading
 
@@ -79,7 +79,7 @@ class CommandedArm:
         self.state_period = max(period, PERIOD)
 
     def poll(self) -> bool:
-        """Take over a new state; False where there is none. Raises ArmFaultError."""
+        """Take over a new state; False if there was no new one. Raises ArmFaultError."""
         reading = self.driver.read()
         if reading is None or reading.stamp == self.stamp:
             return False
@@ -143,7 +143,7 @@ class CommandedArm:
         return np.asarray(self._out.T @ (np.array(self.state[self.rows.state["position"]]) - self._origin))
 
     def turn(self) -> Floats:
-        """Rotation vector (3,) of the tool from where the work frame wants it."""
+        """Rotation vector (3,) of the tool from its orientation by the work frame."""
         return tool_turn(self._work, rotation_matrix(self.state[self.rows.state["rotation"]]))
 
     def feed_watchdog(self) -> None:

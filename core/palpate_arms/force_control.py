@@ -38,7 +38,7 @@ def refusal(law: ForceLaw, stop: float | None, speed: float, acceleration: float
 
 
 class ForceLead:
-    """Height and speed that the force wants, one period after another.
+    """Height and speed that the force law commands, one period after another.
 
     v = -gain (force - felt), within the speed and with the acceleration of the law, and never so fast inwards that it
     could not brake before the deepest place of the envelope; outside of the law's time it goes to the top. The height
@@ -58,7 +58,7 @@ class ForceLead:
         return cls(law, float(heights[0]), float(heights.min()), period)
 
     def hear(self, force: float | None) -> None:
-        """The force [N] of this period; None where there is no reading."""
+        """The force [N] of this period; None without a reading."""
         if force is None:
             self._unheard += self.period
             return

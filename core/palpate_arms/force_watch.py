@@ -9,7 +9,7 @@ from palpate import Floats, RepeatCount, Repeats, torque_fault
 from palpate_engine import ReadingAge, RiseWatch, SoundForce
 from palpate_kit.acquisition.ring import Ring, integers
 
-_DEAF = 30_000_000  # [ns] without a reading; a serial line's latency timer of 16 ms is none
+_DEAF = 30_000_000  # [ns] without a reading; not a serial line's latency timer of 16 ms
 _MISSED = 4  # readings, where they come more slowly than that
 
 
@@ -62,7 +62,7 @@ class ForceEye:
             return f"a reading of {self._name} is over range or invalid"
         ends = ((forces <= self._low) | (forces >= self._high)).any(axis=0)
         if ends.any():
-            return f"{self._name if ends[self._normal] else f'a force beside {self._name}'} is at the end of its range"
+            return f"{self._name if ends[self._normal] else f'a force across {self._name}'} is at the end of its range"
         if largest > self.stop:
             return f"the force is {largest:.1f} N, over the limit of {self.stop:g} N that stops the motion"
         if (text := torque_fault(rows[:, self._torques], *self._torque)) is not None:

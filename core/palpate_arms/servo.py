@@ -53,7 +53,7 @@ class ServoLaw:
 
 
 def tick_room(limits: dict[str, Any] | None, state_period: float, ahead: float) -> float:
-    """How far [m] a command may go on, so that all which one tick might take at once is no more than is expected.
+    """How far [m] a command may go on, so that all which one tick might take at once is at most what is expected.
 
     That is two of its own steps, and what comes between two states that come more seldom, every `state_period` [s]; the
     latest command is `ahead` [m] of what the controller has taken.
@@ -177,7 +177,7 @@ class Commander:
         """The turn of the tool where a part of it is left."""
         if not self._turn_by.any():
             return self._turn_from
-        if np.array_equal(self._turn_by, -self._turn_from):  # to where the work frame wants it
+        if np.array_equal(self._turn_by, -self._turn_from):  # to its orientation by the work frame
             return self._turn_from * left
         return turn_after(self._turn_from, self._turn_by * (1.0 - left))
 

@@ -89,11 +89,11 @@ class Plan:
 
 @contextmanager
 def write_setpoints(trajectory: Trajectory, axes: Floats | None = None) -> Iterator[tuple[IO[bytes], int]]:
-    """A file without a name that holds the setpoints of a motion, and how many; raises OSError where there is no room.
+    """A file without a name that holds the setpoints of a motion, and how many; raises OSError if the disk is full.
 
     Planes of a surface are looked up here, before anything moves: in the servo loop nothing is. `axes` (3, 3) are those
     of the work frame in the frame of a tool that is not turned.
-    On the disk, not in memory: of a motion of hours the system may put aside what is not wanted yet.
+    On the disk, not in memory: of a motion of hours the system may put aside what is not needed yet.
     """
     count, surface = int(np.floor(duration_of(trajectory) / PERIOD + 1e-9)) + 1, surface_of(trajectory)
     with tempfile.TemporaryFile(prefix="palpate-") as file:

@@ -69,7 +69,7 @@ def pressed_in_at_the_end(ends: Floats) -> str | None:
 
 @dataclass(frozen=True)
 class StationExtremes:
-    """What rows (n, 16) of a plan ask at the most, against the planes of their stations."""
+    """What rows (n, 16) of a plan ask at most, against the planes of their stations."""
 
     are_planes: bool  # all normals are of length 1
     angle: float  # [rad] between tool and normal

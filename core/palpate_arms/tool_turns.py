@@ -1,4 +1,4 @@
-"""Turns of the tool, as rotation vectors from where the work frame wants it, in the frame of a tool that is there."""
+"""Turns of the tool: rotation vectors from its orientation by the work frame, in the frame of a tool so oriented."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written beside their place, brought to the disk, then renamed; others in place."""
+"""Files that are whole or not there: written next to their place, synced to the disk, then renamed; others in place."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from palpate.errors import OutputError
 def whole_file(path: Path, binary: bool = False) -> Iterator[IO[Any]]:
     """A file to write that takes its name when the context ends well: until then an older one stays as it was.
 
-    What is no ordinary file, such as /dev/stdout, is written at once. Raises OutputError.
+    What is not an ordinary file, such as /dev/stdout, is written at once. Raises OutputError.
     """
     direct = path.exists() and not path.is_file()
     partial = path if direct else path.with_name(f".{path.name[:200]}.{os.getpid()}.part")
@@ -58,7 +58,7 @@ def _no_link(path: str, flags: int) -> int:
 
 @contextmanager
 def file_in_place(path: Path) -> Iterator[IO[bytes]]:
-    """A file to read and change where it stands, made where there is none; raises OutputError.
+    """A file to read and change where it stands, created if missing; raises OutputError.
 
     A link is refused: it may lead out of the folder, to a file of the user that nobody has named.
     """

@@ -53,7 +53,7 @@ class _Harmless:
     def write(self, text: Any) -> int:
         """Raises OutputError where it cannot be written."""
         if not isinstance(text, str):  # so that a stream of texts differs from one of bytes
-            raise TypeError(f"a text is wanted, not {type(text).__name__}")
+            raise TypeError(f"expected a text, not {type(text).__name__}")
         if not text:
             return 0
         parts = _OWN.split(text) if self._stream.isatty() else [text]

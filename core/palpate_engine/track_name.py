@@ -1,10 +1,10 @@
-"""The name of a track: model and estimator, as one text wherever a text is wanted."""
+"""The name of a track: model and estimator, as one text where one text is needed."""
 
 from __future__ import annotations
 
 
 class TrackName(str):
-    """``MODEL/ESTIMATOR``: key of results, column of tables, topic of logs, with its two halves at hand."""
+    """``MODEL/ESTIMATOR``: key of results, column of tables, topic of logs, with its two halves."""
 
     __slots__ = ("estimator", "model")
     model: str  # name of the [model.*] table
@@ -26,5 +26,5 @@ class TrackName(str):
             return text
         model, slash, estimator = text.partition("/")
         if not (model and slash and estimator):
-            raise ValueError(f"{text!r} is no track: write MODEL/ESTIMATOR")
+            raise ValueError(f"{text!r} is not a track: write MODEL/ESTIMATOR")
         return cls(model, estimator)

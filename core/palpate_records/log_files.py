@@ -20,9 +20,9 @@ def regular(path: Path) -> Path:
     except (OSError, ValueError) as error:  # a name that is too long, or holds a zero
         raise LogError(f"{str(path)[:80]!r}: no file can have this name: {error}") from error
     if not there:
-        raise LogError(f"{path}: there is no such file")
+        raise LogError(f"{path}: no such file")
     if not usual:
-        raise LogError(f"{path}: is no regular file")
+        raise LogError(f"{path}: is not a regular file")
     return path
 
 

@@ -83,7 +83,7 @@ class _TopicPlan:
 
 
 def _plan_of(topic: Topic, plans: dict[str, _TopicPlan | str]) -> _TopicPlan | str:
-    """The plan of a topic, or why there is none."""
+    """The plan of a topic, or why it has none."""
     if topic.name not in plans:
         try:
             plans[topic.name] = _TopicPlan(topic)

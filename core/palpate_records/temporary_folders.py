@@ -1,4 +1,4 @@
-"""Temporary folders that a kill does not leave for good: making the next one removes those whose owner is gone."""
+"""Temporary folders that outlive no killed process for long: making the next one removes those whose owner is gone."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ def test_a_tip_that_touches_is_refused(palpate, late, tmp_path):
 def test_a_folder_that_is_not_there_is_told_before_anything_moves(palpate, late, tmp_path):
     done = palpate("calibrate", late, "--out", tmp_path / "none" / "c.toml")
     assert done.returncode == 2
-    assert "there is no folder" in " ".join(done.stderr.split())
+    assert "no folder" in " ".join(done.stderr.split())
     assert "repeat" not in done.stderr
 
 

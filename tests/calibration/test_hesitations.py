@@ -60,7 +60,7 @@ def test_over_half_is_refused_by_its_name():
     with pytest.raises(LogError, match=r"the arm hesitated [0-9]+ times .*over half of the shake") as caught:
         calibrate([recorded(TOO_OFTEN)], SETTINGS)
     assert "contact" not in str(caught.value)
-    with pytest.raises(LogError, match=r"the arm hesitated [0-9]+ times .*cannot be told from noise"):
+    with pytest.raises(LogError, match=r"the arm hesitated [0-9]+ times .*cannot be distinguished from noise"):
         evaluate_step("noise", [recorded(TOO_OFTEN, SLOW)], SETTINGS)
 
 

@@ -59,8 +59,8 @@ def replay(tmp_path):
     [
         ("indenter.tip.radius=5 kPa", "'5 kPa' is a pressure, not a length; write for example \"5 mm\""),
         ("indenter.tip.radus=5 mm", "unknown key 'radus'; did you mean 'radius'?"),
-        ("model.dr.type=dimensionality", "there is no model 'dimensionality'"),
-        ("estimator.ekf.type=ekff", "there is no estimator 'ekff'; did you mean 'ekf'?"),
+        ("model.dr.type=dimensionality", "no model 'dimensionality'"),
+        ("estimator.ekf.type=ekff", "no estimator 'ekff'; did you mean 'ekf'?"),
         ('run.plugins=["none.py"]', "plugin file none.py does not exist"),
         ("nonsense=1", "write table.key=value"),
     ],
@@ -79,7 +79,7 @@ def test_several_mistakes_at_once_each_with_its_line(refused, point_pipeline):
     frequency = next(i for i, line in enumerate(lines, 1) if line.startswith("frequency"))
     assert f"point.toml:{frequency}: [trajectory.press] frequency: '2 mm' is a length, not a frequency" in shown
     assert "unknown key 'amplitud'; did you mean 'amplitude'?" in shown
-    assert "there is no estimator 'ekg'; did you mean 'ekf'?" in shown
+    assert "no estimator 'ekg'; did you mean 'ekf'?" in shown
 
 
 def test_a_missing_table(refused, tmp_path):
@@ -102,8 +102,8 @@ def test_files_that_are_not_there_or_no_pipeline(refused, tmp_path):
     ("text", "words"),
     [
         ("", "log.csv: the file contains no rows of numbers"),
-        (ROWS + "1,2,abc\n", "log.csv:601: column 2 holds 'abc', which is no number"),
-        ("1,2\n", "log.csv:1: there is no column 2; the line has 2, 0 to 1"),
+        (ROWS + "1,2,abc\n", "log.csv:601: column 2 holds 'abc', which is not a number"),
+        ("1,2\n", "log.csv:1: no column 2; the line has 2, 0 to 1"),
     ],
 )
 def test_logs_that_cannot_be_read(refused, replay, text, words):
@@ -113,7 +113,7 @@ def test_logs_that_cannot_be_read(refused, replay, text, words):
 def test_a_log_that_is_not_there(refused, replay, tmp_path):
     pipeline = replay("")
     (tmp_path / "log.csv").unlink()
-    assert "log.csv: there is no such file" in refused("check", pipeline)
+    assert "log.csv: no such file" in refused("check", pipeline)
 
 
 def test_a_log_with_nan_runs_and_says_so(palpate, replay):

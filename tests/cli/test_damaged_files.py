@@ -237,7 +237,7 @@ def test_a_dialect_that_a_table_of_curves_names_is_no_file(file, palpate, tmp_pa
         table.writerows(row | {"dialect": "/dev/zero"} for row in rows)
     done = palpate(*command)
     assert_clear(done, path, must=True)
-    assert "there is no dialect '/dev/zero'" in done.stderr
+    assert "no dialect '/dev/zero'" in done.stderr
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ MARKER = "import pathlib\npathlib.Path({}).touch()\n"
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("device = 1\n", "is no table: name each device"),
+        ("device = 1\n", "is not a table: name each device"),
         ("run = 1\n", "must be a table"),
         ('[run]\n"a[b" = 1\n', "unknown key 'a[b'"),
         ('[alignment]\nforce = "f"\nposition = "p"\n"x[0]" = 2\n', "unknown key 'x[0]'"),

@@ -152,7 +152,7 @@ def test_a_model_that_sticks_may_pull(palpate, with_plugin):
     [
         (
             "from palpate import plugin\n@plugin\ndef palpate_indenter():\n    return {}\n",
-            "palpate_indenter is no hook; did you mean 'palpate_indenters'?",
+            "palpate_indenter is not a hook; did you mean 'palpate_indenters'?",
         ),
         ("def palpate_indenters():\n    return {}\n", "palpate_indenters is not marked @palpate.plugin"),
         ("x = 1\n", "offers nothing"),

@@ -139,7 +139,7 @@ def test_a_rehearsal_cannot_be_made_a_measurement_by_its_settings(folders, rig):
     for setting in ('run.rehearsal=""', "run.rehearsal=false"):
         with pytest.raises(ConfigurationError, match="rehearsal"):
             rig(setting)
-    with pytest.raises(ConfigurationError, match=r"there is no \[twin.benk\]; did you mean 'bench'"):
+    with pytest.raises(ConfigurationError, match=r"no \[twin.benk\]; did you mean 'bench'"):
         rig('run.rehearsal="benk"')
     changed = remaining_pipeline(folders / "rehearsed", ['run.rehearsal="other"', "safety.speed=30 mm/s"])
     assert (changed.run.rehearsal, changed.safety.speed) == ("bench", 0.03)

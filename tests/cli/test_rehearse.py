@@ -128,18 +128,18 @@ def test_a_sensor_that_the_computer_holds_up_too_long_is_told(rehearse, rig):
     ("words", "complaint"),
     [
         (("--fault", "protectiv-stop@3 s"), "did you mean 'protective-stop'?"),
-        (("--fault", "quit@3 s"), "--fault quit: there is no such fault"),
-        (("--fault", "protective-stop"), "--fault 'protective-stop': \"NAME@TIME\" is wanted"),
-        (("--fault", "@3 s"), "--fault '@3 s': \"NAME@TIME\" is wanted"),
+        (("--fault", "quit@3 s"), "--fault quit: no such fault"),
+        (("--fault", "protective-stop"), "--fault 'protective-stop': expected \"NAME@TIME\""),
+        (("--fault", "@3 s"), "--fault '@3 s': expected \"NAME@TIME\""),
         (("--fault", "protective-stop@soon"), "--fault 'protective-stop@soon': 'soon' is not a time"),
         (("--fault", "protective-stop@-1 s"), "'-1 s' is not a time that comes"),
-        (("--fault", "stall@3 s"), "--fault 'stall': \"stall SECONDS@TIME\" is wanted"),
+        (("--fault", "stall@3 s"), "--fault 'stall': expected \"stall SECONDS@TIME\""),
         (("--fault", "stall long@0.1 s"), "--fault 'stall long': stall needs a number, not 'long'"),
         (("--hold-up", "robt 8 ms every 1 s"), "robt is unknown; did you mean 'robot'?"),
-        (("--hold-up", "robot 8 s every 1 s"), "a period of more than the 8000 ms is wanted"),
-        (("--hold-up", "robot often"), '"WHO DURATION" or "WHO DURATION every PERIOD" is wanted'),
+        (("--hold-up", "robot 8 s every 1 s"), "expected a period of more than the 8000 ms"),
+        (("--hold-up", "robot often"), 'expected "WHO DURATION" or "WHO DURATION every PERIOD"'),
         (("--hold-up", "robot 8 parsecs"), "'8 parsecs' is not a time"),
-        (("--specimen", "viscosity"), "--specimen 'viscosity': \"KEY=VALUE\" is wanted"),
+        (("--specimen", "viscosity"), "--specimen 'viscosity': expected \"KEY=VALUE\""),
         (("--specimen", "elastisity=1 kPa"), "parameter 'elastisity' is unknown"),
     ],
 )
@@ -161,7 +161,7 @@ def test_a_rig_without_a_twin_needs_a_specimen(rehearse, rig):
 def test_a_pipeline_without_a_robot_has_nothing_to_rehearse(rehearse, root):
     done = rehearse(root / "pipelines" / "filters.toml")
     assert done.returncode == 2
-    assert "nothing to rehearse: there is no live device with a [trajectory.*] table" in done.stderr
+    assert "nothing to rehearse: no live device with a [trajectory.*] table" in done.stderr
 
 
 def test_a_rig_that_no_twin_stands_in_for_is_named(rehearse, rig):

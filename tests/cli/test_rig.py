@@ -56,7 +56,7 @@ def test_a_robot_without_limits_does_not_move(live, tmp_path):
 
 
 def test_a_pipeline_without_a_twin(root):
-    with pytest.raises(ConfigurationError, match=r"one \[twin\.\*\] table is wanted"):
+    with pytest.raises(ConfigurationError, match=r"expected one \[twin\.\*\] table"):
         called("twin", root / "pipelines" / "filters.toml")
 
 

@@ -21,7 +21,7 @@ def test_the_example_prints_the_truth_beside_the_estimates(palpate, point_pipeli
     assert done.returncode == 0, done.stderr
     for text in ("dr/ekf", "elasticity", "viscosity", "truth", "112.5", "362", "±", "kPa", "verdict", "->"):
         assert text in done.stdout
-    for text in ("eta/G", "surface", "NIS", "on trust"):
+    for text in ("eta/G", "surface", "NIS", "assumed exact"):
         assert text not in done.stdout.partition("doubtful:")[0]
     assert max(map(len, done.stdout.partition("written to")[0].splitlines())) <= 80
     assert f"written to {tmp_path / 'out'}" in done.stdout.replace("\n", " ")
@@ -30,7 +30,7 @@ def test_the_example_prints_the_truth_beside_the_estimates(palpate, point_pipeli
 @pytest.mark.slow
 def test_details_are_everything(palpate, point_pipeline, tmp_path):
     done = palpate("run", point_pipeline, *SHORT, "--details", "--out", tmp_path / "out")
-    for text in ("eta/G", "surface", "NIS", "on trust", "not-converged: only 1.5 s were tracked"):
+    for text in ("eta/G", "surface", "NIS", "assumed exact", "not-converged: only 1.5 s were tracked"):
         assert text in " ".join(done.stdout.split())
 
 

@@ -120,7 +120,7 @@ def test_a_slip_is_answered_with_what_was_meant(palpate, words, meant):
 def test_a_word_far_from_any_subcommand_is_refused_where_there_is_no_other_use(palpate):
     done = palpate("model", "run.toml")
     assert done.returncode == 2
-    assert "there is no command 'model run.toml' (there are: export, thickness)" in done.stderr
+    assert "no command 'model run.toml' (there are: export, thickness)" in done.stderr
 
 
 def test_a_file_named_like_a_slip_is_a_file(palpate, tmp_path):
@@ -227,9 +227,9 @@ def test_a_misspelt_hook_is_named_where_its_command_is_missed(palpate, tmp_path)
     (tmp_path / "own.py").write_text(text)
     done = palpate("--plugin", tmp_path / "own.py", "odd")
     assert done.returncode == 2
-    assert "palpate_comands is no hook; did you mean 'palpate_commands'?" in done.stderr
+    assert "palpate_comands is not a hook; did you mean 'palpate_commands'?" in done.stderr
     done = palpate("describe", "odd", "--plugin", tmp_path / "own.py")
-    assert "palpate_comands is no hook" in done.stderr
+    assert "palpate_comands is not a hook" in done.stderr
 
 
 def test_every_template_is_a_pipeline():

@@ -171,7 +171,7 @@ def test_a_reference_in_a_file_with_its_tip(palpate, place):
         (("--reference", "112.5 kPa", "--uncertainty", "2 N"), "--uncertainty: '2 N' is a force, not a pressure"),
         (("--reference", "112.5 kPa", "--uncertainty", "1.5"), "--uncertainty: '1.5' has no unit"),
         (("--reference", "112.5 kPa", "--uncertainty", "0 kPa"), "--uncertainty: '0 kPa' must be larger than 0"),
-        (("--reference", "5 mm", "--uncertainty", "1 mm"), "--reference: '5 mm' is none of pressure, stiffness"),
+        (("--reference", "5 mm", "--uncertainty", "1 mm"), "--reference: '5 mm' is not one of pressure, stiffness"),
         (("--reference", "3 N/mm", "--uncertainty", "1 N/mm"), 'is palpated with [model.*] type = "kelvin-voigt"'),
         ((), "--reference is missing"),
         ((*STATED, "--track", "dr/kinematc"), "did you mean 'dr/kinematic'?"),
@@ -188,7 +188,7 @@ def test_a_reference_without_value_unit_or_uncertainty_is_named(palpate, place, 
 @pytest.mark.parametrize(
     ("table", "text"),
     [
-        ('nam = "x"', "[reference] nam: there is no such key; did you mean 'name'?"),
+        ('nam = "x"', "[reference] nam: no such key; did you mean 'name'?"),
         ('value = "1 kPa"\nuncertainty = "1 Pa"', "[reference] name is missing: what the reference is"),
         ('name = "x"\nuncertainty = "1 Pa"', "[reference] value is missing"),
         ('name = "x"\nvalue = "1 kPa"', "[reference] uncertainty is missing: its standard uncertainty"),
@@ -227,14 +227,14 @@ def test_a_run_that_does_not_belong_into_the_chart_is_refused(palpate, place):
     ("damage", "text"),
     [
         (lambda text: text[: text.index("[sensor]") + 4], "is a damaged control chart, not TOML"),
-        (lambda text: text.replace("repeat_std", "repeat"), "is no control chart: check 1, repeat"),
-        (lambda text: text.replace("std = 1500.0", 'std = "much"'), "is no control chart: reference, std"),
+        (lambda text: text.replace("repeat_std", "repeat"), "is not a control chart: check 1, repeat"),
+        (lambda text: text.replace("std = 1500.0", 'std = "much"'), "is not a control chart: reference, std"),
         (
             lambda text: text + text[text.index("[[check]]") :].replace("20", "19", 1),
             "check 2 is older than the one before",
         ),
         (lambda text: text[: text.index("[[check]]")], "holds no check yet"),
-        (lambda text: "", "is no control chart: quantity: Field required"),
+        (lambda text: "", "is not a control chart: quantity: Field required"),
     ],
 )
 def test_a_damaged_chart_is_refused_by_control_and_by_a_run(palpate, place, damage, text):

@@ -108,7 +108,10 @@ def test_a_flag_of_a_plugin_in_a_file(palpate, tmp_path):
     [
         (PLUGIN % "diverged", r"flag 'diverged' is claimed by two plugins: palpate and .*own\.py"),
         (PLUGIN % "misfit", r"claimed by two plugins: palpate .* \(fits\) and .*own\.py"),
-        (PLUGIN.replace('FlagMeaning("invalid", "It is so.", "Do this.")', "'invalid'") % "x", "is no FlagMeaning"),
+        (
+            PLUGIN.replace('FlagMeaning("invalid", "It is so.", "Do this.")', "'invalid'") % "x",
+            "is not of kind FlagMeaning",
+        ),
     ],
 )
 def test_what_is_no_registration_is_refused(tmp_path, text, problem):

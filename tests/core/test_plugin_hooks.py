@@ -18,13 +18,13 @@ ANSWERS = {
     "return 1": "{hook} returns 1, not a",
 }
 OFFERS = {
-    "return {'chek': {}}": "palpate_offers returns 'chek', which is no kind of offer; did you mean 'check'?",
+    "return {'chek': {}}": "palpate_offers returns 'chek', which is not a kind of offer; did you mean 'check'?",
     "return {'check': 3}": "palpate_offers returns 3, not a mapping of names",
-    "return {'check': {'own': 3}}": "palpate_offers offers 'own', which is no Check",
+    "return {'check': {'own': 3}}": "palpate_offers offers 'own', which is not of kind Check",
 }
 ITEMS = {
     "return {3: Indenter}": "palpate_indenters offers 3, which is not a name",
-    "return {'own': 3}": "palpate_indenters offers 'own', which is no Indenter",
+    "return {'own': 3}": "palpate_indenters offers 'own', which is not of kind Indenter",
     "return {'own': Indenter}": "palpate_indenters offers 'own' (Indenter), which does not define contact_radius",
 }
 
@@ -66,7 +66,7 @@ def test_an_offer_of_each_kind_is_registered_and_its_former_hook_is_named(tmp_pa
     assert getattr(registry.load([tmp_path / "own.py"]), field)["own"] == root("math:sqrt")
     (tmp_path / "old.py").write_text(text.format(field, offer))
     (oddity, *_) = registry.load([tmp_path / "old.py"]).oddities
-    assert oddity.endswith(f"palpate_{field} is no hook: return it as {{{kind!r}: ...}} from palpate_offers")
+    assert oddity.endswith(f"palpate_{field} is not a hook: return it as {{{kind!r}: ...}} from palpate_offers")
 
 
 @pytest.mark.parametrize(("hook", "body", "words"), hook_cases())
@@ -103,7 +103,7 @@ def test_what_needs_the_failed_hook_says_so(palpate, distribution, point_pipelin
     assert cause in wanted.stderr
     called = palpate("measure", PYTHONPATH=site)
     assert called.returncode == 2
-    assert "there is no command 'measure'" in called.stderr
+    assert "no command 'measure'" in called.stderr
     assert "palpate_commands raises KeyError: 'lost' (sensor_tips.py, line 7)" in called.stderr
     assert "palpate_commands raises KeyError" in palpate("--help", PYTHONPATH=site).stdout
     told = json.loads(palpate("info", "--json", PYTHONPATH=site).stdout)["failures"]["sensor 1.0 (sensor)"]

@@ -93,4 +93,4 @@ def test_groups_are_of_folders_of_fits(palpate, tmp_path):
     (tmp_path / "run").mkdir()
     done = palpate("plot", "run", "--by", "treatment")
     assert done.returncode == 2
-    assert "--by treatment: run is no folder of fits" in done.stderr
+    assert "--by treatment: run is not a folder of fits" in done.stderr

@@ -28,7 +28,7 @@ def test_a_moved_folder_is_fitted_again_where_it_is(folder, palpate, tmp_path_fa
     shutil.rmtree(folder / "curves")
     done = palpate("fit", elsewhere / "fits", "--thickness", "half-space", "--where", f"curve={NAMES[0]}")
     assert done.returncode == 0, done.stderr
-    assert "1 curve fitted anew" in done.stdout
+    assert "1 curve fitted again" in done.stdout
 
 
 def test_curves_that_have_gone_leave_values_with_their_units(folder, palpate):
@@ -36,4 +36,4 @@ def test_curves_that_have_gone_leave_values_with_their_units(folder, palpate):
     assert FitFolder(folder / "fits").units["elasticity"] == "Pa"
     refused = palpate("fit", "fits", "--where", f"curve={NAMES[0]}", "--thickness", "half-space")
     assert refused.returncode == 2
-    assert "there is no such file" in refused.stderr
+    assert "no such file" in refused.stderr

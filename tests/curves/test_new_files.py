@@ -68,7 +68,7 @@ def test_new_files_are_fitted_as_those_that_are_written_alike(palpate, place):
     (place / "in" / "old.xls").write_bytes(b"\xd0\xcf\x11\xe0")
     told = palpate("fit", "fits")
     assert told.returncode == 1, told.stderr  # old.xls
-    assert "3 curves fitted anew" in told.stdout
+    assert "3 curves fitted again" in told.stdout
     assert "save it as .xlsx" in told.stderr
     assert dialects(place) == {
         "in/a.csv": "", "in/b.csv": "", "in/c.csv": "d2", "in/day 2/d.csv": "", "in/e.csv": "d2", "in/f.csv": "d3",
@@ -95,7 +95,7 @@ def test_one_key_says_where_the_curves_are(palpate, place, tmp_path_factory):
     assert {row.state for row in folder.rows} == {"current"}
     assert [curve.file for curve in folder.curves()] == [f"{elsewhere}/gels/{name}.csv" for name in "abc"]
     done = palpate("fit", "fits", "--set", "alignment.tip_mass=1 g")
-    assert "3 curves fitted anew" in done.stdout, done.stderr
+    assert "3 curves fitted again" in done.stdout, done.stderr
     assert f'curves = "{elsewhere}/gels"' in settings.read_text()
 
 
@@ -106,5 +106,5 @@ def test_a_new_bag_is_one_more_of_its_kind(palpate, tmp_path, monkeypatch):
     assert palpate("fit", "in", "--tip", "sphere 5 mm", "-o", "fits").returncode in (0, 1)
     parts(tmp_path / "in" / "two", metadata=True)
     told = palpate("fit", "fits")
-    assert "1 curve fitted anew" in told.stdout, told.stderr
+    assert "1 curve fitted again" in told.stdout, told.stderr
     assert dialects(tmp_path) == {"in/one": "", "in/two": ""}

@@ -41,7 +41,7 @@ def test_each_sheet_is_a_row(palpate, tmp_path, monkeypatch, results):
     assert [row["curve"] for row in rows] == ["gels.xlsx:soft", "gels.xlsx:stiff"]
     found = [next(float(v) for k, v in row.items() if k.endswith("elasticity")) for row in rows]
     np.testing.assert_allclose(found, [30e3, 90e3], rtol=0.02)
-    assert ("gels.xlsx:Results is no record" in told.stderr) == results
+    assert ("gels.xlsx:Results is not a record" in told.stderr) == results
     assert palpate("fit", "gels.xlsx", "--tip", "sphere 3 mm", "--set", "device.log.sheet=stiff").returncode == 0
 
 

@@ -44,7 +44,7 @@ def test_a_text_within_a_table_is_still_refused(palpate, tmp_path):
     path.write_text("".join([*lines[:150], "lost connection\n", *lines[150:]]))
     found = palpate("fit", str(path), "--tip", "sphere 3 mm", "-o", str(tmp_path / "fit"))
     assert found.returncode
-    assert "'lost connection' is no row of numbers" in found.stderr
+    assert "'lost connection' is not a row of numbers" in found.stderr
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from tests.live_page.browser import CHROMIUM, browser
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here: apt-get install chromium"),
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium"),
 ]
 _PICTURES = Path(os.environ["PICTURES"]).resolve() if os.environ.get("PICTURES") else None
 _PATIENCE = 120.0  # [s] on a busy machine
@@ -106,7 +106,7 @@ def test_a_page_whose_curves_have_gone_says_so_and_shows_their_values(folder):  
     with served("fits") as process, browser(1280, 800) as chromium:
         tab = chromium.open(process.address)
         walk = Walk(tab)
-        walk.shows("curve-note", "there is no such file")
+        walk.shows("curve-note", "no such file")
         assert "kPa" in walk.text("curve-values")
         assert tab.ask("window.palpate.errors") == []
         assert tab.ask("Array.from(document.querySelectorAll('.pale')).length") == 0

@@ -250,13 +250,13 @@ def test_what_another_program_writes_is_seen(desk):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["curves"], 'say the tip of its curves, as in --tip "sphere 3 mm"'),
-        (["none"], "there is no such file or folder"),
+        (["curves"], 'give the tip of its curves: --tip "sphere 3 mm"'),
+        (["none"], "no such file or folder"),
         (["fits", "--tip", "sphere 3 mm"], "has its settings"),
         (["curves", "--history"], "has no fits.csv"),
         (["fits", "--history"], "has no history"),
         (["curves", "--tip", "sphere 3 mm", "--read-only"], "makes none"),
-        (["fits", "--groups", "none.csv"], "there is no such file"),
+        (["fits", "--groups", "none.csv"], "no such file"),
     ],
 )
 def test_a_mistake_is_named(folder, palpate, options, words):

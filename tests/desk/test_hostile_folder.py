@@ -267,7 +267,7 @@ def test_a_curve_is_read_by_a_dialect_of_the_folder(folder, place):
     head, first, *rest = table.read_text().splitlines()
     assert head == "curve,file,dialect"
     table.write_text("\n".join([head, first.removesuffix(",") + f",{place}", *rest]))
-    with pytest.raises(PalpateError, match=r"there is no dialect"):
+    with pytest.raises(PalpateError, match=r"no dialect"):
         Desk(folder / "fits")
 
 

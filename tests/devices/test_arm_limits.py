@@ -252,7 +252,7 @@ def moved_into(twin, fault, **changes):
     [
         ("stuck-pose", "does not change in any digit", 0.032),
         ("jam", "has moved by|does not follow", 0.068),
-        ("nan-pose", "pose or joints are no numbers", 0.014),
+        ("nan-pose", "pose or joints are not numbers", 0.014),
         ("short-states 200", "^ur at .*: the controller sends states of 1 bytes in place of 17: .*", 0.014),
         ("short-states 120", "^ur at .*: the controller sends states of 1 bytes in place of 17: .*", 0.014),
         ("short-states 16", "^ur at .*: the controller sends states of 1 bytes in place of 17: .*", 0.014),

@@ -40,12 +40,12 @@ WORDS = {
     "raise": r"trajectory Point failed at 0\.000 to .* s: ValueError: no setpoint \(.*\.py, line \d+, in .*\)",
     "leave": r"trajectory Point failed at .* s: SystemExit: 3",
     "nan": r"trajectory Point: a setpoint is not a finite number: velocity at [\d.]+ s",
-    "short": r"position for (\d+) times is float64 of shape \(\d+, 3\); an array of numbers \(\1, 3\) is wanted",
+    "short": r"position for (\d+) times is float64 of shape \(\d+, 3\); expected an array of numbers \(\1, 3\)",
     "flat": r"position for (\d+) times is float64 of shape \(\1,\)",
     "list": "trajectory Point: its `at` returns list, not Setpoint",
     "texts": r"position for \d+ times is <U\d+ of shape",
-    "turning": r"rotation for 3 times is float64 of shape \(1,\); an array of numbers \(3, 3\) is wanted",
-    "turned": r"angular_velocity for 3 times is NoneType; an array of numbers \(3, 3\) is wanted",
+    "turning": r"rotation for 3 times is float64 of shape \(1,\); expected an array of numbers \(3, 3\)",
+    "turned": r"angular_velocity for 3 times is NoneType; expected an array of numbers \(3, 3\)",
 }
 
 

@@ -78,7 +78,7 @@ def test_a_slow_sensor_that_is_resampled_is_neither_stopped_nor_held():
     assert line.deaf == []
 
 
-@pytest.mark.parametrize(("column", "words"), [(2, "s.z is at the end"), (0, "a force beside s.z is at the end")])
+@pytest.mark.parametrize(("column", "words"), [(2, "s.z is at the end"), (0, "a force across s.z is at the end")])
 def test_the_end_of_the_range_stops_the_arm_at_once(column, words):
     line = Line(ranges=[(-8.0, 8.0)] * 3)
     rows = readings(40, seed=1)

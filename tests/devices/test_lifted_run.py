@@ -57,10 +57,10 @@ def test_a_lifted_run_touches_nothing_and_nothing_takes_it_for_a_palpation(twin)
     [
         ("3 mm", None, r"--lift 3 mm: the tip would still go to z = -\d\.\d mm; at least \d+ mm keep it 1 mm above"),
         ("60 mm", None, r"--lift 60 mm: the motion up there breaks the limits of \[safety\]:\n  z goes to 63"),
-        ("-2 mm", None, "a height above 0 is wanted"),
+        ("-2 mm", None, "expected a height above 0"),
         ("nan mm", None, "--lift 'nan mm'"),
         ("20 kg", None, "is a mass, not a length"),
-        ("10 mm", "120 %", "--speed '120 %': more than 0 % and at most 100 %"),
+        ("10 mm", "120 %", "--speed '120 %': expected more than 0 % and at most 100 %"),
         ("10 mm", "0 %", "more than 0 % and at most 100 %"),
         ("10 mm", "nan %", "more than 0 % and at most 100 %"),
         ("10 mm", "0.25", "more than 0 % and at most 100 %"),

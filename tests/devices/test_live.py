@@ -208,7 +208,7 @@ def test_a_motion_goes_by_time_however_often_the_controller_sends_its_state(simu
         twin.fault(f"state-rate {rate}")
         result = twin.run(out=f"out{rate}")
         lasted[rate], truth[rate] = result.run["log_duration"], twin.truth
-        said = f"the controller sends its state at {rate} Hz in place of 500 Hz: the motion goes by time"
+        said = f"the controller sends its state at {rate} Hz in place of 500 Hz: the motion is timed by the clock"
         assert (said in capsys.readouterr().err) == (rate != 500)
         assert any(said in flag.message for flag in result.flags if flag.code == "device") == (rate != 500)
     assert lasted[125] == pytest.approx(lasted[500], abs=0.05)

@@ -200,9 +200,9 @@ def test_a_flipped_bit_is_never_read_as_data(recording, tmp_path, seed):
 def test_a_file_that_is_no_log(tmp_path):
     other = tmp_path / "other.mcap"
     other.write_text("this is a text, not a log, and it is longer than a header")
-    with pytest.raises(LogError, match="is no MCAP log"):
+    with pytest.raises(LogError, match="is not an MCAP log"):
         _ = McapReplay(file=other).streams
-    with pytest.raises(LogError, match="there is no such file"):
+    with pytest.raises(LogError, match="no such file"):
         _ = McapReplay(file=tmp_path / "none.mcap").streams
 
 

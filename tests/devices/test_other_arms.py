@@ -225,7 +225,7 @@ def test_its_acceptance_is_rehearsed(rehearse, palpate):
     assert done.returncode == 0, done.stderr
     assert re.search(r"free-air/estop .* passed", done.stdout)
     refused = palpate("acceptance", "out/pipeline.toml", "--step", "safeguard", "--out", "other")
-    assert "--step safeguard: this robot does not tell of that stop" in refused.stderr
+    assert "--step safeguard: this robot does not report that stop" in refused.stderr
 
 
 @pytest.mark.gate

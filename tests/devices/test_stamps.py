@@ -29,7 +29,7 @@ class Link:
     ],
 )
 def test_a_stamp_that_is_no_whole_number_is_named(time, shown):
-    words = rf"device own sends a time-stamp in the stream 'wrench' that is no whole number of nanoseconds: {shown}$"
+    words = rf"device own sends a time-stamp in the stream 'wrench' that is not a whole number of nanoseconds: {shown}$"
     with pytest.raises(DeviceError, match=words):
         list(declared_batches("own", Link(time), STREAMS))
 
@@ -39,7 +39,7 @@ def test_a_stamp_that_is_no_whole_number_is_named(time, shown):
     ("seconds", "words"),
     [
         ("10", "the controller's time-stamp is 10 s ahead of its arrival, beyond all before it"),
-        ("nan", "the controller's time-stamp is no number"),
+        ("nan", "the controller's time-stamp is not a number"),
     ],
 )
 def test_a_robot_whose_time_is_none_is_stopped_and_named(rig, seconds, words):

@@ -154,7 +154,7 @@ def test_what_cannot_be_is_refused_before_anything_connects(words, complaint):
 
 
 def test_a_pipeline_without_a_robot(root):
-    with pytest.raises(ConfigurationError, match="one robot is wanted, there are 0"):
+    with pytest.raises(ConfigurationError, match="expected one robot, not 0"):
         call(["calibrate", "teach", str(root / "pipelines" / "point.toml")])
 
 

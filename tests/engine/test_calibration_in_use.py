@@ -67,7 +67,7 @@ def test_a_file_reads_back_as_it_was_written(tmp_path):
     ("text", "problem"),
     [
         ("x = [", "not TOML"),
-        ("name = 'x'", "no calibration file: created"),
+        ("name = 'x'", "not a calibration file: created"),
         ("created = 2026-01-01T00:00:00\nvalues = {}\nchannels = {}", "no time zone"),
         ("format = 99\ncreated = 2026-01-01T00:00:00Z\nvalues = {}\nchannels = {}", "format"),
     ],

@@ -31,7 +31,7 @@ def test_every_mistake_is_shown_at_once_with_its_line(point_pipeline):
     shown = complaint(point_pipeline)
     for fragment, words in {
         'radius = "5 kPa"': "[indenter.tip] radius: '5 kPa' is a pressure, not a length",
-        "bias = true": "[trajectory.press] bias: a length is wanted",
+        "bias = true": "[trajectory.press] bias: expected a length",
         "[model.dr]": "[model.dr]: unknown key 'poison'; did you mean 'poisson'?",
     }.items():
         number = lines.index(fragment) + 1
@@ -45,8 +45,8 @@ def test_every_mistake_is_shown_at_once_with_its_line(point_pipeline):
         ("indenter.tip.radius=5 kPa", "'5 kPa' is a pressure, not a length"),
         ("indenter.tip.radius=0", "must be greater than 0"),
         ("indenter.tip.radus=5 mm", "unknown key 'radus'; did you mean 'radius'?"),
-        ("indenter.tip.type=sfere", "there is no indenter 'sfere'; did you mean 'sphere'?"),
-        ("model.dr.indenter=tipp", "there is no [indenter.tipp]; did you mean 'tip'?"),
+        ("indenter.tip.type=sfere", "no indenter 'sfere'; did you mean 'sphere'?"),
+        ("model.dr.indenter=tipp", "no [indenter.tipp]; did you mean 'tip'?"),
         ("model.dr.poisson=0.6", "less than or equal to 0.5"),
         ("model.dr.poisson=inf", "must be less than or equal"),
         ("run.seed=2.7", "must be a whole number, not 2.7"),
@@ -54,11 +54,11 @@ def test_every_mistake_is_shown_at_once_with_its_line(point_pipeline):
         ("run.tracks=dr/*", "must be a list"),
         ('run.tracks=["hc/*"]', "no track is called 'hc/*'"),
         ("alignment.force=rig.wrnch.z", "did you mean 'rig.wrench.z'?"),
-        ("alignment.velocity=rig.tip.z", "'rig.tip.z' is in m, but velocity is wanted in m/s"),
+        ("alignment.velocity=rig.tip.z", "'rig.tip.z' is in m, but velocity must be in m/s"),
         ("alignment.force.sign=2", "2 is not allowed"),
         ("alignment.tare=sometimes", "is not one of"),
         ("alignment.tip_mass=-1 g", "must be greater than or equal to 0"),
-        ("device.rig.specimen.model=nope", "there is no [model.nope]"),
+        ("device.rig.specimen.model=nope", "no [model.nope]"),
         ("device.rig.specimen.elasticity=5 mm", "elasticity: '5 mm' is a length, not a pressure"),
         ("device.rig.specimen.elastisity=5 kPa", "parameter 'elastisity' is unknown"),
         ("device.rig.pace=slow", "'slow' is not allowed"),
@@ -66,7 +66,7 @@ def test_every_mistake_is_shown_at_once_with_its_line(point_pipeline):
         ("trajektory.press.bias=4 mm", "unknown table; did you mean 'trajectory'?"),
         ("model.dr=3", 'needs type = "..."'),
         ("nonsense", "write table.key=value"),
-        ("run.name.first=1", "is no table"),
+        ("run.name.first=1", "is not a table"),
     ],
 )
 def test_one_mistake_one_message(point_pipeline, override, words):
@@ -146,7 +146,10 @@ def test_a_plugin_beside_the_pipeline(point_pipeline):
     [
         ("import nothing_of_the_kind", "fails to import: ModuleNotFoundError"),
         ("1/0", "fails to import: ZeroDivisionError"),
-        ("from palpate import plugin\n@plugin\ndef palpate_indenters():\n    return {'sphere': int}", "is no Indenter"),
+        (
+            "from palpate import plugin\n@plugin\ndef palpate_indenters():\n    return {'sphere': int}",
+            "is not of kind Indenter",
+        ),
         ("from palpate import plugin\n@plugin\ndef palpate_indenters():\n    return 3", "not a mapping"),
         (
             "from palpate import Indenter, plugin\nclass T(Indenter):\n    '''T.'''\n"

@@ -146,7 +146,7 @@ def test_it_compiles_for_a_microcontroller(palpate, tmp_path):
     ("estimator", "track", "told"),
     [
         ('type = "filterpy"', "dr/filter", "FilterpyFilter cannot be exported: it has no compiled step"),
-        ('type = "kinematic-smoother"', "dr/filter", "it wants the whole record"),
+        ('type = "kinematic-smoother"', "dr/filter", "it needs the whole record"),
         ('type = "ekf"', "dr/filer", "did you mean 'dr/filter'?"),
     ],
 )

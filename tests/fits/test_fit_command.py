@@ -190,7 +190,7 @@ def test_repeat_over_run_folders(palpate, logs):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["fit", "nothing.csv"], "there is no such file"),
+        (["fit", "nothing.csv"], "no such file"),
         (["fit", "v0.csv"], "say with --pipeline"),
         (["fit", "compare", "v0.csv", "--pipeline", "fit.toml"], "give two logs or more; palpate fit is for one"),
         (["fit", "fit.toml", "--set", "estimator.fit.type=ekf"], "unknown key 'segment'"),

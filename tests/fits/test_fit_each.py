@@ -223,6 +223,6 @@ def test_a_process_that_is_killed_costs_its_curve_only(folder, palpate):
 
 def test_nothing_to_read_is_refused_in_words(folder, palpate):
     assert "--pipeline" in palpate("fit", "--each", "curves").stderr
-    assert "there is no such" in palpate(*EACH[:2], "nowhere", *EACH[3:]).stderr
+    assert "no such" in palpate(*EACH[:2], "nowhere", *EACH[3:]).stderr
     (folder / "empty").mkdir()
     assert "no file that the pipeline could read" in palpate(*EACH[:2], "empty", *EACH[3:]).stderr

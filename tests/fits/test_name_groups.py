@@ -37,7 +37,7 @@ def test_files_are_grouped_by_their_names(palpate, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("pattern", "words"),
     [
-        ("(ctrl", "is no pattern of names"),
+        ("(ctrl", "is not a pattern of names"),
         ("ctrl", "has no group in brackets"),
         ("(?P<file>ctrl)", "a group cannot be called 'file'"),
         ("(knee|hip)", "no name has it, such as 'ctrl_1.csv'"),

@@ -124,7 +124,7 @@ def test_the_command_line_goes_before_the_file_and_the_pipeline(curves):
         ('tare = "free-air 5 N"', "is a force, not a time"),
         ('tare = "1.8 N"', "standard uncertainty"),
         ('position = "stge"', "'stge' is not allowed"),
-        ('columns = { forc = "F" }', "there is no role 'forc'; did you mean 'force'?"),
+        ('columns = { forc = "F" }', "no role 'forc'; did you mean 'force'?"),
         ("tip = 3", "tip: must be a text"),
         ("tip = ", "not TOML"),
     ],

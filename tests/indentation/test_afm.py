@@ -119,7 +119,7 @@ def test_a_file_says_what_it_holds(made):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("curve = 0|curve = 3", "there is no curve 3"),
+        ("curve = 0|curve = 3", "no curve 3"),
         ('type = "afm-replay"|type = "afm-replay"\nheight = "piezo"', "holds no 'height (piezo)'"),
     ],
 )

@@ -10,7 +10,7 @@ from palpate_live.sink import meanings
 
 from tests.live_page.browser import CHROMIUM, browser
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here: apt-get install chromium")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 
 # How many pixels of each chart are coloured like the curve of a track.
 COLOURED = """Array.from(document.querySelectorAll('.chart canvas')).map((canvas) => {

@@ -134,7 +134,7 @@ YELLOW, LUMPS = (253, 231, 37), (208, 28, 28)
 
 
 @pytest.mark.live
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here: apt-get install chromium")
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 def test_it_turns_by_keys_and_mouse_and_shows_lumps_and_legend(skin, tmp_path):
     (tmp_path / "page.html").write_text(PAGE.format(data=json.dumps(skin), script=SCRIPT))
     with browser(700, 700) as chromium:
@@ -170,7 +170,7 @@ def test_it_turns_by_keys_and_mouse_and_shows_lumps_and_legend(skin, tmp_path):
 
 
 @pytest.mark.live
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here: apt-get install chromium")
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 def test_estimates_are_where_the_tip_touches(skin, tmp_path):
     """Tips 4 mm below the skin along its normal: their values are at the nodes over them, aside of their ends."""
     grid = skin_over(BODY, ((-0.02, -0.02, 0.0), (0.02, 0.02, 0.0)))

@@ -13,7 +13,7 @@ from tests.live_page.conftest import addresses, meanwhile  # noqa: F401
 pytestmark = pytest.mark.live
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here: apt-get install chromium")
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 def test_the_stop_button_ends_a_run_in_contact_with_the_arm_retracted(bench, addresses):  # noqa: F811
     """A click in a browser: the guard trips, the arm leaves the material, the result is what was found.
 

@@ -110,7 +110,7 @@ def test_a_run_without_a_log_is_not_estimated_once_more(run_point, palpate, tmp_
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
-    [(["nowhere"], "there is no such file"), (["samples.csv"], "carries no pipeline"), (["empty.mcap"], "empty.mcap")],
+    [(["nowhere"], "no such file"), (["samples.csv"], "carries no pipeline"), (["empty.mcap"], "empty.mcap")],
 )
 def test_what_cannot_be_watched_is_said(arguments, said, palpate, tmp_path):
     (tmp_path / "samples.csv").write_text("t,z,f\n0,0,0\n1,0,0\n")

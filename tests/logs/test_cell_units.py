@@ -65,6 +65,6 @@ def test_a_cell_of_another_quantity_is_refused(tmp_path):
     log, _ = device(path)
     with (
         log.connect(0) as link,
-        pytest.raises(LogError, match=r"a\.csv:402: column 1 holds '0\.2 mm', which is no number"),
+        pytest.raises(LogError, match=r"a\.csv:402: column 1 holds '0\.2 mm', which is not a number"),
     ):
         list(link.batches())

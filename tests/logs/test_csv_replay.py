@@ -93,8 +93,8 @@ def test_empty_cells_and_nan_are_invalid_readings(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("1,2\n3,abc\n", r":2: column 1 holds 'abc', which is no number"),
-        ("1,2\n3\n", r":2: there is no column 1; the line has 1"),
+        ("1,2\n3,abc\n", r":2: column 1 holds 'abc', which is not a number"),
+        ("1,2\n3\n", r":2: no column 1; the line has 1"),
         ("", "contains no rows of numbers"),
         ("height,force\n", "contains no rows of numbers"),
         ("1,2\nheight,force\n", r":2: column 0 holds 'height'"),
@@ -123,7 +123,7 @@ def test_a_gzip_that_is_cut(tmp_path):
 def test_no_file(tmp_path):
     device = log(tmp_path / "a.csv", NUMBERS)
     device.file.unlink()
-    with pytest.raises(LogError, match="there is no such file"):
+    with pytest.raises(LogError, match="no such file"):
         _ = device.streams
 
 

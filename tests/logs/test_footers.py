@@ -62,7 +62,7 @@ def test_a_last_line_that_is_cut_is_no_footer(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(PLAIN + "9.5,0.1\n")
     log, _ = device(path)
-    with pytest.raises(LogError, match="there is no column 2; the line has 2"):
+    with pytest.raises(LogError, match="no column 2; the line has 2"):
         readings(log)
 
 

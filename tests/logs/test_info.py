@@ -149,7 +149,7 @@ def test_columns_that_are_not_clear_are_named_and_can_be_chosen(palpate, tmp_pat
         assert found == pytest.approx(TRUTH, rel=0.08)
         assert "CHECK" not in text
     wrong = palpate("info", "log.csv", "--suggest", "--force", "fy")
-    assert "there is no column 'fy' (there are: n, t, fx_N, fz_N, z_m)" in wrong.stderr
+    assert "no column 'fy' (there are: n, t, fx_N, fz_N, z_m)" in wrong.stderr
 
 
 @pytest.mark.slow
@@ -193,7 +193,7 @@ def test_rate_and_time_are_for_tables(palpate, bag):
 
 def test_what_cannot_be_looked_into(palpate, tmp_path):
     (tmp_path / "notes.txt").write_text("no log")
-    for name, words in (("none.db3", "there is no such file"), ("notes.txt", "no device reads such a log")):
+    for name, words in (("none.db3", "no such file"), ("notes.txt", "no device reads such a log")):
         done = palpate("info", name)
         assert done.returncode == 2
         assert words in done.stderr

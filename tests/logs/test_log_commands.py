@@ -56,7 +56,7 @@ def test_recovery_of_a_whole_log_of_nothing_and_onto_something(palpate, recordin
     assert numbers(tmp_path / "again.mcap").keys() == numbers(recording).keys()
     for source, out, words in (
         (recording, "again.mcap", "exists already"),
-        ("none.mcap", "x.mcap", "there is no such file"),
+        ("none.mcap", "x.mcap", "no such file"),
         ("head.mcap", "x.mcap", "nothing in it is undamaged"),
     ):
         (tmp_path / "head.mcap").write_bytes(recording.read_bytes()[:60])
@@ -269,7 +269,7 @@ def test_a_recovered_log_is_replayed(palpate, recording, tmp_path, damage):
         flip_in(folder / "log.mcap", b"dimensionality-reduction")
     done = palpate("log", "recover", folder / "log.mcap", "-o", tmp_path / "good.mcap")
     assert done.returncode == 0, done.stderr
-    assert ("with pipeline.toml from beside" in done.stdout) == (damage == "pipeline")
+    assert ("with pipeline.toml from next to" in done.stdout) == (damage == "pipeline")
     attached = McapReplay.attached(tmp_path / "good.mcap")
     done = palpate("replay", tmp_path / "good.mcap", "--out", tmp_path / "again")
     if damage == "pipeline, and none beside":

@@ -36,10 +36,10 @@ SIGNALS = {"z": {"topic": "/data", "field": "data", "index": 1, "unit": "m"}}
 def test_what_is_no_regular_file_is_never_waited_for(tmp_path, opened):
     os.mkfifo(tmp_path / "pipe")
     for path, words in (
-        (tmp_path / "pipe", "is no regular file"),
-        (Path("/dev/zero"), "is no regular file"),
-        (Path("/proc/self/mem"), "cannot be read|is no MCAP log|the file is empty|is no rosbag2|is not a CSV"),
-        (tmp_path / ("n" * 300), "no file can have this name|there is no such file"),
+        (tmp_path / "pipe", "is not a regular file"),
+        (Path("/dev/zero"), "is not a regular file"),
+        (Path("/proc/self/mem"), "cannot be read|is not an MCAP log|the file is empty|is not a rosbag2|is not a CSV"),
+        (tmp_path / ("n" * 300), "no file can have this name|no such file"),
     ):
         if path.name == "mem" and opened in (SqliteBag, bag_files):  # opened later
             continue
@@ -55,8 +55,8 @@ def test_a_bag_of_memory_is_refused():
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("endless_view.db3", "messages is no table in it"),
-        ("topics_are_a_view.db3", "topics is no table in it"),
+        ("endless_view.db3", "messages is not a table in it"),
+        ("topics_are_a_view.db3", "topics is not a table in it"),
         ("bomb_that_begins_well.db3.zstd", "unpacks to more than 200 times its size"),
         ("bomb.db3.gz", "does not begin as it should"),
         ("damaged.db3.gz", "cannot be read"),
@@ -164,7 +164,7 @@ NAMED = {"time": {"column": 0, "unit": "s"}, "columns": {"force": {"column": 1, 
 
 
 def test_cells_that_are_no_numbers_and_lines_that_are_too_long():
-    with pytest.raises(LogError, match=r"underscores\.csv:2: column 1 holds '1_5', which is no number"):
+    with pytest.raises(LogError, match=r"underscores\.csv:2: column 1 holds '1_5', which is not a number"):
         read(CORPUS / "underscores.csv", **NAMED)
     assert np.isnan(next(Sheet.of(CORPUS / "underscores.csv").blocks())[0, 1])
     with pytest.raises(LogError, match=r"one_cell_too_many\.csv:31: the line has 4 cells, the first one 3"):

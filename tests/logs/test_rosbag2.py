@@ -254,7 +254,7 @@ def test_a_mapping_that_does_not_fit_is_refused_with_what_there_is(tmp_path, sig
 def test_what_is_no_bag_is_refused(tmp_path, content):
     path = tmp_path / "bag.db3"
     path.write_bytes(content)
-    with pytest.raises(LogError, match=r"bag\.db3: (is no rosbag2 database|the database is damaged)"):
+    with pytest.raises(LogError, match=r"bag\.db3: (is not a rosbag2 database|the database is damaged)"):
         _ = device_on(path).streams
 
 

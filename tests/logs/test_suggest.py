@@ -323,7 +323,7 @@ def test_what_nobody_has_stated_is_flagged_until_somebody_does(palpate, tmp_path
     assert "indenter.tip.type" in stated
     text = (tmp_path / "own.toml").read_text()
     (tmp_path / "own.toml").write_text(re.sub(r"(?m)^assumed = .*$", 'assumed = ["indenter.tp.radius"]', text))
-    assert said("run", "own.toml")[0] == "indenter.tp.radius = ? (there is no such setting)"
+    assert said("run", "own.toml")[0] == "indenter.tp.radius = ? (no such setting)"
     (tmp_path / "own.toml").write_text(re.sub(r"(?m)^assumed = .*$", "", text))
     assert said("run", "own.toml")[0] == ""
 

@@ -91,11 +91,11 @@ TIME = {"column": 0, "unit": "s"}
     [
         (
             PLAIN + PLAIN,
-            r"a\.csv:402: column 1 holds 'force_N', which is no number",
+            r"a\.csv:402: column 1 holds 'force_N', which is not a number",
         ),  # two tables, one below the other
         ("0.1,1\n" + ROWS, r"a\.csv:1: the line has 2 cells, those below it 3; header = LINE"),
         ("name\n0.1,1\n" + ROWS, r"a\.csv:2: the line has 2 cells, those below it 3"),
-        (PLAIN + "mean,1.2,0.3\n9,1.0,2.0\n", r"a\.csv:402: column 0 holds 'mean', which is no number"),
+        (PLAIN + "mean,1.2,0.3\n9,1.0,2.0\n", r"a\.csv:402: column 0 holds 'mean', which is not a number"),
         ("time,force,height\ns,kN,mm\n" + ROWS, r"a\.csv:2: the row of units says 'kN' for column 1, and not 'N'"),
         ("# only\n# comments\n", "no rows of numbers"),
     ],
@@ -157,7 +157,7 @@ def test_lines_and_encoding_that_are_stated(tmp_path, changes, text):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"encoding": "latin-11"}, "there is no such encoding; did you mean 'latin-1'"),
+        ({"encoding": "latin-11"}, "no such encoding; did you mean 'latin-1'"),
         ({"decimal": ",", "thousands": ","}, "is the mark before the decimals"),
         ({"header": 9}, "header = 9: that line holds numbers; rows of numbers begin in line 10"),
         ({"encoding": "ascii"}, "is not a CSV text"),
@@ -230,9 +230,9 @@ def test_a_folder_without_logs_says_so(tmp_path, palpate, name, words):
     ("choices", "words"),
     [
         ({"decmal": ","}, "a table has no 'decmal'; did you mean 'decimal'"),
-        ({"decimal": ";"}, 'decimal = \';\': "." or "," is wanted'),
-        ({"header": "first"}, "header = 'first': a line, counted from 1, or 0 is wanted"),
-        ({"columns.force.scale": "much"}, "columns.force.scale = 'much': a number is wanted"),
+        ({"decimal": ";"}, 'decimal = \';\': expected "." or ","'),
+        ({"header": "first"}, "header = 'first': expected a line, counted from 1, or 0"),
+        ({"columns.force.scale": "much"}, "columns.force.scale = 'much': expected a number"),
     ],
 )
 def test_what_cannot_be_stated_of_a_table(tmp_path, choices, words):

@@ -44,7 +44,7 @@ def test_seconds_and_nanoseconds_are_one_time(tmp_path):
 
 def test_nanoseconds_alone_are_no_time(tmp_path):
     path = table(tmp_path / "nano.csv", {"stamp.nanosec": [t % 10**9 for t in nanoseconds()]})
-    with pytest.raises(LogError, match=r"begins anew every second.*--time"):
+    with pytest.raises(LogError, match=r"restarts every second.*--time"):
         suggest_csv(path, {})
 
 

@@ -284,7 +284,7 @@ def test_a_motion_outside_of_the_workspace_is_refused_by_name(palpate, root, tmp
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("--track", "dr/none"), "there is no track"),
+        (("--track", "dr/none"), "no track"),
         (("--parameter", "weight"), "has no 'weight'"),
         (("--method", "wavelets"), "is not one of"),
     ],

@@ -106,7 +106,7 @@ def test_distances_that_are_too_long_are_said(made):
 def test_a_site_beside_the_body_is_refused(breast):
     beside = sites()
     beside.place[4] = [0.05, 0.0]
-    with pytest.raises(ConfigurationError, match=r"place 5 of 81 \(x 50.0, y 0.0 mm\): there is no mesh"):
+    with pytest.raises(ConfigurationError, match=r"place 5 of 81 \(x 50.0, y 0.0 mm\): no mesh"):
         sites_on(beside, breast)
 
 

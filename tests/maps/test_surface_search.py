@@ -117,7 +117,7 @@ def test_a_patch_too_wide_for_the_skin_is_refused(half_sphere):
 def test_an_area_beside_the_skin_is_refused(half_sphere):
     motion = half_sphere.trajectories["points"]
     with pytest.raises(
-        ConfigurationError, match=r"--area: 60 to 70 mm.*nothing in it may be palpated: .* beside the ellipsoid"
+        ConfigurationError, match=r"--area: 60 to 70 mm.*nothing in it may be palpated: .* off the ellipsoid"
     ):
         area_of(half_sphere, motion, np.zeros((1, 2)), (0.06, 0.07, 0.0, 0.01))
 

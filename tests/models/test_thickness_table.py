@@ -190,7 +190,7 @@ def test_a_table_ends_where_no_equilibrium_is_found(tmp_path, monkeypatch, capsy
 
 def test_too_few_rows_are_no_table(tmp_path, monkeypatch):
     monkeypatch.setattr("palpate_models.finite_elements.press_cylinder", without_equilibrium(4))
-    with pytest.raises(ConfigurationError, match=r"no equilibrium .* 4 rows are no table"):
+    with pytest.raises(ConfigurationError, match=r"no equilibrium .* 4 rows are not a table"):
         told(tmp_path)
     assert not list(tmp_path.iterdir())
 

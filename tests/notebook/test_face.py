@@ -166,7 +166,7 @@ def test_pictures(kept, fitted, tmp_path):
         (lambda run: run["dr/kinematik"], "did you mean 'dr/kinematic'"),
         (lambda run: run["dr/ekf"]["elastisity"], "did you mean 'elasticity'"),
         (lambda run: run.plot("viscosty"), "did you mean 'viscosity'"),
-        (lambda run: run.plot.force("dr"), "there is no track 'dr'"),
+        (lambda run: run.plot.force("dr"), "no track 'dr'"),
         (lambda run: run["dr/ekf"].elasticity.to("mm"), "elasticity"),
         (lambda run: run.map(cell="3 kg"), "cell: '3 kg' is a mass"),
         (lambda run: run.map(method="magic"), "magic"),
@@ -464,7 +464,7 @@ def test_a_csv_is_a_record(arrays, tmp_path):
     ("change", "what"),
     [
         ({"force": [1.0, 2.0]}, "must be equally long: time has .*, force has 2"),
-        ({"force": "words"}, "force: contains something that is no number"),
+        ({"force": "words"}, "force: contains something that is not a number"),
         ({"force": np.ones((3, 2))}, "force: must be one column of numbers, not 3 x 2"),
         ({"force": 3.0}, "force: must be one column"),
         ({"time": None}, "give either time"),
@@ -474,7 +474,7 @@ def test_a_csv_is_a_record(arrays, tmp_path):
         ({"units": {"hight": "mm"}}, "did you mean 'height'"),
         ({"units": {"height": "kg"}}, "height: .*mass"),
         ({"sign": {"forse": -1}}, "did you mean 'force'"),
-        ({"delay": {"velocity": "1 ms"}, "velocity": None}, "there is no signal 'velocity'"),
+        ({"delay": {"velocity": "1 ms"}, "velocity": None}, "no signal 'velocity'"),
     ],
 )
 def test_columns_that_are_none(arrays, change, what):
@@ -494,7 +494,7 @@ def test_times_that_are_none(arrays):
 
 
 def test_what_is_no_record_is_told(tmp_path):
-    with pytest.raises(ConfigurationError, match=r"a list is no record: palpate\.read\(path\) makes one"):
+    with pytest.raises(ConfigurationError, match=r"a list is not a record: palpate\.read\(path\) makes one"):
         palpate.fit(["a.csv"], tip="sphere 5 mm")
     with pytest.raises(LogError, match=r"is a folder, and no log; read its files one by one"):
         palpate.read(tmp_path)
@@ -512,8 +512,8 @@ def test_what_a_fit_is_asked_for_in_other_words(fitted, name, meant):
     ("arguments", "what"),
     [
         ({"model": "dr"}, "needs a tip"),
-        ({"model": "doctor", "tip": Sphere(radius="5 mm")}, "there is no model 'doctor'"),
-        ({"model": 3, "tip": Sphere(radius="5 mm")}, "3 is no model"),
+        ({"model": "doctor", "tip": Sphere(radius="5 mm")}, "no model 'doctor'"),
+        ({"model": 3, "tip": Sphere(radius="5 mm")}, "3 is neither of kind model"),
         ({"tip": "sphere"}, "sphere needs its radius"),
         ({"tip": Sphere(radius=5)}, 'did you mean "5 mm"'),
         ({"tip": Sphere(radius="5 mm"), "uncertainties": {"radios": "1 um"}}, "radios"),

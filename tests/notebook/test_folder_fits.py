@@ -57,9 +57,9 @@ def test_a_table_and_a_path_are_fitted_as_the_file_is(curves):
 
 
 def test_what_is_no_record_is_named(curves, tmp_path):
-    with pytest.raises(ConfigurationError, match="a list is no record"):
+    with pytest.raises(ConfigurationError, match="a list is not a record"):
         palpate.fit([1, 2], tip="sphere 3 mm")
-    with pytest.raises(ConfigurationError, match="there is no such file or folder"):
+    with pytest.raises(ConfigurationError, match="no such file or folder"):
         palpate.fit_folder(tmp_path / "nothing", tip="sphere 3 mm")
     with pytest.raises(ConfigurationError, match="no tip 'spere'; did you mean 'sphere'"):
         palpate.fit_folder(curves, tip="spere 3 mm")

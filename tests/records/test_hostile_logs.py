@@ -94,10 +94,10 @@ def test_as_much_as_there_are_bytes_for_is_read():
         ("uint8[0] nothing", "has 0 elements"),
         (f"uint8[{'9' * 5000}] x", "has 99999999999999999999 elements"),
         ("uint8[4294967296] x", "has 4294967296 elements"),
-        ("module a { struct T { octet x[99999999999999]; }; };", "is no number of elements"),
+        ("module a { struct T { octet x[99999999999999]; }; };", "is not a number of elements"),
         ("module a { struct T { octet x[65536][65536][65536]; }; };", "more than 4294967295 elements"),
         (f"module a {{ struct T {{ octet x{'[9]' * 300}; }}; }};", "or 16 dimensions"),
-        ("module a { struct T { octet x[1²]; }; };", "is no number of elements"),
+        ("module a { struct T { octet x[1²]; }; };", "is not a number of elements"),
         ("struct T { " + "/*x" * 300_000, "cannot be read as IDL"),
         ("struct T { " + '"\\' * 500_000, "cannot be read as IDL"),
         ("struct T { " + "'\\" * 500_000, "cannot be read as IDL"),
@@ -257,7 +257,7 @@ def test_a_chunk_is_not_unpacked_beyond_what_its_bytes_can_be(size):
 
 def test_a_chunk_of_records_that_are_no_messages_is_damage():
     began = time.process_time()
-    with pytest.raises(records.Damage, match="records that are no messages"):
+    with pytest.raises(records.Damage, match="records that are not messages"):
         records.scan(bytes(60 * MEGABYTE))
     assert time.process_time() - began < 2.0
 

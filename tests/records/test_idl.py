@@ -84,14 +84,14 @@ def test_names_as_dds_has_them_are_those_of_ros():
 @pytest.mark.parametrize(
     ("body", "problem"),
     [
-        ("struct Load { long double x; };", "'long double' is no type"),
-        ("struct Load { wchar x; };", "'wchar' is no type"),
+        ("struct Load { long double x; };", "'long double' is not a type"),
+        ("struct Load { wchar x; };", "'wchar' is not a type"),
         ("struct Load { sequence<sequence<double>> x; };", "a sequence of sequences"),
-        ("struct Load { double x[N]; };", "'N' is no number of elements"),
+        ("struct Load { double x[N]; };", "'N' is not a number of elements"),
         ("struct Load { double x };", "'}' where ';' is to be"),
         ("struct Load { double x; }", "'}' where ';' is to be"),
         ("struct Load : Base { double x; };", "derived"),
-        ("union Load switch (long) { case 0: double x; };", "'union' is no module"),
+        ("union Load switch (long) { case 0: double x; };", "'union' is not a module"),
         ("struct Load { Cell x; };", "names lab_msgs/Cell"),
         ("struct Load { Load x; };", "contains itself"),
         ("struct Other { double x; };", "does not define lab_msgs/msg/Load .but lab_msgs/Other"),

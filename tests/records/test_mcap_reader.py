@@ -341,8 +341,8 @@ def test_a_chunk_that_claims_more_than_it_has(tmp_path, compression, claimed):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("float64", "is no field"),
-        ("\x00\xff", "is no field"),
+        ("float64", "is not a field"),
+        ("\x00\xff", "is not a field"),
         ("Loop next\n" + "=" * 80 + "\nMSG: a/Loop\nLoop next", "a/Loop contains itself"),
         ("B b\n" + "=" * 80 + "\nMSG: a/B\nC c\n" + "=" * 80 + "\nMSG: a/C\nB b", "a/B contains itself"),
         ("Nowhere x", "names a/Nowhere, which the log does not define"),

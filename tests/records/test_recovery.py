@@ -95,7 +95,7 @@ def test_what_a_run_carries_stands_ahead_of_its_messages(tmp_path):
         said = McapReplay.recover(tmp_path / "bad.mcap", tmp_path / "good.mcap", {"pipeline.toml": "beside"})
         found = McapReplay.attached(tmp_path / "good.mcap")
         assert (found.documents, found.facts) == (expected, {"seed": "3"})
-        assert ("with pipeline.toml from beside" in said) == ("beside" in expected.values())
+        assert ("with pipeline.toml from next to" in said) == ("beside" in expected.values())
         assert stamps(tmp_path / "good.mcap") == {"/a": [1]}
 
 

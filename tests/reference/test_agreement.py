@@ -294,9 +294,9 @@ def test_a_run_against_a_dynamometer(measured, palpate, tmp_path, head, factor, 
         (("--reference", "112.5 mm", "--uncertainty", "1 kPa"), "'112.5 mm' is a length, not a pressure"),
         (("--reference", "far.csv", "--uncertainty", "2 %"), "goes from 5 to 50 Hz, and the run is at 2 Hz"),
         (("--reference", "far.csv"), "states no uncertainty: --uncertainty '2 %'"),
-        (("--reference", "nope.csv", "--uncertainty", "2 %"), "there is no such file"),
+        (("--reference", "nope.csv", "--uncertainty", "2 %"), "no such file"),
         (("--reference", "far.csv", "--uncertainty", "2 kPa"), "of a table in per cent"),
-        (("--reference", "1 kPa", "--uncertainty", "1 Pa", "--track", "dr/x"), "there is no track 'dr/x'"),
+        (("--reference", "1 kPa", "--uncertainty", "1 Pa", "--track", "dr/x"), "no track 'dr/x'"),
     ],
 )
 def test_mistakes_with_a_run(measured, palpate, tmp_path, words, said):

@@ -123,7 +123,7 @@ def test_constants_of_the_programs():
     ("text", "words", "said"),
     [
         (json.dumps(fit_document()), ("--law", "burger"), "has no law 'burger'; did you mean 'burgers'?"),
-        (json.dumps(fit_document("power-law", (1e5, 0.2))), (), "power-law is no Prony series; fit one"),
+        (json.dumps(fit_document("power-law", (1e5, 0.2))), (), "power-law is not a Prony series; fit one"),
         ("{}", (), "is not a material.json"),
         ("*HYPERELASTIC\n", (), "is not a whole card of abaqus"),
         ("", (), "is not a material.json"),

@@ -136,7 +136,7 @@ def test_a_compression_in_either_sign(palpate, tmp_path, sign, words):
 @pytest.mark.parametrize(
     ("rows", "loading", "said"),
     [
-        ("10,1\n50,2\n100,3\n", "compression", "a compression by 100 % is none"),
+        ("10,1\n50,2\n100,3\n", "compression", "a compression by 100 % is impossible"),
         ("1,-1\n2,-2\n3,-3\n4,-4\n5,-5\n", "tension", "the stress does not rise with the strain, in tension"),
         ("0,0\n0,0\n0,0\n0,0\n0,0\n", "tension", "the stress does not rise with the strain, in tension"),
         ("1,1\n2,nan\n", "tension", "pull.csv:3, column 2 'stress [Pa]': 'nan' is not a finite number"),

@@ -213,7 +213,7 @@ def test_the_command(palpate, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--law", "maxwel"], "there is no law 'maxwel'; did you mean 'maxwell'?"),
+        (["--law", "maxwel"], "no law 'maxwel'; did you mean 'maxwell'?"),
         (["--scale", "much"], "--scale 'much': write for example '2 %'"),
         (["--scale", "200 %"], "must be from 0 to 100 %"),
         (["strain.csv"], "tension or compression? State --loading"),
@@ -221,7 +221,7 @@ def test_the_command(palpate, tmp_path):
         (["strain.csv", "--law", "maxwell"], "no law 'maxwell' of stress over strain (there are: mooney-rivlin"),
         (["strain.csv", "--reference-temperature", "20 °C"], "stress over strain has no time that could be shifted"),
         (["amplitude.csv"], "no modulus over several frequencies or over time"),
-        (["empty"], "is no run folder with a result.json"),
+        (["empty"], "is not a run folder with a result.json"),
     ],
 )
 def test_mistakes(palpate, tmp_path, words, said):

@@ -262,7 +262,7 @@ def test_what_is_asked_for_can_be_stated(palpate, tmp_path):
     assert (table["x"], table["shear"], table["y"]) == ([6.2832, 62.832], False, [[2e3, 3e3]] * 2)
     done = palpate("material", "table.csv", "--unit", "Freqency=Hz")
     assert done.returncode == 2
-    assert "there is no column 'Freqency'; did you mean 'Frequency'?" in done.stderr
+    assert "no column 'Freqency'; did you mean 'Frequency'?" in done.stderr
     assert palpate("material", "table.csv", "--unit", "Hz").returncode == 2
 
 

@@ -50,9 +50,9 @@ def test_a_column_of_any_name_is_what_a_person_says(palpate, tmp_path):
     np.testing.assert_allclose(table.y[:, 1], LOSS)
     options = [word for role, name in named.items() for word in ("--column", f"{role}={name}")]
     assert palpate("material", str(path), *options, "--modulus", "shear").returncode == 0
-    with pytest.raises(LogError, match="--column: there is no column 'M3'"):
+    with pytest.raises(LogError, match="--column: no column 'M3'"):
         read_tables(path, TableSettings({}, True, {"storage": "M3"}))
-    with pytest.raises(LogError, match="there is no role 'storge'; did you mean 'storage'"):
+    with pytest.raises(LogError, match="no role 'storge'; did you mean 'storage'"):
         read_tables(path, TableSettings({}, True, {"storge": "M1"}))
 
 

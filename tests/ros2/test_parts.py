@@ -209,11 +209,11 @@ FORCE = {"topic": "/wrench", "field": "wrench.force.z", "unit": "N"}
     ("settings", "problem"),
     [
         ({}, "give signals"),
-        ({"signals": {"force": FORCE}, "limits": {"farce": {"greatest": 1.0}}}, "there is no channel 'farce'"),
+        ({"signals": {"force": FORCE}, "limits": {"farce": {"greatest": 1.0}}}, "no channel 'farce'"),
         ({"signals": {"force": FORCE}, "limits": {"force": {"greatest": "3 mm"}}}, "is a length, not a force"),
         ({"signals": {"force": FORCE}, "limits": {"force": {"least": 2.0, "greatest": 1.0}}}, "is not below"),
         ({"signals": {"force": FORCE}, "alarm": "/alarm"}, "alarm needs limits"),
-        ({"signals": {"force": FORCE}, "types": {"Load": "float64 x"}}, "is no type"),
+        ({"signals": {"force": FORCE}, "types": {"Load": "float64 x"}}, "is not a type"),
         ({"signals": {"force": FORCE}, "types": {"a/msg/Load": "float65 x"}}, "a/float65"),
         ({"signals": {"force": FORCE}, "domain": 233}, "232"),
     ],

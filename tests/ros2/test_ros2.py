@@ -149,7 +149,7 @@ def test_an_own_type_without_its_definition_is_told(publish, domain):
     publish(["topic /load own", "0.0 /load 1 2"])
     signals = {"newtons": MappedSignal(topic="/load", field="newtons", unit="N")}
     with (
-        pytest.raises(DeviceError, match="lab_msgs/msg/Load, which is no standard type: give its definition in types"),
+        pytest.raises(DeviceError, match="lab_msgs/msg/Load, which is not a standard type: give its definition"),
         device(domain, signals=signals, patience=1.5).connect(0),
     ):
         pass

@@ -72,7 +72,7 @@ def test_where_there_is_no_skin_there_is_no_force_and_no_motion():
         ({"relief": {"tilt_x": "5 deg"}}, "leave one of them out"),
         ({"model": DimensionalityReduction(indenter=Cone(angle=1.2))}, "round end"),
         ({"inclusions": ({"shape": "cylinder"},)}, 'shape = "sphere"'),
-        ({"inclusions": ({"shape": "sphere", "place": ("80 mm", "0 mm")},)}, "no skin at x 80.0, y 0.0 mm: beside"),
+        ({"inclusions": ({"shape": "sphere", "place": ("80 mm", "0 mm")},)}, "no skin at x 80.0, y 0.0 mm: off"),
     ],
 )
 def test_what_a_body_cannot_have_is_refused(changes, words):

@@ -60,7 +60,7 @@ def test_the_log_finds_what_it_was_simulated_with(tmp_path):
     ("arguments", "what"),
     [
         (("pont",), "did you mean 'point'"),
-        (("log-analysis",), "there is no pipeline"),  # only a part of one
+        (("log-analysis",), "no pipeline"),  # only a part of one
         (("x", None, "tipp"), "did you mean 'tip'"),
         (("Bad_Name", None, "tip"), "small letters"),
     ],
@@ -154,5 +154,5 @@ def test_bash_completes(capsys):
 
 
 def test_a_shell_that_is_none():
-    with pytest.raises(ConfigurationError, match="there is no completion for 'sh'"):
+    with pytest.raises(ConfigurationError, match="no completion for 'sh'"):
         completion("sh")

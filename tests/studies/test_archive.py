@@ -161,7 +161,7 @@ def test_curves_that_are_left_out_are_found_by_their_hash(study, tmp_path, palpa
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["control", "-o", "x.zip"], "is no folder of fits"),
+        (["control", "-o", "x.zip"], "is not a folder of fits"),
         (["fits", "-o", "x.tar"], "ends in .zip"),
         (["fits", "-o", "x.zip", "--by", "treatmint"], "did you mean 'treatment'"),
     ],

@@ -57,7 +57,7 @@ HOSTILE_NAMES = [
 def test_no_member_leaves_the_archive(palpate, tmp_path, name):
     done = palpate("verify", zip_of(tmp_path / "evil.zip", name))
     assert done.returncode == 2
-    assert "is no name of a file within the archive" in done.stderr or "is in none of" in done.stderr
+    assert "is not a name of a file within the archive" in done.stderr or "is in none of" in done.stderr
     assert "\x1b" not in done.stderr
     assert not [path for path in tmp_path.rglob("evil") if path.name == "evil"]
     assert not Path("/etc/evil").exists()
@@ -166,7 +166,7 @@ def with_manifest(key, value):
         (one_more, "files/more.py: is not of the study"),
         (with_manifest("options", {"out": "/tmp/evil.html"}), "no option 'out'"),
         (with_manifest("options", ["by"]), "has no study.json that palpate pack has written"),
-        (with_manifest("left_out", {"../../evil": "0" * 64}), "is no name of a file within the archive"),
+        (with_manifest("left_out", {"../../evil": "0" * 64}), "is not a name of a file within the archive"),
     ],
 )
 def test_an_archive_that_palpate_has_not_packed_is_refused_by_name(palpate, tmp_path, make, told):

@@ -98,7 +98,7 @@ def test_mistakes_are_told(palpate, runs):
         list(readings(runs[0], None, "elasticity"))
     partly = palpate("repeat", "review", *runs)
     assert partly.returncode == 1
-    assert "is no review of palpate" in partly.stderr
+    assert "is not a review of palpate" in partly.stderr
 
 
 @pytest.mark.slow

@@ -133,7 +133,7 @@ def test_a_damaged_run_is_left_out_by_name(palpate, years):
         (["nothing", "--table", "all.csv"], "nothing"),
         (["years", "--table", "all.csv", "--by", "animal"], "--by is for statistics"),
         (["years", "--table", "all.csv", "--parameter", "elastcity"], "did you mean 'elasticity'"),
-        (["years/2024", "--table", "all.csv", "--where", "animal=1"], "is no folder of fits"),
+        (["years/2024", "--table", "all.csv", "--where", "animal=1"], "is not a folder of fits"),
     ],
 )
 def test_mistakes_of_a_table_are_named(palpate, years, words, message):

@@ -59,7 +59,7 @@ def test_curvatures_are_those_of_the_turn_of_the_normal():
         ((0.0, 0.0, -0.035), "too deep inside the ellipsoid"),
         ((0.0, 0.0, -0.04), "too deep inside the ellipsoid"),
         ((0.08, 0.0, -0.05), "below the rim of the ellipsoid"),
-        ((0.07, 0.0), "beside the ellipsoid"),
+        ((0.07, 0.0), "off the ellipsoid"),
     ],
 )
 def test_what_is_not_known_is_refused(place, words):

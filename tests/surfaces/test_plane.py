@@ -101,8 +101,8 @@ class Motion(Settings):
         ("skin", Plane(height=0.002)),
         ({"type": "plane"}, Plane()),
         ({"height": "3 mm"}, NominalHeight(height=0.003)),
-        ("skim", "there is no [surface.skim]; did you mean 'skin'?"),
-        ({"type": "plan"}, "there is no surface 'plan'; did you mean 'plane'?"),
+        ("skim", "no [surface.skim]; did you mean 'skin'?"),
+        ({"type": "plan"}, "no surface 'plan'; did you mean 'plane'?"),
         ({"hight": 1.0}, "unknown key 'hight'; did you mean 'height'?"),
     ],
 )

@@ -248,7 +248,7 @@ def test_a_registration_of_another_mesh_is_refused(breast, tmp_path, mesh_and_to
         Mesh(file=other, registration=registration)
     for change, words in [("format = 1", "format = 2"), ("touches = 8", 'touches = "8"'), ("pivot", "pviot")]:
         registration.write_text(registration.read_text().replace(change, words, 1))
-        with pytest.raises(ConfigurationError, match=r"is no registration|is a damaged registration"):
+        with pytest.raises(ConfigurationError, match=r"is not a registration|is a damaged registration"):
             Mesh(file=breast.file, registration=registration)
         registration.write_text(registration.read_text().replace(words, change, 1))
 

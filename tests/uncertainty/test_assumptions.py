@@ -1,4 +1,4 @@
-"""What a result takes on trust: by the powers of the law of a tip, by refits, and by what a declaration takes away."""
+"""What a result takes for exact: by the powers of the law of a tip, by refits, and by what a declaration takes away."""
 
 import importlib.util
 import json
@@ -134,9 +134,9 @@ def ran(tmp_path_factory, root):
 def test_a_run_says_it_once_in_one_line(ran):
     (line,) = assumption_lines(ran)
     assert line == (
-        "on trust, % of elasticity/viscosity for 1 % of it: height 1.5, Poisson's ratio 0.7/1.0, force 1.0, tip radius "
-        "0.5; rigid mount (210 N/mm: 1 %), level skin (5.1 deg: 1 %), flat skin (radius 250 mm: 1 %), thick "
-        "specimen (100 mm: 5 %), 2 Hz only"
+        "assumed exact; a 1 % error changes elasticity/viscosity by: height 1.5 %, Poisson's ratio 0.7/1.0 %, force "
+        "1.0 %, tip radius 0.5 %; rigid mount (210 N/mm: 1 %), level skin (5.1 deg: 1 %), flat skin "
+        "(radius 250 mm: 1 %), thick specimen (100 mm: 5 %), 2 Hz only"
     )
     document = json.loads((ran.folder / "result.json").read_text())
     assert all("assumptions" in track["diagnoses"] for track in document["tracks"].values())
@@ -146,6 +146,6 @@ def test_a_run_says_it_once_in_one_line(ran):
 def test_the_terminal_and_the_page_have_the_line_once(ran, palpate, tmp_path):
     done = palpate("report", ran.folder, "--out", tmp_path / "page.html")
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "page.html").read_text().count("on trust, % of elasticity/viscosity") == 1
+    assert (tmp_path / "page.html").read_text().count("a 1 % error changes elasticity/viscosity by: ") == 1
     done = palpate("replay", ran.folder, "--details", "--out", tmp_path / "again")
-    assert done.stdout.count("on trust, % of elasticity/viscosity") == 1
+    assert done.stdout.count("a 1 % error changes elasticity/viscosity by: ") == 1

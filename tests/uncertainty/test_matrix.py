@@ -60,6 +60,6 @@ def test_the_reason_is_told(result):
     track = result.tracks["sls/kinematic"]
     signs = [sign for flag in (*track.flags, *track.immaterial) for sign in flag.evidence]
     message = next(str(sign) for sign in signs if sign.code == "overconfident")
-    assert re.search("hard to tell apart: .*elasticity and (relaxation_time|surface)", message)
+    assert re.search("hard to distinguish: .*elasticity and (relaxation_time|surface)", message)
     failed = [str(flag) for track in result.tracks.values() for flag in track.flags if flag.code == "diagnosis-failed"]
     assert failed == []

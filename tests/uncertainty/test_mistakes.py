@@ -155,7 +155,7 @@ def test_what_the_record_does_not_show_is_not_told(laboratory, estimated):
     assert track["parameters"]["elasticity"]["value"] == pytest.approx(np.sqrt(2) * E, rel=0.02)
 
 
-def test_a_track_is_right_told_or_silent(laboratory):
+def test_a_track_is_right_reported_or_silent(laboratory):
     outcome, truth = laboratory["judgement"].outcome, (100.0, 10.0)
 
     def of(verdict, elasticity, viscosity, std=1.0):
@@ -166,5 +166,5 @@ def test_a_track_is_right_told_or_silent(laboratory):
     assert of("good", 101.0, 10.1) == "right"
     assert of("good", 105.0, 10.0, std=3.0) == "covered"
     assert of("note", 105.0, 10.0) == "silent"
-    assert of("doubtful", 105.0, 10.0) == "told"
+    assert of("doubtful", 105.0, 10.0) == "reported"
     assert of("doubtful", 101.0, 10.0) == "false alarm"

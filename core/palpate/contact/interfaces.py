@@ -85,7 +85,7 @@ class MaterialValue:
         return "Pa*s" if self.name == "viscosity" else "Pa"
 
     def std(self, parameter_std: Sequence[float]) -> float:
-        """Standard deviation that follows from those of the parameters, taken as uncorrelated."""
+        """Standard deviation sqrt(sum_i (dv/dp_i s_i)^2) of the value v for uncorrelated parameters with s_i (k,)."""
         return math.hypot(*(slope * std for slope, std in zip(self.gradient, parameter_std, strict=True)))
 
 

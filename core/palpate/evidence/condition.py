@@ -28,7 +28,7 @@ class Condition:
     fact: str  # one of the facts of docs/verdict.md, such as "thickness"
     text: str  # what is assumed, as in "holds if: ..."
     remedy: str  # the words that state the fact
-    alternative: str = ""  # with which the shifts are, as in "22 mm"; empty: there is none, and no value needs the fact
+    alternative: str = ""  # with which the shifts are, as in "22 mm"; empty: none, and no value needs the fact
     shifts: Mapping[str, float] = field(default_factory=dict)  # [SI] of each value by the alternative, with signs
     code: str = ""  # of the flag by which older versions said it
 
@@ -43,7 +43,9 @@ class Condition:
         return bool(self.alternative) and size > _NEEDED * max(abs(value.value), 0.0 if math.isnan(u) else 2 * u)
 
     def sentence(self, values: Mapping[str, UncertainValue]) -> str:
-        """What is assumed, and what becomes of the values otherwise.
+        """The assumption, and the relative change of each value if the alternative were true.
+
+        Values that change by less than their combined uncertainty are left out.
 
         >>> thick = Condition("thickness", "specimen thicker than 49 mm", "--thickness", "22 mm", {"elasticity": -6.5})
         >>> thick.sentence({"elasticity": UncertainValue(50.0, 1.0, "Pa")})

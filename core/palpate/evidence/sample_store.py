@@ -16,7 +16,7 @@ _GAP = 2.5  # of the usual interval
 
 @dataclass(frozen=True, eq=False)
 class SampleStore:
-    """Samples in contact of a track, in blocks of 4096 consecutive ones that are spread evenly over the record."""
+    """The samples of a track in contact (n,), as blocks of 4096 consecutive ones spread evenly over the record."""
 
     index: NDArray[np.int64]  # (n,) count of the sample among all in contact; it jumps where blocks were dropped
     time: Floats  # (n,) [s]
@@ -25,7 +25,7 @@ class SampleStore:
     velocity: Floats  # (n,) [m/s]
     lateral: Floats  # (n, 2) [m]; NaN: not known
     used: NDArray[np.bool_]  # (n,) the track has an estimate there
-    surface: Floats  # (n,) [m] by that estimate; NaN where there is none
+    surface: Floats  # (n,) [m] by that estimate; NaN without one
     innovation: Floats  # (n,) over its own standard deviation; NaN where the estimator reports none
 
     @cached_property

@@ -93,14 +93,14 @@ class Diagnosed:
     terms: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty [SI] that it adds, by parameter
     unknown: frozenset[str] = frozenset()  # parameters whose uncertainty cannot be determined
     table: Mapping[str, Any] = field(default_factory=dict)  # plain data for result.json
-    # Known, by parameter: the value stays, its uncertainty holds all of the shift, a corrected value stands beside it.
+    # Known, by parameter: the value stays, its uncertainty holds all of the shift, a corrected value is added.
     biases: Mapping[str, Bias] = field(default_factory=dict)
     sources: tuple[Term, ...] = ()  # rows of the budget, each a cause of its own for all values
     delays: Mapping[str, float] = field(default_factory=dict)  # [s] that would explain a parameter or derived value
     settles: frozenset[str] = frozenset()  # codes of flags by lower orders whose effect this diagnosis accounts for
     left: Mapping[str, float] = field(default_factory=dict)  # in place of `terms` for a corrected value
     conditions: tuple[Condition, ...] = ()  # facts that the record cannot show and nobody has stated
-    known: frozenset[str] = frozenset()  # facts that the record itself measures, so that they are no condition
+    known: frozenset[str] = frozenset()  # facts that the record itself measures, so that they are not conditions
 
 
 # Tracks of one run -> findings by the name of the track; tracks that it has nothing to say of may be left out.

@@ -51,7 +51,7 @@ class UncertainValue:
 
     @property
     def of_one_place(self) -> float:
-        """Combined uncertainty without how the places of a sweep differ, which is no error."""
+        """Combined uncertainty without how the places of a sweep differ, which is not an error."""
         return self.without("places")
 
     def without(self, *causes: str) -> float:

@@ -15,9 +15,9 @@ from palpate_engine.alignment.change_point import samples_as_one, white_noise
 
 ROBOT_FORCE = 0.05  # [N] below which a robot's force is its tip's inertia, whatever the noise
 SIGMAS = 10.0  # of the noise, that count as touch where they are less than that
-FIRST_READINGS = 64  # samples that tell how large the noise is
+FIRST_READINGS = 64  # samples from which the noise is estimated
 FEWEST_IN_AIR = 10  # samples
-_ROUGHER = 1.5  # times the noise of its beginning, that a line through all of the air leaves where it is none
+_ROUGHER = 1.5  # times the noise of its beginning, that a line through all of the air leaves where it is bent
 
 
 def may_decide(settings: AlignmentSettings) -> bool:
@@ -37,7 +37,7 @@ def decides(samples: Samples) -> bool:
 def record_tare(settings: AlignmentSettings, air: Samples, step: float) -> Tare | None:
     """The tare of a record by its air before a touch, and the `step` [N] of its force; None where that is too short.
 
-    What is subtracted is that of the first `tare_duration`, or of as many readings as tell the noise.
+    What is subtracted is that of the first `tare_duration`, or of as many readings as determine the noise.
     """
     air = air[np.isfinite(air.force)]
     if len(air) < FEWEST_IN_AIR:

@@ -72,11 +72,11 @@ class Aligner:
         horizon = min((-1 if series.last is None else series.last for series in (base, *others)), default=-1)
         count = int(np.searchsorted(base.stamps, horizon, side="right"))
         if "velocity" not in self._roles and not final:
-            # A central difference wants the next position, too, and behind a beam the force at it.
+            # A central difference needs the next position, too, and behind a beam the force at it.
             count = count - 1 if self._settings.beam is not None else min(count, len(base.stamps) - 1)
         count = max(count, 0)
         if self._origin is None and count:
-            # There is no sample before the first reading of every signal.
+            # No sample comes before the first reading of every signal.
             early = int(np.searchsorted(base.stamps[:count], max(int(series.stamps[0]) for series in others)))
             base.drop(early)
             count -= early
@@ -116,7 +116,7 @@ class Aligner:
         return Samples(stamps, time, interval, *motion, np.column_stack(lateral), signals.curvature)
 
     def _central_difference(self, stamps: NDArray[np.int64], position: Floats) -> Floats:
-        """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and beside a gap."""
+        """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and next to a gap."""
         if self._previous is not None:
             stamps = np.concatenate([[self._previous[0]], stamps])
             position = np.concatenate([[self._previous[1]], position])

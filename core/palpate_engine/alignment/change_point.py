@@ -14,7 +14,7 @@ _STEPS = np.arange(float(_GRID))
 _LEVELS = 4  # each a twentieth of the one before
 _FEWEST = 20  # samples
 _MOST = 4000  # samples; more are thinned
-_LEAST_SHARE = 2e-3  # of all heights from the surface to the deepest sample; less is no way down
+_LEAST_SHARE = 2e-3  # of all heights from the surface to the deepest sample; less is not a way down
 _LEAST_NOISE = 4.0  # standard deviations of the height: the same
 _MOST_WAY = 2e-5  # [m] of a robot, which is a way down however far it has come
 _PARTS = 8
@@ -58,7 +58,7 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     for _ in range(_LEVELS):
         heights = _STEPS * ((high - low) / (_GRID - 1)) + low
         heights[-1] = high
-        below = held < high  # the law is none for the others, whatever the height
+        below = held < high  # the law does not hold for the others, whatever the height
         held, pulls = held[below], pulls[below]
         sums = _left(held, pulls, count, total, heights)
         at = int(np.argmin(sums))

@@ -11,7 +11,7 @@ from palpate_engine.alignment.contact_threshold import SAMPLES_IN_A_ROW, Contact
 from palpate_engine.alignment.held_samples import HeldSamples, Lookback
 from palpate_engine.alignment.slow_rise import RiseFinder
 
-_BELIEVED = 0.1  # of the rise: what the law of a change point may leave, beside the noise
+_BELIEVED = 0.1  # of the rise: what the law of a change point may leave, in addition to the noise
 _COME_UP = 0.1  # of its way down, that a tip may have come up and still be on it
 _NEAR = 3.0  # touch forces, up to which contact is looked at
 

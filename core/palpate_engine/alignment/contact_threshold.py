@@ -15,10 +15,10 @@ from palpate_engine.alignment.air_line import ROBOT_FORCE, SIGMAS
 
 SAMPLES_IN_A_ROW = 3  # that must agree before contact is found or lost
 
-_PAPER_NOISE = 0.05  # [N] of a robot: standard deviation of the sensor in the paper; where no free air tells it
+_PAPER_NOISE = 0.05  # [N] of a robot: standard deviation of the sensor in the paper; where no free air shows it
 _SIGMAS = 5.0
 _FOR_DRIFT = 0.1  # of the threshold
-_RISE = 0.03  # [N] of a robot, of a tenth of a second's mean; less is none
+_RISE = 0.03  # [N] of a robot, of a tenth of a second's mean; less does not count
 _RISE_SIGMAS = 0.6  # of the noise: the same of a record whose own noise says what counts as touch
 
 
@@ -53,7 +53,7 @@ class ContactThreshold:
         return np.maximum(self.force, (1.0 - _FOR_DRIFT) * self.force + self.drift * time)
 
     def above_air(self, samples: Samples) -> Floats:
-        """Force (n,) [N] of samples above the line that the air tells; as it is where none tells one."""
+        """Force (n,) [N] of samples above the line through the air; unchanged without one."""
         return samples.force if self.air is None else samples.force - self.air.at(samples.time)
 
 

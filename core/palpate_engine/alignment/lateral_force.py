@@ -10,7 +10,7 @@ from palpate.device import Batch
 from palpate.vectors import Floats
 
 _PER_NEWTON = 1e3  # whole millinewtons: their sums do not depend on how a record is cut into batches
-_LARGEST = 1e6  # [mN]; what is beyond is no reading
+_LARGEST = 1e6  # [mN]; what is beyond is not a reading
 _FEWEST = 100  # readings
 
 

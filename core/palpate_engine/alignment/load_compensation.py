@@ -28,7 +28,7 @@ class LoadCompensation:
         return replace(samples, force=force if self._weight is None else force + self._weight)
 
     def watch_pull(self, samples: Samples) -> None:
-        """Take note of compensated forces that are below none, or below what the air before contact tells."""
+        """Take note of compensated forces that are negative, or below the line of the air before contact."""
         force = samples.force if self.tare.air is None else samples.force - self.tare.air.at(samples.time)
         if len(force) < SAMPLES_IN_A_ROW:
             return

@@ -14,15 +14,15 @@ from palpate_engine.alignment.contact_threshold import SAMPLES_IN_A_ROW, run_len
 
 _EVERY, _OFTEN = 16, 32  # samples between two looks: so many, or such a part of what there is
 _CABLE = 2.0  # [N/m] of a cable that the tip pulls along
-_ROWS = 1024  # means of the record that are looked at together, at the most
+_ROWS = 1024  # means of the record that are looked at together, at most
 _PULSE = 0.05  # [s] over which accelerations are taken
-_ABOVE = 4.0  # standard deviations of a derived acceleration that is none
+_ABOVE = 4.0  # standard deviations of a derived acceleration, below which it is noise
 _GRID, _LEVELS = 33, 3  # heights that are tried together, and how often the grid narrows
 _GAIN = 100.0  # of the sum of squares in units of the noise's variance: ten sigma, jointly
 _STEPS = 3.0  # of the resolution, that what only contact explains rises by at least
 _SPREAD, _BELIEVED = 2.0, 0.2  # what the law may leave: standard deviations of the noise, share of the rise
 _PARTS = (8, 32)
-_ALIKE = 1e-6  # share of a term that the others leave, which is none
+_ALIKE = 1e-6  # share of a term that the others leave, below which it counts as zero
 _REPEATS = 4096  # readings whose resolution is looked at
 
 

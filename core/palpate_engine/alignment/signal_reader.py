@@ -30,7 +30,7 @@ class ToolSignals:
 
 
 class ToolReport(NamedTuple):
-    """What a record says of its tool."""
+    """The evidence of a record on the direction of its tool: force across it, its turns, its tilt."""
 
     sideways: SidewaysShare | None = None  # of the force; None where its stream has one axis
     turned: TurnedTool | None = None  # of a tool whose orientation is read

@@ -10,11 +10,11 @@ from palpate.device import Batch
 from palpate_engine.alignment.ports import Port
 
 _QUATERNION = ("qx", "qy", "qz", "qw")
-_UNIT = 1e-3  # by which the square of a quaternion may be off 1; what is beyond is none
+_UNIT = 1e-3  # by which the square of a quaternion may be off 1; what is beyond is not a rotation
 
 
 class TiltRange:
-    """Range of the cosine between the tool's axis and the z axis of its poses."""
+    """Range over time of cos(tilt), the z component of the tool's axis: 1 - 2 (x^2 + y^2) of a unit quaternion."""
 
     def __init__(self, position: Port) -> None:
         names = [channel.name for channel in position.stream.channels]

@@ -15,7 +15,7 @@ from palpate_engine.alignment.tool_frame import Load, Vector
 # Whole tenths of a millinewton, micrometres and tenths of a degree: sums of them do not depend on how a record is cut
 # into blocks.
 _PER_NEWTON, _PER_METRE, _PER_CURVATURE = 1e4, 1e6, 1e4
-_LARGEST = 1e7  # of such parts; what is beyond is no reading
+_LARGEST = 1e7  # of such parts; what is beyond is not a reading
 _FEWEST = 100  # samples
 _WEIGHT, _ALONG, _CURVATURE, _TILT, _COLUMNS = slice(3, 6), 6, slice(11, 13), 13, 14
 _PER_RADIAN, _MOST_TILT = 1800 / math.pi, 1800
@@ -139,6 +139,6 @@ class _Stays:
 
     @property
     def slope(self) -> float:
-        """Tangent of the angle between the normal and the motion; 0 where there is no motion along it."""
+        """Tangent of the angle between the normal and the motion; 0 without motion along it."""
         *place, height = self._whole
         return math.sqrt(max(sum(place) / height - 1.0, 0.0)) if height > 0 else 0.0

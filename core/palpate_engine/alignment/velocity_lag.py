@@ -84,9 +84,9 @@ class VelocityCheck:
 
     @property
     def share(self) -> float | None:
-        """The velocity in parts of the change of the position, by least squares; None where that is mostly noise.
+        """Ratio of the velocity channel to the derivative of the position [1], by least squares; None if mostly noise.
 
-        Noise of the position makes neighbouring slopes differ, and can lower the share to `_SIGNAL`.
+        Noise of the position lowers it, to `_SIGNAL` at least.
         """
         if not self._is_enough or self._slopes == 0 or self._lagged < _SIGNAL * self._slopes:
             return None
@@ -94,7 +94,7 @@ class VelocityCheck:
 
     @property
     def delay(self) -> tuple[float, float] | None:
-        """Delay of velocity against position and its standard uncertainty [s]; None where it cannot be determined."""
+        """Delay of velocity after position and its standard uncertainty [s]; None if it cannot be determined."""
         if not self._is_enough or self._power == 0:
             return None
         late = -self._product / self._power

@@ -36,7 +36,7 @@ class Invocation:
 
     wants: Literal["start", "help", "version", "command"]
     words: tuple[str, ...] = ()  # the command and its arguments
-    files: tuple[Path, ...] = ()  # plugins beside those that are installed
+    files: tuple[Path, ...] = ()  # plugins in addition to the installed ones
     forbids: bool = False  # plugin files that a pipeline names
 
 
@@ -51,7 +51,7 @@ class CommandCall:
 
 
 def parse_arguments(arguments: Sequence[str]) -> Invocation:
-    """What the arguments ask for; raises ConfigurationError for an option that is none."""
+    """What the arguments ask for; raises ConfigurationError for an unknown option."""
     if not arguments:
         return Invocation("start")
     rest, files, forbids = *_without_plugin_files(arguments), False
@@ -64,7 +64,7 @@ def parse_arguments(arguments: Sequence[str]) -> Invocation:
         if word == "--no-plugins":
             forbids = True
             continue
-        raise ConfigurationError(f"{word}: is no option before a command; {_USAGE}")
+        raise ConfigurationError(f"{word}: is not an option before a command; {_USAGE}")
     if not rest:
         return Invocation("help", files=tuple(files))
     return Invocation("command", tuple(rest), tuple(files), forbids)
@@ -108,9 +108,9 @@ def call_of(invocation: Invocation) -> CommandCall:
 
 
 def _demand_no_slip(first: str, word: str, below: Mapping[str, Command], alone: bool) -> None:
-    """Raise PluginError where a word is no subcommand, and can be nothing else or nearly is one."""
+    """Raise PluginError where a word is not a subcommand, and can be nothing else or nearly is one."""
     if alone or (get_close_matches(word, below, cutoff=0.75) and not Path(word).exists()):
-        raise PluginError(f"there is no command '{first} {word}'{suggest(word, below)}")
+        raise PluginError(f"no command '{first} {word}'{suggest(word, below)}")
 
 
 def command_offers() -> Registry:

@@ -15,7 +15,7 @@ READINGS = {"force_scale": "1", "position_scale": "1"}
 
 
 def unknown_sources(models: Mapping[str, ContactModel], declared: Mapping[str, Any]) -> dict[str, str]:
-    """What is wrong with declared uncertainties, by name: a key that no model has, or a value that is none."""
+    """What is wrong with declared uncertainties, by name: a key that no model has, or an invalid value."""
     numbers = [number for model in models.values() for number in numbers_of(model)]
     keys = {key: unit for path, _, unit in numbers for key in (path[-1], ".".join(path))}
     problems = {}
@@ -23,7 +23,7 @@ def unknown_sources(models: Mapping[str, ContactModel], declared: Mapping[str, A
         unit = READINGS.get(name, keys.get(name))
         if unit is None:
             known = ", ".join(sorted({*READINGS, *(key for key in keys if "." not in key)}))
-            problems[name] = f"is no number of a model or its tip; there are: {known}"
+            problems[name] = f"is not a number of a model or its tip; there are: {known}"
             continue
         try:
             declared_std(value, unit)
@@ -33,8 +33,8 @@ def unknown_sources(models: Mapping[str, ContactModel], declared: Mapping[str, A
 
 
 def declared_std(value: Any, unit: str) -> float:
-    """A declared standard uncertainty [unit]; raises ValueError for what is none."""
+    """A declared standard uncertainty [unit]; raises ValueError for anything else."""
     std = float(value) if unit == "1" and not isinstance(value, str) else to_si(value, unit)
     if not (std >= 0 and math.isfinite(std)):
-        raise ValueError(f"{value!r} is no standard uncertainty: it must be finite and not negative")
+        raise ValueError(f"{value!r} is not a standard uncertainty: it must be finite and not negative")
     return std

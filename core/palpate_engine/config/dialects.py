@@ -15,14 +15,14 @@ DIALECT = "dialect"
 def dialect_tables(tables: Mapping[str, Any], name: str) -> dict[str, Any]:
     """The tables of a pipeline with those of a dialect in place of its own; of no name its own.
 
-    Raises ConfigurationError where there is no such dialect.
+    Raises ConfigurationError for an unknown dialect.
     """
     rest = {key: table for key, table in tables.items() if key != DIALECT}
     if not name:
         return rest
     dialects = tables.get(DIALECT, {})
     if not isinstance(dialects, dict) or not isinstance(dialects.get(name), dict):
-        raise ConfigurationError(f"there is no [{DIALECT}.{name}]{suggest(name, dialects)}")
+        raise ConfigurationError(f"no [{DIALECT}.{name}]{suggest(name, dialects)}")
     return {**rest, **dialects[name]}
 
 
@@ -35,7 +35,7 @@ def with_dialect(tables: Mapping[str, Any], name: str, others: Mapping[str, Any]
 def choose_dialect(source: Source) -> None:
     """Take the dialects out of a source, and the tables of the one that ``run.dialect`` names in; settings stay.
 
-    Raises ConfigurationError where there is no such dialect.
+    Raises ConfigurationError for an unknown dialect.
     """
     run = source.tables.get("run")
     name = run.pop(DIALECT, "") if isinstance(run, dict) else ""

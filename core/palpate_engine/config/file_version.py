@@ -13,7 +13,7 @@ KEY = "palpate"  # of a pipeline, at the top: the version for which it was writt
 
 
 def demand_version(source: Source) -> None:
-    """Raise ConfigurationError for a pipeline of a newer palpate, or with a version that is none."""
+    """Raise ConfigurationError for a pipeline of a newer palpate, or with an invalid version."""
     given = source.tables.get(KEY)
     if given is None:
         return

@@ -12,7 +12,7 @@ from palpate_engine.config.pipeline_source import Source
 
 
 def raise_mistakes(mistakes: Iterable[Mistake], source: Source) -> None:
-    """Raise ConfigurationError with every mistake, in the order of the file; do nothing where there is none."""
+    """Raise ConfigurationError with every mistake, in the order of the file; do nothing without any."""
     ordered = sorted(dict.fromkeys(mistakes), key=lambda mistake: source.line(mistake.location))
     if not ordered:
         return

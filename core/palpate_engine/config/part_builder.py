@@ -41,7 +41,7 @@ class Builder:
         """Every part of a kind that the file names and that is in order."""
         tables = self._tables.get(kind, {})
         if not isinstance(tables, dict):
-            self._note((kind,), f"is no table: name each {kind}, as in [{kind}.my_{kind}]")
+            self._note((kind,), f"is not a table: name each {kind}, as in [{kind}.my_{kind}]")
             return {}
         if isinstance(tables.get("type"), str):
             self._note((kind,), f"has no name: write [{kind}.NAME], such as [{kind}.{_short(tables['type'])}]")
@@ -104,7 +104,7 @@ class Builder:
         try:
             found = settings.model_validate(table, context=self._context)
         except ValidationError as error:
-            # That a broken inner table is missing now is no mistake of its own.
+            # That a broken inner table is missing now is not a mistake of its own.
             wrong = mistakes_of(error, settings, location)
             self.mistakes += [mistake for mistake in wrong if mistake.location not in broken]
             told = {mistake.location for mistake in wrong}
@@ -145,7 +145,7 @@ class Builder:
         if isinstance(value, str):
             names = self._tables.get(kind, {})
             if not isinstance(names, dict) or value not in names:
-                self._note(location, f"there is no [{kind}.{value}]{suggest(value, names)}")
+                self._note(location, f"no [{kind}.{value}]{suggest(value, names)}")
                 raise _PartError
             if (kind, value) in self._begun:
                 self._note(location, f"[{kind}.{value}] needs itself")

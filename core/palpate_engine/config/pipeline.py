@@ -44,7 +44,7 @@ class RunSettings(Settings):
     tracks: tuple[str, ...] = Field(
         default=("*",), description='which model/estimator pairs run, as patterns: "dr/*", "*/ekf"'
     )
-    plugins: tuple[File, ...] = Field(default=(), description="Python files beside the pipeline with parts of your own")
+    plugins: tuple[File, ...] = Field(default=(), description="Python files next to the pipeline with your own parts")
     rig: InputFile | None = Field(
         default=None,
         description="file of facts of rig and specimens (`rig.toml`): what this file leaves open of tip, delay, mass, "
@@ -66,7 +66,7 @@ class RunSettings(Settings):
     average: Time = Field(default=1.0, ge=0.05, description="results are means over so much time at the end")
     uncertainties: dict[str, float | str] = Field(
         default={},
-        description="standard uncertainties of what is taken for known, by key of the models and their tips, or "
+        description="standard uncertainties of what is assumed exact, by key of the models and their tips, or "
         '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }; not declared: '
         "a radius to 0.5 %, Poisson's ratio within 0.02 below its value",
     )

@@ -136,7 +136,7 @@ def _add_plugins_at_hand(source: Source) -> None:
 def plugin_files(source: Source) -> tuple[PluginFile, ...]:
     """The plugin files that a source names, with content that may be executed.
 
-    Raises ConfigurationError for what is no list of files, ConsentError where one may not be executed.
+    Raises ConfigurationError for what is not a list of files, ConsentError where one may not be executed.
     """
     run = source.tables.get("run")
     if not isinstance(run, dict) or "plugins" not in run:
@@ -162,7 +162,7 @@ def _wrong_signals(
     devices: Mapping[str, Device],
     safety: SafetySettings | None,
 ) -> list[Mistake]:
-    """Channels that are none, and wires that cannot be; nothing where not all devices could be built."""
+    """Unknown channels, and wires that cannot be; nothing where not all devices could be built."""
     if not alignment or not isinstance(tables.get("device"), dict) or len(devices) != len(tables["device"]):
         return []
     return wrong_channels(alignment, devices) or check_wiring(ports_of(alignment, devices), safety)
@@ -216,7 +216,7 @@ def _wrong_rehearsal(run: RunSettings | None, kinds: Mapping[str, Mapping[str, A
     if run is None or run.rehearsal is None or run.rehearsal in kinds["twin"] or not is_live(kinds["device"]):
         return []
     known = suggest(run.rehearsal, kinds["twin"])
-    return [Mistake(("run", "rehearsal"), f"there is no [twin.{run.rehearsal}]{known}")]
+    return [Mistake(("run", "rehearsal"), f"no [twin.{run.rehearsal}]{known}")]
 
 
 def _missing(tables: Mapping[str, Any], registry: Registry, needed: tuple[str, ...]) -> list[Mistake]:

@@ -79,7 +79,7 @@ class Source:
             table = table.setdefault(key, {})
             if not isinstance(table, dict):
                 said = by or f"--set {'.'.join(keys)}"
-                raise ConfigurationError(f"{said}: {'.'.join(keys[: i + 1])} is no table")
+                raise ConfigurationError(f"{said}: {'.'.join(keys[: i + 1])} is not a table")
         table[keys[-1]] = value
         self._stated[keys] = by
 
@@ -135,7 +135,7 @@ def _value_at(tables: Any, keys: Location) -> Any:
 
 
 def parsed_assignment(text: str) -> tuple[Location, Any]:
-    """Keys and value of ``table.key=value``, which is TOML, or a text where it is none; raises ConfigurationError."""
+    """Keys and value of ``table.key=value``, which is TOML, or else a text; raises ConfigurationError."""
     name, equals, written = text.partition("=")
     keys = _split(name)
     if not equals or len(keys) < 2 or not all(keys):
@@ -144,7 +144,7 @@ def parsed_assignment(text: str) -> tuple[Location, Any]:
 
 
 def _pointed(text: str, path: Path, problem: str) -> str:
-    """A message about text that is no TOML, with the line and a caret below the place."""
+    """A message about text that is not TOML, with the line and a caret below the place."""
     found = re.search(r"\s*\(at line (\d+), column (\d+)\)$", problem)
     if found is None:
         return f"{path}: not TOML: {problem}"
@@ -188,7 +188,7 @@ def _split(dotted: str) -> Location:
 
 
 def _hint(path: Path) -> str:
-    """What to type where a pipeline file is not there: the command that writes it, or the name of one beside it."""
+    """What to type if a pipeline file is missing: the command that writes it, or the name of one in the same folder."""
     if path.name.removesuffix(".toml") in offers("palpate_templates", Template):
         name = path.name.removesuffix(".toml")
         return f"; type palpate init {name}, which writes {name}.toml, and name that file"

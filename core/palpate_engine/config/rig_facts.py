@@ -20,7 +20,7 @@ from palpate_engine.config.pipeline_source import Source
 
 RIG = "rig.toml"
 MEASURED, MEASUREMENT = "measured", "measurement"  # tables that `palpate calibrate` writes
-# Keys that are no settings of every pipeline: the first concern the reading and asking of files alone.
+# Keys that are not settings of every pipeline: the first concern the reading and asking of files alone.
 NO_SETTINGS = ("instrument", "columns", "units", "rate", "not_known", "model", MEASURED, MEASUREMENT)
 _PLUS_MINUS = re.compile(r"\s*(?:\+-|\+/-|±)\s*")
 ROLES = ("force", "position", "velocity", "time")
@@ -29,7 +29,7 @@ ROLES = ("force", "position", "velocity", "time")
 def value_and_std(text: object, unit: str) -> tuple[object, str | None]:
     """A quantity and its standard uncertainty, both as they are written; None where none is stated.
 
-    Raises ValueError for what is none.
+    Raises ValueError for an unknown fact.
 
     >>> value_and_std("0 ms +- 0.2 ms", "s")
     ('0 ms', '0.2 ms')
@@ -79,7 +79,7 @@ class _Words:
             return text
         try:
             if not text.startswith(FREE_AIR) or to_si(text.removeprefix(FREE_AIR).strip(), "s") <= 0:
-                raise ValueError(f"{text!r} is none of {', '.join(map(repr, self.words))}")
+                raise ValueError(f"{text!r} is not one of {', '.join(map(repr, self.words))}")
         except ValueError as error:
             raise PydanticCustomError("quantity", "{reason}", {"reason": str(error)}) from error
         return text
@@ -93,7 +93,7 @@ def _columns(value: object) -> object:
     if not isinstance(value, dict):
         return value
     if wrong := next((role for role in value if role not in ROLES), None):
-        raise ValueError(f"there is no role {wrong!r}{suggest(wrong, ROLES)} (there are: {', '.join(ROLES)})")
+        raise ValueError(f"no role {wrong!r}{suggest(wrong, ROLES)} (there are: {', '.join(ROLES)})")
     return {role: tuple(names) if isinstance(names, list | tuple) else (names,) for role, names in value.items()}
 
 

@@ -47,7 +47,7 @@ def apply_rig(source: Source, path: Path | None, known: Registry) -> bool:
         return False
     stated = source.tables.pop(TABLE, {})
     if not isinstance(stated, dict):
-        raise ConfigurationError(f"{source.where((TABLE,))}: is no table of facts")
+        raise ConfigurationError(f"{source.where((TABLE,))}: is not a table of facts")
     options = facts_of({key: value for key, value in stated.items() if source.is_stated((TABLE, key))})
     own = facts_of({key: value for key, value in stated.items() if not source.is_stated((TABLE, key))})
     for key, at, value in _settings(options, source.tables, known):
@@ -79,7 +79,7 @@ def rig_assignments(facts: RigFacts, path: Path) -> list[str]:
 
 
 def _agree(source: Source, at: Location, value: Any, by: str) -> None:
-    """Raise ConfigurationError where a source states another value; one that it assumes is no statement."""
+    """Raise ConfigurationError where a source states another value; one that it assumes is not a statement."""
     table: Any = source.tables
     assumed = _tables(source.tables, "run").get("assumed", ())
     if any(fnmatchcase(".".join(at), str(pattern)) for pattern in assumed):
@@ -106,7 +106,7 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _size(value: Any) -> float | None:
-    """A quantity in SI, whatever its unit; None where a value is none."""
+    """A quantity in SI, whatever its unit; None where a value is not one."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None

@@ -31,7 +31,7 @@ def wire_safety(limits: SafetySettings, alignment: AlignmentSettings, devices: M
 def contradictions(
     limits: SafetySettings, alignment: AlignmentSettings, devices: Mapping[str, Device]
 ) -> list[Mistake]:
-    """A force that the sensor cannot show, and a height that is none."""
+    """A force that the sensor cannot show, and an impossible height."""
     mistakes, ports = [], _ports(alignment, devices)
     force, position = ports["force"], ports["position"]
     if force.limits is not None and limits.stop_force >= (most := max(map(abs, force.limits))):
@@ -43,7 +43,7 @@ def contradictions(
     axis = position.stream.channels[position.column].name
     if position.device in own_motions(devices) and position.stream.layout == "pose" and axis != "z":
         problem = (
-            f"is {position.signal.channel!r}, but depth is along the normal: the z axis of the work frame is wanted"
+            f"is {position.signal.channel!r}, but depth is along the normal: expected the z axis of the work frame"
         )
         mistakes.append(Mistake(("alignment", "position"), problem))
     return mistakes

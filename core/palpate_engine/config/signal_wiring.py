@@ -37,7 +37,7 @@ def wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) 
             problem = f"no device has a channel {signal.channel!r}{suggest(signal.channel, units)}"
             mistakes.append(Mistake(("alignment", role), problem))
         elif wanted is not None and units[signal.channel] not in (wanted, "1"):
-            problem = f"{signal.channel!r} is in {units[signal.channel]}, but {role} is wanted in {wanted}"
+            problem = f"{signal.channel!r} is in {units[signal.channel]}, but {role} must be in {wanted}"
             mistakes.append(Mistake(("alignment", role), problem))
     if not mistakes and alignment.is_oriented:
         bare = alignment.model_copy(update={"weight": "tared", "normal": None, "surface": None})

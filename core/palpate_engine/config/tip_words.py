@@ -30,7 +30,7 @@ def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     tips = known.parts["indenter"]
     if name not in tips:
         hint = '; write it as in "sphere 3 mm"' if not name[:1].isalpha() else suggest(name, list(tips))
-        raise ConfigurationError(f"{said} {text!r}: there is no tip {name!r}{hint}")
+        raise ConfigurationError(f"{said} {text!r}: no tip {name!r}{hint}")
     fields = known.find("indenter", name).model_fields
     keys = [*fields, "diameter"] if "radius" in fields else list(fields)
     needed = [key for key, about in fields.items() if about.is_required()]

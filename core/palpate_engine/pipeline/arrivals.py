@@ -56,7 +56,7 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
         for stamps in (batch.time, batch.received):
             if np.asarray(stamps).dtype != np.int64:
                 raise DeviceError(
-                    f"device {name} sends a time-stamp in the stream {batch.stream!r} that is no whole number of "
+                    f"device {name} sends a time-stamp in the stream {batch.stream!r} that is not a whole number of "
                     f"nanoseconds: {_first_odd(np.asarray(stamps))}"
                 )
         wanted = (len(batch.time), widths[batch.stream])
@@ -67,7 +67,7 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
 
 
 def _first_odd(stamps: NDArray[Any]) -> Any:
-    """The first of some time-stamps that is no finite number; the first of all where each is one."""
+    """The first of some time-stamps that is not a finite number; the first of all where each is one."""
     odd = [stamp for stamp in stamps.ravel().tolist() if not (isinstance(stamp, int | float) and math.isfinite(stamp))]
     return next(iter(odd or stamps.ravel().tolist()), f"none, of type {stamps.dtype}")
 

@@ -15,7 +15,7 @@ _SIZE = 4 << 20  # [bytes]; the index of a log of 20 minutes is as large
 
 
 class ClosingReserve:
-    """A file without a name in the run folder, which is given up when the room is needed, and with the process."""
+    """Disk space reserved by an unnamed file in the run folder, until `release` or the end of the process frees it."""
 
     def __init__(self, file: IO[bytes] | None) -> None:
         self._file = file
@@ -29,7 +29,7 @@ class ClosingReserve:
 
 @contextmanager
 def closing_reserve(folder: Path, wanted: bool) -> Iterator[ClosingReserve]:
-    """The reserve of a run, or an empty one where none is wanted; raises OutputError where there is no room."""
+    """The reserve of a run, or an empty one if not requested; raises OutputError if the disk is full."""
     file = None
     try:
         if wanted:

@@ -20,7 +20,7 @@ _EVERY = 1.0  # [s]
 
 
 class HealthReporter:
-    """Health and flags once a second, the guard's state as it changes; costs nothing where no sink wants them."""
+    """Health and flags once a second, the guard's state as it changes; costs nothing where no sink takes them."""
 
     def __init__(
         self, writers: Iterable[Writer], flow: Flow, aligner: Aligner, tracks: Tracks, pipeline: Pipeline

@@ -40,7 +40,7 @@ class Interrupt:
 
 @contextmanager
 def interruptible() -> Iterator[Interrupt]:
-    """For as long as the context lives, signals only take note; outside the main thread there are none to take.
+    """For as long as the context lives, signals only take note; outside the main thread no signal arrives.
 
     A lost terminal (SIGHUP) counts like SIGTERM, unless it was ignored before, as under nohup.
     """

@@ -58,7 +58,7 @@ class Outputs:
             self._to_all(self.writers, methodcaller("batch", device, batch))
 
     def write(self, samples: Samples, estimates: Mapping[str, Estimates] | None) -> None:
-        """Samples, and the estimates of the online tracks; None where there are none."""
+        """Samples, and the estimates of the online tracks; None if the run has none."""
         if not len(samples):
             return
         self._to_all(self.writers, methodcaller("samples", samples))

@@ -134,7 +134,7 @@ class _RunContext:
 
 
 def _written(result: Result, folder: Path) -> Path:
-    """Write ``result.json`` into its folder, anew where that is gone, else to where temporary files go."""
+    """Write ``result.json`` into its folder, recreated if it is gone, else into the folder of temporary files."""
     text = json.dumps(result.table(), indent=2, allow_nan=False) + "\n"
     try:
         with suppress(OSError):

@@ -66,7 +66,7 @@ def _is_of(frame: FrameType, part: Part) -> bool:
 
 
 def check_estimates(found: Any, samples: Samples, parameters: int) -> Estimates:
-    """Estimates of the right form, those that are no numbers marked as diverged; raises TypeError or ValueError."""
+    """Estimates of the right form, those that are not numbers marked as diverged; raises TypeError or ValueError."""
     if not isinstance(found, Estimates):
         raise TypeError(f"the tracker's run answers {type(found).__name__}, not Estimates")
     shape = (len(samples), parameters)

@@ -25,7 +25,7 @@ def refuse_rehearsal(rig: Rig) -> None:
 
 @contextmanager
 def simulated_time(pipeline: Pipeline) -> Iterator[None]:
-    """The simulated time of a rehearsal's twin, where this process does not go by one already; no change for others.
+    """The simulated time of a rehearsal's twin, unless this process already uses one; no change for others.
 
     Raises ConfigurationError where the twin has none.
     """

@@ -14,7 +14,7 @@ from palpate_engine.pipeline.planned_motion import check_recorded_motion, single
 
 
 def run_flow(flow: Flow) -> None:
-    """Connect, set in motion, and pass every batch on until there are no more."""
+    """Connect, set in motion, and pass every batch on until none are left."""
     if is_live(flow.rig.devices):
         from palpate_engine.pipeline.live.live_flow import run_live  # a replay loads nothing of a live run
 

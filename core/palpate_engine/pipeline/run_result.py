@@ -87,7 +87,7 @@ def build_result(
 def _judged(
     pipeline: Pipeline, found: Mapping[str, TrackResult], of_record: tuple[Flag, ...]
 ) -> dict[str, TrackResult]:
-    """The tracks' verdicts, each by itself and then beside the others of its model."""
+    """The tracks' verdicts, each by itself and then among the others of its model."""
     alone = {name: track.judged(pipeline.registry, of_record) for name, track in found.items()}
     against = contradictions(alone)
     return alone | {
@@ -177,7 +177,7 @@ def _setting(settings: Mapping[str, Any], key: str) -> str:
     value: Any = settings
     for word in key.split("."):
         value = value.get(word) if isinstance(value, dict) else None
-    return "? (there is no such setting)" if value is None else str(value)
+    return "? (no such setting)" if value is None else str(value)
 
 
 def _model_of(key: str, pipeline: Pipeline) -> str | None:

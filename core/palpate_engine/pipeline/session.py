@@ -54,7 +54,7 @@ class Session:
         self._interrupt, self._observe, self._begun, self._outputs = interrupt, observe, begun, outputs
 
     def run(self) -> Exception | None:
-        """Until there are no more batches and no backlog; what ended it early, where that was no request to stop.
+        """Until no batches and no backlog are left; what ended it early, where that was no request to stop.
 
         Raises UserError where the run is refused before it begins.
         """

@@ -99,7 +99,7 @@ class Tracks:
         self._beside = beside  # runs the online tracks but the first, where nobody waits for single samples
         self.online = tuple(track for track in running if track.track.estimator.online)
         self._offline = tuple(track for track in running if not track.track.estimator.online)
-        self._waiting: list[Samples] = []  # an offline estimator wants them all at once
+        self._waiting: list[Samples] = []  # an offline estimator needs them all at once
 
     def estimate(self, samples: Samples) -> dict[str, Estimates]:
         """What the online estimators say of a block, by track."""
@@ -118,7 +118,7 @@ class Tracks:
         return found | {track.track.name: one.result() for track, one in zip(others, running, strict=True)}
 
     def estimate_offline(self) -> tuple[Samples, dict[str, Estimates]] | None:
-        """All samples, and what the offline estimators say of them; None where there are none."""
+        """All samples, and what the offline estimators say of them; None if the run has none."""
         if not self._waiting:
             return None
         samples, self._waiting = Samples.joined(self._waiting), []

@@ -1,4 +1,4 @@
-"""Materiality: what speaks against a value of a track beyond its uncertainty, and what it is worth by that."""
+"""Materiality: what counts against a value of a track beyond its uncertainty, and what it is worth by that."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _word(doubt: Verdict, is_open: bool, needed: str) -> str:
 
 
 def _leaves_nothing(flag: Flag, name: str, registry: Registry) -> bool:
-    """Whether a flag says that a value is none, while others of its track may be used."""
+    """Whether a flag says that a value is void, while others of its track may be used."""
     meaning = registry.meanings.get(flag.code)
     return meaning is not None and meaning.voids and math.isinf((flag.effects or {}).get(name, 0.0))
 
@@ -99,7 +99,7 @@ def _ratio(flag: Flag, name: str, value: UncertainValue) -> float:
 
 
 def _undetermined(said: set[str], values: Mapping[str, UncertainValue]) -> Iterator[Flag]:
-    """The note on values that may be none as far as the record tells; nothing of what is said already."""
+    """The note on values that may be none as far as the record shows; nothing of what is said already."""
     for name, value in values.items():
         u = value.of_one_place
         if name in said or not math.isfinite(value.value):

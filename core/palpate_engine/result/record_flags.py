@@ -19,7 +19,7 @@ _STUCK = 0.1  # [s] of exactly equal readings
 _TURNED = 0.02  # [N] of a weight, that is seen
 _MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
 _SIGMAS, _CHANCE = 3.0, 5.0  # standard uncertainties: of what is stated; of noise that is correlated
-_STIFF = 0.01  # of the samples; the few long steps of an arm that hesitates are no property of the contact
+_STIFF = 0.01  # of the samples; the few long steps of an arm that hesitates are not a property of the contact
 
 
 def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:

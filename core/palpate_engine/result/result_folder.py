@@ -22,9 +22,9 @@ _claims: deque[int] = deque()
 
 
 def make_folder(name: str, wanted: Path | None, now: datetime) -> Path:
-    """A new, empty folder: the one that is wanted, or ``runs/<date>_<time>_<name>``.
+    """A new, empty folder: the one that was requested, or ``runs/<date>_<time>_<name>``.
 
-    Raises OutputError where it cannot be made, or where the wanted one already holds something.
+    Raises OutputError where it cannot be made, or if the requested one already holds something.
     """
     try:
         if wanted is not None:

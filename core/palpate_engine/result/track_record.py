@@ -100,7 +100,7 @@ class TrackRecord:
             self._blocks.pop(0)
 
     def ends(self, average: float) -> tuple[Tail, Tail] | None:
-        """The tail, and of it the last so many seconds; None where there are no numbers that could be used."""
+        """The tail, and of it the last so many seconds; None without usable numbers."""
         tail = self.tail
         if tail is None or self.marks[Status.DIVERGED] or self.failure is not None:
             return None

@@ -122,12 +122,12 @@ def _of_row(by_value: Mapping[str, str]) -> str:
 
 
 def _doubt(word: str) -> str:
-    """What a verdict of one value is worth for others: a doubt where that value is none."""
+    """What a verdict of one value is worth for others: a doubt where that value is void."""
     return "doubtful" if word == "invalid" else word if word in VERDICTS else "good"
 
 
 def _rank(word: str) -> int:
-    """The higher the worse; a value without a number is no worse than a good one."""
+    """The higher the worse; a value without a number counts as a good one."""
     return VERDICTS.index(word) if word in VERDICTS else 0
 
 

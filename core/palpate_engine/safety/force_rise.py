@@ -28,7 +28,7 @@ class RiseWatch:
     """Looks whether the force rises on the way in, at least as a contact law F ~ d^n with n >= 1 does.
 
     Over a way w inwards, within contact and ending at a depth d, the mean force of the last half exceeds that of the
-    first by F n w/(2 d). Less than a fifth of F w/d is no contact, where that can be told from noise and inertia.
+    first by F n w/(2 d). Less than a fifth of F w/d is not contact, where noise and inertia are smaller.
     Not judged are ways on which the tip slows down, for a part of the force goes with speed, or goes sideways.
     """
 

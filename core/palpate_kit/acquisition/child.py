@@ -35,7 +35,7 @@ class Child:
         try:
             self._process = host().start(role, module, (theirs.fileno(), memory), json.dumps(settings))
             self.ring = Ring(memory, columns)
-            self.memory = os.dup(memory)  # to hand on
+            self.memory = os.dup(memory)  # for the child to inherit
         except BaseException:
             ours.close()
             raise

@@ -205,7 +205,7 @@ def use_host(other: Host) -> Iterator[None]:
 def real_time(priority: int) -> str:
     """Ask for real-time scheduling of this process; a sentence on what came of it.
 
-    Where it computes for 3 s without a pause the system ends it: no process takes a core for good.
+    Where it computes for 3 s without a pause the system ends it: no process takes a core permanently.
     """
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))

@@ -57,7 +57,7 @@ class ClockMap:
 
     @property
     def wander(self) -> float:
-        """How far the map moved [s] after its first second."""
+        """Range [s] of the offset between device clock and host clock after the first second; 0 before that."""
         low, high = self._bounds
         return float(high - low) / 1e9 if high >= low else 0.0
 

@@ -31,7 +31,7 @@ def network_device(address: str, port: int) -> str:
 def reserve(device: str, program: int, folder: Path = FOLDER) -> None:
     """Keep a device for this process, on behalf of a program by its process number.
 
-    Raises DeviceError naming the program that has it. A file of a process that has ended is no lock.
+    Raises DeviceError naming the program that has it. A file of a process that has ended is not a lock.
     """
     path = folder / f"palpate-{re.sub(r'[^A-Za-z0-9.]+', '-', device).strip('-')}.lock"
     if str(path) in _held:

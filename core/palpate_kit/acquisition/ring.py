@@ -52,7 +52,7 @@ class Ring:
         return rows
 
     def early(self) -> Floats:
-        """What came before anybody wanted rows, or the latest of it; none of it counts as lost."""
+        """What came before the first request for rows, or the latest of it; none of it counts as lost."""
         rows = self.read()
         self.lost = 0
         return rows

@@ -40,7 +40,7 @@ def _serve(parent: Parent, ring: Ring, reader: SensorReader, silence: float, sch
         parent.tell("ready", **reader.start(line), scheduling=scheduling)
         problem = "is disconnected"
         _read(line, ring, parent, reader, silence)
-    except (OSError, termios.error) as error:  # termios.error is no OSError
+    except (OSError, termios.error) as error:  # termios.error is not an OSError
         raise DeviceError(f"the sensor {problem} ({getattr(error, 'strerror', None) or error})") from error
     finally:
         if line is not None:

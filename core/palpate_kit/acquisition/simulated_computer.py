@@ -112,32 +112,32 @@ class SimulatedComputer:
         """No other program can reach the twin."""
 
     def serial_port(self, path: str, baud: int) -> Any:
-        """There is none."""
-        raise DeviceError(f"{path} cannot be opened: there is no port in simulated time")
+        """It has none."""
+        raise DeviceError(f"{path} cannot be opened: no port in simulated time")
 
     def datagrams(self, address: str, port: int) -> Any:
-        """There is no net."""
-        raise DeviceError(f"{address} cannot be reached: there is no net in simulated time")
+        """It has no network."""
+        raise DeviceError(f"{address} cannot be reached: no network in simulated time")
 
     def arm_driver(self, make: Callable[..., Any], settings: Mapping[str, Any], model: Any, tool: Any) -> Any:
-        """That of its maker, which has to go by `palpate.clock()`."""
+        """That of its maker, which has to use `palpate.clock()`."""
         return make(settings, model, tool)
 
     def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
-        """There is no net."""
-        raise DeviceError(f"{address}: there is no net in simulated time")
+        """It has no network."""
+        raise DeviceError(f"{address}: no network in simulated time")
 
     def robot_states(self, address: str, variables: Sequence[str]) -> Any:
-        """There is no net."""
-        raise RuntimeError("there is no net in simulated time")
+        """It has no network."""
+        raise RuntimeError("no network in simulated time")
 
     def robot_commands(self, address: str) -> Any:
-        """There is no net."""
-        raise RuntimeError("there is no net in simulated time")
+        """It has no network."""
+        raise RuntimeError("no network in simulated time")
 
     def read_back(self, address: str, connect: Callable[[str], Any]) -> Any:
-        """There is no net."""
-        raise RuntimeError("there is no net in simulated time")
+        """It has no network."""
+        raise RuntimeError("no network in simulated time")
 
 
 @contextmanager

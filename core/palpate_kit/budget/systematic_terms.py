@@ -27,7 +27,7 @@ def systematic_terms(
     included: Container[str] = (),
 ) -> list[Term]:
     """The terms of everything that is declared, or has a default; what an estimator has `included` is left out, and
-    without a `report` of the alignment what only that tells: tare, and directions of a tool that turns.
+    without a `report` of the alignment what only that states: tare, and directions of a tool that turns.
 
     Timing: dtheta/dtau u(tau), by `shifts` (k,) of `delay_shifts`. All others: a small error f(t) of the force shifts
     the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last
@@ -122,7 +122,7 @@ def _of_curvature(found: Along, settings: AlignmentSettings, report: AlignmentRe
 
 
 def _of_law(found: Along) -> Iterator[Term]:
-    """The term of a formula that stands for a solution and is off it by e of the force at the most.
+    """The term of a formula that stands for a solution and is off it by e of the force at most.
 
     By how much at which depth is not known, only that it changes slowly: f = e/2 F cos(n pi s), n = 0 to 3 and each by
     itself, with weights so that f^2 is (e/2)^2 F^2 on average, s the root of the depth over that of the deepest.

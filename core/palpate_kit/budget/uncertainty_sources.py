@@ -35,7 +35,7 @@ def declared_source(model: ContactModel, name: str, value: Any, others: Mapping[
     numbers = {key: one for one in reversed(numbers_of(model)) for key in (one[0][-1], ".".join(one[0]))}
     if name not in units and name not in numbers:
         allowed = ", ".join([*units, *(".".join(path) for path, _, _ in numbers_of(model))])
-        raise ValueError(f"{name!r} is no number of {type(model).__name__} or its tip; there are: {allowed}")
+        raise ValueError(f"{name!r} is not a number of {type(model).__name__} or its tip; there are: {allowed}")
     path, number, unit = ((), 1.0, units[name]) if name in units else numbers[name]
     try:
         return UncertaintySource(name, path, number, declared_std(value, unit), unit, True)
@@ -44,7 +44,7 @@ def declared_source(model: ContactModel, name: str, value: Any, others: Mapping[
 
 
 def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[UncertaintySource, ...]:
-    """Every source that concerns a model; raises ValueError for a value that is none.
+    """Every source that concerns a model; raises ValueError for a value that is not an uncertainty.
 
     A tip's radius that is not declared is known to 0.5 %, and Poisson's ratio within 0.02 below its value: u is
     0.02/sqrt(3) about a value at the end of a rectangular distribution. Of a skin that is stated, the inclination is

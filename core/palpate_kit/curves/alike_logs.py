@@ -79,7 +79,7 @@ def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
     found: list[Path] = []
     for source in sources:
         if not source.exists():
-            raise ConfigurationError(f"{source}: there is no such file or folder")
+            raise ConfigurationError(f"{source}: no such file or folder")
         if source.is_dir():
             own = {settings.parent for settings in source.rglob(SETTINGS)}
             paths = log_paths(source, lambda path: _holds_records(path, readers))

@@ -48,7 +48,7 @@ def curve_filter(words: str | None, folder: FitFolder, codes: Iterable[str] = ()
     """The filter of words such as ``flag:saturated verdict:doubtful sample=S1 E>100 rms<0.05 S1_07``.
 
     `codes` are flags that may be named besides those of the rows. A number without a unit is in the unit in which it is
-    shown. Raises ConfigurationError for the first word that is none.
+    shown. Raises ConfigurationError for the first unknown word.
     """
     try:
         split = shlex.split(words or "")
@@ -74,7 +74,7 @@ def _choice(word: str, name: str, value: str, codes: set[str], folder: FitFolder
     key = folder.symbols.get(name, name)
     if key in folder.values:
         if value not in _OF_VALUES:
-            raise ConfigurationError(f"--where {word!r}: {value!r} is no verdict{suggest(value, _OF_VALUES)}")
+            raise ConfigurationError(f"--where {word!r}: {value!r} is not a verdict{suggest(value, _OF_VALUES)}")
         return lambda row: row.verdict_of(key).replace(" ", "-").startswith(value)
     if name == "condition":
         facts = {fact for row in folder.rows for fact in row.conditions}
@@ -86,18 +86,16 @@ def _choice(word: str, name: str, value: str, codes: set[str], folder: FitFolder
             raise ConfigurationError(f"--where {word!r}: no curve has the flag {value!r}{suggest(value, codes)}")
         return lambda row: value in row.flags
     if name not in _CHOICES:
-        raise ConfigurationError(
-            f"--where {word!r}: there is no {name!r}{suggest(name, ['flag', 'condition', *_CHOICES])}"
-        )
+        raise ConfigurationError(f"--where {word!r}: no {name!r}{suggest(name, ['flag', 'condition', *_CHOICES])}")
     if value not in _CHOICES[name]:
-        raise ConfigurationError(f"--where {word!r}: {value!r} is no {name}{suggest(value, _CHOICES[name])}")
+        raise ConfigurationError(f"--where {word!r}: {value!r} is not a {name}{suggest(value, _CHOICES[name])}")
     return lambda row: getattr(row, name) == value
 
 
 def _equal(word: str, name: str, value: str, folder: FitFolder) -> Test:
     if name == "curve":
         if value not in folder.names:
-            raise ConfigurationError(f"--where {word!r}: there is no curve {value!r}{suggest(value, folder.names)}")
+            raise ConfigurationError(f"--where {word!r}: no curve {value!r}{suggest(value, folder.names)}")
         return lambda row: row.curve == value
     if name == "track":
         return lambda row: row.track == value
@@ -111,7 +109,7 @@ def _comparison(word: str, name: str, sign: str, value: str, folder: FitFolder) 
     key = folder.symbols.get(name, name)
     if key not in (*folder.values, *_NUMBERS):
         known = [*folder.symbols, *folder.values, *_NUMBERS]
-        raise ConfigurationError(f"--where {word!r}: there is no number {name!r}{suggest(name, known)}")
+        raise ConfigurationError(f"--where {word!r}: no number {name!r}{suggest(name, known)}")
     unit = _NUMBERS.get(key, folder.units.get(key, ""))
     try:
         limit = float(value) / display_unit(unit)[1]

@@ -24,7 +24,7 @@ Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
 
 
 def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
-    """The cells of every curve by column; none where there is no file.
+    """The cells of every curve by column; none without the file.
 
     Raises LogError for a table without a column `curve`, a curve that is there twice, or one that is not among those
     `known`.
@@ -52,7 +52,7 @@ def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
         if name in found:
             raise LogError(f"{path}:{number}: the curve {name!r} is there twice")
         if known is not None and name not in known and not cells.get(FILE):
-            raise LogError(f"{path}:{number}: there is no curve {name!r}{suggest(name, known)}")
+            raise LogError(f"{path}:{number}: no curve {name!r}{suggest(name, known)}")
         found[name] = cells
     return found
 
@@ -100,7 +100,7 @@ def fact_assignments(cells: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:
-    """What ``curves.csv`` beside the files of curves says of them, called by their files as seen from its folder.
+    """What ``curves.csv`` next to the files of curves says of them, called by their files as seen from its folder.
 
     Raises LogError.
     """
@@ -117,7 +117,7 @@ def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:
 
 
 def is_list(path: Path) -> bool:
-    """Whether a file says of other files what they are, and is no curve."""
+    """Whether a file says of other files what they are, and is not a curve."""
     if path.name != LIST or not path.is_file():
         return False
     with path.open(encoding="utf-8-sig", errors="replace") as file:
@@ -127,10 +127,10 @@ def is_list(path: Path) -> bool:
 def add_groups(folder: Path, table: Path, known: Collection[str]) -> None:
     """Take the columns of another table over for its curves; raises LogError where it has an unknown curve."""
     if not table.is_file():
-        raise LogError(f"{table}: there is no such file")
+        raise LogError(f"{table}: no such file")
     entries, more = read_list(folder / LIST), read_list(table)
     if unknown := next((name for name in more if name not in known), None):
-        raise LogError(f"{table}: there is no curve {unknown!r}{suggest(unknown, known)}")
+        raise LogError(f"{table}: no curve {unknown!r}{suggest(unknown, known)}")
     for name, cells in more.items():
         entries.setdefault(name, {}).update((key, cell) for key, cell in cells.items() if key not in OWN)
     write_list(folder / LIST, entries)

@@ -118,7 +118,7 @@ class FitTable:
         return latest_rows(self.path)
 
     def compact(self, names: Sequence[str] = ()) -> None:
-        """Write the table anew where it holds rows that later ones stand for, or not in the order of the names."""
+        """Rewrite the table where it holds rows that later ones stand for, or not in the order of the names."""
         known = self.rows
         places = {name: place for place, name in enumerate(names)}
         rows = sorted(known, key=lambda row: places.get(row["curve"], len(places)))
@@ -155,7 +155,7 @@ def _quartiles(values: Floats) -> list[float]:
 
 
 def replace_columns(path: Path, columns: Sequence[str]) -> None:
-    """Write a table of fits anew with other columns; a cell of one that is new is empty."""
+    """Rewrite a table of fits with other columns; cells of a new column are empty."""
     write_rows(path, columns, latest_rows(path))
 
 
@@ -181,12 +181,12 @@ def _columns(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def demand_columns(path: Path) -> None:
-    """Raise LogError for a table of fits that another version has written, or that is none."""
+    """Raise LogError for a table of fits that another version has written, or that is not one."""
     head, _ = _head_of(path)
     names = [name.removesuffix("_std") for name in head if name.endswith("_std")]
     now = _columns(names)
     if head not in (now, tuple(name for name in now if name not in _LATER and not name.endswith("_verdict"))):
-        about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is no table of fits"
+        about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is not a table of fits"
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
 
 
@@ -235,7 +235,7 @@ def write_dialects(path: Path, texts: Mapping[str, str]) -> None:
 
 
 def _run_table(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """The table ``[run]``; empty where it is none, which whoever builds the pipeline says."""
+    """The table ``[run]``; empty if it is not a table, which whoever builds the pipeline says."""
     run = tables.get("run")
     return run if isinstance(run, dict) else {}
 
@@ -283,7 +283,7 @@ def rows_of_fits(path: Path) -> Iterator[tuple[int, Row]]:
             row = dict(zip(head, cells, strict=True))
             for name, cell in row.items():
                 if wanted := _wanted(name, cell):
-                    raise LogError(f"{path}:{number}: column {name} holds {cell[:40]!r}, which is no {wanted}")
+                    raise LogError(f"{path}:{number}: column {name} holds {cell[:40]!r}, expected a {wanted}")
             yield file.tell(), row
 
 
@@ -308,4 +308,4 @@ def _readable(path: Path) -> Iterator[IO[bytes]]:
         with readable(regular(path)) as file:
             yield file
     except (UnicodeDecodeError, csv.Error) as error:
-        raise LogError(f"{path}: is no table of fits of palpate: {error}") from error
+        raise LogError(f"{path}: is not a table of fits of palpate: {error}") from error

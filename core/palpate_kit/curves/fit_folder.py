@@ -68,7 +68,7 @@ class CurveRow:
     current: bool = True  # made with the present settings
 
     def number(self, name: str) -> float | None:
-        """A number of the row [SI]; None where there is none."""
+        """A number of the row [SI]; None if it has none."""
         try:
             value = float(self.cells.get(name) or "nan")
         except ValueError:
@@ -76,7 +76,7 @@ class CurveRow:
         return value if math.isfinite(value) else None
 
     def systematic(self, name: str) -> float | None:
-        """Uncertainty of a value [SI] beside that of its own fit, which curves of one rig share; None where unknown."""
+        """Uncertainty of a value [SI] that curves of one rig share, in addition to its own fit's; None if unknown."""
         std, combined = self.number(f"{name}_std"), self.number(f"{name}_combined")
         return None if std is None or combined is None else math.sqrt(max(combined**2 - std**2, 0.0))
 
@@ -96,7 +96,7 @@ class CurveRow:
         return tuple(row_conditions(self.cells))
 
     def verdict_of(self, name: str) -> str:
-        """The verdict of a value, such as "needs delay"; "" where there is none."""
+        """The verdict of a value, such as "needs delay"; "" if it has none."""
         return self.cells.get(f"{name}_verdict") or ""
 
     @property
@@ -131,10 +131,10 @@ class CurveRow:
 
 
 def stale_words(folder: FitFolder) -> str:
-    """A sentence on rows that were made with other settings; empty where there is none."""
+    """A sentence on rows that were made with other settings; empty without any."""
     rows = folder.rows
     old = sum(row.state == "stale" for row in rows)
-    anew = f"palpate fit {folder.path} makes them anew"
+    anew = f"palpate fit {folder.path} repeats them"
     return f"{old} of {len(rows)} rows were made with other settings: {anew}" if old else ""
 
 
@@ -169,7 +169,7 @@ class FitFolder:
         known = self.dialects if any(cells.get(DIALECT) for cells in found.values()) else [""]
         for curve, cells in found.items():
             if (name := cells.get(DIALECT, "")) not in known:
-                raise LogError(f"{self.path / LIST}: {curve}: there is no dialect {name!r}{suggest(name, known)}")
+                raise LogError(f"{self.path / LIST}: {curve}: no dialect {name!r}{suggest(name, known)}")
         return found
 
     @property

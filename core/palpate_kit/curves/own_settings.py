@@ -15,9 +15,9 @@ Own = dict[str, tuple[str, ...]]  # ``table.key=value`` by the name of the curve
 
 
 def read_own(folder: Path, known: Collection[str] | None = None) -> Own:
-    """The settings of single curves; none where there is no file.
+    """The settings of single curves; none without the file.
 
-    Raises LogError for a file that is none, and for a curve that is not among those `known`.
+    Raises LogError for a file that is not valid, and for a curve that is not among those `known`.
     """
     path = folder / OWN
     if not path.is_file():
@@ -31,11 +31,11 @@ def read_own(folder: Path, known: Collection[str] | None = None) -> Own:
 
 def _assignments(path: Path, name: str, table: object, known: Collection[str] | None) -> tuple[str, ...]:
     if known is not None and name not in known:
-        raise LogError(f"{path}: there is no curve {name!r}{suggest(name, known)}")
+        raise LogError(f"{path}: no curve {name!r}{suggest(name, known)}")
     if not isinstance(table, Mapping):
         raise LogError(f'{path}: {name}: must be a table, as in ["{name}"] with set = ["estimator.fit.segment=load"]')
     if unknown := next((key for key in table if key != _KEY), None):
-        raise LogError(f"{path}: [{name}] {unknown}: there is no such key{suggest(unknown, [_KEY])}")
+        raise LogError(f"{path}: [{name}] {unknown}: no such key{suggest(unknown, [_KEY])}")
     values = table.get(_KEY, [])
     if not isinstance(values, list) or not all(isinstance(text, str) and "=" in text for text in values):
         raise LogError(f'{path}: [{name}] set: must be a list of texts such as "estimator.fit.segment=load"')

@@ -22,7 +22,7 @@ def compare_rows(
 ) -> GroupComparison:
     """Groups of curves by a column, in the order of their names, compared by a parameter [SI] of their usable rows.
 
-    The rows are of one track. Raises ConfigurationError for a unit that is none.
+    The rows are of one track. Raises ConfigurationError for an unknown unit.
     """
     groups: dict[str, list[CurveRow]] = {}
     for row in rows:
@@ -56,7 +56,7 @@ def replication_unit(groups: Mapping[str, Sequence[Cells]], unit: str | None = N
     """The column that names the units of groups of curves; `curve` where each curve is one.
 
     By default the column with at least two values in each group whose values lie in one group each; of several the
-    coarsest. Raises ConfigurationError where none of them is the coarsest, and for a given `unit` that is no such
+    coarsest. Raises ConfigurationError where none of them is the coarsest, and for a given `unit` that is not such a
     column.
     """
     everything = [cells for of_group in groups.values() for cells in of_group]
@@ -79,7 +79,7 @@ def replication_unit(groups: Mapping[str, Sequence[Cells]], unit: str | None = N
 
 
 def shared_units(groups: Mapping[str, Sequence[Cells]], column: str) -> list[str]:
-    """The values of a column that several groups have, in their order."""
+    """The values of `column` that occur in more than one group, in order of first occurrence."""
     of_group = [dict.fromkeys(cells.get(column) or "" for cells in found) for found in groups.values()]
     counts = Counter(value for values in of_group for value in values if value)
     return [value for value, count in counts.items() if count > 1]

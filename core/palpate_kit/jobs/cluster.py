@@ -27,7 +27,7 @@ _GATHER = 120.0  # [s] for a result to come here from its worker; then it is ask
 def on_cluster(address: str, folder: Path, stage: str | None = None) -> Engine:
     """The engine of a scheduler at an address such as ``tcp://10.0.0.5:8786``, for jobs whose runs go into a folder.
 
-    The folder is one that all workers see, or, with a `stage`, inputs and runs go by way of that place. Where a worker
+    The folder is one that all workers see, or, with a `stage`, inputs and runs pass through that place. Where a worker
     is killed its jobs go to others, and one that has killed three is given up. Raises ConfigurationError where nobody
     answers, or where the workers are not what is here.
     """
@@ -60,7 +60,7 @@ def _spread(client: Any, jobs: Mapping[str, Job], url: str | None) -> Generator[
 
 
 def _told(outcome: Any) -> Outcome:
-    """What came back from a worker; anything but an answer to its task is why there is none."""
+    """What came back from a worker; anything but an answer to its task is the reason that none came."""
     return outcome if isinstance(outcome, Outcome) else UserError(loss_reason(outcome))
 
 

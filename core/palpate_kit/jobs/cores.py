@@ -20,7 +20,7 @@ def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[t
     """The engine of this machine: as many processes as cores.
 
     Where a process is killed, as the kernel does when memory is short, what is unfinished is run again in fresh ones:
-    jobs that ran beside it one by one, so that the one that kills its process is known and given up after three.
+    jobs that ran at the same time one by one, so that the one that kills its process is known and given up after three.
     """
     count = min(workers or len(os.sched_getaffinity(0)), len(jobs))
     if count <= 1:

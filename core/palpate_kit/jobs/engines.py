@@ -17,7 +17,7 @@ SchedulerOption = Annotated[
     typer.Option(
         "--scheduler",
         metavar="ADDRESS",
-        help='Run on the workers of a dask scheduler, such as "tcp://10.0.0.5:8786"; wants palpate[cluster].',
+        help='Run on the workers of a dask scheduler, such as "tcp://10.0.0.5:8786"; needs palpate[cluster].',
     ),
 ]
 
@@ -27,7 +27,7 @@ StageOption = Annotated[
     typer.Option(
         "--stage",
         metavar="URL",
-        help='With --scheduler, where no folder is shared: inputs and runs go by way of this, such as "s3://bucket/a".',
+        help='With --scheduler, where no folder is shared: inputs and runs pass through this, such as "s3://bucket/a".',
     ),
 ]
 

@@ -37,7 +37,7 @@ class OtherSettingsError(OutputError):
 
 @dataclass(frozen=True)
 class RunAnswer:
-    """What a run has found, and what else whoever asked for it wants of it."""
+    """What a run has found, and what else its caller asked for."""
 
     result: Result
     more: Any = None
@@ -58,7 +58,7 @@ def run_or_find(job: Job) -> RunAnswer:
 
 @dataclass(frozen=True)
 class PortablePipeline:
-    """A pipeline as plain data, built where it is wanted."""
+    """A pipeline as plain data, built where it is used."""
 
     text: str  # of the pipeline file
     path: Path  # where the file stands: what is relative in it is relative to here
@@ -127,7 +127,7 @@ def cached_result(job: Job) -> Result | None:
 
 
 def unused_folder(folder: Path) -> Path:
-    """The folder, or one beside it where an earlier attempt has left something, as a process does that was killed."""
+    """The folder, or one next to it where an earlier attempt has left something, as a process does that was killed."""
     return next(path for path in _attempts(folder) if not path.exists())
 
 
@@ -163,7 +163,7 @@ class Parcel:
         """A job, packed; raises ConfigurationError where it cannot be."""
         plugins: tuple[Path, ...] = ()
         if isinstance(job.plan, PortablePipeline):
-            with suppress(UserError):  # of which the job, which cannot be done, tells
+            with suppress(UserError):  # which the job, which cannot be done, reports
                 announce(plugin_files(job.plan.source))
         else:
             plugins = job.plan.run.plugins

@@ -1,4 +1,4 @@
-"""What a run has found, kept beside it: an answer that was lost on its way is read there, and not computed twice."""
+"""What a run has found, kept next to it: an answer that was lost on its way is read there, and not computed twice."""
 
 from __future__ import annotations
 

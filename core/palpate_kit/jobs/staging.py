@@ -1,4 +1,4 @@
-"""Jobs where no folder is shared: inputs and run folders go by way of an object store, or whatever fsspec reaches."""
+"""Jobs where no folder is shared: inputs and run folders pass through an object store, or whatever fsspec reaches."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _WITHOUT = 300.0  # [s] until that is the end
 
 
 class Watch:
-    """Who works for a client: those who come later are looked at as well, and it is told where nobody is left."""
+    """Who works for a client: those who come later are looked at, too, and a scheduler without workers is reported."""
 
     def __init__(self, client: Any) -> None:
         self._client, self._address = client, client.scheduler.address
@@ -103,7 +103,7 @@ def demand_alike(client: Any, address: str, only: Collection[str] | None = None)
     for name, told in client.scheduler_info(n_workers=-1)["workers"].items():
         if name in workers and told["nthreads"] != 1:
             raise ConfigurationError(
-                f"--scheduler {address}: worker {name} has {told['nthreads']} threads, and a run wants a process "
+                f"--scheduler {address}: worker {name} has {told['nthreads']} threads, and a run needs a process "
                 "of its own: start workers with --nthreads 1"
             )
     return workers

@@ -1,9 +1,8 @@
 """Machine code kept on disk from one run to the next, in a folder that no other user can write to.
 
 Code is executed, so that only what this user wrote is read: the folder is the user's own and closed to all others,
-a file is no link, and its first bytes are the SHA-256 of the rest. Whatever is not so is as if it were not there. A
-file's name is the SHA-256 of all that the code follows from, the processor among it: a home that machines share is
-no danger.
+a file is not a link, and its first bytes are the SHA-256 of the rest. Whatever is not so is as if it were not there. A
+file's name is the SHA-256 of all that the code follows from, the processor among it: machines may share a home.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ def cached_code(causes: tuple[str, ...], make: Callable[[], bytes]) -> bytes:
 
 
 def _folder() -> Path | None:
-    """The user's own folder, closed to others; None where there is none, or ``PALPATE_CACHE=off``."""
+    """The user's own folder, closed to others; None without one, or with ``PALPATE_CACHE=off``."""
     wanted = os.environ.get(_VARIABLE)
     if wanted == "off":
         return None
@@ -50,7 +49,7 @@ def _folder() -> Path | None:
 
 
 def _read(file: Path) -> bytes | None:
-    """The code of a file; None where there is none, or it is another's, a link, or not what was written."""
+    """The code of a file; None if it is missing, another user's, a link, or not what was written."""
     try:
         with open(os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as opened:
             found = os.fstat(opened.fileno())

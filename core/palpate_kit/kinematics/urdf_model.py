@@ -19,7 +19,7 @@ _ENDLESS = 1e4  # [rad] to both sides, of a joint that turns round and round
 def urdf_model(path: Path, base: str, flange: str) -> ArmModel:
     """The joints between two links of a URDF file.
 
-    Raises ConfigurationError, with the file and the joint, where that is no chain of turning joints, or one of them has
+    Raises ConfigurationError, with file and joint, where that is not a chain of turning joints, or one of them has
     no limits: without an end and a speed nothing is known to be allowed.
     """
     robot = _robot(path)

@@ -50,7 +50,7 @@ class WorkFrame(Settings):
 
 
 def agreement(work: WorkFrame, rotation: Floats) -> tuple[float, str]:
-    """Angle [rad] between a tool (3, 3) in the base and what the frame wants, and what would make them agree."""
+    """Angle [rad] between a tool (3, 3) in the base and the frame's, and what would make them agree."""
     angle = float(np.linalg.norm(rotation_vector(work.tool.T @ rotation)))
     bare = (work.matrix[:3, :3] @ _DOWN).T @ rotation
     # The turn about the tool's axis that brings the frame's tool nearest to this one.

@@ -31,9 +31,9 @@ UNREAD = {
 
 
 def recording_of(log: Path, registry: Registry | None = None) -> type[Recording]:
-    """The device that reads logs of this format; raises LogError where there is none."""
+    """The device that reads logs of this format; raises LogError if no device reads it."""
     if not log.exists():
-        raise LogError(f"{log}: there is no such file")
+        raise LogError(f"{log}: no such file")
     readers = readers_of(registry or registries.load())
     for part in readers.values():
         if part.recognises(log):

@@ -27,7 +27,7 @@ _STRETCHES = 50
 
 
 def on_grid(times: list[Floats], columns: list[Floats]) -> tuple[Floats, list[Floats]]:
-    """A common grid of times [s], and every column on it, without spikes that are none of its movement."""
+    """A common grid of times [s], and every column on it, without spikes that are not part of its movement."""
     usual = [float(np.median(np.diff(time))) for time in times if len(time) > 2]
     begin, end = min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
     step = max(min((u for u in usual if u > 0), default=1.0), (end - begin) / _MOST)
@@ -93,7 +93,7 @@ def derivative(position: Floats, rate: Floats, step: float) -> Derivative:
     moved = float(np.sum((mean - mean.mean()) ** 2))
     size = np.abs(mean)
     if left > _EVEN * moved and size.min() > _FAR * size.max():
-        return Derivative(0.0, gain)  # a constant explains a constant: a position far from zero is no rate
+        return Derivative(0.0, gain)  # a constant explains a constant: a position far from zero is not a rate
     return Derivative(1.0 - left / total, gain)
 
 
@@ -124,7 +124,7 @@ def contact_law(position: Floats, force: Floats) -> ContactEvidence:
     ridge = 1e-9 * np.eye(terms.shape[1]) * len(answer)
     found = np.linalg.solve(grams.sum(axis=0) + ridge, sides.sum(axis=0))
     share = 1.0 - float(np.mean((answer - terms @ found) ** 2))
-    # A jackknife over stretches: neighbouring samples are no independent evidence.
+    # A jackknife over stretches: neighbouring samples are not independent evidence.
     without = np.linalg.solve(grams.sum(axis=0) - grams + ridge, (sides.sum(axis=0) - sides)[..., None])[:, 2, 0]
     spread = float(np.sqrt((_STRETCHES - 1) * np.mean((without - without.mean()) ** 2)))
     bend = float(found[2] / spread) if spread > 0 else 0.0

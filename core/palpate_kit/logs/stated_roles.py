@@ -33,7 +33,7 @@ def role_of_type(topic: str, type_name: str) -> tuple[str, str] | None:
 
 
 def role_of_name(name: str) -> tuple[str | None, str, str | None]:
-    """The role that a number's name states, by what, and its unit, which names do not state; "other" is no role."""
+    """The role that a number's name states, by what, and its unit, which names do not state; "other" is not a role."""
     words = name.lower()
     if any(word in words for word in _NONE):
         return "other", "", None

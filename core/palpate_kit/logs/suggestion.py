@@ -23,13 +23,13 @@ _RADIUS = 0.005  # [m] of the tip by which a unit's plausibility is judged
 _LEAST = 0.04  # of that radius, the least way of a palpation
 _LENGTHS = (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3), ("m", 1.0))  # a factor of 1000 apart
 _FORCES = (("N", 1.0), ("mN", 1e-3), ("uN", 1e-6), ("nN", 1e-9))
-TIP, UNITS = "tip", "units."  # choices that are no role: the tip in words, the unit of a column
+TIP, UNITS = "tip", "units."  # choices that are not a role: the tip in words, the unit of a column
 POSITION_OF = "position-of"  # a choice: "tip", or the "stage" behind a beam
 _STIFFEST, _SOFTEST = 5e7, 50.0  # [Pa] beyond which another unit of force is likelier
 
 
 def options(role: str, others: Sequence[NumberColumn]) -> str:
-    """What else a role could be, as the command line takes it."""
+    """Options of the command line that would assign a role to each of the `others`, separated by commas."""
     return ", ".join(f"--{role} {s.label.removeprefix('column ')}" for s in others)
 
 
@@ -99,7 +99,7 @@ def no_tare(time: Floats, force: Floats) -> str | None:
 
 
 def tip_of(choices: Mapping[str, str]) -> Indenter | None:
-    """The tip among choices, by which units are guessed; None where there is none."""
+    """The tip among choices, by which units are guessed; None without any."""
     if TIP not in choices:
         return None
     known = registry.load()
@@ -175,7 +175,7 @@ def assemble_suggestion(
 
 
 def _pause(series: Iterable[tuple[Floats, Floats]]) -> float | None:
-    """The pause [s] between readings that is a gap, where that of a robot's logs is none; else None."""
+    """The pause [s] between readings that is a gap, where that of a robot's logs is not; else None."""
     steps = [float(np.median(np.diff(time))) for time, _ in series if len(time) > 1]
     longest = _STEPS * max(steps, default=0.0)
     return longest if longest > AlignmentSettings.model_fields["gap"].default else None

@@ -29,7 +29,7 @@ _COLUMNS = 40
 _NAMED = 24  # numbers that a message names
 _LEAST = 20  # fewest messages to conclude from
 
-_APART = 1.0  # [s] by which the stamps of one topic are later than those of another, at the most
+_APART = 1.0  # [s] by which the stamps of one topic are later than those of another, at most
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def _field(text: str) -> dict[str, Any]:
 def _looked(container: Container) -> tuple[Looked, dict[str, _StampSpan]]:
     """The beginning of every topic that contains numbers, and the stamps of each.
 
-    What palpate computed or commanded is no measurement.
+    What palpate computed or commanded is not a measurement.
     """
     blocks: dict[str, Any] = {}
     names: dict[str, tuple[str, ...]] = {}

@@ -225,7 +225,7 @@ def _welch(a: UnitGroup, b: UnitGroup) -> _Numbers | None:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """P-values corrected for their number by Holm's method; NaN are no tests, and remain. Source: Holm 1979.
+    """P-values corrected for their number by Holm's method; NaN are not tests, and remain. Source: Holm 1979.
 
     >>> holm([0.01, 0.04, 0.03])
     [0.03, 0.06, 0.06]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, Samples
 
-_STEADY = 0.01  # of the largest depth: less is no motion
+_STEADY = 0.01  # of the largest depth: less is not motion
 _EVEN = 0.02  # of the largest force
 _NOISE = 8.0  # standard deviations of smoothed noise that a still reading spreads over
 _SMOOTH = 0.02  # [s]

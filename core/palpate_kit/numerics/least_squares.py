@@ -15,7 +15,7 @@ from palpate import Floats
 
 _LEAST = 1e-13  # damping, of the scaled squares: what is not determined at all stays where it is
 _FIRST, _MOST = 1e-3, 1e12  # damping after a step that led uphill, and where there is nothing left to gain
-_ROUNDING = 1e-13  # of the cost, below which a difference of two of them is none
+_ROUNDING = 1e-13  # of the cost, below which a difference of two of them is rounding
 _DIFFERENCE = 1.5e-8  # of a value, over which a slope is taken
 _STILL = 1e-13  # of a value
 _SLOW = 0.9  # of the gain before: less than that, and steps no longer come nearer

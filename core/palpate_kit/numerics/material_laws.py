@@ -31,7 +31,7 @@ class LinearLaw:
     modulus: Callable[[Complexes, Sequence[Any], float], Any]  # E*(s) [Pa] of s [1/s], parameters, Poisson's ratio
     starts: Callable[[float, Floats], list[list[float]]]  # from a level [Pa] and times (n,) [s] of the data
     upper: tuple[float, ...] = ()  # of the parameters; infinite where left out
-    times: tuple[float, ...] = ()  # relaxation times [s] of arms that are no parameters
+    times: tuple[float, ...] = ()  # relaxation times [s] of arms that are not parameters
 
     def complex_modulus(self, frequency: Floats, values: Sequence[float], poisson: float) -> Complexes:
         """E' + i E'' (n,) [Pa] at frequencies (n,) [Hz]."""

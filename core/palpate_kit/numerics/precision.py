@@ -24,7 +24,7 @@ class Precision:
     reproducibility: float  # s_R = sqrt(s_r^2 + s_L^2)
     values: int
     groups: int
-    detectable: float  # smallest change of a specimen that is no scatter, at 95 %
+    detectable: float  # smallest change of a specimen that is not scatter, at 95 %
 
 
 def precision(levels: Sequence[Sequence[Floats]]) -> Precision | None:

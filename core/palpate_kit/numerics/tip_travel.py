@@ -39,7 +39,7 @@ def zero_phase_motion(samples: Samples, window: float | None, longest: float = _
     """Rate and acceleration by local cubics over a symmetric window [s] (Savitzky and Golay 1964).
 
     The rate joins the slope of the position and the smoothed velocity, each weighted by the inverse variance of its
-    noise, which third differences tell. Noise of the rate lowers a viscosity (errors in variables) by its share of the
+    noise, which third differences show. Noise of the rate lowers a viscosity (errors in variables) by its share of the
     rate's mean square, so without a given window the shortest one is taken that keeps this share below 0.04 %, but none
     above the `longest` [s].
     """

@@ -21,7 +21,7 @@ _TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg"
 _UPLOT = ("uplot/uPlot.iife.min.js", "uplot/uPlot.min.css")
 _SHARED = ("page.css", "charts.js", "numbers.js", "skin.js", "icon.svg", *_UPLOT)
 DATA = "data"
-GREETING = 2.0  # [s] in which a connection must have said what it wants
+GREETING = 2.0  # [s] in which a connection must have sent its request
 _STRANGERS = 64  # connections that have not been let in yet; a browser opens about ten for a moment
 Files = Mapping[str, Traversable]  # by their path below the token
 
@@ -94,7 +94,7 @@ def answer_request(request: Request, token: str, known: Files) -> Response | Non
     if name == DATA:
         return None
     if name not in known:
-        return response(404, b"404: there is no such thing here\n", "text/plain")
+        return response(404, b"404: no such page\n", "text/plain")
     file = known[name]
     return response(200, file.read_bytes(), _TYPES[file.name.rpartition(".")[2]], host_of(request) or "")
 

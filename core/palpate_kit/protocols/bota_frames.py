@@ -16,7 +16,7 @@ _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 _REMAINDER = 0x1D0F  # of a message that is followed by its own CRC
 _WRAP = 1 << 32
 _FOLLOWS = 2_000_000  # [us] between frames that belong together
-_RESTART = 5_000_000  # [us]; a pause so long is none
+_RESTART = 5_000_000  # [us]; so long a pause is not one
 _PLAUSIBLE_WRENCH, _PLAUSIBLE_TEMPERATURE = 1e5, (-55.0, 150.0)
 
 

@@ -21,7 +21,7 @@ def request(command: int, count: int = 0) -> bytes:
 
 
 def parse_request(data: bytes) -> tuple[int, int] | None:
-    """Command and count of a request; None where it is none."""
+    """Command and count of a request; None for anything else."""
     if len(data) != _REQUEST.size:
         return None
     header, command, count = _REQUEST.unpack(data)

@@ -76,11 +76,11 @@ def _plain(value: Any) -> Any:
 
 
 def read_calibration(path: Path) -> Calibration:
-    """The calibration in a file of facts, or in one of its own; raises ConfigurationError where there is none."""
+    """The calibration in a file of facts, or in one of its own; raises ConfigurationError if it has none."""
     tables = read_tables(path, "calibration file")
     if MEASURED in tables:
         tables = {"values": tables[MEASURED], **tables.get(MEASUREMENT, {})}
     calibration = settings_of(tables, path, Calibration, "calibration file")
     if calibration.created.tzinfo is None:
-        raise ConfigurationError(f"{path}: is no calibration file: created has no time zone")
+        raise ConfigurationError(f"{path}: is not a calibration file: created has no time zone")
     return calibration

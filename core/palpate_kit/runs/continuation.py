@@ -32,7 +32,7 @@ def continue_pipeline(pipeline: Pipeline, trajectory: Trajectory, number: int) -
 
 
 def demand_unchanged(pipeline: Pipeline, yes: bool) -> None:
-    """Ask whether specimen and tool are those of the run that is continued; of a simulated one there is no question.
+    """Ask whether specimen and tool are those of the run that is continued; of a simulated one nothing is asked.
 
     Raises ConfigurationError where they are not, or nobody answers.
     """

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 
 def is_identity(key: str) -> bool:
-    """Whether a fact of this name tells one device from another of its kind."""
+    """Whether a fact of this name distinguishes one device from another of its kind."""
     return "serial" in key or key == "identity"
 
 

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 
 class EstimatesSettings(Settings):
-    """How the tables of estimates of a run are written."""
+    """The file format of a run's tables of estimates."""
 
     format: Literal["csv", "parquet"] = Field(
         default="csv",

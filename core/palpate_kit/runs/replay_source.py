@@ -41,15 +41,15 @@ def read_run_log(path: Path) -> RunLog | None:
 
 
 def log_in(path: Path) -> Path:
-    """The log itself, or the one log in a run folder; raises LogError where there is none, or several."""
+    """The log itself, or the one log in a run folder; raises LogError if it has none or several."""
     if not path.is_dir() or not RunFolder(path).began:
         return path
     readers = readers_of(registries.load()).values()
     logs = [file for file in sorted(path.iterdir()) if file.is_file() and any(r.recognises(file) for r in readers)]
-    logs = [file for file in logs if file.suffix != ".csv"]  # its tables of estimates are no logs
+    logs = [file for file in logs if file.suffix != ".csv"]  # its tables of estimates are not logs
     if len(logs) != 1:
         found = ", ".join(file.name for file in logs) or "none"
-        raise LogError(f"{path}: one log is wanted in a run folder ({found}); add a [sink.*] to the pipeline")
+        raise LogError(f"{path}: expected one log in a run folder ({found}); add a [sink.*] to the pipeline")
     return logs[0]
 
 
@@ -59,7 +59,7 @@ def replay_source(
     """The pipeline of a recorded run that reads the log in place of its devices, as a source to be built.
 
     Nothing that a log carries is executed: plugin files are those of this machine, only where their hash is that of the
-    recording, and, when the source is built, only with consent. Relative paths are those beside the log. Raises
+    recording, and, when the source is built, only with consent. Relative paths are those next to the log. Raises
     ConfigurationError where a plugin file is missing or another one, LogError for what is not a pipeline.
     """
     where = carried.log.with_name(f"{carried.log.name}:{carried.name}")
@@ -155,7 +155,7 @@ def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
         known = next((m["indenter"] for m in tables.get("model", {}).values() if "indenter" in m), None)
         known = known or next(iter(tables.get("indenter", {})), None)
         if known is None:
-            raise ConfigurationError(f"{kind} {name!r} wants a tip, and the recorded pipeline has none")
+            raise ConfigurationError(f"{kind} {name!r} needs a tip, and the recorded pipeline has none")
         table["indenter"] = known
     return table
 

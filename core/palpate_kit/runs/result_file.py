@@ -88,7 +88,7 @@ def values_by_name(track: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def estimate_of(found: Mapping[str, Any]) -> float | None:
-    """The number that was estimated, also of what has no value to calculate with; None where there is none."""
+    """The number that was estimated, also of what has no value to calculate with; None if it has none."""
     number: float | None = found["value"] if found["value"] is not None else found.get("estimate")
     return number
 
@@ -163,5 +163,5 @@ def _upgrade_flags(table: dict[str, Any]) -> None:
 
 
 def _tables(entries: Any) -> list[dict[str, Any]]:
-    """Those of a document's entries that are tables; none where there is no list of any."""
+    """Those of a document's entries that are tables; none without such a list."""
     return [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []

@@ -23,7 +23,7 @@ class Marks:
 
 
 def read_marks(folder: Path) -> Marks:
-    """The marks of a folder; raises LogError for a file that is no review."""
+    """The marks of a folder; raises LogError for a file that is not a review."""
     path = folder / REVIEW
     if not path.is_file():
         return Marks()
@@ -32,7 +32,7 @@ def read_marks(folder: Path) -> Marks:
         kinds = (tables["rejected"], tables.get("accepted", {}))
         return Marks(*({str(name): str(reason) for name, reason in marks.items()} for marks in kinds))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise LogError(f"{path}: is no review of palpate") from error
+        raise LogError(f"{path}: is not a review of palpate") from error
 
 
 def write_mark(folder: Path, name: str, mark: Mark, reason: str = "") -> None:

@@ -15,7 +15,7 @@ _HEAD = "Facts of the rig and its specimens, for palpate; docs/rig-facts.md expl
 
 
 def write_rig(path: Path, changes: Mapping[str, Any]) -> None:
-    """Set keys of a file of facts, which is made where there is none; raises OutputError, ConfigurationError."""
+    """Set keys of a file of facts, which is created if missing; raises OutputError, ConfigurationError."""
     document = tomlkit.document()
     if path.is_file():
         read_rig(path)  # of one with mistakes it is said, and nothing is changed

@@ -28,7 +28,7 @@ _UNUSABLE = Status.IDLE | Status.WAITING | Status.DIVERGED
 
 @dataclass(frozen=True)
 class TrackTable:
-    """The estimates of one track over time [SI]; NaN where there is none."""
+    """The estimates of one track over time [SI]; NaN where a row has none."""
 
     time: Floats  # (n,) [s]
     place: Floats  # (n, 2) [m] x and y of the tip
@@ -74,7 +74,7 @@ class EstimatesTable:
         head = f"{name}:"
         own = {column[len(head) :]: self._column(column) for column in self.names if column.startswith(head)}
         if "status" not in own:
-            raise LogError(f"{self.path}: there is no track {name!r} (there are: {', '.join(self.tracks)})")
+            raise LogError(f"{self.path}: no track {name!r} (there are: {', '.join(self.tracks)})")
         status = np.nan_to_num(own.pop("status"), nan=float(Status.IDLE)).astype(np.int64)
         parameters = [key.removesuffix("_std") for key in own if key.endswith("_std") and key != "surface_std"]
         return TrackTable(
@@ -92,7 +92,7 @@ class EstimatesTable:
 
 
 def pipeline_among(names: Container[str]) -> str | None:
-    """Which of the documents of a run, by name, is the pipeline that reproduces it; None where there is none."""
+    """Which of the documents of a run, by name, is the pipeline that reproduces it; None if it has none."""
     return next((name for name in (_OLDER, PIPELINE) if name in names), None)
 
 
@@ -104,12 +104,12 @@ class RunFolder:
 
     @property
     def finished(self) -> bool:
-        """Whether there is a result; half of one is none."""
+        """Whether there is a result; half of one does not count."""
         return is_whole(self.path / RESULT)
 
     @cached_property
     def result(self) -> dict[str, Any]:
-        """The contents of ``result.json``; raises LogError where there is none, or it is none."""
+        """The contents of ``result.json``; raises LogError if it is missing or damaged."""
         return read_result(self.path / RESULT)
 
     @property
@@ -119,19 +119,19 @@ class RunFolder:
 
     @property
     def pipeline(self) -> Path:
-        """The file of the pipeline that reproduces the run, overrides included; raises LogError where there is none."""
+        """The file of the pipeline that reproduces the run, overrides included; raises LogError if it is missing."""
         if (name := self._pipeline_name) is None:
             raise LogError(f"{self.path}: is not a run folder: it has no {PIPELINE}")
         return self.path / name
 
     @property
     def pipeline_text(self) -> str:
-        """The text of `pipeline`; raises LogError where there is none, or it cannot be read."""
+        """The text of `pipeline`; raises LogError if it is missing or cannot be read."""
         return _text(self.pipeline)
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The tables of `pipeline`, as resolved; raises LogError where there is none, or it is damaged."""
+        """The tables of `pipeline`, as resolved; raises LogError if it is missing or damaged."""
         try:
             return toml_tables(self.pipeline_text)
         except tomllib.TOMLDecodeError as error:
@@ -175,7 +175,7 @@ class RunFolder:
 
     @property
     def parts(self) -> list[RunFolder]:
-        """This folder and those of its continuations, in their order; raises LogError for simulated beside measured."""
+        """This folder and those of its continuations, in their order; raises LogError if only some are simulated."""
         later = sorted(self.path.glob("part-*"), key=lambda part: int(part.name.rpartition("-")[2]))
         parts = [self, *(RunFolder(part) for part in later)]
         simulated = {part.path: part.rehearsal is not None for part in parts if later and part.began}
@@ -203,7 +203,7 @@ class RunFolder:
         return self._table(ONLINE)
 
     def _table(self, name: str) -> EstimatesTable | None:
-        """The table of a name in the form that it has; a stream of Arrow beside Parquet was to be deleted."""
+        """The table of a name in the form that it has; a stream of Arrow next to Parquet was to be deleted."""
         paths = (self.path / f"{name}{suffix}" for suffix in (TEXT, WHOLE, STREAM))
         path = next((path for path in paths if path.is_file()), None)
         if path is None:

@@ -162,7 +162,7 @@ class StreamDocument(Document):
 
     rate: Number = Field(description="from the time-stamps [Hz]")
     samples: Count = Field(description="readings")
-    invalid: Count = Field(description="that are no number")
+    invalid: Count = Field(description="that are not a number")
     duplicates: Count = Field(description="given twice")
     backwards: Count = Field(description="with a time-stamp before their predecessor's")
     gaps: Count = Field(description="stretches without readings")

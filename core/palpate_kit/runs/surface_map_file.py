@@ -93,6 +93,6 @@ def _parsed(content: bytes) -> SurfaceMap:
     place = np.column_stack([vertices[key] for key in _AXES])
     rows = faces["rows"].astype(np.int64)
     if len(rows) and (rows.min() < 0 or rows.max() >= len(place)):
-        raise ValueError("a triangle names a vertex that is none")
+        raise ValueError("a triangle names an unknown vertex")
     value, std, p = (np.array(vertices[key]) for key in (name, f"{name}_std", "p"))
     return SurfaceMap(place, rows, value, std, p, name, unit)

@@ -26,17 +26,17 @@ def read_tables(path: Path, noun: str) -> dict[str, Any]:
 
 
 def read_settings(path: Path, kind: type[File], noun: str) -> File:
-    """What a file states, as settings of a kind; raises ConfigurationError where it cannot be read or is none."""
+    """What a file states, as settings of a kind; raises ConfigurationError where it cannot be read or is invalid."""
     return settings_of(read_tables(path, noun), path, kind, noun)
 
 
 def settings_of(tables: dict[str, Any], path: Path, kind: type[File], noun: str) -> File:
-    """Tables of a file as settings of a kind; raises ConfigurationError where they are none."""
+    """Tables of a file as settings of a kind; raises ConfigurationError where they are invalid."""
     try:
         return kind.model_validate(tables)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        raise ConfigurationError(f"{path}: is no {noun}: {_place(first['loc'])}: {first['msg']}") from error
+        raise ConfigurationError(f"{path}: is not a {noun}: {_place(first['loc'])}: {first['msg']}") from error
 
 
 def _place(steps: tuple[int | str, ...]) -> str:

@@ -48,7 +48,7 @@ class ValueDocument(Document):
     settling: Number = Field(description="standard uncertainty from an estimate that has not come to rest")
     systematic: Number = Field(
         None,
-        description="standard uncertainty of everything that is taken for known; absent where nothing is declared",
+        description="standard uncertainty of everything that is assumed exact; absent where nothing is declared",
     )
     combined: Number = Field(description="standard uncertainty of all parts together; null where it is not known")
     equivalent_delay: Number = Field(
@@ -113,7 +113,7 @@ class ConditionDocument(Document):
     fact: str = Field(description="thickness, delay, tare, mass, poisson, ..., or the key of a setting")
     message: str = Field(description="what is assumed, and what becomes of the values otherwise")
     remedy: str = Field(description="the words that state it")
-    alternative: str = Field(description="with which the shifts are; empty where there is none")
+    alternative: str = Field(description="with which the shifts are; empty without one")
     shifts: dict[str, Number] = Field({}, description="of each value by the alternative [SI], by name")
     needed_by: list[str] = Field([], description="values that the alternative moves by more than half")
     code: str = Field("", description="of the flag by which versions before schema 5 said it")
@@ -196,10 +196,10 @@ class TrackDocument(Document):
         description="normalised innovation squared, mean over the end; 1 where model and noise are right"
     )
     budget: list[BudgetDocument] = Field(description="every source of uncertainty with its effect on each parameter")
-    flags: list[FlagDocument] = Field(description="what speaks against it; those of the record come first")
+    flags: list[FlagDocument] = Field(description="what counts against it; those of the record come first")
     conditions: list[ConditionDocument] = Field([], description="open facts: what the values hold for")
     immaterial: list[FlagDocument] = Field(
-        [], description="flags that can move no value beyond its uncertainty, and are no doubt"
+        [], description="flags that can move no value beyond its uncertainty, and are not a doubt"
     )
     seconds_per_sample: float = Field(description="of computing [s]")
     fit: FitDocument | Absent = Field(None, description="of an offline fit")

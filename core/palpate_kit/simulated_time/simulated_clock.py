@@ -85,7 +85,7 @@ class SimulatedClock:
 
     @contextmanager
     def running(self, process: str = "main") -> Iterator[None]:
-        """The calling thread takes part, and the whole process goes by this clock; at the end all other threads end."""
+        """The calling thread takes part, and the whole process uses this clock; at the end all other threads end."""
         self._turns.begin(process)
         try:
             with use_clock(self):
@@ -215,5 +215,5 @@ class _SimulatedQueue:
         return len(self._items)
 
     def empty(self) -> bool:
-        """Whether there are none."""
+        """Whether it is empty."""
         return not self._items

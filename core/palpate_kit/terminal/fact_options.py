@@ -26,7 +26,7 @@ def with_facts(command: Callable[..., None]) -> Callable[..., None]:
     parameters = {f"fact_{name}": _option(name) for name in names}
     rig = Annotated[
         Path | None,
-        typer.Option("--rig", help="File of facts. [default: rig.toml beside the curves]", rich_help_panel=_PANEL),
+        typer.Option("--rig", help="File of facts. [default: rig.toml next to the curves]", rich_help_panel=_PANEL),
     ]
     parameters["rig"] = inspect.Parameter("rig", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=rig)
 

@@ -1,4 +1,4 @@
-"""What a result holds for and what speaks against it, in three lines."""
+"""What a result holds for and what counts against it, in three lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a long piece of work is: a bar on a terminal, a line every 10 s where there is none."""
+"""How far a long piece of work is: a bar on a terminal, a line every 10 s otherwise."""
 
 from __future__ import annotations
 

@@ -6,11 +6,11 @@ import math
 
 _LARGE, _SMALL = 6, -4  # powers of ten, from and below which a number is written with its power
 _MANY = 1e3  # times a value; an uncertainty beyond that shares no power with it
-_ROUNDING = 1e-12  # of a value; less is no uncertainty
+_ROUNDING = 1e-12  # of a value; less is not an uncertainty
 
 
 def value_with_uncertainty(value: float, std: float) -> str:
-    """A value and its uncertainty, to two digits of the uncertainty; one that is below rounding is none.
+    """A value and its uncertainty, to two digits of the uncertainty; one below rounding is left out.
 
     >>> value_with_uncertainty(126.5312, 0.2134), value_with_uncertainty(0.3, 1.1e-17)
     ('126.53 ± 0.21', '0.3')

@@ -15,7 +15,7 @@ from palpate_kit.terminal.table import Table as Cells
 
 _MILLINEWTON = 1e-3  # [N]
 _MEANINGS = {  # of the words of a verdict; any other one needs a fact
-    "good": "nothing speaks against the values",
+    "good": "nothing counts against the values",
     "doubtful": "what was found can move a value beyond its ±",
     "not determined": "the value is within twice its ± of none",
     "invalid": "its numbers must not be used",
@@ -139,7 +139,7 @@ def _every_number(result: Result) -> RenderableType:
 
 
 def _residual(force: float) -> str:
-    """In mN, or with two digits where that is none."""
+    """In mN, or with two digits where that shows nothing."""
     return f"{force:.3f}" if not 0 < force < _MILLINEWTON else f"{force:.2g}"
 
 

@@ -55,7 +55,7 @@ def shortened(table: Table, whole: bool = False) -> RenderableType:
 
 
 def console(width: int = 80) -> Console:
-    """A console on standard output: as wide as the terminal, or of a given width where there is none.
+    """A console on standard output: as wide as the terminal, or otherwise of a given width.
 
     Texts are never taken as markup: names come from users, logs and plugins. A table that the terminal is too narrow
     for is printed row by row, so that nothing of it is cut.
@@ -63,7 +63,7 @@ def console(width: int = 80) -> Console:
     from rich.console import Console
 
     class WholeTables(Console):
-        """Prints tables whole; in another format all that is no table goes to standard error."""
+        """Prints tables whole; in another format all that is not a table goes to standard error."""
 
         def print(self, *objects: Any, **options: Any) -> None:
             """As rich does, but for tables that do not fit."""

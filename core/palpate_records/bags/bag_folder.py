@@ -20,9 +20,9 @@ from palpate_records.messages.topics import Container, Messages, Topic
 _METADATA = 1 << 24  # [bytes] of metadata.yaml that are read
 _NAMES = 1 << 20  # characters of a list of files
 _NAMED = 5  # parts
-_BESIDE = ("-wal", "-shm", "-journal", ".toml", ".yaml", ".md")  # what may lie beside the files of a bag
+_BESIDE = ("-wal", "-shm", "-journal", ".toml", ".yaml", ".md")  # what may lie next to the files of a bag
 _SETTINGS = "pipeline.toml"  # in the folder of a run, whose log is all of it that is read
-_PAUSE = 1_000_000_000  # [ns] between the parts of one recording, at the most
+_PAUSE = 1_000_000_000  # [ns] between the parts of one recording, at most
 SUFFIXES = (".db3", ".db3.gz", ".db3.zstd", ".db3.zst", ".mcap")
 
 
@@ -74,7 +74,7 @@ class Bag:
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
-        """Messages of the wanted topics, file after file."""
+        """Messages of the requested topics, file after file."""
         for i, part in enumerate(self._parts):
             names = {name: self._topics[i, name].name for name in part.topics}
             present = {name for name in names if names[name] in wanted}

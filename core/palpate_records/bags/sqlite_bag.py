@@ -28,7 +28,7 @@ _COMPRESSED = {".gz": "gzip", ".zstd": "zstd", ".zst": "zstd"}
 
 
 class SqliteBag:
-    """One database file; a compressed one is unpacked beside the system's temporary files while it is read."""
+    """One database file; a compressed one is unpacked into the folder of temporary files while it is read."""
 
     def __init__(self, path: Path, packed_messages: bool = False) -> None:
         self.path = path
@@ -50,7 +50,7 @@ class SqliteBag:
         with self._open() as database:
             columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
             if not {"name", "type", "serialization_format"} <= columns:
-                raise LogError(f"{self.path}: is no rosbag2 database: it has no table of topics")
+                raise LogError(f"{self.path}: is not a rosbag2 database: it has no table of topics")
             texts = dict(self._definitions(database))
             rows = database.execute("SELECT id, name, type, serialization_format FROM topics ORDER BY id").fetchall()
         undefined = "ros2msg", b""
@@ -88,7 +88,7 @@ class SqliteBag:
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
-        """Messages of the wanted topics in the order of their time-stamps, within [begin, end) [ns]."""
+        """Messages of the requested topics in the order of their time-stamps, within [begin, end) [ns]."""
         with self._open() as database:
             named = {identity: topic.name for identity, topic in self._topics.items()}
             identities = [identity for identity, name in named.items() if name in wanted]
@@ -115,7 +115,7 @@ class SqliteBag:
                 path = self._plain(folder)
                 with path.open("rb") as file:
                     if file.read(len(_MAGIC)) != _MAGIC:
-                        raise LogError(f"{self.path}: is no rosbag2 database")
+                        raise LogError(f"{self.path}: is not a rosbag2 database")
                     if (missing := _missing(file)) and not journals(self.path):
                         raise sqlite3.DatabaseError(f"its last {missing} bytes are missing")
                 with closing(_connected(path, "mode=ro&immutable=1" if path == self.path else "mode=rw")) as database:
@@ -167,17 +167,17 @@ def check_tables(database: sqlite3.Connection, path: Path) -> None:
     for name, kind, text in database.execute("SELECT name, type, sql FROM sqlite_master"):
         ours = str(name).lower() in ("topics", "messages", "message_definitions")
         if ours and (kind not in ("table", "index") or str(text).lstrip()[:15].upper().startswith("CREATE VIRTUAL")):
-            raise LogError(f"{path}: is no rosbag2 database: {name} is no table in it")
+            raise LogError(f"{path}: is not a rosbag2 database: {name} is not a table in it")
 
 
 def journals(path: Path) -> list[Path]:
-    """What a recorder that is at work, or was killed, leaves beside a database: messages that are not yet in it."""
+    """What a recorder that is at work, or was killed, leaves next to a database: messages that are not yet in it."""
     beside = (path.with_name(path.name + suffix) for suffix in ("-wal", "-journal"))
     return [file for file in beside if file.is_file() and file.stat().st_size]
 
 
 def copy_with_journal(path: Path, target: Path) -> None:
-    """Copy a database with the files beside it, so that SQLite can complete the copy and leave the original alone."""
+    """Copy a database with the files next to it, so that SQLite can complete the copy and leave the original alone."""
     shutil.copyfile(path, target)
     for file in journals(path):
         shutil.copyfile(file, target.with_name(target.name + file.name.removeprefix(path.name)))

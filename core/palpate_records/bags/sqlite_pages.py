@@ -17,7 +17,7 @@ _DEEPEST = 20
 
 
 def last_reachable(database: sqlite3.Connection, file: Path, table: str, number: str) -> int | None:
-    """The number beyond which no row of a table can be read, for the page that they are on is none; None if unknown.
+    """The number beyond which no row of a table can be read, for the page that they are on is damaged; None if unknown.
 
     `number` is the column that shall be the rows' own number: an INTEGER PRIMARY KEY. Raises sqlite3.Error.
     """

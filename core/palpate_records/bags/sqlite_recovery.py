@@ -19,7 +19,7 @@ from palpate_records.temporary_folders import scratch
 Row = tuple[int, int, int, bytes]  # id, topic, time-stamp [ns], message
 
 _LARGEST = 1 << 42  # [bytes]; zeros take no place
-_HEADS = 64  # [bytes] of a page that are no message
+_HEADS = 64  # [bytes] of a page that are not part of a message
 _MESSAGES = "SELECT id, topic_id, timestamp, data FROM messages"
 _LAST = (1 << 63) - 1  # the largest number that a message can have
 _TOGETHER = 64  # messages that are held at once
@@ -58,7 +58,7 @@ def _lengthen(copy: Path) -> int | None:
     with copy.open("r+b") as file:
         head = file.read(32)
         if len(head) < 32 or not head.startswith(b"SQLite format 3\0"):
-            raise LogError(f"{copy.name}: is no rosbag2 database")
+            raise LogError(f"{copy.name}: is not a rosbag2 database")
         size, pages = struct.unpack(">H10xI", head[16:])
         size = 65536 if size == 1 else max(size, 512)
         there = file.seek(0, 2)
@@ -75,7 +75,7 @@ def _recovered(path: Path, copy: Path, out: Path, page: int | None, progress: Pr
         check_tables(old, path)
         tables = _tables(old)
         if not {"topics", "messages"} <= tables.keys():
-            raise LogError(f"{path}: is no rosbag2 database: it has no tables of topics and messages")
+            raise LogError(f"{path}: is not a rosbag2 database: it has no tables of topics and messages")
         topics = old.execute("SELECT id, name FROM topics").fetchall()
         left_out = []
         with _created(out) as new:
@@ -107,7 +107,7 @@ def _created(out: Path) -> closing[sqlite3.Connection]:
 
 
 def _tables(old: sqlite3.Connection) -> dict[str, str]:
-    """Plain tables and how they are made; an index of words (FTS) beside has tables of its own, and is left behind."""
+    """Plain tables and how they are made; an index of words (FTS) has tables of its own, and is left behind."""
     rows = old.execute(
         "SELECT name, sql FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'"
     ).fetchall()

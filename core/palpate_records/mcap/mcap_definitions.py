@@ -21,7 +21,7 @@ class Definitions:
     span: tuple[int, int] | None = None  # first and last log time [ns], by the statistics
     chunks: list[tuple[int, int, int]] = field(default_factory=list)  # first, last log time; offset
     data: tuple[int, int] | None = None  # where the data section ends, and its checksum
-    extras: list[tuple[int, bytes]] | None = None  # attachments and metadata, where they are wanted
+    extras: list[tuple[int, bytes]] | None = None  # attachments and metadata, if requested
     spare: list[tuple[int, bytes]] = field(default_factory=list)  # definitions in chunks that are damaged
     _refers: dict[int, int] = field(default_factory=dict)  # the schema of each channel
 
@@ -70,7 +70,7 @@ class Definitions:
                 self.offer(opcode, content)
 
     def define(self, opcode: int, content: bytes) -> None:
-        """Take in a record that is no message."""
+        """Take in a record that is not a message."""
         try:
             match opcode:
                 case records.SCHEMA:

@@ -57,7 +57,7 @@ class McapFile:
     def _refuse_foreign(self, file: IO[bytes], size: int) -> None:
         """A file without the first bytes of a log counts as one if it contains chunks, and is read only on request."""
         if not self._accept_cut or next(chunks_from(file, 0, size), None) is None:
-            raise LogError(f"{self.path}: is no MCAP log")
+            raise LogError(f"{self.path}: is not an MCAP log")
         self._notes.append("its first bytes are wrong")
 
     def _compare_data(self) -> None:
@@ -150,7 +150,7 @@ class McapFile:
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
-        """Messages of the wanted topics in the order of the file, within [begin, end) of log time [ns]."""
+        """Messages of the requested topics in the order of the file, within [begin, end) of log time [ns]."""
         known = self._definitions.copy()
         for block in self._passed(known, begin, end):
             yield from self._sorted_out(block, known, wanted, begin, end)

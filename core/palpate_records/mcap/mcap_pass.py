@@ -116,7 +116,7 @@ class Pass:
             raise
 
     def _other(self, file: IO[bytes], opcode: int, length: int) -> None:
-        """A record that is no message, and contains none."""
+        """A record that is not a message, and contains none."""
         if opcode in (records.SCHEMA, records.CHANNEL) and length <= records.LIMIT:
             self._known.define(opcode, file.read(length))
         elif opcode == 0:
@@ -195,7 +195,7 @@ class Pass:
 
 
 def check_data_sum(file: IO[bytes], summary: Definitions) -> bool | None:
-    """Whether the checksum over all data is right; None where there is none."""
+    """Whether the checksum over all data is right; None if it has none."""
     if summary.data is None:
         return None
     left, expected = summary.data

@@ -1,7 +1,7 @@
 """The records of an MCAP file: chunks opened, checked and cut into messages in whole arrays.
 
 Nothing that the file claims is trusted: lengths are held against what is there, checksums are compared, and the index
-beside a chunk only speeds up what the chunk itself must confirm: that its records fill it without a gap.
+of a chunk only speeds up what the chunk itself must confirm: that its records fill it without a gap.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from palpate_records.messages.topics import Bytes, Messages, Stamps, column, gat
 MAGIC = b"\x89MCAP0\r\n"
 _REMAINS = 1 << 20  # [bytes] at the beginning of a damaged chunk in which definitions are looked for
 LIMIT = 1 << 28  # [bytes]; no chunk, and no single record, is larger
-_OTHERS = 1 << 18  # records of a chunk that are no messages, and one in addition for every kilobyte
+_OTHERS = 1 << 18  # records of a chunk that are not messages, and one in addition for every kilobyte
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 ATTACHMENT, STATISTICS, METADATA, DATA_END = 0x09, 0x0B, 0x0C, 0x0F
 EXTRAS = (ATTACHMENT, METADATA)
@@ -30,7 +30,7 @@ RECORD = struct.Struct("<BQ")
 CHUNK_HEAD = 28  # bytes that identify a chunk: its times, size and checksum
 HEAD = 31  # bytes of a message record before its payload: record 9, channel 2, sequence 4, two times 16
 
-Other = tuple[int, int, int]  # opcode, offset and length of the content of a record that is no message
+Other = tuple[int, int, int]  # opcode, offset and length of the content of a record that is not a message
 
 
 class Damage(Exception):  # noqa: N818  (a signal: the container says it in the user's words)
@@ -149,7 +149,7 @@ def scan(data: bytes, begin: int = 0, end: int | None = None) -> tuple[list[int]
         if opcode != MESSAGE:
             others.append((opcode, position + 9, length))
             if len(others) > most:
-                raise Damage(f"a chunk of {len(data)} bytes has more than {most} records that are no messages")
+                raise Damage(f"a chunk of {len(data)} bytes has more than {most} records that are not messages")
         elif length >= HEAD - 9:
             messages.append(position)
         else:

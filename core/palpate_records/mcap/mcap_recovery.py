@@ -47,7 +47,7 @@ def recover_mcap(path: Path, out: Path, beside: Mapping[str, str] = {}, progress
     first, last = saved.log.span
     said = f"{saved.messages} messages over {(last - first) / 1e9:.3f} s are in {out}"
     if saved.taken:
-        said += f", with {' and '.join(saved.taken)} from beside {path}, which has none that is whole"
+        said += f", with {' and '.join(saved.taken)} from next to {path}, which has none that is whole"
     if log.complete:
         return f"the log was whole: {said}"
     return f"{said}; {log.report.words() if log.report else 'its end was missing'}"
@@ -77,7 +77,7 @@ class _RecoveredLog:
     old: IO[bytes]
     beside: Mapping[str, str]  # documents of the run by name, for those that the old log has lost
     messages: int = 0
-    taken: list[str] = field(default_factory=list)  # documents that came from beside the old log
+    taken: list[str] = field(default_factory=list)  # documents from the folder of the old log
 
     def block(self, known: Definitions, block: Block) -> None:
         """Write the messages of a block whose channel is known."""
@@ -107,7 +107,7 @@ class _RecoveredLog:
             self.messages += len(offsets)
 
     def extras(self, known: Definitions) -> None:
-        """Write the whole attachments and metadata read so far, and before the first message what is beside the log."""
+        """Write the whole attachments and metadata read so far, and before the first message those next to the log."""
         names = {self._extra(opcode, content) for opcode, content in known.take_extras()}
         for name, text in self.beside.items():
             if not self.messages and name not in names and name not in self.taken:

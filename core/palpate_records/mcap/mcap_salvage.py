@@ -17,7 +17,7 @@ from palpate_records.mcap.mcap_records import Block, Damage
 
 _EXTRAS = 1 << 26  # [bytes] of attachments and metadata that are kept in memory while they are read
 _LOOSE = 1 << 22  # [bytes] of messages outside of chunks that make a block
-_WORK = 16  # how much more than the file is unpacked in vain before the search is given up
+_WORK = 16  # how much more than the file is unpacked without result before the search is given up
 
 
 @dataclass
@@ -49,7 +49,7 @@ class Salvage:
         self.repeated = 0  # chunks that are in the file twice
 
     def blocks(self, begin: int) -> Iterator[Block]:
-        """Blocks of messages from an offset on."""
+        """Yield the blocks of messages from the offset `begin` [bytes] to the file's end, and note what is damaged."""
         latest = self._latest
         with self._path.open("rb") as file:
             size = file.seek(0, 2)
@@ -171,7 +171,7 @@ class Salvage:
         return self._chunked
 
     def _next_chunk(self, file: IO[bytes], begin: int, size: int) -> int:
-        """Where the next chunk is that is whole; the size of the file where there is none."""
+        """Where the next chunk is that is whole; the size of the file if none is left."""
         for at in search.chunks_from(file, begin, size):
             if self._opens(file, at):
                 return at

@@ -46,7 +46,7 @@ class MessageLayout:
     places: Mapping[str, FieldPlace]  # by path, such as "wrench.force.z"
     texts: Mapping[str, bytes]  # as they stand there, with their closing zero
     lengths: tuple[tuple[int, int], ...]  # offset of a length, and its value
-    kind: int | None  # of encapsulation; None: there is none
+    kind: int | None  # of encapsulation; None: without
     order: str
     cost: int  # [bytes] of memory that the walk was charged
 
@@ -119,7 +119,7 @@ class Excerpt:
 
 
 def _at(place: FieldPlace, index: int | None) -> tuple[int, str]:
-    """Offset and code of a number; no code where there is none."""
+    """Offset and code of a number; no code for anything else."""
     count = 1 if place.count is None else place.count
     if place.code == "S" or (place.count is None) != (index is None) or (index or 0) >= count:
         return 0, ""
@@ -127,7 +127,7 @@ def _at(place: FieldPlace, index: int | None) -> tuple[int, str]:
 
 
 def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLayout:
-    """The layout of one message; raises LogError where it is no message of its type."""
+    """The layout of one message; raises LogError where it is not a message of its type."""
     if len(message) < 4 or message[0] != 0:
         raise LogError(f"a message of {type_name} is damaged: it does not begin as CDR")
     if message[1] not in _PLAIN and message[1] not in _LISTS:
@@ -150,7 +150,7 @@ def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLay
 
 
 def walk_ros1(definitions: Definitions, type_name: str, message: bytes) -> MessageLayout:
-    """The layout of one message of ROS 1; raises LogError where it is no message of its type."""
+    """The layout of one message of ROS 1; raises LogError where it is not a message of its type."""
     return _walked(_Walker(definitions, type_name, message, "<", aligned=False), type_name, message)
 
 
@@ -162,7 +162,7 @@ def _walked(walker: _Walker, type_name: str, message: bytes) -> MessageLayout:
     left = len(message) - walker.position
     if left > (_PADDING if walker.aligned else 0):
         raise LogError(f"a message of {type_name} is damaged: {left} bytes of it belong to no field")
-    # Some writers say parameter list and write none. A real one has 8 bytes more than its fields, at the least.
+    # Some writers say parameter list and write none. A real one has 8 bytes more than its fields, at least.
     kind = message[1] if walker.aligned else None
     if left > 3 and (kind in _LISTS or walker.wide_characters):
         raise LogError(f"a message of {type_name} cannot be read: it is a parameter list, or damaged")

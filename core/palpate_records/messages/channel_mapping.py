@@ -71,7 +71,7 @@ class TimeField(Settings):
     @model_validator(mode="after")
     def _a_time(self) -> Self:
         if si_unit(self.unit)[0] != "s":
-            raise ValueError(f"{self.unit!r} is no unit of time")
+            raise ValueError(f"{self.unit!r} is not a unit of time")
         return self
 
 

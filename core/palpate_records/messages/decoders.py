@@ -21,7 +21,7 @@ from palpate_records.messages.topics import Topic
 
 
 def decoder_of(topic: Topic) -> MessageDecoder:
-    """The decoder of a topic's messages; raises LogError where there is none."""
+    """The decoder of a topic's messages; raises LogError if their format is unknown."""
     try:
         match topic.encoding, topic.schema_encoding:
             case ("cdr", "ros2msg" | "") | ("ros1", "ros1msg"):

@@ -58,7 +58,7 @@ def parse_definitions(name: str, text: str, ros1: bool = False) -> Definitions:
     """Every type that a message type needs, by its short name.
 
     Types that the text leaves out are taken from the standard ones of ROS 2. Those of ROS 1 differ: its definitions are
-    whole, time and duration are built in, and a byte has a sign. Raises LogError where the text is no definition,
+    whole, time and duration are built in, and a byte has a sign. Raises LogError where the text is not a definition,
     names a type that is nowhere, or is cyclic.
     """
     if len(text) > TEXT_LIMIT:
@@ -67,7 +67,7 @@ def parse_definitions(name: str, text: str, ros1: bool = False) -> Definitions:
     if not text.strip() and short_name(name) in known:
         text = known[short_name(name)]
     elif not text.strip() and short_name(name) != "std_msgs/Empty":
-        raise LogError(f"the log does not define {name or 'the type'}, and it is no standard type")
+        raise LogError(f"the log does not define {name or 'the type'}, and it is not a standard type")
     if not ros1 and is_idl(text):
         found = parse_idl(name, text)
         if short_name(name) not in found:
@@ -101,7 +101,7 @@ def _fields(text: str, owner: str) -> tuple[Field, ...]:
             continue
         match = _FIELD.match(words)
         if match is None:
-            raise LogError(f"the definition of {owner} is damaged: {words[:60]!r} is no field")
+            raise LogError(f"the definition of {owner} is damaged: {words[:60]!r} is not a field")
         if match["rest"].startswith("="):  # a constant takes no place in a message
             continue
         fields.append(_field(match["type"], match["array"], match["name"], package))

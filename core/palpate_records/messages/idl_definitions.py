@@ -10,7 +10,7 @@ from palpate import LogError
 
 from palpate_records.messages.fields import Field
 
-# What is opened and never closed goes to the end: looking for its end anew from every place would take hours.
+# What is opened and never closed goes to the end: looking for its end again from every place would take hours.
 _TOKEN = re.compile(
     r'"(?:\\.|[^"\\])*(?:"|\\?\Z)|\'(?:\\.|[^\'\\])*(?:\'|\\?\Z)|(?:::)?[A-Za-z_]\w*(?:::[A-Za-z_]\w*)*|[\d.][\w.+-]*|\S',
     re.DOTALL,
@@ -92,7 +92,7 @@ class _Parser:
                 case "const":
                     self._constant(scope)
                 case other:
-                    raise self._damage(f"{other!r} is no module, struct, typedef, enum or const")
+                    raise self._damage(f"{other!r} is not a module, struct, typedef, enum or const")
             self._demand(";")
 
     def _struct(self, scope: list[str]) -> None:
@@ -156,7 +156,7 @@ class _Parser:
         if word in _NAMES:
             return Field("", _NAMES[word])
         if "::" not in word and word in ("wchar", "long double", "any", "fixed", "map", "union", "struct"):
-            raise self._damage(f"{word!r} is no type that messages of ROS 2 have")
+            raise self._damage(f"{word!r} is not a type that messages of ROS 2 have")
         return self._named(scope, word)
 
     def _named(self, scope: list[str], word: str) -> Field:
@@ -179,7 +179,7 @@ class _Parser:
         for inner in range(len(scope), -1, -1):
             word = self.constants.get(_joined(scope[:inner], word.removeprefix("::")), word)
         if not (word.isascii() and word.isdigit() and len(word) <= len(str(_MOST))) or not 1 <= int(word) <= _MOST:
-            raise self._damage(f"{word[:20]!r} is no number of elements (1 to {_MOST})")
+            raise self._damage(f"{word[:20]!r} is not a number of elements (1 to {_MOST})")
         return int(word)
 
     def _annotations(self) -> None:

@@ -39,7 +39,7 @@ class ObjectDecoder:
         except Exception as error:  # each library has errors of its own, and those of the C library below it
             how = self.topic.encoding
             kind = BudgetError if isinstance(error, BudgetError) else LogError
-            raise kind(f"topic {self.topic.name}: a message is damaged: it is no {how}: {error}") from error
+            raise kind(f"topic {self.topic.name}: a message is damaged: it is not valid {how}: {error}") from error
 
     def _budget(self, payload: bytes) -> Budget:
         return Budget(f"a message of topic {self.topic.name}", len(payload))
@@ -161,7 +161,7 @@ def _number(value: Any) -> float:
 
 
 def _stamp(item: Any, paths: Sequence[str | None]) -> int | None:
-    """The stamp [ns] of the element that is read, else that of the message; None where there is none."""
+    """The stamp [ns] of the element that is read, else that of the message; None without either."""
     inner = [path.rpartition("].")[0] + "].header.stamp" for path in paths if path and "]." in path]
     for path in (*inner, *_STAMPS):
         stamp = _inside(item, path)

@@ -1,4 +1,4 @@
-"""What is wanted of a message: one number for each reading, and a time-stamp."""
+"""What is read from a message: one number for each reading, and a time-stamp."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from palpate import Floats, to_si
 from palpate_records.messages.topics import Messages, Stamps
 
 SECOND = 1_000_000_000  # [ns]
-LATEST = 9e9  # [s]; a time beyond the year 2255 is none, and does not fit into nanoseconds
+LATEST = 9e9  # [s]; a time beyond the year 2255 is invalid, and does not fit into nanoseconds
 LARGEST = 1e100  # of a reading in SI
 _UNITS = ("m", "m/s", "N", "s", "rad", "m/s^2", "Pa", "N*m", "rad/s", "rad/s^2")
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
@@ -70,7 +70,7 @@ class MessageDecoder(Protocol):
 
 
 def sensible(values: Floats) -> Floats:
-    """The values, with NaN for numbers that no instrument gives, and whose square is none any more."""
+    """The values, with NaN for numbers that no instrument gives, and whose square overflows."""
     size = np.abs(values)
     if not size.size or size.max() < LARGEST:  # NaN compares as False
         return values

@@ -76,7 +76,7 @@ class Container(Protocol):
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
-        """Messages of the wanted topics in the order of the file, within [begin, end) of log time [ns]."""
+        """Messages of the requested topics in the order of the file, within [begin, end) of log time [ns]."""
         ...
 
 

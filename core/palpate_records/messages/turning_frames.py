@@ -41,7 +41,7 @@ class FrameOrientations:
         self._waiting.append((stamps, logged, values))
 
     def ready(self, final: bool = False) -> list[tuple[Stamps, Stamps, Floats, Floats]]:
-        """Blocks whose orientations (n, 4) are known, in their order; NaN where there is none even at the end."""
+        """Blocks whose orientations (n, 4) are known, in their order; NaN where it is unknown even at the end."""
         found = []
         while self._waiting:
             stamps, logged, values = self._waiting[0]

@@ -24,7 +24,7 @@ def is_overload(cell: str) -> bool:
 
 
 def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
-    """The number in a cell; raises ValueError. ``1_5`` is none: Python alone takes it for 15.
+    """The number in a cell; raises ValueError. ``1_5`` is not a number: Python alone takes it for 15.
 
     >>> number("1.234,5", ",", "."), number("1.5D-03")
     (1234.5, 0.0015)
@@ -49,7 +49,7 @@ def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
 
 
 def number_or_nan(cell: str, decimal: str = ".", thousands: str = "") -> float:
-    """The number in a cell; NaN where it is none."""
+    """The number in a cell; NaN for any other cell."""
     try:
         return number(cell, decimal, thousands)
     except ValueError:

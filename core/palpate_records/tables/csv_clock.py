@@ -32,7 +32,7 @@ class TimeColumn:
 def clock_of(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Sequence[int] = ()) -> TimeColumn | None:
     """The time of a file's rows: by a column, as chosen, by its name or since it grows evenly, else by a rate, or None.
 
-    It is none of the columns that are taken for something else. A rate is for files without a time: it would shift
+    It is not one of the columns that are taken for something else. A rate is for files without a time: it would shift
     every reading of one that has gaps, or runs at another rate.
     """
     found = _clock_column(sheet, values, choices, taken)
@@ -68,7 +68,7 @@ def demand_progress(sheet: Sheet, clock: TimeColumn, values: Floats) -> None:
         raise LogError(f"{sheet.path}: {name} runs backwards: sort the rows by their time, the first reading first")
     if stamp_parts(sheet.names).get("nano") == clock.column and (steps < 0).any():
         raise LogError(
-            f"{sheet.path}: {name} begins anew every second, and the seconds are in no column: export those, too, or "
+            f"{sheet.path}: {name} restarts every second, and the seconds are in no column: export those, too, or "
             "name another time with --time"
         )
 
@@ -111,7 +111,7 @@ def _clock_column(sheet: Sheet, values: Floats, choices: Mapping[str, str], take
 
 
 def _falls(values: Floats) -> bool:
-    """Whether a column begins anew, as the time of a cycle does."""
+    """Whether a column restarts, as the time of a cycle does."""
     return bool((np.diff(values[np.isfinite(values)]) < 0).any())
 
 

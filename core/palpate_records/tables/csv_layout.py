@@ -18,7 +18,7 @@ from palpate_records.tables.dialect import MARKS, Dialect, is_blank, is_clock
 from palpate_records.tables.table_text import bounded_lines
 
 Row = TypeVar("Row")
-LINES = 400  # above the first row of numbers, at the most
+LINES = 400  # above the first row of numbers, at most
 _MANY = 50  # rows that are certainly those of the table
 _FEW = 3  # rows that are numbers by chance: results of a test above its readings
 _OTHER_UNITS = re.compile(r"%|-|°?C|[kMG]?Pa|mm/mm|mJ|J|deg|#|hh:mm:ss.*", re.IGNORECASE)
@@ -88,7 +88,7 @@ def layout_of(
 ) -> TableLayout:
     """The layout by the first lines of a file; the lines of `header` and `units` as stated, 0 for none.
 
-    Raises LogError where there are no rows of numbers.
+    Raises LogError without rows of numbers.
     """
     if any('"' in line for line in lines):  # each by itself: a quotation mark that stands alone spoils no other line
         rows = [next(dialect.rows([line]), []) for line in lines]

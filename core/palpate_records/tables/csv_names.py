@@ -8,7 +8,7 @@ from functools import cache
 
 from palpate_records.messages.readings import si_unit
 
-_UNIT = 20  # characters of a unit; a longer one is none
+_UNIT = 20  # characters of a unit; longer ones do not count
 _WEIGHT = {"g": "gf", "kg": "kgf", "lb": "lbf", "mg": "mgf"}  # a load cell that was calibrated with masses
 _ALIASES = {
     "sec.": "s",
@@ -102,13 +102,13 @@ def exact_role(name: str) -> str | None:
 
 
 def role_by_words(name: str) -> str | None:
-    """The role that a word of a name states; "other" is none."""
+    """The role that a word of a name states; "other" if none does."""
     roles = [_BY_WORD[word] for word in words_of(name) if word in _BY_WORD]
     return "other" if "other" in roles else next(iter(roles), None)
 
 
 def is_depth(name: str) -> bool:
-    """Whether a name states the depth itself, which others beside it only resemble."""
+    """Whether a name states the depth itself, which other columns only resemble."""
     return bool(_DEPTHS & {*words_of(name)})
 
 
@@ -175,7 +175,7 @@ def unit_of(name: str, below: str = "") -> str | None:
 
 
 def weight_of(unit: str) -> str | None:
-    """The force that a mass in a unit weighs; None where it is no mass."""
+    """The force that a mass in a unit weighs; None where it is not a mass."""
     return _WEIGHT.get(plain_unit(unit))
 
 

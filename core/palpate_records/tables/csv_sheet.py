@@ -31,7 +31,7 @@ _NAME, _NAMED = 40, 12  # characters of a column's name, and columns, that are s
 _OWN_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?\s*(\D.*?)\s*")
 _PADDED = re.compile(r"0\d+")  # what is behind a comma, and no number of its own
 _LEAST = 10  # numbers of a column that is to be something
-_SURE = 3  # such cells that are no coincidence
+_SURE = 3  # such cells that are not a coincidence
 _TWICE = 100  # rows by which a mark between digits is judged
 
 
@@ -50,7 +50,7 @@ class Sheet:
 
     @classmethod
     def of(cls, path: Path, stated: Mapping[str, str] | None = None, record: TableRecord | None = None) -> Sheet:
-        """Found from the first lines, but for what is stated; raises LogError where they are no table of numbers."""
+        """Found from the first lines, but for what is stated; raises LogError where they are not a table of numbers."""
         own = {} if record is None else {key: str(value) for key in OF_RECORD if (value := getattr(record, key))}
         given = {key: _checked(path, key, text) for key, text in ({**(stated or {}), **own}).items()}
         with open_text(path, _text(given, "encoding"), _text(given, "sheet")) as file:
@@ -99,7 +99,7 @@ class Sheet:
         return _text(self.stated, "encoding"), _text(self.stated, "sheet")
 
     def blocks(self) -> Iterator[Floats]:
-        """The numbers (n, k), some thousand rows at a time; NaN where a cell is none, seconds for times of day."""
+        """The numbers (n, k), some thousand rows at a time; NaN for any other cell, seconds for times of day."""
         count = len(self.names)
         readers = [seconds_or_nan if k in self.layout.clocks else self._reader(k) for k in range(count)]
         days = {k: Days() for k in self.layout.clocks if k < count}
@@ -121,7 +121,7 @@ class Sheet:
                 yield block[[bool(cells) for cells in part]]
 
     def _reader(self, column: int) -> Callable[[str], float]:
-        """What makes a number of the cells of a column, NaN where they are none."""
+        """What makes a number of the cells of a column, NaN where they are not numbers."""
         plain = partial(number_or_nan, decimal=self.dialect.decimal, thousands=self.dialect.thousands)
         usual = self._unit_there(column)
         if usual is None or not self.layout.cell_units[column : column + 1] or not self.layout.cell_units[column]:
@@ -158,7 +158,7 @@ class Sheet:
         return self._own_unit(column)[0] if self._is_own(column) else 1.0
 
     def _own_unit(self, column: int) -> tuple[float, str]:
-        """How many of which unit a person has stated one to be; raises LogError for what is none."""
+        """How many of which unit a person has stated one to be; raises LogError for anything else."""
         text = self.own_units[self.names[column]]
         match = _OWN_UNIT.fullmatch(text)
         try:
@@ -168,7 +168,7 @@ class Sheet:
         except ValueError as error:
             name = column_text(self.column(column))
             raise LogError(
-                f'{self.path}: unit of column {name}: {text!r} is none; write "mN", or "10 N" for one'
+                f'{self.path}: unit of column {name}: {text!r} is not a unit; write "mN", or "10 N" for one'
             ) from error
 
     def written_unit(self, column: int) -> str:
@@ -194,12 +194,12 @@ class Sheet:
         return ", ".join(names) + (", ..." if len(self.names) > _NAMED else "")
 
     def index_of(self, role: str, choice: str) -> int:
-        """The column that a choice names, by the header or by its number; raises LogError where there is none."""
+        """The column that a choice names, by the header or by its number; raises LogError if it is missing."""
         if choice in self.names:
             return self.names.index(choice)
         if choice.isdigit() and int(choice) < len(self.names):
             return int(choice)
-        raise LogError(f"{self.path}: --{role}: there is no column {choice!r} (there are: {self.columns})")
+        raise LogError(f"{self.path}: --{role}: no column {choice!r} (there are: {self.columns})")
 
     def demand_numbers(self, role: str, column: int, values: Floats) -> None:
         """Raise LogError where a column (n,) that was chosen for a role contains hardly a number."""
@@ -245,7 +245,7 @@ def _checked(path: Path, key: str, text: str) -> str | int:
     }
     words, right = wanted.get(key, ("", True))
     if not right:
-        raise LogError(f"{path}: {key} = {text!r}: {words} is wanted")
+        raise LogError(f"{path}: {key} = {text!r}: expected {words}")
     return int(text) if key in ("header", "units") else text
 
 
@@ -269,7 +269,7 @@ def _refuse_decimal_commas(
 
 
 def _with_thousands(path: Path, dialect: Dialect, rows: list[list[str]], layout: TableLayout) -> Dialect:
-    """The dialect, where ``1,234`` may be a fraction or a thousand; raises LogError where neither can be told."""
+    """The dialect, where ``1,234`` may be a fraction or a thousand; raises LogError where neither is certain."""
     columns = [[row[k] for row in rows if k < len(row)] for k in range(layout.width) if k not in layout.clocks]
     if dialect.thousands:
         return dialect

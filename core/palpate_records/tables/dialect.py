@@ -105,7 +105,7 @@ def _comment(lines: Sequence[str], dialect: Dialect) -> str:
 
 
 def grouped_or_decimal(columns: Iterable[Sequence[str]], dialect: Dialect) -> str | None:
-    """What the mark in numbers such as ``1,234`` is: "decimal", "thousands", None where neither can be told."""
+    """What the mark in numbers such as ``1,234`` is: "decimal", "thousands", None where neither is certain."""
     mark = dialect.decimal
     with_mark = [cell for cells in columns for cell in cells if mark in cell]
     if not with_mark or not all(is_grouped(cell, "." if mark == "," else ",", mark) for cell in with_mark):

@@ -11,8 +11,8 @@ from palpate_records.tables.cells import is_overload
 from palpate_records.tables.dialect import Dialect, is_blank
 
 Row = TypeVar("Row")
-_LINES = 200  # of a footer, at the most
-_ABOVE = 3  # rows of a table that has one, at the least
+_LINES = 200  # of a footer, at most
+_ABOVE = 3  # rows of a table that has one, at least
 _SHOWN = 40  # characters of a line
 
 

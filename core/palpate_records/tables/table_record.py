@@ -46,7 +46,7 @@ class TableRecord:
                 yield row
 
     def picked(self, cells: list[str]) -> list[str]:
-        """Its own cells of a row; none where all are empty, since it is shorter than those beside it."""
+        """Its own cells of a row; none where all are empty, since it is shorter than those next to it."""
         if not self.cells:
             return cells
         mine = [cells[k] if k < len(cells) else "" for k in self.cells]

@@ -46,13 +46,13 @@ def records_in(path: Path, stated: Mapping[str, str] | None = None) -> tuple[Tab
 
 
 def record_named(path: Path, name: str, stated: Mapping[str, str] | None = None) -> TableRecord:
-    """The record of a name; raises LogError where there is none."""
+    """The record of a name; raises LogError if it is missing."""
     there = records_in(path, stated)
     for record in there:
         if record.name == name:
             return record
     known = [record.name for record in there]
-    raise LogError(f"{path}: there is no record {name!r}{suggest(name, known) if known else ': it is one'}")
+    raise LogError(f"{path}: no record {name!r}{suggest(name, known) if known else ': it is one'}")
 
 
 def records_note(path: Path, stated: Mapping[str, str]) -> str | None:
@@ -83,7 +83,7 @@ def _records(path: Path, stated: tuple[tuple[str, str], ...], changed: int, size
             found += [] if inner else [TableRecord(sheet, sheet=sheet)]
     found = found or _in_table(path, given)
     if len(found) > _MOST:
-        raise LogError(f"{path}: holds {len(found)} records; {_MOST} are read at the most: split the file")
+        raise LogError(f"{path}: holds {len(found)} records; {_MOST} are read at most: split the file")
     return tuple(found) if len(found) > 1 else ()
 
 

@@ -43,7 +43,7 @@ def encoding_of(path: Path) -> str:
         try:
             return "utf-8" if _NO_TEXT.search(head.decode("cp1252")) else "cp1252"
         except UnicodeDecodeError:
-            return "utf-8"  # which says where it is none
+            return "utf-8"  # which reports where it is not
     return "utf-8"
 
 

@@ -51,7 +51,7 @@ def _opened(path: Path) -> Iterator[Any]:
             with zipfile.ZipFile(file) as packed:
                 if sum(part.file_size for part in packed.infolist()) > largest(path.stat().st_size):
                     raise LogError(f"{path}: it unpacks to more than a workbook of its size does")
-            warnings.simplefilter("ignore")  # styles and the like, which are no numbers
+            warnings.simplefilter("ignore")  # styles and the like, which are not numbers
             book = load_workbook(file, read_only=True, data_only=True)
             try:
                 yield book
@@ -67,9 +67,7 @@ def _sheet(path: Path, book: Any, name: str | None) -> Any:
     sheets = {sheet.title: sheet for sheet in book.worksheets}
     if name is not None:
         if name not in sheets:
-            raise LogError(
-                f"{path}: there is no sheet {name!r}{suggest(name, list(sheets))} (there are: {', '.join(sheets)})"
-            )
+            raise LogError(f"{path}: no sheet {name!r}{suggest(name, list(sheets))} (there are: {', '.join(sheets)})")
         return sheets[name]
     if not (numbered := _numbered(book)):
         raise LogError(f"{path}: the file contains no rows of numbers")

@@ -1,4 +1,4 @@
-"""What the tests of the distribution share: the simulator with its specimen, and palpate beside it."""
+"""What the tests of the distribution share: the simulator with its specimen, and palpate with it."""
 
 import importlib.util
 import json

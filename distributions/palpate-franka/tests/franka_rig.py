@@ -124,7 +124,7 @@ class Rig:
         self.sensor.send(instants, wrench)
 
     def truth(self):
-        """What MuJoCo's arm did since the mark, and what its controller was told."""
+        """What MuJoCo's arm did since the mark, and what its controller was sent."""
         robot = self.robot
         return {
             "low": self.low.tolist(),

@@ -69,7 +69,7 @@ def calibrate(
     file: Annotated[Path, typer.Argument(help="A pipeline file, or one with devices and [alignment] only.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="File of facts that takes it. [default: rig.toml beside FILE]"),
+        typer.Option("--out", "-o", help="File of facts that takes it. [default: rig.toml next to FILE]"),
     ] = None,
     overrides: Overrides = None,
     picture: Annotated[
@@ -136,7 +136,7 @@ def _refuse_target(target: Path, force: bool) -> None:
     if target.exists() and read_rig(target).measured and not force:
         raise OutputError(f"{target}: holds a calibration already; --force replaces it, --out writes elsewhere")
     if not target.parent.is_dir():
-        raise OutputError(f"{target}: there is no folder {target.parent}")
+        raise OutputError(f"{target}: no folder {target.parent}")
 
 
 def _ask(say: Callable[[str], None], yes: bool) -> Callable[[str], None]:

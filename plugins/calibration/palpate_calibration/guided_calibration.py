@@ -191,7 +191,7 @@ def _oriented(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFi
 
 
 def _mounting(plan: CalibrationPlan, step: Orientations, repeats: Sequence[Sequence[Pose]]) -> Mounting | None:
-    """The sensor's mounting, where the arm's poses are recorded; raises LogError where they do not tell it."""
+    """The sensor's mounting, where the arm's poses are recorded; raises LogError where they do not determine it."""
     tools = tools_of(repeats)
     if tools is None:
         return None

@@ -13,7 +13,7 @@ from palpate_engine import Hesitations
 from palpate_calibration.calibration_record import CalibrationRecord
 
 _WINDOW = 0.1  # [s] over which the motion is judged
-_STILL = 2e-6  # [m]; a standard deviation of the position that is no motion
+_STILL = 2e-6  # [m]; a standard deviation of the position that is not motion
 _MOVING = 2e-4  # [m]; no position at standstill is as noisy as that
 _EVEN = 0.1  # change of the swing over a second that is still even
 _SHORTEST_STANDSTILL = 0.4  # [s]
@@ -74,7 +74,7 @@ def standing_still(record: CalibrationRecord) -> list[Segment]:
 
 
 def longest_standstill(record: CalibrationRecord) -> Segment | None:
-    """The longest standstill of a record that may hold nothing else; None where it moves all the time."""
+    """The longest stretch of a record in which the tip stands still; None if it always moves."""
     edges, swing = _swing(record)
     noise = float(np.quantile(swing, 0.02))
     if noise > _MOVING:

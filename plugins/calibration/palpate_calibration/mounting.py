@@ -38,10 +38,10 @@ def mounting_fit(
     f = q m g M^T d + f0 with d = R^T e, the direction of gravity in the tool's frame, and q = 1 or -1 by the sensor's
     convention. q M^T is orthogonal: scale, matrix and bias that leave the least squares have a closed form by singular
     values (Umeyama 1991), once for each q. A turn about one direction of gravity changes nothing, and with an unknown
-    bias only differences of directions count: three ends of d that are not on a line tell M, and four that are not in a
-    plane tell it from its mirror image, and so q. Where they are in one, `sign`, that of the force that pushes the tip
-    out, stands for q. `std` [N] is that of a mean force. Raises LogError where the readings say less, or do not follow
-    the orientations as well as those that are off by `angle` [rad].
+    bias only differences of directions count: three ends of d that are not on a line determine M, and four that are not
+    in a plane exclude its mirror image, and so give q. Where they are in one, `sign`, that of the force that pushes the
+    tip out, stands for q. `std` [N] is that of a mean force. Raises LogError where the readings say less, or do not
+    follow the orientations as well as those that are off by `angle` [rad].
     """
     downs = np.einsum("nij,i->nj", tools, down)
     f, d = forces - forces.mean(axis=0), downs - downs.mean(axis=0)
@@ -73,7 +73,7 @@ def mounting_fit(
 
 @dataclass(frozen=True)
 class Mounting:
-    """What all repeats tell of a mounting."""
+    """The mounting by all repeats."""
 
     values: dict[str, MeasuredValue]  # its rotation vector
     down: Floats  # (repeats, n, 3) directions in which the weight is read, in the sensor's axes
@@ -112,7 +112,7 @@ def find_mounting(
         )
         for i, axis in enumerate("xyz")
     }
-    note = None if sure else "mounting: these orientations do not tell a force on the tip from its reaction"
+    note = None if sure else "mounting: these orientations do not distinguish a force on the tip from its reaction"
     return Mounting(values, np.array(downs), note)
 
 

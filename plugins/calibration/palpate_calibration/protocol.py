@@ -179,7 +179,7 @@ def _refuse_shifted(
                 "contact, or something hangs on it"
             )
         if shake.residual > _UNEXPLAINED * noise + 0.1 * shake.swing:
-            why = "the tip is in contact, or the motion is no sine"
+            why = "the tip is in contact, or the motion is not a sine"
             if shake.planned.breaks_up:
                 why = f"{hesitation_note(shake.planned.count)}; that is over half of the shake"
             raise LogError(

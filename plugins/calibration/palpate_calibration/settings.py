@@ -62,7 +62,7 @@ class Orientations(Settings):
     def _directions(self) -> Self:
         for direction in self.down:
             if len(direction) != 3 or abs(math.hypot(*direction) - 1.0) > 0.02:
-                raise ValueError(f"down: {list(direction)} is no direction: three numbers whose squares add up to 1")
+                raise ValueError(f"down: {list(direction)} is not a direction: three numbers whose squares add up to 1")
         return self
 
 

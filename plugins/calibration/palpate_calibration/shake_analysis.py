@@ -18,7 +18,7 @@ _WEAK = 0.1  # a relative uncertainty of the mass above it says nothing
 _QUARTER = 0.25  # of a period: a phase beyond it is a mass below zero
 _APART = 5.0  # standard uncertainties between the masses or delays of two lines that cannot be one
 _APART_AT_ALL = 0.02  # of a value; below it does not matter
-_HARMONIC = 6.0  # standard uncertainties of a harmonic that is no chance
+_HARMONIC = 6.0  # standard uncertainties of a harmonic that is not due to chance
 _HARMONIC_AT_ALL = 0.01  # of the swing; below it does not matter
 _AVERAGED = 21  # samples, the paper's moving average
 
@@ -45,9 +45,9 @@ def shake_fit(record: CalibrationRecord, segment: Segment, frequencies: tuple[fl
     With the phasors Z of the height and U of the force (positive where it pushes the tip out) at each frequency,
     u = m d'' = -m z'' gives U/Z = m omega^2 exp(-i omega tau), hence mass from the modulus and the delay tau of the
     force from the phase, both with the uncertainty of the two sine fits; several frequencies are averaged by weight.
-    Where the arm hesitates its motion is no sine, and the readings are left out. They are not where that would be over
+    Where the arm hesitates its motion is not a sine: the readings are left out. They are not where that would be over
     half of them: over the whole of any motion the ratio holds as well, with a larger residual.
-    Raises LogError where the motion is no sine, where it is too small, or where the tip is not in free air.
+    Raises LogError where the motion is not a sine, where it is too small, or where the tip is not in free air.
     Source: paper, mass identification (F = m a); the delay is beyond the paper.
     """
     middle = (segment.begin + segment.end) / 2

@@ -1,4 +1,4 @@
-"""Sines in unevenly sampled records: frequencies, phasors, and the noise that the record itself has beside them."""
+"""Sines in unevenly sampled records: frequencies, phasors, and the noise that the record itself has around them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class SineFit:
     """
 
     phasors: NDArray[np.complex128]  # (k,)
-    variances: Floats  # (k,) of each quadrature, from the spectrum of the residual beside the line
+    variances: Floats  # (k,) of each quadrature, from the spectrum of the residual around the line
     freedom: Floats  # (k,) degrees of freedom of the variances
     offset: float
     slope: float  # [1/s]
@@ -89,7 +89,7 @@ def _variance_at(
 ) -> tuple[float, float]:
     """Variance of each quadrature of a phasor at a frequency [Hz], and its degrees of freedom.
 
-    The mean of the residual's spectrum over neighbouring frequencies, so that coloured noise is no trouble; lines that
+    The mean of the residual's spectrum over neighbouring frequencies, so that coloured noise does no harm; lines that
     were fitted are left out, since the fit took the noise there along. The residual is zero but for a share of the
     readings: sums over them have so much less power, and neighbouring frequencies correlate.
     """

@@ -75,7 +75,7 @@ def noisy(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -
             if planned.breaks_up:
                 raise LogError(
                     f"calibration: {hesitation_note(planned.count)}; that is over half of the motion, "
-                    "and cannot be told "
+                    "and cannot be distinguished "
                     "from noise: keep other work from this computer"
                 )
             times, speeds = record.velocity.between(segment.begin, segment.end)

@@ -34,7 +34,7 @@ _SHELLS = ("bash", "zsh", "fish")
 def completion(shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")]) -> None:
     """Print a script that completes commands, options and parts: eval "$(palpate init completion bash)"."""
     if shell not in _SHELLS:
-        raise ConfigurationError(f"there is no completion for {shell!r}{suggest(shell, _SHELLS)}")
+        raise ConfigurationError(f"no completion for {shell!r}{suggest(shell, _SHELLS)}")
     options = {name: options_of(name) for name in registry.load_commands().commands}
     parts = registry.load()
     named = sorted({name for entries in parts.parts.values() for name in entries} | set(parts.flags))

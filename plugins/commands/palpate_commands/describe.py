@@ -67,7 +67,7 @@ def describe(
     if not texts:
         names = [*_TABLES, *(name for entries in registry.parts.values() for name in entries), *registry.flags]
         notices = "".join(f"; {notice}" for notice in registry.notices)
-        raise ConfigurationError(f"there is no part or flag {part!r}{suggest(part, names)}{notices}")
+        raise ConfigurationError(f"no part or flag {part!r}{suggest(part, names)}{notices}")
     typer.echo("\n\n".join(texts))
 
 

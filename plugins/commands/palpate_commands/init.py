@@ -61,7 +61,7 @@ def _pipeline(what: str | None, out: Path | None) -> None:
     known = {name: text for name, text in texts.items() if _DEVICE.search(text)}  # others are parts of one
     what = what or _answer({name: offers[name].help for name in known})
     if what not in known:
-        raise ConfigurationError(f"there is no pipeline {what!r} to start from{suggest(what, known)}")
+        raise ConfigurationError(f"no pipeline {what!r} to start from{suggest(what, known)}")
     file = out or Path(f"{what}.toml")
     text = _written(known[what], Path(offers[what].path).name, str(file))
     beside = {name: file.parent / name for name in _BESIDE.get(what, ())}
@@ -77,7 +77,7 @@ def _pipeline(what: str | None, out: Path | None) -> None:
 
 
 def _answer(texts: Mapping[str, str]) -> str:
-    """The template that a person chooses; raises ConfigurationError where there is no answer."""
+    """The template that a person chooses; raises ConfigurationError without an answer."""
     for name, text in texts.items():
         typer.echo(f"  {name:<12} {text}", err=True)
     try:
@@ -96,7 +96,7 @@ def _written(text: str, name: str, file: str) -> str:
 
 def _plugin(kind: str, name: str, out: Path | None) -> None:
     if kind not in KINDS:
-        raise ConfigurationError(f"--plugin: there is no kind {kind!r}{suggest(kind, KINDS)}")
+        raise ConfigurationError(f"--plugin: no kind {kind!r}{suggest(kind, KINDS)}")
     if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
         raise ConfigurationError(
             f"{name!r}: a plugin's name is of small letters, digits and hyphens, such as palpate-funnel"

@@ -19,13 +19,13 @@ _PERCENT = re.compile(r"\s*([0-9.eE+-]+)\s*%\s*")
 def lifted(pipeline: Pipeline, lift: str, speed: str | None) -> Pipeline:
     """The same pipeline with its motion at a height above its own.
 
-    Raises ConfigurationError where height or speed is none, the tip would not be clear of the skin, or a limit breaks.
+    Raises ConfigurationError for an invalid height or speed, a tip not clear of the skin, or a broken limit.
     """
     height, pace = _height(lift), _pace(speed)
     motion = single_trajectory(pipeline)
     ((name, _),) = pipeline.trajectories.items()
     if isinstance(motion, ForceControlled):
-        raise ConfigurationError(f"--lift: a force leads [trajectory.{name}], and above the specimen there is none")
+        raise ConfigurationError(f"--lift: a force leads [trajectory.{name}], and above the specimen no force acts")
     lowest = _lowest(motion)
     if lowest + height < _CLEAR:
         raise ConfigurationError(
@@ -44,9 +44,9 @@ def _height(text: str) -> float:
     try:
         height = to_si(text, "m")
     except ValueError as error:
-        raise ConfigurationError(f"--lift {text!r}: {error}; a height such as 20mm is wanted") from error
+        raise ConfigurationError(f"--lift {text!r}: {error}; expected a height such as 20mm") from error
     if not (math.isfinite(height) and height > 0):
-        raise ConfigurationError(f"--lift {text!r}: a height above 0 is wanted, such as 20mm")
+        raise ConfigurationError(f"--lift {text!r}: expected a height above 0, such as 20mm")
     return height
 
 
@@ -59,7 +59,7 @@ def _pace(text: str | None) -> float:
     except ValueError:
         pace = math.nan
     if not 0.0 < pace <= 1.0:
-        raise ConfigurationError(f"--speed {text!r}: more than 0 % and at most 100 % of the motion's own is wanted")
+        raise ConfigurationError(f"--speed {text!r}: expected more than 0 % and at most 100 % of the motion's own")
     return pace
 
 

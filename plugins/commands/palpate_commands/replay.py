@@ -41,7 +41,7 @@ def replay(
         carried = read_run_log(source)
     if carried is None:
         raise ConfigurationError(
-            f"{source}: carries no pipeline, so it is no log of palpate's: `palpate info {source} --suggest` writes one"
+            f"{source}: carries no pipeline, so not a log of palpate's: `palpate info {source} --suggest` writes one"
         )
     text = replay_source(carried, tracks or (), estimators or (), models or ())
     for assignment in overrides or ():

@@ -39,7 +39,7 @@ class Finding:
 
 def examine(pipeline: Pipeline, duration: float) -> Iterator[Finding]:
     """Connect every live device, listen for a while [s], judge; nothing is commanded to move."""
-    if any(device.live for device in pipeline.devices.values()):  # else there is no arm that could move
+    if any(device.live for device in pipeline.devices.values()):  # else no arm could move
         yield from _motion(pipeline)
         yield _host()
     with ExitStack() as stack:
@@ -76,7 +76,7 @@ def _listening(device: Device, seed: int) -> AbstractContextManager[Link]:
 def _motion(pipeline: Pipeline) -> Iterator[Finding]:
     for name, trajectory in pipeline.trajectories.items():
         if pipeline.safety is None:
-            yield Finding("bad", f"trajectory {name}", "there is no [safety] table to check it against")
+            yield Finding("bad", f"trajectory {name}", "no [safety] table to check it against")
             continue
         yield from _own_motions(pipeline, pipeline.safety)
         report = check_motion(trajectory, pipeline.safety)

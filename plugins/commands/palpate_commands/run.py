@@ -67,7 +67,7 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
         displays = [] if as_json else [display for _, display in sorted(pipeline.registry.displays.items())]
         shown = stack.enter_context(function_of(displays[0])(pipeline)) if displays else None
         result = run_pipeline(pipeline, out, shown and shown.progress, shown)
-    if result.signal == signal.SIGHUP:  # there is no terminal any more
+    if result.signal == signal.SIGHUP:  # the terminal is gone
         result.demand_whole()
     if as_json:
         typer.echo(json.dumps(result.table(), indent=2))
@@ -84,7 +84,7 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
 
 
 def _reported(pipeline: Pipeline, folder: Path) -> Iterator[str]:
-    """Where the reports of plugins are that the pipeline wants, or how to have them later."""
+    """Where the reports of plugins are that the pipeline requests, or how to have them later."""
     for name, report in pipeline.registry.reports.items():
         if pipeline.run.report:
             yield f"{name}: {function_of(report)(folder)}"

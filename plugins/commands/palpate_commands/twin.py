@@ -20,7 +20,7 @@ def twin(
     """Serve the twin of a pipeline's rig until Ctrl-C or the end of the input; type `help` for faults to try."""
     pipeline = load_pipeline(file, overrides or [])
     if len(pipeline.twins) != 1:
-        raise ConfigurationError(f"{file}: one [twin.*] table is wanted, not {len(pipeline.twins)}")
+        raise ConfigurationError(f"{file}: expected one [twin.*] table, not {len(pipeline.twins)}")
 
     def ready(facts: Mapping[str, str]) -> None:
         typer.echo("ready: " + ", ".join(f"{name} {value}" for name, value in facts.items()))

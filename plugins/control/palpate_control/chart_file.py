@@ -64,11 +64,11 @@ class ControlChart(Settings):
 
 
 def read_chart(path: Path) -> ControlChart:
-    """The chart in a file; raises ConfigurationError where it cannot be read, is damaged, or is none."""
+    """The chart in a file; raises ConfigurationError where it cannot be read, is damaged, or is not a chart."""
     chart = read_settings(path, ControlChart, "control chart")
     for number, check in enumerate(chart.check, 1):
         if check.date.tzinfo is None:
-            raise ConfigurationError(f"{path}: is no control chart: check {number}: date has no time zone")
+            raise ConfigurationError(f"{path}: is not a control chart: check {number}: date has no time zone")
     for number, (before, after) in enumerate(pairwise(chart.check), 2):
         if after.date < before.date:
             raise ConfigurationError(f"{path}: is a damaged control chart: check {number} is older than the one before")
@@ -76,9 +76,9 @@ def read_chart(path: Path) -> ControlChart:
 
 
 def append_check(path: Path, chart: ControlChart, check: RecordedCheck) -> ControlChart:
-    """The chart with one more check, written: whole, or as it was. What stands in the file stays to the letter.
+    """The chart with one more check, written: whole, or as it was. What stands in the file stays unchanged.
 
-    `chart` is used where there is no file yet. Raises ConfigurationError for a check that is in the chart already, or
+    `chart` is used for a new file. Raises ConfigurationError for a check that is in the chart already, or
     is older than its last, OutputError where it cannot be written.
     """
     with _alone(path.parent):
@@ -112,7 +112,7 @@ def _alone(folder: Path) -> Iterator[None]:
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError as error:
-        raise ConfigurationError(f"{folder}: there is no such folder: {error.strerror}") from error
+        raise ConfigurationError(f"{folder}: no such folder: {error.strerror}") from error
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
         yield

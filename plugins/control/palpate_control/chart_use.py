@@ -1,4 +1,4 @@
-"""A control chart that a pipeline names: the check behind a run, and what speaks against it."""
+"""A control chart that a pipeline names: the check behind a run, and what counts against it."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def check_states(readings: Sequence[CheckValue], reference: float, reference_std
     At first the centre is the reference, and the limits follow from the stated uncertainties: what all checks share
     (tip, gain, reference) does not average out of the EWMA, what differs from check to check does. From the 26th check
     on the centre is the mean of the first 25 that were in control, their standard deviation the mean moving range over
-    1.128, and the EWMA begins at the centre. A check that is out of control by itself is no part of the EWMA, which
+    1.128, and the EWMA begins at the centre. A check that is out of control by itself is not part of the EWMA, which
     would call the next ones wrong, too.
     Sources: ISO 7870-2:2023 (chart for individuals), ISO 7870-6:2016 (EWMA); Lucas and Saccucci 1990 (3 sigma, lambda
     0.2 and L 2.859: 370 checks until a false alarm, each chart by itself).
@@ -97,7 +97,7 @@ def check_states(readings: Sequence[CheckValue], reference: float, reference_std
 
 
 def _scatter(values: Sequence[float]) -> float:
-    """Standard deviation by the mean moving range, of which a drift is no part."""
+    """Standard deviation by the mean moving range, which contains no drift."""
     ranges = [abs(after - before) for before, after in pairwise(values)]
     return sum(ranges) / len(ranges) / _RANGE
 

@@ -43,7 +43,7 @@ def read_reference(given: str, uncertainty: str | None) -> Reference:
     table = _table(Path(given))
     for key in table:
         if key not in _KEYS:
-            raise ConfigurationError(f"{given}: [reference] {key}: there is no such key{suggest(key, _KEYS)}")
+            raise ConfigurationError(f"{given}: [reference] {key}: no such key{suggest(key, _KEYS)}")
     missing = [key for key in ("name", "value", "uncertainty") if key not in table]
     if missing:
         wanted = {
@@ -79,7 +79,7 @@ def _unit(value: Any, key: str) -> str:
             continue
         return unit
     allowed = ", ".join(dimension(unit) for unit in QUANTITIES)
-    raise ConfigurationError(f"{key}: {value!r} is none of {allowed}")
+    raise ConfigurationError(f"{key}: {value!r} is not one of {allowed}")
 
 
 def _number(value: Any, unit: str, key: str) -> float:

@@ -20,7 +20,7 @@ from palpate_kit.runs.run_folder import RunFolder
 from palpate_control.chart_file import RecordedCheck
 from palpate_control.reference import Reference
 
-_REPEAT = ("std", "settling", "systematic_tare")  # what is drawn anew in every run
+_REPEAT = ("std", "settling", "systematic_tare")  # what differs from run to run
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def check_of_run(path: Path, reference: Reference, track: str | None) -> RunChec
     """The check that a run folder holds, of one track or the best; raises UserError where it holds none."""
     folder = RunFolder(path)
     if not folder.finished:
-        raise LogError(f"{path}: is no run folder with a {RESULT}")
+        raise LogError(f"{path}: is not a run folder with a {RESULT}")
     document = folder.result
     name = _track(path, document["tracks"], reference, track)
     found = values_by_name(document["tracks"][name])[reference.quantity]
@@ -62,7 +62,7 @@ def check_of_run(path: Path, reference: Reference, track: str | None) -> RunChec
 def _track(path: Path, tracks: Mapping[str, Any], reference: Reference, wanted: str | None) -> str:
     """The track of a name, or the best of those that have the value; raises ConfigurationError where none has."""
     if wanted is not None and wanted not in tracks:
-        raise ConfigurationError(f"{path}: there is no track {wanted!r}{suggest(wanted, tracks)}")
+        raise ConfigurationError(f"{path}: no track {wanted!r}{suggest(wanted, tracks)}")
     among = tracks if wanted is None else {wanted: tracks[wanted]}
     having = {name: table for name, table in among.items() if reference.quantity in values_by_name(table)}
     if not having:

@@ -41,11 +41,11 @@ class Action:
         try:
             words = shlex.split(text)
         except ValueError as error:
-            raise ConfigurationError(f"{text!r}: is no command line: {error}") from error
+            raise ConfigurationError(f"{text!r}: is not a command line: {error}") from error
         command = next((name for name in _COMMANDS if words[1 : 1 + len(name.split())] == name.split()), "")
         rest = words[1 + len(command.split()) :]
         if words[:1] != ["palpate"] or not command or not rest or rest[0].startswith("-"):
-            raise ConfigurationError(f"{text!r}: is no command of the page")
+            raise ConfigurationError(f"{text!r}: is not a command of the page")
         return cls(command, tuple(_options(rest[1:])), rest[0])
 
 
@@ -75,5 +75,5 @@ def _options(words: list[str]) -> Iterator[tuple[str, str]]:
     for word in left:
         option, equals, value = word.partition("=")
         if not option.startswith("--") or (equals and option in _FLAGS):
-            raise ConfigurationError(f"{word!r}: is no option of a command of the page")
+            raise ConfigurationError(f"{word!r}: is not an option of a command of the page")
         yield option, value if equals or option in _FLAGS else next(left, "")

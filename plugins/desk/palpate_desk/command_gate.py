@@ -22,15 +22,15 @@ _FIGURES = re.compile(rf"{re.escape(OUT)}/figures/[^/]+")
 
 
 def demand_allowed(action: Action) -> None:
-    """Raise ConfigurationError for what is no command of the page, or names a file, code or a device."""
+    """Raise ConfigurationError for what is not a command of the page, or names a file, code or a device."""
     known = _KNOWN.get((action.command, action.source == OUT), {})
     for option, value in action.options:
         if option not in known:
-            raise ConfigurationError(f"palpate {action.command} {option}: is no command of the page")
+            raise ConfigurationError(f"palpate {action.command} {option}: is not a command of the page")
         known[option](value)
     given = {option for option, _ in action.options}
     if not known or (action.command == "repeat review" and len(given & _MARKS) != 1):
-        raise ConfigurationError(f"palpate {action.command}: is no command of the page")
+        raise ConfigurationError(f"palpate {action.command}: is not a command of the page")
 
 
 def is_change(action: Action) -> bool:

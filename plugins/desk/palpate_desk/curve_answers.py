@@ -23,7 +23,7 @@ from palpate_kit.curves.curve_fits import (
 )
 from palpate_kit.runs.replay_source import added_table
 
-_LEAST_AIR = 10  # samples before contact that tell a standard deviation
+_LEAST_AIR = 10  # samples before contact that give a standard deviation
 _MOST = 4000  # points that are sent; beyond, those of least and most force of each stretch
 
 
@@ -106,7 +106,7 @@ def _facts(outcome: RecordOutcome) -> dict[str, Any]:
 
 
 def _noise_before_contact(samples: Samples, surface: float | None) -> float | None:
-    """Standard deviation [N] of the force before the tip touches; None where too few samples tell it.
+    """Standard deviation [N] of the force before the tip touches; None with too few samples.
 
     A touch shows in the force only once it is beyond the noise: above the surface that the fit found, too.
     """

@@ -58,11 +58,11 @@ class Desk:
         self._undo: list[tuple[Action, Sequence[Action]]] = []  # what was done here, with what undoes it
         self._tables: dict[str, FitTable] = {}
         self._readers: dict[str, CurveReader] = {}
-        self.folder.rows  # noqa: B018  (what cannot be read is told before the page is there)
+        self.folder.rows  # noqa: B018  (what cannot be read is reported before the page opens)
         self._stamp = self._signature()
 
     def reload(self) -> None:
-        """Read everything anew."""
+        """Read everything again."""
         self.folder = FitFolder(self.path)
         self._tables, self._readers = {}, {}
         self._stamp = self._signature()
@@ -98,9 +98,9 @@ class Desk:
         return self._readers[name]
 
     def curve(self, name: str) -> Curve:
-        """A curve with its settings, by its name; raises ConfigurationError where there is none, or no file of it."""
+        """A curve with its settings, by its name; raises ConfigurationError if it or its file does not exist."""
         if name not in self.folder.by_curve:
-            raise ConfigurationError(f"there is no curve {name!r}{suggest(name, self.folder.names)}")
+            raise ConfigurationError(f"no curve {name!r}{suggest(name, self.folder.names)}")
         if not self.folder.file_of(name):
             raise ConfigurationError(f"{name}: its file is not known: curves.csv has no column file")
         return self.folder.curve(name)
@@ -124,7 +124,7 @@ class Desk:
         return self.folder.rows_of(name)
 
     def compact(self) -> None:
-        """Write the table anew where it holds rows that later ones stand for."""
+        """Rewrite the table where it holds rows that later ones stand for."""
         for table in self._tables.values():
             if table.path.is_file():
                 table.compact(self.folder.names)
@@ -171,7 +171,7 @@ class Desk:
         return self._undo[-1][0] if self._undo else None
 
     def undo(self) -> Action:
-        """Take the latest change of this page back; raises ConfigurationError where there is none."""
+        """Undo the latest change of this page; raises ConfigurationError if there was none."""
         if not self._undo:
             raise ConfigurationError("there is nothing to undo: nothing was changed since the page was opened")
         _, inverse = self._undo[-1]
@@ -238,5 +238,5 @@ def run_action(action: Action, path: Path) -> None:
 
 
 def one_curve(name: str) -> Action:
-    """The command that fits one curve anew."""
+    """The command that fits one curve again."""
     return Action("fit", (("--where", where_curve(name)),))

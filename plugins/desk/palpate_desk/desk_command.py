@@ -70,7 +70,7 @@ def desk(
 
 def _demand_fits(source: Path) -> Path:
     if not is_fit_folder(source):
-        raise ConfigurationError(f"{source}: is no folder of fits: it has no fits.csv")
+        raise ConfigurationError(f"{source}: is not a folder of fits: it has no fits.csv")
     return source
 
 
@@ -85,12 +85,12 @@ def _begin(
 ) -> Path:
     """A folder of fits of curves, none fitted yet; raises UserError."""
     if not source.exists():
-        raise ConfigurationError(f"{source}: there is no such file or folder")
+        raise ConfigurationError(f"{source}: no such file or folder")
     if read_only:
         raise ConfigurationError(f"{source}: has no fits yet, and --read-only makes none")
     if tip is None and pipeline is None and not _states_tip(source, overrides or ()):
         raise ConfigurationError(
-            f'{source}: is no folder of fits; say the tip of its curves, as in --tip "sphere 3 mm", or --pipeline FILE'
+            f'{source}: is not a folder of fits; give the tip of its curves: --tip "sphere 3 mm", or --pipeline FILE'
         )
     folder = out or make_folder("fit", None, datetime.now(UTC).astimezone())
     options = [("--tip", tip), ("--model", model), ("--pipeline", str(pipeline) if pipeline else None)]
@@ -109,7 +109,7 @@ def _begin(
 
 
 def _states_tip(source: Path, overrides: Sequence[str]) -> bool:
-    """Whether the file of facts beside curves, or the one that is named, states their tip."""
+    """Whether the file of facts next to curves, or the one that is named, states their tip."""
     named = (str(value) for keys, value in map(parsed_assignment, overrides) if keys == ("run", "rig"))
     path = Path(next(named, str((source if source.is_dir() else source.parent) / RIG)))
     return path.is_file() and read_rig(path).tip is not None

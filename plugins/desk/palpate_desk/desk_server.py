@@ -254,7 +254,7 @@ class DeskServer:
         self._tell(self._state())
 
     def _changed(self, action: Action, curves: list[str] | None = None) -> None:
-        """Tell every page what is new after an action."""
+        """Send every page what has changed by an action."""
         if curves is None:
             self._tell(self._folder())
         else:

@@ -1,4 +1,4 @@
-"""What the page is told of a folder: rows in display units, groups, settings, and what was exported."""
+"""What the page gets of a folder: rows in display units, groups, settings, and what was exported."""
 
 from __future__ import annotations
 

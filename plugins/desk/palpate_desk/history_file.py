@@ -54,7 +54,7 @@ class ActionHistory:
             file.write(line.getvalue().encode())
 
     def _whole_lines(self) -> str:
-        """The text without a last line that was torn in writing; raises LogError for what is no history."""
+        """The text without a last line that was torn in writing; raises LogError for what is not a history."""
         if not self.path.is_file():
             return ""
         try:
@@ -64,7 +64,7 @@ class ActionHistory:
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise LogError(f"{self.path}: cannot be read: {error}") from error
         if rows and not set(_COLUMNS) <= set(rows[0]):
-            raise LogError(f"{self.path}: is no history of palpate desk: it has no columns {', '.join(_COLUMNS)}")
+            raise LogError(f"{self.path}: is not a history of palpate desk: it has no columns {', '.join(_COLUMNS)}")
         return text
 
     @property

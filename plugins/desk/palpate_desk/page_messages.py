@@ -59,7 +59,7 @@ class TipOrder(Question):
 
 
 class RefitOrder(Question):
-    """One curve fitted anew, or all that are not current; or an end to that."""
+    """One curve fitted again, or all that are not current; or an end to that."""
 
     do: Literal["refit", "refit-all", "cancel", "undo"]
     curve: Text = ""
@@ -104,7 +104,7 @@ READING = (CurveQuestion, FilterQuestion, GroupsQuestion, CompareQuestion)  # wh
 
 
 def read_message(text: str | bytes) -> Question:
-    """A message of the page; raises ConfigurationError for what is none."""
+    """A message of the page; raises ConfigurationError for anything else."""
     try:
         return _MESSAGES.validate_json(text)
     except ValidationError as error:

@@ -69,7 +69,7 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_facts() -> dict[str, Fact]:
-    """Which kernel runs the filters."""
+    """The facts that this family adds to `palpate info`: the kernel that runs the filters."""
     return {"kernel": Fact("palpate_kit.kernel:kernel_description")}
 
 

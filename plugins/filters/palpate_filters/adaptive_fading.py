@@ -11,7 +11,7 @@ from pydantic import Field
 
 Preset = Literal["palpate", "paper", "authors"]
 PRESET = (
-    '"palpate": ours; "paper": its rule to the letter (signed test, no cap); "authors": constants of their code; '
+    '"palpate": ours; "paper": its rule as printed (signed test, no cap); "authors": constants of their code; '
     "keys that are given override the preset"
 )
 
@@ -28,7 +28,7 @@ class AdaptiveFading(Settings):
     alpha_max: float = Field(default=1.02, ge=1, le=10, description="largest fading factor")
     step_up: float = Field(default=0.005, ge=0, le=10, description="rise of alpha in a step")
     step_down: float = Field(default=0.005, ge=0, le=10, description="fall of alpha in a step")
-    signed: bool = Field(default=False, description="compare the innovation with its sign, to the letter of the paper")
+    signed: bool = Field(default=False, description="compare the innovation with its sign, as in the paper")
     covariance_cap: float = Field(
         default=1.0,
         gt=0,

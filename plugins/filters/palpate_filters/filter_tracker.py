@@ -60,7 +60,7 @@ class RecursiveTracker:
         self._details = dict(details or {})
 
     def run(self, samples: Samples) -> Estimates:
-        """Estimates for a block; see `palpate.Tracker`."""
+        """The estimates (n,) of a block of samples (n,); blocks continue one another, see `palpate.Tracker`."""
         if len(samples.time) == 1 and self._goes_on(samples):
             return self._one(samples)
         estimates = Estimates.idle(samples, self.recursion.parameters)
@@ -274,7 +274,7 @@ class RecursiveTracker:
 
 
 def _root(variance: float) -> float:
-    """Standard deviation; 0 where rounding has left less than none, NaN where there is no number."""
+    """Standard deviation; 0 where rounding has left less than none, NaN without a number."""
     return 0.0 if variance <= 0 else math.sqrt(variance)
 
 

@@ -22,8 +22,8 @@ def first_guess(
     """First values (k,) and standard deviations (k,) of a model's parameters.
 
     `forces` holds, for "elastic" [N] and "viscous" [N s/m], the first guess of the force that such a parameter makes at
-    a depth of 1 mm, and its standard deviation. A parameter of neither role starts at its own first guess, or amid its
-    bounds. A guess applies to the models that have the parameter; `others` are the parameters of those beside this one.
+    a depth of 1 mm, and its standard deviation. A parameter of neither role starts at its own first guess, or in the
+    middle of its bounds. A guess applies to the models that have the parameter; `others` are those of the other models.
     Raises ConfigurationError where that is impossible and nothing is given, or where what is given is not right.
     """
     _refuse_unknown({*given, *given_std}, model, others)
@@ -31,7 +31,7 @@ def first_guess(
     # Those of no role first: the force that the others make depends on them.
     for i, parameter in sorted(enumerate(model.parameters), key=lambda pair: pair[1].role is not None):
         value = deviation = None
-        # A pull is no measure of a modulus: a model that sticks says where to start, if it can.
+        # A pull is not a measure of a modulus: a model that sticks says where to start, if it can.
         if parameter.role is not None and not (model.adhesive and parameter.start is not None):
             per_unit = _force_per_unit(model, i, guess)
             if math.isfinite(per_unit) and per_unit > 0:

@@ -111,7 +111,7 @@ def inertial_step(process: InertialProcess, prediction: Prediction, *, fading: b
         output    parameters, depth, their variances, contact force, e^2/S, e/sqrt(S), marks
 
     The linearised prediction takes F P F^T as it is written, the unscented one the covariance of its sigma points. A
-    missing u counts as the model's own force with sigma_u = 1 N, and without z there is no update. Filter state:
+    missing u counts as the model's own force with sigma_u = 1 N, and without z the state is not updated. Filter state:
     `carried`. Sample: force, rate, interval. Settings: the numbers of `Tuning` in their order. Output:
     `palpate_filters.recursion.output_layout`.
     """

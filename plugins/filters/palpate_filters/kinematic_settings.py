@@ -15,7 +15,7 @@ class KinematicSettings(Estimator, ABC):
     """Settings that the kinematic filter and its smoother share.
 
     Densities are those of a sweep at 4 mm/s; with `sweep_speed` v, random walks scale by v/4 mm/s and integrated ones
-    by its third power. At 0 the surface and the material do not change, and slope and trend are no states.
+    by its third power. At 0 the surface and the material do not change, and slope and trend are not states.
     """
 
     force_std: Force = Field(default=0.05, gt=0, description="standard deviation of the force")

@@ -36,7 +36,7 @@ def guess_of(settings: KinematicSettings, process: KinematicProcess, problem: Pr
 def fresh_state(
     settings: KinematicSettings, process: KinematicProcess, guess: Floats, window: Samples, patient: bool
 ) -> tuple[Floats, bool] | None:
-    """State from a fit of the window where one is wanted and succeeds, else, once not patient, from the first guess."""
+    """State from a fit of the window if requested and successful, else, once not patient, from the first guess."""
     place, chart = process.layout, process.chart
     mean, std, surface = np.zeros(process.states), np.zeros(process.states), place.at("surface")
     std[surface], std[chart] = 2.0 * settings.start_depth, settings.start_spread

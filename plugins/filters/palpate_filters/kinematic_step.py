@@ -16,7 +16,7 @@ _LOW_LIMIT = 25  # samples in a row at depth <= 0, in contact, before the filter
 _LARGEST = 1e300  # CasADi folds z == z to 1, so NaN is detected thus
 _DEEPEST = 0.1  # [m]
 _WANDERS = 5.0  # standard deviations of a bias
-_CHART_END = 60.0  # logarithms beyond this are no material's
+_CHART_END = 60.0  # logarithms beyond this do not occur
 
 NOISES = 10  # of `Noise`, in its order
 
@@ -81,7 +81,7 @@ def kinematic_step(
         x, total, seen_count = x + gain * innovation, total + innovation**2 * weight, seen_count + seen
     seen = ca.fabs(force) <= _LARGEST
     known = None
-    if linearised:  # out of contact there is no slope to linearise by
+    if linearised:  # out of contact no slope exists to linearise by
         given = ca.logic_and(ca.fabs(sample[4]) <= _LARGEST, process.depth(ca.vertsplit(sample[4:])) > 0)
         known = ca.if_else(given, sample[4:], x)
     x, P, surprise = _force_update(process, x, P, force, noise.force**2, seen, iterations, student, centre, known)

@@ -35,7 +35,7 @@ _WARM = 0.25  # of them, which the errors take to become stationary
 # pair is of filters whose gain keeps fading: what their estimates' own scatter adds is not predicted.
 _CONSTANT, _FADING = (0.35, 0.25), (0.08, 1.0)
 _TELLING = 0.005  # of the value; less is not worth a word
-_NOTHING, _KINEMATIC = 0.01, 0.1  # of the combined uncertainty; less is no bias
+_NOTHING, _KINEMATIC = 0.01, 0.1  # of the combined uncertainty; less is not a bias
 _SHALLOWEST = 1e-5  # [m]
 _FIRST = 1e-3  # [m] and [m/s], what the gains begin from
 

@@ -102,16 +102,16 @@ class InertialProcess:
         return evolved
 
     def gain(self, interval: Any) -> tuple[Any, Any]:
-        """B: what one newton adds to depth [m/N] and rate [m/s/N] over an interval [s]."""
+        """B = (T^2/(2 m), T/m): change of depth [m/N] and rate [m/s/N] by a force constant over T = `interval` [s]."""
         return interval**2 / (2 * self.mass), interval / self.mass
 
 
 @dataclass(frozen=True)
 class KinematicProcess:
-    """The tip moves as the robot wants; position, velocity and force are measured, and the force is an output.
+    """The robot prescribes the tip's motion; position, velocity and force are measured, and the force is an output.
 
     State: height z [m] of the tip, its velocity and acceleration (driven by white jerk), height s [m] of the surface,
-    on a sweep its slope along the path [m/s], a force bias [N] and its constant drift [N/s] where wanted, the contact
+    on a sweep its slope along the path [m/s], a force bias [N] and its constant drift [N/s] if requested, the contact
     model's internal states, its parameters on a chart, and on a sweep the trend [1/s] of the first of them. Depth is
     s - z, the force sensor reads F(d, d') - m z'' + bias. The chart keeps signs: parameter 0 is exp(c_0), others that
     the force is proportional to are exp(c_0 + c_i), so that c_i is the logarithm of their ratio to it; what remains is
@@ -165,7 +165,7 @@ class KinematicProcess:
         return slope - state[self.layout.at("velocity")]
 
     def parameters(self, chart: Sequence[Any], exp: Any) -> list[Any]:
-        """The contact model's parameters from their chart, with an exponential for the kind of number at hand."""
+        """The contact model's parameters from their chart, with an exponential for this kind of number."""
         values = []
         for i, parameter in enumerate(self.model.parameters):
             if i and parameter.role is not None:

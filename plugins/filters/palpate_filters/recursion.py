@@ -53,7 +53,7 @@ class Recursion:
     step: Step
     parameters: int
     settings: Callable[[float | None, float | None], Floats]  # from force and velocity noise, where measured
-    # State for a stretch, and whether it resumes the last one; None where it wants a longer window, and may (True).
+    # State for a stretch, and whether it resumes the last one; None where it needs a longer window, and may (True).
     begin: Callable[[Carry, Samples, bool], tuple[Floats, bool] | None]
     inputs: Callable[[Samples, Floats], Floats]  # the step's samples (m, nw), from samples and their intervals
 

@@ -55,7 +55,7 @@ class KinematicSmoother(KinematicSettings):
         return self.passes - 1 if at_once else 0
 
     def start(self, problem: Problem) -> Tracker:
-        """A tracker that wants all samples in one block; raises ConfigurationError like the filter."""
+        """A tracker that needs all samples in one block; raises ConfigurationError like the filter."""
         return _SmoothingTracker(self, problem)
 
 

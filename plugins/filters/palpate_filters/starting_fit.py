@@ -161,7 +161,7 @@ def _kinematics(mass: float, window: Samples) -> tuple[Floats, Floats, Floats]:
 
 
 def _smooth(values: Floats) -> Floats:
-    """Local cubics (m - 2 n,) of readings (m,); the reading itself beside one that is missing."""
+    """Local cubics (m - 2 n,) of readings (m,); the reading itself next to a missing one."""
     smooth = np.convolve(values, cubic_weights(2 * _SPAN + 1), "valid")
     return np.where(np.isfinite(smooth), smooth, values[_SPAN:-_SPAN])
 
@@ -181,7 +181,7 @@ def _misfit(columns: Floats, force: Floats, prior: BiasPrior | None = None) -> t
 
 
 def _search(misfit: Callable[[float], float], position: Floats) -> float:
-    """The surface height of the smallest misfit: a grid from amid the motion upwards, then a bounded search."""
+    """The surface height of the smallest misfit: a grid from within the motion upwards, then a bounded search."""
     lowest, highest = float(position.min()), float(position.max())
     reach = np.linspace(0.0, 1.0, _GRID) ** 2 * _DEEPEST
     heights = np.concatenate([np.linspace(lowest, highest, 12)[1:-1], highest + reach])

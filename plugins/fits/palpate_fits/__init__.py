@@ -2,7 +2,7 @@
 
 `fit_settings` holds the keys of `estimator`, `tracker` leads through a fit: `residual` is made of `record_arrays`,
 `first_guess` and `solvers` find its minimum, `uncertainty`, `profile_likelihood`, `bootstrap` and `budget` say how far
-it can be believed, `identifiability` what cannot be told apart, `report` and `typed_report` what of all this goes into
+it can be believed, `identifiability` what is indistinct, `report` and `typed_report` what of all this goes into
 the result, `flags` what its flags mean. `ting_fit` is for one loading and one unloading.
 """
 

@@ -20,7 +20,7 @@ _LAST = 2
 def adhesive_guess(model: ContactModel, unknowns: Unknowns, whole: FitRecord) -> Floats:
     """Values (P,) to start from; raises NotFitted where nothing fits.
 
-    At every height of the surface and every ratio of work to modulus the force of E = 1 Pa is a column, beside bias and
+    At every height of the surface and every ratio of work to modulus the force of E = 1 Pa is a column, as are bias and
     slope where they are free. The last grids are of the whole record: the force jumps where the tip touches, so that
     the solvers cannot pass a sample.
     """

@@ -33,7 +33,7 @@ def places_in_order(model: ContactModel, theta: Floats) -> list[int]:
 
 
 def _alike(model: ContactModel, unknowns: Unknowns) -> bool:
-    """Whether nothing tells the groups apart: all free, with the same bounds, and started nowhere in particular."""
+    """Whether nothing distinguishes the groups: all free, with the same bounds, and started nowhere in particular."""
     for places in zip(*model.interchangeable, strict=True):
         items = [unknowns.items[place] for place in places]
         if not all(item.free and item.value is None for item in items):

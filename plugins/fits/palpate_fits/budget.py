@@ -28,7 +28,7 @@ def stated_sources(model: ContactModel, stated: Mapping[str, Any]) -> tuple[Unce
     if {"delay", "timing"} & stated.keys():
         raise ConfigurationError(
             "estimator casadi-fit: systematic: the uncertainty of timing belongs to the signal: set "
-            'uncertainty = "0.5 ms" beside its channel in [alignment]'
+            'uncertainty = "0.5 ms" next to its channel in [alignment]'
         )
     found = []
     for name, value in stated.items():

@@ -18,7 +18,7 @@ def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve
     found = 0
     for source in sources:
         if not source.exists():
-            raise ConfigurationError(f"{source}: there is no such file or folder")
+            raise ConfigurationError(f"{source}: no such file or folder")
         for path in log_paths(source, recognises) if source.is_dir() else [source]:
             found += 1
             name = path.relative_to(source) if path != source and len(sources) == 1 else path
@@ -53,7 +53,7 @@ def _split(batches: Iterable[Batch], column: int) -> Iterator[tuple[Batch, ...]]
         marks = batch.values[:, column]
         before = waiting[-1].values[-1, column] if waiting else marks[0]
         latest = np.maximum.accumulate(np.where(np.isfinite(marks), np.arange(len(marks)), -1))
-        marks = np.where(latest < 0, before, marks[latest])  # a mark that is missing is no new one
+        marks = np.where(latest < 0, before, marks[latest])  # a missing mark is not a new one
         edges = np.flatnonzero(np.diff(marks, prepend=before) != 0).tolist()
         for first, last in pairwise([0, *edges, len(marks)]):
             if first in edges:

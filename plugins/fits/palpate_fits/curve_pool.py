@@ -23,7 +23,7 @@ def on_cores(
     """The rows of every curve in the order of the curves, however many processes there are.
 
     Where a process is killed, what was under way is done again one by one; a curve that kills that process, too, is
-    told and left.
+    reported and skipped.
     """
     left = iter(curves)
     if workers <= 1:

@@ -17,7 +17,7 @@ _REFITTED = {"fixed", "bounds", "start_at", "profile", "systematic", "contact_po
 def evaluate(logs: Sequence[LogFit], carry: bool) -> list[dict[str, Any]]:
     """What the material that was found on one log leaves of the force on another.
 
-    Surface and bias are found anew on each log, or with `carry` taken over, too.
+    Surface and bias are found again on each log, or with `carry` taken over, too.
     """
     rows = []
     for source in logs:

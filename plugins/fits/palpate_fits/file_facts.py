@@ -1,4 +1,4 @@
-"""The facts of files that bring no pipeline: those of the command line on top of the file of facts beside them."""
+"""The facts of files that bring no pipeline: those of the command line on top of the file of facts next to them."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ class StatedFacts:
 
     facts: RigFacts
     path: Path  # of the file of facts, that there is or that answers are written to
-    settings: tuple[str, ...] = ()  # ``--set`` that are no facts
+    settings: tuple[str, ...] = ()  # ``--set`` that are not facts
     is_read: bool = False  # there is such a file
-    is_named: bool = False  # by --rig, and not found beside the files
+    is_named: bool = False  # by --rig, and not found next to the files
     answers: frozenset[str] = frozenset()  # keys of the facts that were asked
     of_options: frozenset[str] = frozenset()  # keys of the facts that the command line states
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """The facts as ``--set`` of a pipeline that lacks them, then those that are none, which go before them."""
+        """The facts as ``--set`` of a pipeline that lacks them, then the other settings, which take precedence."""
         return (*rig_assignments(self.facts, self.path), *self.settings)
 
     def answered(self, **more: Any) -> StatedFacts:
@@ -52,7 +52,7 @@ class StatedFacts:
 
 
 def stated_facts(sources: Sequence[Path], overrides: Iterable[str], **given: str | None) -> StatedFacts:
-    """The facts beside files, with those among overrides and those `given` on top; raises ConfigurationError."""
+    """The facts next to files, with those among overrides and those `given` on top; raises ConfigurationError."""
     table: dict[str, Any] = {key: text for key, text in given.items() if text is not None}
     settings: list[str] = []
     named: Path | None = None
@@ -74,7 +74,7 @@ def stated_facts(sources: Sequence[Path], overrides: Iterable[str], **given: str
 
 
 def rig_beside(sources: Sequence[Path]) -> Path | None:
-    """The file of facts beside files, where there is one; raises ConfigurationError for several."""
+    """The file of facts next to files, where there is one; raises ConfigurationError for several."""
     there = [path for path in _places(sources) if path.is_file() and not _is_pipeline(path)]
     if len(there) > 1:
         raise ConfigurationError(f"{there[0]} and {there[1]}: which holds the facts? Name it with --rig FILE")
@@ -93,7 +93,7 @@ def _places(sources: Sequence[Path]) -> list[Path]:
 
 
 def _is_pipeline(path: Path) -> bool:
-    """Whether a file that is called like one of facts is a pipeline; one with mistakes is none yet."""
+    """Whether a file that is called like one of facts is a pipeline; one with mistakes does not count yet."""
     with suppress(OSError, ValueError):
         return "device" in toml_tables(bounded_text(path))
     return False

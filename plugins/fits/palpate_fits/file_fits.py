@@ -126,7 +126,7 @@ def _groups(
 
 
 def _cells(sources: Sequence[Path], groups: Sequence[FileGroup], stated: StatedFacts) -> Entries:
-    """What ``curves.csv`` beside the files says of each, but for the facts of the command line, which go before it."""
+    """What ``curves.csv`` next to the files says of each, but for the facts of the command line, which go before it."""
     curves = [curve for group in groups for curve in group.curves]
     found = {
         name: {key: cell for key, cell in cells.items() if key not in stated.of_options}
@@ -182,7 +182,7 @@ def _show(
     typer.echo(fact_line(groups[0].pipeline))
     show_rows(rows, groups[0].pipeline, known, command, wanted.details)
     _show_guesses(groups, wanted.details)
-    typer.echo(f"{folder / TABLE}: every number; {SETTINGS} beside it: how the files were read")
+    typer.echo(f"{folder / TABLE}: every number; {SETTINGS} next to it: how the files were read")
     first = next((row["curve"] for row in rows if is_usable(row)), None)
     if first is not None:
         page = folder / "page"

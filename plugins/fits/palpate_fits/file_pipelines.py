@@ -56,7 +56,7 @@ def file_groups(
     readable, or a guess of it certain, by the file, and `certain` how files without questions are read, which it keeps
     from call to call.
 
-    Raises ConfigurationError for a tip, a model or an override that is none.
+    Raises ConfigurationError for a tip, a model or an override that is invalid.
     """
     known = registry.load()
     overrides, facts = told.overrides, told.facts
@@ -101,10 +101,10 @@ def file_groups(
 
 
 def _no_records(read: Sequence[LogPart], refused: dict[str, str]) -> list[str]:
-    """The sheets and tables that are no record, beside others of the same file that are: named, and left out."""
+    """The sheets and tables that are not records, unlike others of the same file: named, and left out."""
     files = {str(log.path) for log in read if log.part is not None}
     beside = [name for name in refused if name not in files and any(name.startswith(f"{file}:") for file in files)]
-    return [f"{name} is no record, and left out: {refused.pop(name)}" for name in beside]
+    return [f"{name} is not a record, and left out: {refused.pop(name)}" for name in beside]
 
 
 def _stated(settings: Sequence[str]) -> dict[str, str]:

@@ -70,7 +70,7 @@ def first_guess(
     """Values (P,) of all parameters to start from; raises NotFitted where nothing fits.
 
     `linear` are places of `linear_places`; `residual` gives the residual that is free in some places. What the linear
-    unknowns could leave without their bounds is cheap to tell and never more than what they leave within them: only
+    unknowns could leave without their bounds is cheap to compute and never more than what they leave within them: only
     starts that may be the best are solved.
     """
     thin = record.thinned(_SAMPLES)
@@ -114,7 +114,7 @@ def first_guess(
 
 def _least(squares: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Costs (m,) that no values of the linear unknowns can fall below, by [r, J]^T [r, J] (m, 1 + p, 1 + p); and which
-    of them tell these unknowns, the others being 0.
+    of them determine these unknowns, the others being 0.
 
     What is left of r when every column of J is taken out of it, one after the other (Gauss).
     """
@@ -163,7 +163,7 @@ def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord
 
 
 def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: Floats, linear: Sequence[int]) -> Guess:
-    """The best values of the linear unknowns beside given others, within bounds, and their cost."""
+    """The best values of the linear unknowns with the others given, within bounds, and their cost."""
     rows, memory = list(record.parts), (0.0,) * len(model.memory)
     base = x.copy()
     base[list(linear)] = 0.0
@@ -213,7 +213,7 @@ def solve_scaled(
     linear: Sequence[int],
     moduli: Sequence[int],
 ) -> Guess:
-    """The best scale of some moduli and values of the linear unknowns beside given others, and their cost."""
+    """The best scale of some moduli and values of the linear unknowns with the others given, and their cost."""
     base, rows = x.copy(), list(record.parts)
     base[list(linear)] = 0.0
     twice = base.copy()

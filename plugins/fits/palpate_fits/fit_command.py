@@ -116,7 +116,7 @@ def fit(
         from palpate_fits.file_fits import FileFit, fit_files
 
         if scheduler:
-            raise ConfigurationError("--scheduler: wants a pipeline; --tip writes one beside its table")
+            raise ConfigurationError("--scheduler: needs a pipeline; --tip writes one next to its table")
         given = {"force": force, "position": position, "time": time, "rate": rate}
         choices = {role: text for role, text in given.items() if text is not None}
         fit_files(sources, FileFit(stated, choices, out, jobs, as_json, not no_refit, details, by))
@@ -161,7 +161,7 @@ def _names_rig(overrides: Sequence[str]) -> bool:
 
 
 def _rigs(overrides: Sequence[str]) -> list[Path]:
-    """The file of facts that is named, or found beside the curves."""
+    """The file of facts that is named, or found next to the curves."""
     return [Path(str(value)) for keys, value in map(parsed_assignment, overrides) if keys == ("run", "rig")]
 
 

@@ -25,14 +25,14 @@ class FitSettings(Estimator):
     )
     contact_point: Literal["free", "threshold", "deviation-from-baseline", "gradient"] = Field(
         default="free",
-        description="where the surface is: an unknown of the fit, or told by a method on the force alone",
+        description="where the surface is: an unknown of the fit, or determined by a method on the force alone",
     )
     threshold: Force | None = Field(
         default=None, gt=0, description='force of the "threshold" method; left out: 5 sigma of the air before touch'
     )
     unknowns: tuple[Extra, ...] | None = Field(
         default=None,
-        description='what to fit beside the model and the surface: "bias", "slope" [N/s], "tip_mass", "delay" (of the '
+        description='what to fit besides the model and the surface: "bias", "slope" [N/s], "tip_mass", "delay" (of the '
         "force); left out: the bias, where a tenth of the samples is in air",
     )
     fixed: dict[str, float | str] = Field(
@@ -68,7 +68,7 @@ class FitSettings(Estimator):
     seed: int = Field(default=0, ge=0, description="seed of the bootstrap")
     systematic: dict[str, float | str] = Field(
         default={},
-        description='standard uncertainties of what is taken for known, by key of the model or "tip_mass", "bias", '
+        description='standard uncertainties of what is assumed exact, by key of the model or "tip_mass", "bias", '
         '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }',
     )
 

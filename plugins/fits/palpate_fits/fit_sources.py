@@ -14,7 +14,7 @@ from palpate_kit.runs.replay_source import RunLog, read_run_log, replay_source
 
 
 def leave_out(name: str, error: PalpateError, failures: dict[str, PalpateError]) -> None:
-    """Note and tell that a log of many is left out, and why."""
+    """Note and report that one of many logs is left out, and why."""
     failures[name] = error
     typer.echo(f"{name} is left out: {error}", err=True)
 
@@ -42,7 +42,7 @@ def named_pipelines(
 
 def _pipeline(source: Path, reader: Path | None, overrides: list[str]) -> Pipeline:
     if not source.exists():
-        raise ConfigurationError(f"{source}: there is no such file")
+        raise ConfigurationError(f"{source}: no such file")
     if source.suffix == ".toml":
         return load_pipeline(source, overrides)
     if reader is None:
@@ -74,8 +74,8 @@ def _with_fit(carried: RunLog, overrides: list[str]) -> Source:
 
 
 def log_device(pipeline: Pipeline, path: Path) -> str:
-    """The one device that has a file; raises ConfigurationError where there is none, or there are more."""
+    """The one device that has a file; raises ConfigurationError if it has none or several."""
     logs = [name for name, device in pipeline.devices.items() if "file" in type(device).model_fields]
     if len(logs) != 1:
-        raise ConfigurationError(f"{path}: --pipeline wants one device with a file, and this has {len(logs)}")
+        raise ConfigurationError(f"{path}: --pipeline needs one device with a file, and this has {len(logs)}")
     return logs[0]

@@ -120,7 +120,7 @@ def each_table(tracks: Mapping[str, Mapping[str, Any]], pipeline: Pipeline) -> T
 
 
 def quartiles_text(found: Sequence[float] | None, factor: float) -> str:
-    """Median and quartiles in a display unit; a dash where there are none."""
+    """Median and quartiles in a display unit; a dash without values."""
     if found is None:
         return "-"
     low, middle, high = (f"{value * factor:.4g}" for value in found)
@@ -170,7 +170,7 @@ def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
         return [*([said] * len(names)), *([""] * 8), codes]
     cells = [_value(track.parameters[name]) if name in track.parameters else _unknown(report, name) for name in names]
     cells.append(value_with_uncertainty(1e3 * track.surface.value, 1e3 * track.surface.combined))
-    if report is None:  # an offline estimator that is no fit, or reports nothing
+    if report is None:  # an offline estimator that is not a fit, or reports nothing
         return [*cells, "", f"{track.force_rms:.4g}", "", "", "", str(track.samples), "", codes]
     return [
         *cells,
@@ -186,7 +186,7 @@ def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
 
 
 def _unknown(report: FitReport | None, name: str) -> str:
-    """What a fit looked for beside the parameters of the model; nothing where it did not."""
+    """What a fit looked for in addition to the parameters of the model; nothing where it did not."""
     known = None if report is None else report.unknowns.get(name)
     if known is None or not known.free:
         return ""

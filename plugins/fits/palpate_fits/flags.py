@@ -1,4 +1,4 @@
-"""What the flags of a fit mean, beside those that the core registers."""
+"""What the flags of a fit mean, in addition to those that the core registers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``palpate fit FOLDER``: settings of a folder of fits changed, and what they concern fitted anew."""
+"""``palpate fit FOLDER``: settings of a folder of fits changed, and the curves that they concern fitted again."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def _show(path: Path, count: int, change: FolderChange, refused: Mapping[str, st
         rows += [{"curve": name, "error": error} for name, error in refused.items()]
         show_rows(rows, pipeline, registry.load(), shlex.join(["palpate", "fit", str(path)]), change.details)
     if not change.as_json:
-        typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted anew; every number: {path / TABLE}")
+        typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted again; every number: {path / TABLE}")
     if failed := sum(track["failed"] for track in found.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)
     if failed or refused:
@@ -99,7 +99,7 @@ def _show(path: Path, count: int, change: FolderChange, refused: Mapping[str, st
 
 
 def chosen_curves(folder: FitFolder, where: str | None) -> list[str]:
-    """Names of the curves that filter words hold; raises ConfigurationError where there is none."""
+    """Names of the curves that filter words hold; raises ConfigurationError if no curve matches."""
     rows = curve_filter(where, folder, registry.load().meanings).choose(folder.rows)
     if not rows:
         raise ConfigurationError(f"--where {where!r}: holds of no curve" if where else f"{folder.path}: has no curves")
@@ -114,7 +114,7 @@ def stale_count(folder: FitFolder) -> int:
 def change_folder(path: Path, change: FolderChange) -> None:
     """Write the settings that are asked for: of some curves into own.toml, of all into the pipeline of every dialect.
 
-    Whatever is no setting is refused before anything is written. Raises ConfigurationError, LogError, OutputError.
+    Whatever is not a setting is refused before anything is written. Raises ConfigurationError, LogError, OutputError.
     """
     folder = FitFolder(path)
     names = chosen_curves(folder, change.where)

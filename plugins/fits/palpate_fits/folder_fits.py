@@ -66,9 +66,9 @@ def refit(
     workers: int | None = None,
     done: Callable[[str], object] = lambda name: None,
 ) -> int:
-    """Fit those of some curves of a folder anew that have no row by their present settings; how many there were.
+    """Repeat the fits of some curves of a folder that have no row by their present settings; their number.
 
-    Each is told to `done`. Raises LogError, OutputError, ConfigurationError.
+    Each is reported to `done`. Raises LogError, OutputError, ConfigurationError.
     """
     count = 0
     for name in folder.dialects:
@@ -78,7 +78,7 @@ def refit(
         reader = folder.reader(name)
         pipeline = offline(folder.pipeline(name))
         for own in dict.fromkeys(curve.own for curve in curves):
-            record_tracks(reader, own)  # settings that cannot be are told before anything is fitted
+            record_tracks(reader, own)  # impossible settings are reported before anything is fitted
         table = FitTable(folder.path, pipeline, reader.device, name)
         left = list(table.left(curves, reader))
         few = workers or (1 if len(left) < FEW else len(os.sched_getaffinity(0)))

@@ -39,9 +39,9 @@ def correct_attenuation(residual: Residual, record: FitRecord, unknowns: Unknown
     """The minimum without what the noise of the height has taken from it (errors in variables).
 
     With noise of standard deviation s on every height z_j the sum of squares grows by s^2 sum (dr_i/dz_j)^2, which a
-    softer material makes smaller. So what is wanted is where J^T r = s^2 sum dr_i/dz_j d(dr_i/dz_j)/dtheta (Fuller
+    softer material makes smaller. So this solves J^T r = s^2 sum dr_i/dz_j d(dr_i/dz_j)/dtheta (Fuller
     1987, section 3.2), by steps of (J^T J)^-1 from the minimum: one where the model has no memory, else until they end,
-    for what hardly shows beside noise is moved by more than first order. Without memory a height concerns its own
+    for what hardly exceeds the noise is moved by more than first order. Without memory a height concerns its own
     sample only. With it, it concerns all that follow, and the double sums are means over heights displaced by random
     signs (Hutchinson 1990). Bounds hold; where no end is near, the minimum stays.
     """

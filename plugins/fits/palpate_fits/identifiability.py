@@ -1,4 +1,4 @@
-"""What a record can tell apart, and what it cannot."""
+"""What a record can distinguish, and what it cannot."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def solve_or_try_others(
 def solve_from_each(
     residual: Residual, unknowns: Unknowns, record: FitRecord, starts: Sequence[Floats], loss: LossFunction
 ) -> list[Solution]:
-    """The minima near some starts, the least first; raises NotFitted where there is none."""
+    """The minima near some starts, the least first; raises NotFitted without any."""
     found = [solve_lm(residual, unknowns, record, x, loss, gain=1e-9) for x in starts]
     found = sorted((one for one in found if np.isfinite(one.cost)), key=lambda one: one.cost)
     if not found:

@@ -21,11 +21,11 @@ _MOST = 24  # groups that are shown
 
 
 def name_pattern(text: str) -> re.Pattern[str]:
-    """The pattern of ``--by``; raises ConfigurationError where it is none, or has no group in brackets."""
+    """The pattern of ``--by``; raises ConfigurationError where it is not a pattern, or has no group in brackets."""
     try:
         pattern = re.compile(text)
     except re.error as error:
-        raise ConfigurationError(f"--by {text!r}: is no pattern of names: {error}") from error
+        raise ConfigurationError(f"--by {text!r}: is not a pattern of names: {error}") from error
     if not pattern.groups:
         raise ConfigurationError(f'--by {text!r}: has no group in brackets, as in --by "(ctrl|treat)"')
     if wrong := next((name for name in pattern.groupindex if name in OWN), None):

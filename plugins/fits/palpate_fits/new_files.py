@@ -77,7 +77,7 @@ def _prefix(folder: FitFolder, place: Path) -> str:
 
 
 def _dialect(folder: FitFolder, part: LogPart, known: Registry) -> str:
-    """The dialect in which a file is written, a new one where it is none of those there are; raises UserError."""
+    """The dialect in which a file is written, a new one where it matches none of the others; raises UserError."""
     other: str | None = None
     problem: UserError | None = None
     for name in (*folder.dialects, None):  # the last by what the file states alone

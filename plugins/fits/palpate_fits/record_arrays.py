@@ -1,4 +1,4 @@
-"""The samples of a fit, as a residual wants them."""
+"""The samples of a fit, as a residual needs them."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class FitRecord:
 
     @cached_property
     def columns(self) -> Floats:
-        """(n, 10) the parts and the history, or (n, 6) where there is none."""
+        """(n, 10) the parts and the history, or (n, 6) without history."""
         parts = np.column_stack(self.parts)
         return parts if self.history is None else np.concatenate([parts, self.history], axis=1)
 
@@ -116,7 +116,7 @@ def make_record(
     remembers: bool = True,
     smooth: tuple[Floats, int] | None = None,
 ) -> FitRecord:
-    """A record from its columns as `PARTS` names them, each (n,); with what a model that `remembers` wants.
+    """A record from its columns as `PARTS` names them, each (n,); with what a model that `remembers` needs.
 
     It remembers the motion by `smooth`: heights (n,) [m], and of how many samples each is made; left out: the heights
     as they are. Contact sets in over a thousandth of the `travel` [m] in contact, or over the noise of the height where

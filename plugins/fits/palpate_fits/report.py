@@ -95,7 +95,7 @@ def _reconstruction(fit: FitOutcome, record: FitRecord, error: Floats) -> tuple[
     bias, slope, mass = (x[k + EXTRAS.index(name)] for name in ("bias", "slope", "tip_mass"))
     force = error / weight + record.force - mass * record.acceleration - bias - slope * record.time
     if not fit.problem.model.memory:
-        # What the transition leaves of a force above the surface is no force.
+        # What the transition leaves of a force above the surface is not a force.
         delay = x[k + EXTRAS.index("delay")]
         depth = x[k] - record.height - delay * record.rate + 0.5 * delay**2 * record.acceleration
         force = np.where(smooth_depth(depth, 0.0, record.transition)[0] > record.transition, force, 0.0)
@@ -111,7 +111,7 @@ def _judge(fit: FitOutcome) -> _FitWithUncertainty:
         found = replace(found, covariance=covariance)
     free = list(fit.residual.free)
     variance = found.covariance.diagonal()
-    if not (variance >= 0).all():  # the unknowns cannot be told apart to the last digit
+    if not (variance >= 0).all():  # the unknowns cannot be distinguished within rounding
         raise NotFitted("diverged", "the fit ended where the force hardly depends on its unknowns")
     random = np.sqrt(variance)
     low, high = fit.unknowns.bounds(free)
@@ -290,7 +290,7 @@ def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
         yield Flag("not-converged", what)
     for j, place in enumerate(free):
         if judged.held[j] and _is_none(fit, place):
-            text = f"{names[place]} is none, and at most {2 * total[place]:.2g} {fit.unknowns.items[place].unit}"
+            text = f"{names[place]} is zero, or at most {2 * total[place]:.2g} {fit.unknowns.items[place].unit}"
             yield Flag("undetermined", text, effects={names[place]: float(total[place])})
         elif judged.held[j]:
             by_force = names[place] == "surface" and fit.settings.force_uncertainty is not None

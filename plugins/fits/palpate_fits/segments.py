@@ -31,7 +31,7 @@ class Window:
 
 
 def parse_segment(text: str) -> tuple[Window, ...]:
-    """The conditions that a text names; raises ConfigurationError."""
+    """The windows of a text such as "load, depth 0 mm..2 mm"; raises ConfigurationError."""
     return tuple(_parse_one(part.strip(), text) for part in text.split(","))
 
 
@@ -75,7 +75,7 @@ class RecordCourse:
 
 
 def passage(samples: Samples) -> RecordCourse:
-    """The course of a record; raises NotFitted where the tip never touches or the force is no signal."""
+    """The course of a record; raises NotFitted where the tip never touches or the force is not a signal."""
     known = np.isfinite(samples.force)
     if not known.any():
         raise NotFitted("no-force", "the record has no force")
@@ -103,7 +103,7 @@ def passage(samples: Samples) -> RecordCourse:
 
 
 def segment_rows(windows: tuple[Window, ...], samples: Samples, rate: Floats, course: RecordCourse) -> Rows:
-    """(n,) the samples that every window allows and whose force is known; raises NotFitted where there are none."""
+    """(n,) the samples that every window allows and whose force is known; raises NotFitted if none is left."""
     rows = np.isfinite(samples.force) & np.isfinite(samples.position)
     for window in windows:
         allowed = _allowed(window, samples, rate, course)

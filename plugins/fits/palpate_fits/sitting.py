@@ -31,7 +31,7 @@ def is_asking() -> bool:
 
 
 def prompt(text: str) -> str:
-    """The answer to a question on the terminal; raises ConfigurationError where there is none."""
+    """The answer to a question on the terminal; raises ConfigurationError without an answer."""
     try:
         answer = typer.prompt(printable(text), default="", show_default=False, prompt_suffix=" ", err=True)
     except (EOFError, typer.Abort) as error:
@@ -77,9 +77,9 @@ def ask_of_files(stated: StatedFacts, questions: Mapping[str, FileQuestion], ask
 
 
 def _answered(stated: StatedFacts, question: FileQuestion, answer: str) -> dict[str, Any]:
-    """The facts of an answer; raises ConfigurationError where it is none of those to choose from."""
+    """The facts of an answer; raises ConfigurationError where it is not one of the choices."""
     if question.choices and answer not in question.choices:
-        raise ConfigurationError(f"{answer}: is none of {', '.join(question.choices)}")
+        raise ConfigurationError(f"{answer}: is not one of {', '.join(question.choices)}")
     if question.key == "columns":
         columns = dict(stated.facts.columns or {})
         return {"columns": {**columns, question.name: (*columns.get(question.name, ()), answer)}}

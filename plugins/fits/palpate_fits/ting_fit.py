@@ -91,13 +91,13 @@ class _TingTracker:
         self._settings, self._problem, self._begin, self._free = settings, problem, begin, free
 
     def run(self, samples: Samples) -> Estimates:
-        """Estimates for the whole record; constant over the fitted samples, and idle beside them."""
+        """Estimates for the whole record; constant over the fitted samples, and idle outside them."""
         idle = Estimates.idle(samples, len(self._begin))
         touched = np.flatnonzero(samples.contact)
         known = np.isfinite(samples.position) & np.isfinite(samples.force)
         if len(touched) < _FEWEST:
             return replace(
-                idle, flags=(Flag("too-few-samples", f"{len(touched)} samples in contact, {_FEWEST} wanted"),)
+                idle, flags=(Flag("too-few-samples", f"{len(touched)} samples in contact, {_FEWEST} needed"),)
             )
         around = (samples.time > samples.time[touched[0]] - _AROUND) & (
             samples.time < samples.time[touched[-1]] + _AROUND

@@ -45,7 +45,7 @@ from palpate_fits.segments import RecordCourse, Rows, Window, passage, segment_r
 from palpate_fits.solvers import Solution, solve_lm, solve_trf
 from palpate_fits.unknowns import Unknowns
 
-_AIR_SHARE = 0.1  # of the samples, from which on they tell the bias
+_AIR_SHARE = 0.1  # of the samples, from which on they determine the bias
 _FEWEST = 5  # samples for each unknown
 _STANDS = 10  # equal readings at the end of the range, in contact: the sensor is saturated
 _STANDS_OUT = 4.0  # times those of the next smaller value, which coarse readings stand at as often
@@ -69,7 +69,7 @@ class FitTracker:
         self._linear: dict[tuple[int, ...], tuple[int, ...]] = {}  # by what is free, which alone it follows from
 
     def run(self, samples: Samples) -> Estimates:
-        """Estimates for the whole record; constant over the fitted samples, and idle beside them."""
+        """Estimates for the whole record; constant over the fitted samples, and idle outside them."""
         from palpate_fits.report import estimates_of
 
         if not len(samples):
@@ -135,7 +135,7 @@ class FitTracker:
         points: dict[str, ContactPoint],
         notes: list[Flag],
     ) -> Unknowns:
-        """The unknowns with what only the record can say: whether it tells the bias, where the surface may be."""
+        """The unknowns with what only the record can say: whether it determines the bias, where the surface may be."""
         settings, unknowns = self._settings, self._unknowns
         air = int(np.count_nonzero(rows & ~samples.contact))
         if settings.unknowns is None and "bias" not in settings.fixed and air > _AIR_SHARE * np.count_nonzero(rows):

@@ -14,7 +14,7 @@ from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import Residual
 
-_BLOCK = 1024  # neighbours are told within
+_BLOCK = 1024  # neighbours are found within
 _AT_ONCE = 8  # blocks
 _FEW = 40  # lags, up to which sums are faster than Fourier transforms
 _MOST = 200_000  # rows that the correlation sums run over; longer records are added up in pieces before

@@ -17,7 +17,7 @@ _LONGEST_DELAY = 0.05  # [s]; the motion at another time is a Taylor expansion, 
 
 @dataclass(frozen=True)
 class FitUnknown:
-    """One number that a fit finds, or is told."""
+    """One number that a fit finds, or is given."""
 
     name: str
     unit: str  # SI
@@ -77,7 +77,7 @@ def unknowns_of(
     for table, given in (("fixed", fixed), ("start_at", guesses), ("bounds", bounds)):
         for name in given:
             if name not in units:
-                _refuse(f"{table}: there is no unknown {name!r}; there are: {', '.join(units)}")
+                _refuse(f"{table}: no unknown {name!r}; there are: {', '.join(units)}")
     found = []
     for name, unit in units.items():
         low, high = _limits(name, unit, limits[name], bounds)

@@ -94,7 +94,7 @@ def _fitted(asked: WholeLogs, failures: dict[str, PalpateError]) -> tuple[Path, 
     if asked.details:
         for name, pipeline in loaded:
             told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
-            typer.echo(f"{name}: taken for known: {told}", err=True)
+            typer.echo(f"{name}: assumed exact: {told}", err=True)
     names = [name for name, _ in loaded]
     gone_on_with = asked.out is not None and (asked.out / _FIT).is_file()
     folder = _folder(asked.out, names)
@@ -122,7 +122,7 @@ def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
     try:
         known = list(json_document(bounded_text(wanted / _FIT))["logs"])
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise OutputError(f"{wanted / _FIT}: is no document of palpate fit: {error}") from error
+        raise OutputError(f"{wanted / _FIT}: is not a document of palpate fit: {error}") from error
     if others := [name for name in known if name not in names]:
         raise OutputError(f"{wanted}: holds fits of {', '.join(others)}, which is not among these; nothing is mixed")
     return wanted

@@ -29,7 +29,7 @@ def palpate_flags() -> dict[str, FlagMeaning]:
         ),
         "baseline-unclear": FlagMeaning(
             "doubtful",
-            "The air does not tell the tilt of the baseline, which is held at zero, or the tilt is most of the force.",
+            "The air does not show the tilt of the baseline, which is held at zero, or the tilt is most of the force.",
             "Record air over a fourth of the depth at least, or take --no-tilt where the force in air is level.",
         ),
         "viscosity-unclear": FlagMeaning(

@@ -1,4 +1,4 @@
-"""Adhesion: the theory that explains a way in, the pull on the way out, and what theories tell from that."""
+"""Adhesion: the theory that explains a way in, the pull on the way out, and what theories conclude from that."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class StickingLaw:
 
     law: ElasticLaw
     fit: CurveFit
-    apart: float  # [Pa] by how much the modulus of another theory differs that explains it as well; 0: there is none
+    apart: float  # [Pa] by how much the modulus of another theory differs that explains it as well; 0: none does
 
 
 def law_that_sticks(
@@ -84,7 +84,7 @@ def law_that_sticks(
 
 
 def pull_off(retract: Branch, noise: float) -> PullOff | None:
-    """The pull of a way out; None where there is none beyond noise, or no air behind to tell it against."""
+    """The pull of a way out; None if none exceeds the noise, or without air behind to compare it with."""
     count = len(retract)
     air = retract.force[-max(count // 20, 10) :]
     level, scatter = float(np.median(air)), max(float(air.std(ddof=1)), noise)

@@ -1,4 +1,4 @@
-"""Least squares of a whole approach: modulus, surface, baseline and its tilt, viscosity; robust where it is wanted."""
+"""Least squares of a whole approach: modulus, surface, baseline and its tilt, viscosity; robust if requested."""
 
 from __future__ import annotations
 

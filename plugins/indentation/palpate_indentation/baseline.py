@@ -1,4 +1,4 @@
-"""Which baseline the air tells: a tilted one where it does, a level one where the press could be taken for a tilt."""
+"""The baseline that the air determines: tilted where it can, level where the press could be taken for a tilt."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _DECISIVE = 10.0  # of BIC, by which a tilt that is a large part of the force mu
 
 @dataclass(frozen=True)
 class BaselineFit:
-    """The fit of a press, with the tilt that its air tells."""
+    """The fit of a press, with the tilt that its air determines."""
 
     fit: CurveFit
-    untold: CurveFit | None  # with a tilt that the air does not tell; None where it does, or where none was asked for
+    untold: CurveFit | None  # with a tilt that the air does not determine; None where it does, or if not requested
 
     @property
     def by_tilt(self) -> float:
@@ -39,7 +39,7 @@ class BaselineFit:
 
 
 def fit_press(law: ElasticLaw, branch: Branch, noise: float, name: str, *, tilt: bool, robust: bool) -> BaselineFit:
-    """The fit with the baseline that the air tells; raises LogError where nothing fits or there is no air."""
+    """The fit with the baseline that the air determines; raises LogError where nothing fits, or without air."""
     level = fit_curve(law, branch, noise, tilt=False, robust=robust)
     tilted = fit_curve(law, branch, noise, tilt=True, robust=robust) if tilt else None
     if tilted is not None and _sound(tilted) and _begins_in_air(tilted, branch) and _told(law, branch, tilted, level):
@@ -48,7 +48,7 @@ def fit_press(law: ElasticLaw, branch: Branch, noise: float, name: str, *, tilt:
         raise LogError(f"{name}: no modulus above 0 explains the force")
     if not _begins_in_air(level, branch):
         bent = ", or its force bends less than the model's" if tilted is not None and _sound(tilted) else ""
-        raise LogError(f"{name}: the record begins in contact{bent}: without air there is no contact point")
+        raise LogError(f"{name}: the record begins in contact{bent}: without air no contact point can be found")
     return BaselineFit(level, tilted)
 
 
@@ -68,8 +68,8 @@ def _begins_in_air(fit: CurveFit, branch: Branch) -> bool:
 def _told(law: ElasticLaw, branch: Branch, fit: CurveFit, level: CurveFit) -> bool:
     """Whether the tilt is known beyond 10 % of the force from the air, and beyond doubt where it is larger than that.
 
-    A press that hardly bends looks like a tilt: so the air alone must tell it, and a tilt that is a large part of the
-    force needs air over a fourth of the depth at least, and evidence that the press is none on a level baseline.
+    A press that hardly bends looks like a tilt: so only the air may determine it, and a tilt that is much of the
+    force needs air over a fourth of the depth at least, and evidence that the press does not follow a level baseline.
     """
     depth, air = float(fit.surface - branch.height.min()), branch.height > fit.surface
     limit = _MATTERS * force_of(law, branch, fit) / depth
@@ -81,7 +81,7 @@ def _told(law: ElasticLaw, branch: Branch, fit: CurveFit, level: CurveFit) -> bo
 
 
 def _tilt_std(height: Floats, force: Floats) -> float:
-    """Standard uncertainty [N/m] of the slope of a line through air; infinite where there is none."""
+    """Standard uncertainty [N/m] of the slope of a line through air; infinite without air."""
     away = height - height.mean() if len(height) else height
     if len(height) < _LEAST_AIR or not np.any(away):
         return float("inf")

@@ -124,7 +124,7 @@ def _by_variances(press: Press, force: Floats) -> ContactPoint | None:
 
 
 def _std(slope: Floats, others: Floats, rms: float) -> float:
-    """Standard deviation [m] of a height to which the force answers by `slope` (n,), beside linear unknowns (n, k)."""
+    """Standard deviation [m] of a height of which the force has `slope` (n,), fitted with linear unknowns (n, k)."""
     left = slope - others @ np.linalg.lstsq(others, slope, rcond=None)[0]
     size = float(np.linalg.norm(left))
     return rms / size if size > 0 else float("inf")

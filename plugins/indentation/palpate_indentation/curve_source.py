@@ -97,7 +97,7 @@ def _segments(pipeline: Pipeline, samples: Samples) -> Floats | None:
 def source_of(place: Path) -> Source:
     """The pipeline that reads a record, as a source to be built; raises LogError or ConfigurationError."""
     if not place.exists():
-        raise LogError(f"{place}: there is no such file or folder")
+        raise LogError(f"{place}: no such file or folder")
     if place.suffix == ".toml":
         return Source.read(place)
     if place.is_dir() and RunFolder(place).began:

@@ -22,7 +22,7 @@ class ElasticLaw:
     unit: str
     place: int
     held: tuple[float, ...]  # values of all parameters, with 0 for it
-    viscous: int | None = None  # place of the parameter that the force at speed is proportional to; None: there is none
+    viscous: int | None = None  # place of the parameter that the force at speed is proportional to; None: none is
     stated: frozenset[str] = frozenset()  # names of the parameters whose value was given
     adhesion: float = 0.0  # work of adhesion over modulus [m], of a model that is adhesive
 
@@ -53,7 +53,7 @@ class ElasticLaw:
 
     @property
     def viscosity(self) -> tuple[str, float, str] | None:
-        """Name, value and unit of the viscous parameter; None where there is none."""
+        """Name, value and unit of the viscous parameter; None if it has none."""
         if self.viscous is None:
             return None
         parameter = self.model.parameters[self.viscous]
@@ -85,8 +85,8 @@ def law_of(model: ContactModel, name: str, parameters: Mapping[str, str], reach:
     elastic = [i for i, parameter in enumerate(model.parameters) if parameter.role == "elastic"]
     if model.adhesive or not elastic:
         raise ConfigurationError(
-            f"model {name}: its force at rest is not proportional to a modulus, so there is none over depth; take one "
-            "such as dimensionality-reduction (adhesion is looked for beside it)"
+            f"model {name}: its force at rest is not proportional to a modulus, so it gives none over depth; take one "
+            "such as dimensionality-reduction (adhesion is looked for in addition)"
         )
     place, held = elastic[0], [0.0] * len(names)
     for key, text in parameters.items():

@@ -87,7 +87,7 @@ def indentation(
 
 
 def _of_run(whole: WholeCurve, law: ElasticLaw) -> PressViscosity | None:
-    """The viscosity of the run that a record comes from; None where model or tip are no longer that run's."""
+    """The viscosity of the run that a record comes from; None where model or tip differ from that run's."""
     if law.viscosity is None or whole.changed:
         return None
     return viscosity_of_run(whole.place, whole.model_name, law.viscosity[0])
@@ -166,7 +166,7 @@ def views(found: Indentation, model: str) -> list[Any]:
         headings = ("law of the sphere", f"E [{word}]", "std", "residual", "BIC above best")
         shown.append(Table.of("shape and large strain", headings, laws, ("law of the sphere",)))
         if (second := second_best(found)) is not None and second < _DECISIVE:
-            shown.append("shape and large strain: the press does not tell these laws apart")
+            shown.append("shape and large strain: the press does not distinguish these laws")
     if found.pull is not None:
         shown += _adhesion(found, word, factor)
     shown += [f"{flag.code}: {flag.message}" for flag in found.flags]
@@ -187,7 +187,7 @@ def _adhesion(found: Indentation, word: str, factor: float) -> list[Any]:
     assert found.pull is not None
     said: list[Any] = [f"pull-off: {_force(found.pull.force)} +- {_force(found.pull.std)}"]
     if not found.theories:
-        said.append("adhesion: modulus and work of adhesion are told for spheres only")
+        said.append("adhesion: modulus and work of adhesion are determined for spheres only")
         return said
     rows = [
         (

@@ -64,7 +64,7 @@ def press_of(
     segment: Floats | None = None,
     tip_mass: float | None = None,
 ) -> Press:
-    """The first press of a record, or of a stretch of it [s]; raises LogError where there is none.
+    """The first press of a record, or of a stretch of it [s]; raises LogError if it has none.
 
     A record that says by a `segment` (n,) which of its readings are on the way in is taken at its word.
     """
@@ -89,7 +89,7 @@ def press_of(
     margin = _AIR_MARGIN * float(np.ptp(approach.height))
     air = int(np.count_nonzero(np.cumsum(approach.height < touch + margin) == 0))
     if air < _LEAST_AIR:
-        raise LogError(f"{name}: {air} samples of air before contact; without {_LEAST_AIR} there is no baseline")
+        raise LogError(f"{name}: {air} samples of air before contact; a baseline needs {_LEAST_AIR}")
     return Press(approach, retract, air, touch, noise)
 
 

@@ -89,12 +89,12 @@ def analyse_press(
 ) -> Indentation:
     """Everything of a press; raises LogError where nothing fits.
 
-    The viscosity is the one that was stated, or else the one that is given, or else what the press itself tells.
+    The viscosity is the one that was stated, or else the one that is given, or else what the press itself shows.
     """
     branch = press.approach
     if settings.retract:
         if press.retract is None:
-            raise LogError(f"{name}: there is no way out to fit")
+            raise LogError(f"{name}: no way out to fit")
         branch = press.retract
     viscosity = _viscosity(law, press, branch, settings, viscosity)
     if viscosity is not None:
@@ -152,7 +152,7 @@ def _explained(
 def _viscosity(
     law: ElasticLaw, press: Press, branch: Branch, settings: PressSettings, given: PressViscosity | None
 ) -> PressViscosity | None:
-    """What was stated; else what is known from elsewhere; else what the press itself tells or allows."""
+    """What was stated; else what is known from elsewhere; else what the press itself shows or allows."""
     if law.viscosity is None:
         return None
     name, value, unit = law.viscosity
@@ -216,7 +216,7 @@ def _of_baseline(law: ElasticLaw, branch: Branch, fitted: BaselineFit) -> list[F
     fit, other = fitted.fit, fitted.untold
     if other is not None and fitted.by_tilt > _MATTERS * fit.modulus:
         what = (
-            f"the air does not tell the tilt ({other.tilt:+.3g} +- {other.tilt_std:.2g} N/m by least squares): held at "
+            f"the air does not show the tilt ({other.tilt:+.3g} +- {other.tilt_std:.2g} N/m by least squares): held at "
             f"zero, which counts {fitted.by_tilt / fit.modulus:.0%} in the uncertainty of the modulus"
         )
         return [Flag("baseline-unclear", what, effects={law.name: fitted.by_tilt}, causes=("tilt",))]

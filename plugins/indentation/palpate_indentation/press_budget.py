@@ -1,4 +1,4 @@
-"""What is taken for known about a press, and what it does to the modulus: rows of a budget after the GUM."""
+"""What is assumed exact about a press, and what it does to the modulus: rows of a budget after the GUM."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def modulus_row(
 
 
 def declared_rows(law: ElasticLaw, branch: Branch, fit: CurveFit, declared: Declared) -> Iterator[BudgetRow]:
-    """Everything that is declared, or has a default; raises ConfigurationError for an uncertainty that is none."""
+    """Everything that is declared, or has a default; raises ConfigurationError for an invalid uncertainty."""
     try:
         sources = sources_of(law.model, declared.uncertainties or {})
     except ValueError as error:

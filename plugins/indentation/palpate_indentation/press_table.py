@@ -59,7 +59,7 @@ def bic_above_best(one: SphereLawFit, found: Indentation) -> float:
 
 
 def second_best(found: Indentation) -> float | None:
-    """BIC of the second-best law of a sphere above that of the best; None where there are no two."""
+    """BIC of the second-best law of a sphere above that of the best; None without two."""
     others = sorted(bic_above_best(one, found) for one in found.spheres)
     return others[1] if len(others) > 1 else None
 

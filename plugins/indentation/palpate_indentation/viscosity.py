@@ -62,9 +62,9 @@ def _values(
 
 
 def viscosity_of_press(law: ElasticLaw, press: Press, branch: Branch, *, tilt: bool) -> PressViscosity:
-    """The viscosity that a press tells, or how large it may be.
+    """The viscosity that a press shows, or how large it may be.
 
-    It is told by the way in against the way out, where one law explains both, or by a speed that changes on the way in.
+    It shows in the way in against the way out, where one law explains both, or in a speed that changes on the way in.
     Otherwise it is unknown between none and what least squares would choose, by both ways where there are two.
     """
     assert law.viscous is not None

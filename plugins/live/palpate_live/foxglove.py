@@ -191,7 +191,7 @@ class Bridge:
             for wish in asked["subscriptions"]:
                 number, channel = range(1 << 32)[wish["id"]], wish["channelId"]
                 if channel not in self._channels.numbers:
-                    raise ValueError("there is no such channel")
+                    raise ValueError("no such channel")
                 own[channel] = number
                 for entry in (*self._latest.values(), *self._flags):
                     if entry[0] == channel:

@@ -142,6 +142,6 @@ class PageFeed:
 
 
 def _value(part: Mapping[str, Any]) -> list[Any]:
-    """Value and combined standard uncertainty [SI], its unit, how many of it one SI unit is, why there is none."""
+    """Value and combined standard uncertainty [SI], its unit, how many of it one SI unit is, or why it has none."""
     word = part.get("verdict") or ""
     return [part["value"], part["combined"], *display_unit(part["unit"]), word if has_no_number(word) else ""]

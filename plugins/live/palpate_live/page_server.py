@@ -150,7 +150,7 @@ async def work(
 ) -> None:
     """Serve until the run ends; messages of viewers have at most `largest` bytes."""
     server = made(run, token)
-    silent = logging.getLogger("palpate_live")  # foreign requests are no news, and would fill a file
+    silent = logging.getLogger("palpate_live")  # foreign requests are not worth a note, and would fill a file
     silent.disabled = True
     async with serve(
         server.serve,

@@ -11,7 +11,7 @@ from palpate_kit.runs.skin_places import skin_of
 
 
 def skin_and_extent(source: Path) -> tuple[Surface | None, Extent | None]:
-    """Surface of a run folder, None where it has none, and box of its palpated places, None where there is none."""
+    """Surface of a run folder, None where it has none, and box of its palpated places, None without any."""
     folder = RunFolder(source)
     surface = skin_of(folder) if source.is_dir() else None
     if surface is None:

@@ -15,7 +15,7 @@ from palpate_live.server_process import PageServer, ServerKind
 
 
 class LiveSink(Sink):
-    """Shows the run on a page in the browser, and ends it at a click: the arm retracts. It is no emergency stop.
+    """Shows the run on a page in the browser, and ends it at a click: the arm retracts. It is not an emergency stop.
 
     The page is served on 127.0.0.1 by a process of its own, to anyone who has the address that the run prints: it
     contains a token. Nothing that process does, nor its end, ever delays the run: messages that it does not take at

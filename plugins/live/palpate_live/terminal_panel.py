@@ -1,4 +1,4 @@
-"""The terminal during a run: a panel four times a second, or a line every 5 s where there is no terminal."""
+"""The terminal during a run: a panel four times a second, or a line every 5 s without a terminal."""
 
 from __future__ import annotations
 

@@ -248,9 +248,7 @@ class _AfmLink:
         """The readings in their order, some thousand at a time."""
         curves, path = _curves(self.log.file), self.log.file
         if self.log.curve >= len(curves):
-            raise LogError(
-                f"{path}: there is no curve {self.log.curve}; it contains {len(curves)}, 0 to {len(curves) - 1}"
-            )
+            raise LogError(f"{path}: no curve {self.log.curve}; it contains {len(curves)}, 0 to {len(curves) - 1}")
         curve = curves[self.log.curve]
         time = curve.time(self.log.rate, path)
         if time is None:

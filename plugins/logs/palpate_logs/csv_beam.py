@@ -34,7 +34,7 @@ def stiffness_of(length: Floats, force: Floats) -> float:
 
 
 def which_of_both(bent: NumberColumn, place: NumberColumn) -> str:
-    """What is asked about a length beside a deflection."""
+    """What is asked about a length next to a deflection."""
     name, stage = (one.label.removeprefix("column ") for one in (bent, place))
     return (
         f"the force is one constant times {name}, which is what a beam or spring yields by: is {stage} that of "

@@ -41,19 +41,19 @@ class CsvLink:
         self._header = log.header if self._record is None else self._record.header or log.header
         self._sheet = log.sheet if self._record is None else self._record.sheet or log.sheet
         wanted = [(column.column, si_unit(column.unit)[1] * column.scale) for column in log.columns.values()]
-        self._clock = log.time is not None and log.time.unit == CLOCK  # in the last of the wanted columns
+        self._clock = log.time is not None and log.time.unit == CLOCK  # in the last of the requested columns
         if log.time is not None:
             second = 1.0 if self._clock else to_si(f"1 {log.time.unit}", "s")
             if log.time.nanoseconds is not None:
                 wanted.append((log.time.nanoseconds, 1e-9))
             wanted.append((log.time.column, second * log.time.scale))
         self._wanted = [column for column, _ in wanted]
-        self._units = [column.unit for column in log.columns.values()]  # of the first of the wanted columns
+        self._units = [column.unit for column in log.columns.values()]  # of the first of the requested columns
         self._units += ["s"] if log.time is not None and log.time.nanoseconds is not None else []
         self._units += [log.time.unit] if log.time is not None else []
         self._scales = np.array([scale for _, scale in wanted])
         self._layout = TableLayout(0, 0)
-        self._at: list[int] = []  # places of the wanted columns
+        self._at: list[int] = []  # places of the requested columns
         self._widths = 0, 0, 0  # cells of the longest line, of the latest one, and its number
 
     def batches(self) -> Iterator[Batch]:
@@ -83,7 +83,7 @@ class CsvLink:
             raise LogError(f"{self._log.file}: the file contains no rows of numbers")
 
     def _within(self, since: NDArray[np.int64]) -> NDArray[np.bool_] | slice:
-        """Which rows are of the part that is wanted, by their time since the first [ns]."""
+        """Which rows are of the requested part, by their time since the first [ns]."""
         begin, end = self._log.begin, self._log.end
         if begin is None and end is None:
             return slice(None)
@@ -191,7 +191,7 @@ class CsvLink:
             )
 
     def _places(self) -> list[int]:
-        """Where the wanted columns are, by their numbers or by their names in the header."""
+        """Where the requested columns are, by their numbers or by their names in the header."""
         names = [*(self._layout.names or ())]
         places = []
         for column in self._wanted:
@@ -257,9 +257,9 @@ class CsvLink:
     def _number(self, cells: list[str], place: int, line: int, unit: str, clock: bool) -> float:
         if place >= len(cells):
             if len(cells) == 1 and not self._dialect.is_value(cells[0]):
-                raise LogError(f"{self._log.file}:{line}: {cells[0].strip()[:40]!r} is no row of numbers")
+                raise LogError(f"{self._log.file}:{line}: {cells[0].strip()[:40]!r} is not a row of numbers")
             there = f"the line has {len(cells)}, 0 to {len(cells) - 1}"
-            raise LogError(f"{self._log.file}:{line}: there is no column {place}; {there}")
+            raise LogError(f"{self._log.file}:{line}: no column {place}; {there}")
         text = cells[place].strip()
         try:
             if clock:
@@ -274,12 +274,12 @@ class CsvLink:
             comma = not clock and self._dialect.decimal == "." and has_decimal_comma(text)
             advice = f"; a decimal comma? {POINTS}" if comma else ""
             kind = "time of day" if clock else "number"
-            problem = f"column {place} holds {text!r}, which is no {kind}{advice}"
+            problem = f"column {place} holds {text!r}, which is not a {kind}{advice}"
             raise LogError(f"{self._log.file}:{line}: {problem}") from error
 
 
 def _parsed(numbers: str) -> Floats | None:
-    """The numbers (n,) between commas; None where they are none."""
+    """The numbers (n,) between commas; None where they are not numbers."""
     try:  # a reader of JSON, which has the same numbers but for +1, .5 and 1., takes a third of the time
         found = from_json(f"[{numbers}]")
         return np.fromiter(found, np.float64, len(found))

@@ -65,7 +65,7 @@ class SheetRoles:
         return found
 
     def _roles(self) -> list[str | None]:
-        """What each column's unit states, else its name, else a word of it; "other" is none."""
+        """What each column's unit states, else its name, else a word of it; "other" if nothing does."""
         names, roles = self.sheet.names, []
         for k, name in enumerate(names):
             unit, by_words = self.sheet.unit(k), role_by_words(name)
@@ -144,7 +144,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     doubts += [f"{role}: {names[0]} and {', '.join(names[1:])} can be it" for role, names in trials.items()]
     back = [name for name in sheet.names if is_of_retraction(name)]
     if back:
-        extra["reasons"].append(f"left out: {', '.join(map(column_text, back))}: the way back, beside the way in")
+        extra["reasons"].append(f"left out: {', '.join(map(column_text, back))}: the way back, next to the way in")
     doubts += [footer_words(sheet.footer)] if sheet.footer else []
     stated = {key: choices[key] for key in (*KEYS, RECORD) if key in choices}
     doubts += [note] if (note := records_note(path, stated)) is not None else []
@@ -198,7 +198,7 @@ def _columns(
         try:
             columns[role]["scale"] = float(choices[key]) if key in choices else "?"
         except ValueError as error:
-            raise LogError(f"{sheet.path}: {key} = {choices[key]!r}: a number is wanted") from error
+            raise LogError(f"{sheet.path}: {key} = {choices[key]!r}: expected a number") from error
         if key not in choices:
             per = f"how many {units[role]} one {sheet.written_unit(k)} of {pick.series.label} is"
             blanks.append(f"{key}: {per}")

@@ -149,4 +149,4 @@ def _known_encoding(name: str) -> None:
         codecs.lookup(name)
     except LookupError as error:
         known = sorted({alias.replace("_", "-") for alias in aliases.values()})
-        raise ValueError(f"encoding = {name!r}: there is no such encoding{suggest(name, known)}") from error
+        raise ValueError(f"encoding = {name!r}: no such encoding{suggest(name, known)}") from error

@@ -125,7 +125,7 @@ def _all_texts(numbers: Mapping[str, TopicFiles]) -> dict[str, tuple[str, ...]]:
 
 
 def _spoken(places: Floats, words: tuple[str, ...]) -> list[str]:
-    """The texts that a column stands for; none where there is no message."""
+    """The texts that a column stands for; none without a message."""
     return ["" if place != place else words[int(place)] for place in places.tolist()]
 
 

@@ -106,7 +106,7 @@ class AreaSearch:
     def observe(self, sites: Sites, visited: bool) -> None:
         """Take up all sites of the run so far; `visited` where the latest came of a round of this search.
 
-        Of a single line there are no lumps before the first round, which goes beside it.
+        A single line has no lumps before the first round, which goes off it.
         """
         flat, sites = sites, replace(sites, place=self.area.lift(sites.place))
         if visited or (line_coordinate(sites) is None and len(sites) >= FEWEST):
@@ -232,5 +232,5 @@ class AreaSearch:
             return None
         if not self.lumps if settings.risk is None else (hiding is None or hiding.risk > settings.risk):
             return None
-        which = "there is no lump" if not self.lumps else f"every lump is certain at {settings.sure:g}"
+        which = "no lump" if not self.lumps else f"every lump is certain at {settings.sure:g}"
         return f"{which}, and nothing else is suspicious"

@@ -16,7 +16,7 @@ from palpate_maps.sites import Sites
 _CROWDED = 0.2  # share of sites at places that were palpated before
 _SINGLE_OF_CROWDED = 0.2  # level of the test of normality, where more of them are
 _LEAST = 4  # baseline sites; with fewer nothing can be said
-_SOFTER = 0.15  # share of sites that are no soft outliers any more, but surroundings of a large stiff part
+_SOFTER = 0.15  # share of sites that are not soft outliers any more, but surroundings of a large stiff part
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ class PatchGrid:
 class Clearance:
     """How far palpations of nodes go towards a number of patches that may remain.
 
-    A palpation with the variance v at x multiplies the odds of the least patch at z, where there is none, by
+    A palpation with the variance v at x multiplies the odds of the least patch at z, where none is, by
     exp(-h(x - z)^2/(2 v)) in the average of their logarithm. The logarithm of an expected number n(z) over the number
     that may remain there is what is left to do at z; it is done in any order, so that it counts the same for all
     places: palpations gain sum_z min(log n(z)/allowed, sum h^2/(2 v)).
@@ -58,7 +58,7 @@ class Clearance:
         return np.asarray(np.minimum(self._told, self.left).sum(axis=1))
 
     def sites(self) -> Floats:
-        """(m,) gained by one site of a line at each node, which is no more than by a point."""
+        """(m,) gained by one site of a line at each node, which is at most that of a point."""
         return self.points()
 
     def lines(self, row: NDArray[np.intp]) -> Floats:

@@ -28,7 +28,7 @@ def read_curve_sites(
     track, parameter = track or folder.tracks[0], parameter or folder.values[0]
     for name, known in ((track, folder.tracks), (parameter, folder.values)):
         if name not in known:
-            raise LogError(f"{path}: there is no {name!r}{suggest(name, known)}")
+            raise LogError(f"{path}: no {name!r}{suggest(name, known)}")
     if old := stale_words(folder):
         typer.echo(old, err=True)
     rows = [row for row in curve_filter(where, folder).choose(folder.rows) if row.track == track and row.usable]

@@ -151,7 +151,7 @@ def _rises_and_falls(alarms: list[Alarm]) -> Iterator[tuple[int, int, float]]:
 
 
 def _lump(curve: LineCurve, span: tuple[float, float], ends: tuple[float, float], p: float) -> Lump | None:
-    """The highest point of a span, over the higher of the valleys beside it, which lie before the ends."""
+    """The highest point of a span, over the higher of the valleys next to it, which lie before the ends."""
     inside = np.flatnonzero((curve.at >= span[0]) & (curve.at <= span[1]))
     if not len(inside):
         return None

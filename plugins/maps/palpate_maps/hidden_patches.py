@@ -36,7 +36,7 @@ class Patch:
     contrast: float  # of its middle over its surroundings
 
     def __post_init__(self) -> None:
-        """Raise ConfigurationError for what is no patch."""
+        """Raise ConfigurationError for what is not a patch."""
         for name, value in (("radius", self.radius), ("contrast", self.contrast)):
             if not (np.isfinite(value) and value > 0):
                 raise ConfigurationError(f"{name}: {value:g} must be above 0")

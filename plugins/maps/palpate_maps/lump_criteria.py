@@ -16,7 +16,7 @@ SweepMethod = Literal["prominence", "cusum"]
 class LumpSettings:
     """What counts as a lump."""
 
-    rate: float = 0.005  # false-discovery rate; where there is no lump, the chance of finding one
+    rate: float = 0.005  # false-discovery rate; without a lump, the chance of finding one
     contrast: float = 0.04  # smaller ones are not reported, however significant
     spread: float = 0.005  # standard deviation of the stiffness between sites that is always assumed, relative
     width: float = 4e-3  # [m] of a site: of the order of the contact's diameter
@@ -31,7 +31,7 @@ class Lump:
     extent: tuple[float, float]  # [m] at half its height: along and across a sweep, or along x and y
     contrast: float  # peak over surroundings, minus 1
     contrast_std: float
-    p: float  # the chance of one like it where there is none
+    p: float  # the chance of one like it where none is
     along: float = float("nan")  # [m] its middle along a sweep
     checked: bool = False  # palpated at a point of it, too
     highest: tuple[float, float] | None = None  # [m] where the contrast is; the middle of a horseshoe is its hole

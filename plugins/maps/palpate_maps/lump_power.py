@@ -23,11 +23,12 @@ def peak_limit(std: float, rooms: float, settings: LumpSettings) -> float:
 
 
 def sweep_power(std: float, length: float, settings: LumpSettings) -> LumpPower:
-    """The power of a sweep of a length [m] where differences of its curve have a standard deviation.
+    """The smallest relative height of a Gaussian lump that a sweep of `length` [m] finds with probability 0.8.
 
-    A Gaussian lump of log height H is seen as a H, a = s/sqrt(s^2 + w^2/12), behind the smoothing over w. Its peak is
-    the highest that noise makes of it, the valleys beside it are the lowest: that adds 0.6 to 1.8 standard deviations
-    of one end over 70 mm, more over 150 mm, about what a probability of 0.8 takes. So a H is the limit.
+    `std` is the standard deviation of a difference of the sweep's log stiffness. Smoothing over a window w lowers a
+    lump of log height H and width s to a H, a = s/sqrt(s^2 + w^2/12), which must reach the limit for peaks. Noise
+    raises the highest point and lowers the valleys, by 0.6 to 1.8 standard deviations in all over 70 mm and by more
+    over 150 mm: about what a probability of 0.8 needs, so that nothing is added for it.
     """
     sigma = WIDTH / 2.3548
     passed = sigma / np.hypot(sigma, settings.width / np.sqrt(12))

@@ -14,7 +14,7 @@ from palpate_maps.line_peaks import by_prominence, curve_along
 from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
 from palpate_maps.sites import Sites, line_coordinate, merge_sites
 
-FEWEST = 8  # sites; with fewer there are no surroundings
+FEWEST = 8  # sites; fewer have no surroundings
 _TELLING = 3  # points on a lump that place it without the sweeps
 _WIDTH = 5e-3  # [m] from a stay to the first site of the sweep that goes on from it
 

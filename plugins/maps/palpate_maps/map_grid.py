@@ -111,7 +111,7 @@ def _axis(values: Floats, cell: float) -> Floats:
 def line_distance(sites: Sites) -> float:
     """Distance [m] between lines or points.
 
-    For nine sites in ten, the nearest one that was palpated at another time, ten sites away or more, is no farther; so
+    For nine sites in ten, the nearest one that was palpated at another time, ten sites away or more, is not farther; so
     lines that were swept twice do not count.
     """
     from scipy.spatial import KDTree

@@ -76,7 +76,7 @@ class Knowledge:
         return height, spread, ndtr((height - np.log1p(contrast)) / spread)
 
     def typical_std(self, standing: bool) -> float:
-        """Standard deviation of the logarithm at a point, or at a site of a line; of all, where there is none yet."""
+        """Standard deviation of the logarithm at a point, or at a site of a line; of all, without one."""
         std = self.known.std[self.known.standing == standing]
         return float(np.median(std if len(std) else self.known.std))
 

@@ -78,11 +78,11 @@ def demand_one_pipeline(run: RunFolder) -> None:
         if part.began:
             text = part.pipeline_text
             if differing := differences(text, own or "", _OF_A_PART):
-                raise LogError(f"{part.path}: is no continuation of {run.path}, nothing is mixed: {differing}")
+                raise LogError(f"{part.path}: is not a continuation of {run.path}, nothing is mixed: {differing}")
 
 
 def _demand_estimates(folder: Path, parts: list[RunFolder]) -> set[str]:
-    """The names of all tracks of a run's parts; raises LogError where there is none."""
+    """The names of all tracks of a run's parts; raises LogError without any."""
     known = {name for part in parts for name in tracks_of(part.path)}
     if not known:
         raise LogError(f"{folder}: is not a run folder: it has no table of estimates")
@@ -93,7 +93,7 @@ def _demand_known(folder: Path, parts: list[RunFolder], track: str) -> None:
     """Raise LogError where no part has the track, or one that palpated lacks it."""
     known = _demand_estimates(folder, parts)
     if track not in known:
-        raise LogError(f"{folder}: there is no track {track!r} (there are: {', '.join(sorted(known))})")
+        raise LogError(f"{folder}: no track {track!r} (there are: {', '.join(sorted(known))})")
     for part in parts:
         _demand_track(part, track)
 

@@ -62,7 +62,7 @@ class ActionGrid:
 
     @cached_property
     def _rows(self) -> list[NDArray[np.intp]]:
-        """Nodes beside one another along each axis, in their order."""
+        """Neighbouring nodes along each axis, in their order."""
         pieces = []
         for axis in (0, 1):
             steps = np.diff(np.unique(np.round(self.nodes[:, axis], 7)))
@@ -125,7 +125,7 @@ class ActionGrid:
         return self.motion.seconds_to(way)
 
     def _most(self, row: NDArray[np.intp], sites: Floats) -> float:
-        """What a line along a row gains in a second at the most: as if each of its sites stood alone."""
+        """What a line along a row gains in a second at most: as if each of its sites stood alone."""
         along = lengths_along(self.nodes, row)
         sums = np.r_[0.0, np.cumsum(sites[row])]
         first, last = np.triu_indices(len(row), 1)

@@ -15,7 +15,7 @@ from palpate_maps.search_skin import SearchSkin, skin_share, tips_on
 
 Box = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
 
-_BEYOND = 30e-3  # [m] that a search goes beyond what is known, at the most, where only the rig knows the specimen
+_BEYOND = 30e-3  # [m] that a search goes beyond what is known, at most, where only the rig knows the specimen
 _SPECIMEN = "the specimen"
 _STEP = 1.5e-3  # [m] between places that are asked for
 _MOST = 54  # of them along each side

@@ -58,7 +58,7 @@ class SearchMotion:
 
     @property
     def surface(self) -> Surface | None:
-        """That the motion of the run follows; None where it goes by a nominal height."""
+        """That the motion of the run follows; None where it follows a nominal height."""
         return surface_of(self.own)
 
     def can_go(self, proposals: list[Proposal]) -> bool:

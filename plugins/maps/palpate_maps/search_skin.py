@@ -11,7 +11,7 @@ from palpate_kit.kinematics.turns_to_normals import rotation_to
 
 from palpate_maps.surface_map import ARC
 
-_STEEPEST = 0.5  # z of a normal: a skin steeper than 60 degrees is not visited, x and y hardly tell its places apart
+_STEEPEST = 0.5  # z of a normal: a skin steeper than 60 degrees is not visited, x and y hardly distinguish its places
 _REACH = 2.0  # radii of a patch at which it is still felt, by a sixteenth of its height
 
 
@@ -52,7 +52,7 @@ class SearchSkin:
 
 
 def tips_on(points: SurfacePoints, depth: float) -> tuple[Setpoint, NDArray[np.bool_]]:
-    """A tool at each point, along its normal and as deep below [m], and where (n,) the skin is none that it visits."""
+    """A tool at each point, along its normal and as deep below [m], and where (n,) the skin cannot be visited."""
     normal = points.normal
     refused = ~(normal[:, 2] >= _STEEPEST)  # where nothing is known, too
     still = np.zeros((len(points), 3))

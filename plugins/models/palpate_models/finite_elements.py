@@ -23,7 +23,7 @@ _HALVINGS = 4  # of one of Newton's steps
 _WORSE = 3.0  # by which the residual may pass its worst of late: a whole step is needed where the contact's edge jumps
 _LATE = 4  # of Newton's steps
 _THINNEST = 0.05  # of an element, over its size at rest
-_SMALLEST = 1 / 64  # of the way to the next depth: less, and there is no equilibrium
+_SMALLEST = 1 / 64  # of the way to the next depth: less, and no equilibrium exists
 
 
 class NoEquilibriumError(RuntimeError):

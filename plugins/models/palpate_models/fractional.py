@@ -100,7 +100,7 @@ class PowerLaw(_Fractional):
 
 
 class FractionalKelvinVoigt(_Fractional):
-    """A spring beside a springpot, pressed by any axisymmetric tip.
+    """A spring in parallel with a springpot, pressed by any axisymmetric tip.
 
     F = 2/(1 - nu^2) int E(t - s) dA(d(s)) with E(t) = E + E_f (t/1 s)^-alpha, as a spring, a damper and ten Maxwell
     arms, F = 2 E_s/(1 - nu^2) A(d) + 4 eta_s/(1 - nu) a(d) d' + sum of q_k, within 1 % of E_f from `shortest` to

@@ -13,7 +13,7 @@ from palpate_models.parameters import DAMPING, STIFFNESS
 
 
 class KelvinVoigt(ContactModel):
-    """A linear spring beside a linear damper, whatever the tip: F = K d + B d'.
+    """A linear spring in parallel with a linear damper, whatever the tip: F = K d + B d'.
 
     K [N/m] and B [N s/m] belong to tip, depth and material together. Under a flat tip of radius R they are
     K = 2 R E/(1 - nu^2) and B = 4 R eta/(1 - nu), and only then E and eta are derived from them, where `indenter`

@@ -11,13 +11,13 @@ from palpate_models.relaxing_models import RelaxingModel
 
 _APART = (3.0, 5.0)  # by how much at least, and at most, the next time of a spectrum is taken to be longer
 _MORE = 3.0  # parts as strong as the slowest that may fade after the record
-_NOTHING = 0.01  # of the modulus at rest; a part below it is none
+_NOTHING = 0.01  # of the modulus at rest; a part below it does not count
 
 
 def at_rest(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Of models whose relaxation times are parameters: whether the slowest part found fades well within the record.
 
-    Arms beside one another imitate any fading for as long as a record lasts, and call at rest what has not faded then.
+    Arms in parallel imitate any fading for as long as a record lasts, and call at rest what has not faded then.
     The next time, as far beyond the longest as that is beyond the one before (3 to 5 times), has to be within the
     record, or what fades with it would not have been seen: then between nothing and three more parts as strong as the
     slowest, at most all of the modulus, may still fade, a rectangular distribution.

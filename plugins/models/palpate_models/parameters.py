@@ -76,7 +76,7 @@ DASHPOT_VISCOSITY = Parameter(
     VISCOSITY.name,
     "eta",
     VISCOSITY.unit,
-    "shear viscosity of the damper beside spring and arm",
+    "shear viscosity of the damper in parallel with spring and arm",
     role="viscous",
     start=VISCOSITY.start,
     start_std=VISCOSITY.start_std,

@@ -45,7 +45,7 @@ class Poroelastic(RelaxingModel):
     g(x) = 0.491 exp(-0.908 sqrt(x)) + 0.509 exp(-1.679 x), for a cone
     0.493 exp(-0.822 sqrt(x)) + 0.507 exp(-1.348 x), for a flat tip 1.304 exp(-sqrt(x)) - 0.304 exp(-0.254 x); here as a
     spring and ten arms q_k whose rates go with D/a(d)^2, within 0.02 for x > 0.003, a no less than at 0.1 mm.
-    Assumes a half-space, no friction, solvent that drains at the surface beside the tip, and a press that is fast
+    Assumes a half-space, no friction, solvent that drains at the surface around the tip, and a press that is fast
     against a^2/D: the theory is that of a hold; for motion beyond it a is that of the moment. Unlike what
     `standard-linear-solid` does, a larger contact relaxes more slowly: two depths, or two tips, distinguish them, one
     hold does not.

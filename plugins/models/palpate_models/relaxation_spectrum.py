@@ -8,8 +8,8 @@ from typing import Any
 
 @dataclass(frozen=True)
 class RelaxationSpectrum:
-    """A relaxation modulus E(t) = E + sum of E_k exp(-t/tau_k), and a damper beside it."""
+    """A relaxation modulus E(t) = E + sum of E_k exp(-t/tau_k), and a damper in parallel."""
 
     lasting: Any  # E [Pa]; None: nothing lasts
-    damper: Any  # shear viscosity [Pa s]; None: there is none
+    damper: Any  # shear viscosity [Pa s]; None: no damper
     arms: tuple[tuple[Any, Any], ...]  # E_k [Pa], 1/tau_k [1/s]

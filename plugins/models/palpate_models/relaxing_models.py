@@ -77,7 +77,7 @@ class RelaxingModel(ContactModel):
         return curved_share(self, curvature, depth)
 
     def loading_cycle_force(self, time: Floats, depth: Floats, theta: Sequence[float], reversal: float) -> Floats:
-        """Force (n,) [N] over one loading and one unloading, see `ting_force`; raises ValueError where it is none."""
+        """Force (n,) [N] over one loading and one unloading, see `ting_force`; raises ValueError where it is not."""
         if self.pace(1e-3, theta) is not None:
             raise ValueError(f"Ting's unloading needs a relaxation modulus, and {type(self).__name__} has none")
         return ting_force(self, self.spectrum(theta), time, depth, reversal)
@@ -132,8 +132,8 @@ class DimensionalityReductionMaxwell(RelaxingModel):
 
     F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + q with the internal state q [N],
     dq/dt = 2 E_1/(1 - nu^2) a(d) d' - q/tau in contact and -q/tau out of it: the hereditary integral with the
-    relaxation modulus E + E_1 exp(-t/tau), and a damper beside it. E is the elasticity at rest (E_inf); fast motion
-    feels E_0 = E + E_1, which is reported beside it.
+    relaxation modulus E + E_1 exp(-t/tau), and a damper in parallel. E is the elasticity at rest (E_inf); fast motion
+    feels E_0 = E + E_1, which is reported, too.
     Assumes what `standard-linear-solid` does. Damper and arm are distinguished by motion on both sides of 1/tau: a
     press or a step and an oscillation.
     Source: paper, eq. TotalForce; Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.

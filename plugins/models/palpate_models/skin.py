@@ -39,7 +39,7 @@ class Skin(Settings):
     A sphere of radius R that moves by d along its axis goes d_n into the skin along the normal, d_n = d cos t, and
     feels F_n there; along its axis it feels F_n (cos t + s m sin t tan t), m = 2 (1 - nu)/(2 - nu): a tip that sticks
     (s = 1) drags the skin along by d sin t, one that slides (s = 0) does not. On a skin that is curved along the
-    inclination it touches beside the axis, where sin t_0 = sin t R_1/(R + R_1), and the normal turns as it goes in:
+    inclination it touches off the axis, where sin t_0 = sin t R_1/(R + R_1), and the normal turns as it goes in:
     with L = R + R_1, d_n = L - sqrt(L^2 - 2 L d cos t_0 + d^2) and cos t' = (L cos t_0 - d)/(L - d_n) in place of
     cos t. Curvature takes the tip's own 1/R to sqrt((1/R + 1/R_1)(1/R + 1/R_2)): on a cylinder of 3 R the force is
     0.2 % below that of the elliptic contact, in a groove of 3 R 0.4 %, less on gentler ones; any other rounded tip
@@ -79,7 +79,7 @@ class Skin(Settings):
     def check(self, indenter: Indenter) -> None:
         """Raise ValueError where a tip cannot touch such a skin, or its contact is not known."""
         if 0.0 in (self.skin_radius, self.skin_radius_across):
-            raise ValueError('skin: a radius of 0 is no skin; write "flat" where it is not curved')
+            raise ValueError('skin: a radius of 0 is not a skin; write "flat" where it is not curved')
         if not any(self.curvatures):
             return
         if isinstance(indenter, _FACES):

@@ -73,7 +73,7 @@ class Thickness(Settings):
     sticking: bool = Field(default=False, description="finite-cylinder: whether the tip sticks to the surface")
     diameter: Depth | None = Field(default=None, gt=0, description="finite-cylinder: diameter of the specimen")
     radius: Depth | None = Field(
-        default=None, gt=0, description="radius R of the sphere that approximates the tip, where its type is no sphere"
+        default=None, gt=0, description="radius R of the sphere that approximates the tip, if it is not a sphere"
     )
 
     @model_validator(mode="after")

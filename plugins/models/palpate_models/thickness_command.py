@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _BEYOND = 1.6  # contact radii out to which the surface is looked at
 _FIRST = 0.3  # contact radius of the first row, over that of the last: less, and it spans few elements
-_SCATTER = 0.03  # of rows about their curve: more, and they are no table
+_SCATTER = 0.03  # of rows about their curve: more, and they are not a table
 _DEEPER = 4.0  # depths out to which the tip's profile is known
 _NO_SHAPE = ("TruncatedCone", "TiltedFlat", "NeoHookeanSphere")
 
@@ -105,7 +105,7 @@ def _rows(
             found.append(one)
     if len(found) < FEWEST:
         raise ConfigurationError(
-            f"palpate model thickness: {stopped}, and {len(found)} rows are no table ({FEWEST} are needed); take less "
+            f"palpate model thickness: {stopped}, and {len(found)} rows are not a table ({FEWEST} needed); take less "
             "--depth, more --points, more --limit, or another number of elements (--fine)"
         )
     return np.array(found), stopped
@@ -145,7 +145,7 @@ def _seconds(text: str) -> float:
     except ValueError as error:
         raise ConfigurationError(f"--limit: {error}") from error
     if not value > 0:
-        raise ConfigurationError(f"--limit: {text!r} is no computing time")
+        raise ConfigurationError(f"--limit: {text!r} is not a computing time")
     return value
 
 
@@ -155,7 +155,7 @@ def _length(name: str, text: str) -> float:
     except ValueError as error:
         raise ConfigurationError(f"--{name}: {error}") from error
     if not 0 < value < 10:
-        raise ConfigurationError(f"--{name}: {text!r} is no length of a specimen")
+        raise ConfigurationError(f"--{name}: {text!r} is not a length of a specimen")
     return value
 
 
@@ -165,7 +165,7 @@ def _tip(name: str, overrides: list[str]) -> Indenter:
         source.override(f"indenter.tip.{assignment}")
     found: Indenter = build_parts(source, "indenter")["tip"]
     if type(found).__name__ in _NO_SHAPE:
-        raise ConfigurationError(f"--tip {name}: has a sharp edge, or is no shape; the elements need a smooth tip")
+        raise ConfigurationError(f"--tip {name}: has a sharp edge, or is not a shape; the elements need a smooth tip")
     return found
 
 

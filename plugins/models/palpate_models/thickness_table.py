@@ -65,7 +65,7 @@ def table_text(facts: dict[str, Any], depths: Floats, factors: Floats) -> str:
 
 @cache
 def read_table(path: Path) -> ThicknessTable:
-    """The table in a file; raises ValueError, which names the file, for what is none."""
+    """The table in a file; raises ValueError, which names the file, for anything else."""
     try:
         lines = bounded_text(path).splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -119,5 +119,5 @@ def _fitted(facts: dict[str, Any], depth: Floats, factor: Floats, path: Path) ->
         raise ValueError(f"table {path}: at_touch is the factor at no depth, a number above 0, not {at_touch!r}")
     found, _, worst = _curve(depth, factor, _DEGREE, at_touch)
     if not math.isfinite(worst) or worst > _WORST:
-        raise ValueError(f"table {path}: the factors are no smooth curve: a row is {worst:.1%} off")
+        raise ValueError(f"table {path}: the factors are not a smooth curve: a row is {worst:.1%} off")
     return ThicknessTable(facts, deepest, tuple(float(c) for c in found), worst, at_touch)

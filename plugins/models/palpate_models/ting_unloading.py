@@ -19,7 +19,7 @@ def ting_force(model: ContactModel, law: RelaxationSpectrum, time: Floats, depth
 
     While the contact grows, F(t) = 2/(1 - nu^2) int_0^t E(t - s) dA(d(s)). After the largest depth t1(t), before it,
     solves int_t1^t E(t - s) d'(s) ds = 0, and F(t) is that integral up to t1(t) only; the contact radius is a(d(t1)),
-    and where there is no such t1 the tip is off. Holds are no maxima. Ways back up to `reversal` [m] are noise.
+    and where no such t1 exists the tip is off. Holds are not maxima. Ways back up to `reversal` [m] are noise.
     Raises ValueError for more than one maximum.
     Source: Ting 1966; Lee and Radok 1960; by trapezoids in depth and area between the instants.
     """

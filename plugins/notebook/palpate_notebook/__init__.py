@@ -1,4 +1,4 @@
-"""The Python face: records in memory, runs, fits, comparisons, sweeps and maps, as a notebook wants them."""
+"""The Python face: records in memory, runs, fits, comparisons, sweeps and maps, as a notebook uses them."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ _LARGEST = 9.2e9  # [s] that a time-stamp can hold
 def numbers(name: str, given: ArrayLike, unit: str, written: str | None = None) -> Floats:
     """A column (n,) in the SI `unit`, from what a person has; `written` is the unit of plain numbers.
 
-    Raises ConfigurationError for what is no column of numbers, or of another dimension.
+    Raises ConfigurationError for what is not a column of numbers, or of another dimension.
     """
     if hasattr(given, "magnitude") and hasattr(given, "to"):  # of pint
         if written is not None:
@@ -29,7 +29,7 @@ def numbers(name: str, given: ArrayLike, unit: str, written: str | None = None) 
     try:
         column = np.asarray(given, float)
     except (TypeError, ValueError) as error:
-        raise ConfigurationError(f"{name}: contains something that is no number: {error}") from error
+        raise ConfigurationError(f"{name}: contains something that is not a number: {error}") from error
     if column.ndim != 1:
         shape = " x ".join(map(str, column.shape)) or "a single number"
         raise ConfigurationError(f"{name}: must be one column of numbers, not {shape}")
@@ -54,7 +54,7 @@ def _scale(name: str, written: str | None, unit: str) -> float:
 
 
 def stamps(given: ArrayLike, written: str | None = None) -> NDArray[np.int64]:
-    """Time-stamps (n,) [ns] from seconds, or from dates; raises ConfigurationError where one is none."""
+    """Time-stamps (n,) [ns] from seconds, or from dates; raises ConfigurationError where one is invalid."""
     if np.asarray(getattr(given, "magnitude", given)).dtype.kind == "M":
         dates = np.asarray(given).astype("datetime64[ns]")
         if np.isnat(dates).any():
@@ -64,5 +64,5 @@ def stamps(given: ArrayLike, written: str | None = None) -> NDArray[np.int64]:
     odd = ~(np.isfinite(seconds) & (np.abs(seconds) < _LARGEST))
     if odd.any():
         row = int(np.flatnonzero(odd)[0])
-        raise ConfigurationError(f"time: {int(odd.sum())} values are no time in seconds, the first one in row {row}")
+        raise ConfigurationError(f"time: {int(odd.sum())} values are not times in seconds, the first one in row {row}")
     return np.rint(seconds * _NANO).astype(np.int64)

@@ -40,7 +40,7 @@ def fit(
     `model` and `estimator` are parts, as in ``DimensionalityReduction(indenter=Sphere(radius="5 mm"), poisson=0.49)``,
     or names of parts with their defaults, in full or by their initials: "dr" is "dimensionality-reduction", on the
     `tip`, which is a part or words such as "sphere 3 mm". `uncertainties` are the standard uncertainties of what is
-    taken for known: ``{"radius": "20 um"}``. `rig` are the facts of the rig and its specimens, a file such as
+    assumed exact: ``{"radius": "20 um"}``. `rig` are the facts of the rig and its specimens, a file such as
     "rig.toml" or its keys: ``{"thickness": "22 mm", "delay": "0 ms +- 1 ms"}``; what the record states otherwise is
     refused.
 

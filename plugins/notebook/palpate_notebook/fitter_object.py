@@ -79,7 +79,7 @@ class RecordEstimator:
         """What is estimated of a record; raises ConfigurationError, and LogError where it cannot be read."""
         if not isinstance(record, Record):
             made = "palpate.read(path) makes one of a file, palpate.record(...) of arrays"
-            raise ConfigurationError(f"a {type(record).__name__} is no record: {made}")
+            raise ConfigurationError(f"a {type(record).__name__} is not a record: {made}")
         tracks = self._tracks(record, name)
         pipeline = tracks.pipeline
         devices = {key: _named_as(pipeline.devices[key], table) for key, table in record.devices.items()}
@@ -160,7 +160,7 @@ class Fitter:
     ) -> Iterator[Fit | PalpateError]:
         """The fit of each record in their order, or the error by which it is refused; the others are fitted.
 
-        `progress` is told how many are done; where `cancelled` answers True, no further record is begun.
+        `progress` gets how many are done; where `cancelled` answers True, no further record is begun.
         """
         for count, record in enumerate(records, start=1):
             if cancelled is not None and cancelled():

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from palpate_notebook.fitter_object import Rig
 
 _KINDS = ("", "_std", "_combined")
-_OTHERS = {"rms": "N", "x": "m", "y": "m"}  # numbers of a row that are no values, with their units
+_OTHERS = {"rms": "N", "x": "m", "y": "m"}  # numbers of a row that are not values, with their units
 _TEXTS = ("verdict", "conditions", "needs", "flags", "error")
 
 

@@ -1,4 +1,4 @@
-"""Libraries that only a notebook wants."""
+"""Libraries that only a notebook needs."""
 
 from __future__ import annotations
 

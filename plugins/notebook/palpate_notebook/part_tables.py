@@ -43,13 +43,13 @@ def part_tables(given: Sequence[str | Part], kind: str, known: Registry, with_ti
 
 
 def table_of(part: object, what: str, kind: str, known: Registry) -> dict[str, Any]:
-    """A part as a table of a pipeline file; raises ConfigurationError for what is no part of an installed plugin."""
+    """A part as a table of a pipeline file; raises ConfigurationError for what is not a part of an installed plugin."""
     if not isinstance(part, Part) or part.kind != kind:
-        raise ConfigurationError(f"{what}: {part!r} is no {kind} and no name of one")
+        raise ConfigurationError(f"{what}: {part!r} is neither of kind {kind} nor the name of such a part")
     if not any(entry.part is type(part) for entry in known.parts[kind].values()):
         raise ConfigurationError(
             f"{what}: {type(part).__name__} is a part of no plugin: a distribution offers it by a hook, or a file "
-            "beside a pipeline does, in [run] plugins"
+            "next to a pipeline does, in [run] plugins"
         )
     table: dict[str, Any] = _without_marks(plain_settings(part, known))
     return table

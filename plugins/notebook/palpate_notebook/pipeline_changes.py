@@ -81,7 +81,7 @@ def toml_value(key: str, value: object) -> str:
 
 
 def load(path: str | Path) -> Draft:
-    """A pipeline file, to be changed and run; raises ConfigurationError where it cannot be read or is no TOML."""
+    """A pipeline file, to be changed and run; raises ConfigurationError where it cannot be read or is not TOML."""
     source = Source.read(Path(path))
     return Draft(source.path, source.text)
 

@@ -14,7 +14,7 @@ from palpate_notebook.figure_object import Picture
 from palpate_notebook.run_data import RunData
 
 _MOST = 20_000  # points in a curve
-_PANELS = 2  # beside each other
+_PANELS = 2  # side by side
 
 
 class Plots:

@@ -30,7 +30,7 @@ _SPEC = re.compile(r"(?P<pad>(?:.?[<>^])?)(?P<sign>[+ -]?)(?P<width>\d*)(?P<grou
 class UncertainQuantity(float):
     """A value and its standard uncertainties, in SI; printed in display units.
 
-    It is a number, its value in SI, wherever a number is wanted: arithmetic gives plain numbers, without uncertainty.
+    It is a number, its value in SI, wherever a number is expected: arithmetic gives plain numbers, without uncertainty.
 
     >>> elasticity = UncertainQuantity("elasticity", 112840.0, 160.0, 200.0, "Pa")
     >>> print(elasticity)

@@ -32,7 +32,7 @@ def record_of(given: Any, signals: Mapping[str, str | float] | None = None) -> R
         return read(given, signals)
     if not (hasattr(given, "to_csv") and hasattr(given, "columns")):
         made = "palpate.read(path) makes one of a file, palpate.record(...) of arrays"
-        raise ConfigurationError(f"a {type(given).__name__} is no record: {made}")
+        raise ConfigurationError(f"a {type(given).__name__} is not a record: {made}")
     return _of_frame(given, signals)
 
 

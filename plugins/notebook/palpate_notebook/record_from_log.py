@@ -42,7 +42,7 @@ def read(
     (`assumed`). Of a file that holds several records, such as the sheets of a workbook, ``{"record": "gel 1"}`` names
     one. All else as in `palpate.record`.
 
-    Raises LogError for what is no log, ConfigurationError where something must be said that no file can say.
+    Raises LogError for what is not a log, ConfigurationError where something must be said that no file can say.
     """
     log = Path(path)
     choices = {_ROLES.get(role, role): str(text) for role, text in (signals or {}).items()}
@@ -94,7 +94,7 @@ def _stated(
     tare: str | float | None,
     alignment: Mapping[str, Any] | None,
 ) -> set[str]:
-    """Keys of ``[alignment]`` given by the caller; a given timing means that there is no other delay."""
+    """Keys of ``[alignment]`` given by the caller; a given timing excludes any other delay."""
     late = delay if isinstance(delay, Mapping) else {} if delay is None else dict.fromkeys(_TIMED)
     roles = _TIMED if timing is not None else [_ROLES.get(role, role) for role in late]
     said = {f"alignment.{role}.delay" for role in roles} | {f"alignment.{key}" for key in alignment or {}}

@@ -127,7 +127,7 @@ def record(
     (0 where it is known to be nothing); `tare` as in ``[alignment]``: "free-air", "none" or a force. `alignment` takes
     any other key of that table. What is not declared is flagged in the results.
 
-    Raises ConfigurationError for columns that do not fit together, or are no numbers.
+    Raises ConfigurationError for columns that do not fit together, or are not numbers.
     """
     given = {"force": force, "height": height, "velocity": velocity, "x": x, "y": y, "measuring": measuring}
     columns = _columns(given, units or {})
@@ -142,9 +142,9 @@ def record(
 
 
 def _columns(given: Mapping[str, ArrayLike | None], units: Mapping[str, str]) -> dict[str, Floats]:
-    """Numbers (n,) [SI] of the columns that are given; raises ConfigurationError for what is none."""
+    """Numbers (n,) [SI] of the columns that are given; raises ConfigurationError for anything else."""
     for key in units.keys() - {*given, "time"}:
-        raise ConfigurationError(f"units: there is no column {key!r}{suggest(key, [*given, 'time'])}")
+        raise ConfigurationError(f"units: no column {key!r}{suggest(key, [*given, 'time'])}")
     there = {key: value for key, value in given.items() if value is not None}
     return {key: numbers(key, value, _UNITS[key], units.get(key)) for key, value in there.items()}
 
@@ -184,7 +184,7 @@ def alignment_table(
 ) -> dict[str, Any]:
     """The table ``[alignment]`` from its channels by role and what is declared; a delay or sign alone is the force's.
 
-    Raises ConfigurationError for a signal that is none.
+    Raises ConfigurationError for an unknown signal.
     """
     table: dict[str, Any] = {
         role: {"channel": value} if isinstance(value, str) else dict(value) for role, value in channels.items()
@@ -194,7 +194,7 @@ def alignment_table(
         for signal, value in every.items():
             role = _ROLES.get(signal, signal)
             if signal not in _SIGNALS or role not in table:
-                raise ConfigurationError(f"{key}: there is no signal {signal!r}{suggest(signal, _SIGNALS)}")
+                raise ConfigurationError(f"{key}: no signal {signal!r}{suggest(signal, _SIGNALS)}")
             table[role][key] = value
     if timing is not None:
         table["force"]["uncertainty"] = timing

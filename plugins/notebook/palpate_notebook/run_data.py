@@ -76,7 +76,7 @@ class RunData:
 
     def __getitem__(self, track: str) -> TrackView:
         if track not in self.document["tracks"]:
-            raise ConfigurationError(f"there is no track {track!r}{suggest(track, self.document['tracks'])}")
+            raise ConfigurationError(f"no track {track!r}{suggest(track, self.document['tracks'])}")
         return TrackView(track, self.document["tracks"][track], partial(getattr, self, "estimates"))
 
     def __iter__(self) -> Iterator[str]:

@@ -42,7 +42,7 @@ class RunRecorder:
 
     @property
     def joined(self) -> Samples | None:
-        """All samples; None where there are none."""
+        """All samples; None without any."""
         return Samples.joined(self.blocks) if self.blocks else None
 
     def tables(self, tracks: Iterable[str]) -> dict[str, TrackTable]:

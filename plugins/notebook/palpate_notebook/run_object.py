@@ -85,6 +85,6 @@ class FinishedRun(RunData):
 
 
 def open_run(folder: str | Path) -> FinishedRun:
-    """A run that was made before, from its folder; raises LogError where it is none."""
+    """A run that was made before, from its folder; raises LogError where it is not a run folder."""
     place = Path(folder)
     return FinishedRun(place, RunFolder(place).result)

@@ -13,8 +13,8 @@ from palpate_kit.numerics.material_laws import Complexes, LinearLaw, arm_moduli
 from palpate_reference.table_fit import FitProblem, predictions
 
 DECADES = "generalised-maxwell-decades"
-_FEW = 3  # decades; with fewer the arms are no series
-_NONE = 1e-6  # share of the strongest arm, below which an arm is none
+_FEW = 3  # decades; with fewer the arms are not a series
+_NONE = 1e-6  # share of the strongest arm, below which an arm does not count
 
 
 def decade_series(problem: FitProblem) -> LinearLaw | None:

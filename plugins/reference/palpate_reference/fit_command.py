@@ -147,7 +147,7 @@ def material_fits(
     for name in names or ():
         known = [*(law.name for law in LAWS), DECADES]
         if name not in known:
-            raise ConfigurationError(f"--law: there is no law {name!r}{suggest(name, known)}")
+            raise ConfigurationError(f"--law: no law {name!r}{suggest(name, known)}")
     shear = {table.shear for table in tables}
     std = _POISSON_STD if True in shear else 0.0
     scales = tuple(0.0 if table.format == "run" else scale for table in tables)
@@ -170,7 +170,7 @@ def curve_fits(
     known = [law.name for law in HYPERELASTIC]
     for name in names or ():
         if name not in known:
-            raise ConfigurationError(f"--law: there is no law {name!r} of stress over strain{suggest(name, known)}")
+            raise ConfigurationError(f"--law: no law {name!r} of stress over strain{suggest(name, known)}")
     curves = stress_curves(tables, loading)
     fits = [fit_curves(law, curves, scale) for law in HYPERELASTIC if not names or law.name in names]
     ordered = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)

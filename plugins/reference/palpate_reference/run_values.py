@@ -45,10 +45,10 @@ def run_values(path: Path, quantities: tuple[str, ...], track: str | None) -> li
     """Quantities of one track of a run, the stated or the best; raises UserError where it has none, or not usable."""
     folder = RunFolder(path)
     if not folder.finished:
-        raise LogError(f"{path}: is no run folder with a {RESULT}")
+        raise LogError(f"{path}: is not a run folder with a {RESULT}")
     tracks = folder.result["tracks"]
     if track is not None and track not in tracks:
-        raise ConfigurationError(f"{path}: there is no track {track!r}{suggest(track, tracks)}")
+        raise ConfigurationError(f"{path}: no track {track!r}{suggest(track, tracks)}")
     among = tracks if track is None else {track: tracks[track]}
     values = {name: values_by_name(table) for name, table in among.items()}
     having = {name: found for name, found in values.items() if set(quantities) <= found.keys()}

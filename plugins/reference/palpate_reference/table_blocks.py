@@ -28,13 +28,13 @@ class TableBlock:
     title: str
     names: tuple[str, ...]
     names_line: int  # counted from 1; 0 without names
-    units: tuple[str, ...]  # as in the row below the names; empty where there is none
+    units: tuple[str, ...]  # as in the row below the names; empty without one
     rows: tuple[TextLine, ...]
     shear: bool | None = None  # what the file says of its instrument; None where it says nothing
 
 
 def table_blocks(text: InstrumentText) -> list[TableBlock]:
-    """Every table of a file; raises LogError where there is none."""
+    """Every table of a file; raises LogError if it has none."""
     first = [line.cell(0).lower() for line in text.lines]
     if _STEP in first:
         blocks = list(_trios(text, first))

@@ -27,7 +27,7 @@ def demand_same_frequency(
         hint = " (2 pi: rad/s was taken for Hz, or the other way round)" if _is_turn(ratio) else ""
         raise LogError(
             f"{place(text, block, column)}: the frequency is {ratio:.4g} times that which the angular frequency or the "
-            f'complex viscosity beside it states{hint}; state its unit with --unit "{column.name}=..."'
+            f'complex viscosity next to it states{hint}; state its unit with --unit "{column.name}=..."'
         )
 
 

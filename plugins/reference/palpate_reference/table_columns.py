@@ -67,7 +67,7 @@ def columns_of(
     Of a table that has moduli of shear and of Young those of shear. Raises LogError for a role that there is not.
     """
     if wrong := next((role for role in roles if role not in _ROLES), None):
-        raise LogError(f"{text.path}: --column: there is no role {wrong!r}{suggest(wrong, _ROLES)}")
+        raise LogError(f"{text.path}: --column: no role {wrong!r}{suggest(wrong, _ROLES)}")
     role_of = {head: role for role, head in roles.items()}
     found: dict[str, TableColumn] = {}
     for index, head in enumerate(block.names):
@@ -90,9 +90,7 @@ def demand_names(text: InstrumentText, heads: set[str], option: str, stated: Ite
     names = {*heads, *(name_and_unit(head)[0] for head in heads)}
     for name in stated:
         if name not in names:
-            raise LogError(
-                f"{text.path}: {option}: there is no column {name!r}{suggest(name, {h for h in heads if h})}"
-            )
+            raise LogError(f"{text.path}: {option}: no column {name!r}{suggest(name, {h for h in heads if h})}")
 
 
 def name_and_unit(head: str) -> tuple[str, str]:

@@ -20,9 +20,9 @@ _EXACT = 1e-7  # relative scatter of a table without noise, as its digits leave 
 _ROUNDS = 3  # in which it is found
 _LOG = 60.0  # bounds of logarithms
 _LEAST = 1e-30  # of a prediction over the reading
-_WORST = 0.9  # autocorrelation of residuals, above which it tells no more
+_WORST = 0.9  # autocorrelation of residuals, above which it says no more
 _NO_SLOPE = 1e-6  # sum of squares
-_RANK = 1e-10  # of the largest eigenvalue of the information, below which there is none
+_RANK = 1e-10  # of the largest eigenvalue of the information, below which it counts as none
 _NOTHING = 1e-13  # of it, below which a direction counts for nothing
 _HELD = 0.5  # information from what is known before: 1 for each such unknown
 _SHARE = 1e-3  # of a direction
@@ -190,8 +190,8 @@ def _covariance(slopes: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Covariance (k, k) of the unknowns whose residuals have these slopes (n, k), and which of them are loose (k,).
 
     Those have a share in a direction along which the tables do not change, as E_1 and tau of a fast arm. What is known
-    before holds a direction by 1, however little the tables scatter: it is none of these. The slopes are not squared,
-    which would lose that beside a table without noise.
+    before holds a direction by 1, however little the tables scatter: it is not loose. The slopes are not squared,
+    which would lose that next to a table without noise.
     """
     _, sizes, directions = np.linalg.svd(slopes, full_matrices=False)
     power = sizes**2

@@ -68,7 +68,7 @@ def read_tables(path: Path, settings: TableSettings) -> list[MaterialTable]:
 
 
 def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableColumn]) -> Kind | None:
-    """What a table is by the columns that it fills; a flow curve, or a modulus over time in oscillation, is none."""
+    """The kind of a table by the columns it fills; a flow curve, or a modulus over time in oscillation, is left out."""
     if _FLOWS.search(block.title):
         return None
     filled = {role for role, column in columns.items() if any(line.cell(column.index) for line in block.rows)}
@@ -96,7 +96,7 @@ def moduli_among(roles: Collection[str]) -> tuple[str, ...]:
 
 
 def _spread(values: Floats) -> float:
-    """The usual distance from the median over that; infinite where there is none."""
+    """The usual distance from the median over that; infinite without one."""
     middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
     return float(np.nanmean(np.abs(values - middle))) / abs(middle) if middle else math.inf
 

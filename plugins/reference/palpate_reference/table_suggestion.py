@@ -1,4 +1,4 @@
-"""What ``palpate info FILE --suggest`` says of the table of an instrument: commands, and what they need to be told."""
+"""What ``palpate info FILE --suggest`` says of the table of an instrument: commands, and what they still need."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OF_LOGS = re.compile("force|load|kraft|displacement|extension|position|weg", re
 
 
 def suggested_commands(path: Path) -> Sequence[str] | None:
-    """Commands for a table of an instrument, what they lack as ``...``; None where the file is none."""
+    """Commands for a table of an instrument, what they lack as ``...``; None for any other file."""
     if path.stat().st_size > _LARGEST:
         return None
     try:

@@ -32,7 +32,7 @@ _CAUTION = (
 
 
 def comparison_page(groups: Mapping[str, Sequence[Path]], track: str | None, anonymous: bool) -> str:
-    """The whole page of many runs, read one by one; raises LogError where one is none, or none has a result."""
+    """The whole page of many runs, read one by one; raises LogError where one is not a run, or none has a result."""
     pipelines = dict[str, str]()  # each text once: most runs share one
     runs = [_run(name, path, pipelines, anonymous) for name, paths in groups.items() for path in paths]
     return page_of_runs(runs, list(groups), track)
@@ -49,7 +49,7 @@ def page_of_runs(
 ) -> str:
     """The whole page of runs, or of what else a noun calls them, in groups that are compared by units of replication.
 
-    Raises LogError where none has a result, ConfigurationError for a unit that is none.
+    Raises LogError where none has a result, ConfigurationError for an unknown unit.
     """
     if not any(run.tracks for run in runs):
         raise LogError(f"none of these {noun}s has a result: look at them one by one to see why")

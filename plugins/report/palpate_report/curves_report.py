@@ -25,7 +25,7 @@ def curves_page(
 ) -> str:
     """The whole page of a folder of fits, its curves in groups by a column of ``curves.csv``, compared by units.
 
-    Raises LogError, and ConfigurationError for a track, a column, a unit or filter words that are none.
+    Raises LogError, and ConfigurationError for an unknown track, column, unit or filter word.
     """
     facts = folder_facts(path, track, by, where)
     folder, rows = facts.folder, facts.rows
@@ -86,7 +86,5 @@ def _notes(rows: Sequence[CurveRow], where: str | None, path: Path) -> list[str]
     if rejected:
         found.append(f"{rejected} of {len(rows)} curves were rejected and are in no number.")
     if old := sum(row.state == "stale" for row in rows):
-        found.append(
-            f"{old} of {len(rows)} rows were made with other settings: palpate fit {path.name} makes them anew."
-        )
+        found.append(f"{old} of {len(rows)} rows were made with other settings: palpate fit {path.name} repeats them.")
     return found

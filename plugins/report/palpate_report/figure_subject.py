@@ -44,12 +44,12 @@ class Subject:
 
 
 def beside(subject: Subject, panels: int) -> int:
-    """How many panels there is room for beside each other."""
+    """How many panels there is room for side by side."""
     return min(panels, 2 if subject.width > _NARROW else 1)
 
 
 def pair(subject: Subject, panels: int) -> tuple[Any, list[Any]]:
-    """A figure with one or two panels, beside each other where there is room."""
+    """A figure with one or two panels, side by side where there is room."""
     columns = beside(subject, panels)
     figure, axes = figure_of(columns, -(-panels // columns), width=subject.width, height=52.0)
     return figure, list(axes.ravel())

@@ -1,4 +1,4 @@
-"""What the report of a folder of fits says beside its numbers: how they came about, drawn curves, a typical budget."""
+"""What the report of a folder of fits adds to its numbers: how they were made, drawn curves, a typical budget."""
 
 from __future__ import annotations
 

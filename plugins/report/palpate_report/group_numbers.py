@@ -63,7 +63,7 @@ def compare_runs(
 ) -> GroupComparison:
     """Groups of runs or curves, of those that have values, compared by a parameter [SI].
 
-    Raises ConfigurationError for a unit of replication that is none.
+    Raises ConfigurationError for an unknown unit of replication.
     """
     by_group = {group: [run for run in runs if run.group == group] for group in groups}
     chosen = RUN

@@ -36,7 +36,7 @@ class GroupsFigure:
 def folder_comparison(
     path: Path, by: str | None, parameter: str, unit: str | None, where: str | None, track: str | None
 ) -> GroupComparison:
-    """Groups of the curves of a folder of fits, compared; raises UserError for what is none."""
+    """Groups of the curves of a folder of fits, compared; raises UserError for anything else."""
     folder = FitFolder(path)
     known = {"--by": folder.columns, "--track": folder.tracks, "--parameter": folder.values}
     for option, name in (("--by", by), ("--track", track), ("--parameter", parameter)):

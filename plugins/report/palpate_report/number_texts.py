@@ -22,7 +22,7 @@ def number_text(value: float, unit: str) -> str:
 
 
 def value_of(found: Mapping[str, Any]) -> str:
-    """A value with its combined standard uncertainty and unit; why there is none, or a dash.
+    """A value with its combined standard uncertainty and unit; or why it has none, or a dash.
 
     >>> value_of({"value": 112836.1, "combined": 1772.7, "unit": "Pa"})
     '112.8 ± 1.8 kPa'

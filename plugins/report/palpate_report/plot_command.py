@@ -43,7 +43,7 @@ def plot(
 ) -> None:
     """Draw pictures of a run, or of groups of curves, as PDF, SVG or PNG in widths of journals.
 
-    Each has a CSV of its numbers beside it.
+    Each has a CSV of its numbers next to it.
     """
     from palpate_report.figure_subject import Subject
     from palpate_report.run_figures import PICTURES, draw
@@ -58,13 +58,13 @@ def plot(
         return
     for option, given in (("--by", by), ("--unit", unit), ("--where", where)):
         if given is not None:
-            raise ConfigurationError(f"{option} {given}: {run} is no folder of fits of many curves")
+            raise ConfigurationError(f"{option} {given}: {run} is not a folder of fits of many curves")
     record = RunContents.read(run)
     if record.unreadable is not None:
         raise LogError(record.unreadable)
     for name in what or ():
         if name not in PICTURES:
-            raise ConfigurationError(f"{name!r} is no picture{suggest(name, PICTURES)}")
+            raise ConfigurationError(f"{name!r} is not a picture{suggest(name, PICTURES)}")
     for name in track or ():
         if name not in record.tracks:
             raise ConfigurationError(f"{run}: has no estimates of {name!r}{suggest(name, record.tracks)}")
@@ -100,7 +100,7 @@ def _draw_groups(
 
 
 def _write(figure: Any, caption: str, data: str, path: Path, endings: list[str]) -> None:
-    """Write a picture in its formats, and its numbers beside it."""
+    """Write a picture in its formats, and its numbers next to it."""
     _make(path.parent)
     files = [path.with_name(f"{path.name}.{ending}") for ending in endings]
     write_whole(path.with_name(f"{path.name}.csv"), data)

@@ -93,7 +93,7 @@ def report(
 
 
 def _write_texts(facts: FolderFacts, methods: bool, supplement: Path | None, by: str | None, unit: str | None) -> None:
-    """Write the methods section beside the fits, and the table of the supplement."""
+    """Write the methods section next to the fits, and the table of the supplement."""
     if methods:
         from palpate_report.methods_text import UNSTATED, methods_text
 
@@ -112,7 +112,7 @@ def _write_texts(facts: FolderFacts, methods: bool, supplement: Path | None, by:
 
 
 def _hand_over(text: str, path: Path, pdf: bool) -> None:
-    """Write a page, and print it to a PDF where that is wanted, too."""
+    """Write a page, and print it to a PDF if requested, too."""
     from palpate_report.pdf import print_pdf
 
     write_whole(path, text)

@@ -17,7 +17,7 @@ from palpate_kit.runs.run_folder import EstimatesTable, RunFolder, TrackTable
 _Kind = TypeVar("_Kind")
 _SIGNS = ("result.json", "pipeline.toml", "estimates.csv", "estimates.parquet", "estimates.arrows")
 _WHY_NOT = {
-    False: "There is no result.json: the run was killed, lost power, or is still going on.",
+    False: "No result.json: the run was killed, lost power, or is still going on.",
     True: "The result.json is incomplete: the run ended while it was being written.",
 }
 
@@ -30,7 +30,7 @@ class RunContents:
 
     @classmethod
     def read(cls, path: Path) -> RunContents:
-        """The folder of a run, or of its result.json; raises LogError for what is none."""
+        """The folder of a run, or of its result.json; raises LogError for anything else."""
         folder = path.parent if path.name == "result.json" else path
         if not folder.is_dir() or not (RunFolder(folder).began or any((folder / name).is_file() for name in _SIGNS)):
             raise LogError(f"{path}: is not a run folder: it has none of {', '.join(_SIGNS)}")
@@ -45,12 +45,12 @@ class RunContents:
 
     @cached_property
     def document(self) -> Mapping[str, Any]:
-        """The contents of ``result.json``; empty where there is no whole one."""
+        """The contents of ``result.json``; empty without a whole one."""
         return self.folder.result if self._finished else {}
 
     @property
     def why_not(self) -> str | None:
-        """Why there is no result; None where there is one."""
+        """Why a run has no result; None if it has one."""
         return None if self._finished else _WHY_NOT[(self.path / "result.json").exists()]
 
     @cached_property
@@ -100,7 +100,7 @@ class RunContents:
 
     @property
     def unreadable(self) -> str | None:
-        """Why the tables of estimates cannot be read; None where they can."""
+        """The error by which the tables of estimates could not be read; None if they were read."""
         return self._read_tables[1]
 
     @property
@@ -120,7 +120,7 @@ class RunContents:
         return dict(sorted(found.items(), key=lambda item: order.index(item[0]) if item[0] in order else len(order)))
 
     def unit(self, track: str, parameter: str) -> str:
-        """SI unit of a track's parameter: by the result, or by its model where there is none; nothing if unknown."""
+        """SI unit of a track's parameter: by the result, or by its model without a result; nothing if unknown."""
         found = self.document.get("tracks", {}).get(track, {}).get("parameters", {}).get(parameter)
         if found:
             return str(found["unit"])
@@ -135,7 +135,7 @@ class RunContents:
         return sorted(file.name for file in self.path.glob("*.mcap"))
 
     def result(self) -> Result:
-        """The result as sections of a report take it; raises LogError where there is none."""
+        """The result as sections of a report take it; raises LogError if it is missing."""
         document = self.folder.result
         tracks = {name: _track(table) for name, table in document["tracks"].items()}
         return Result(self.path, document["run"], document["streams"], tracks, (), document["truth"], None)

@@ -38,7 +38,7 @@ _LARGEST = 300_000  # characters of a pipeline that are shown
 def subject_of(record: RunContents, verdict: RunVerdict, track: str | None = None) -> Subject:
     """What is drawn of a run: the track chosen, or the best one, then the others from the best to the worst.
 
-    Tracks that must not be used are drawn only where there are no others.
+    Tracks that must not be used are drawn only if no others exist.
     """
     ranked = [found.track for level in verdict.levels for found in verdict.of(level)]
     known = [name for name in ranked if name in record.tracks] or list(record.tracks)

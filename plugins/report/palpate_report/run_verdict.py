@@ -84,7 +84,7 @@ def _track(name: str, table: Mapping[str, Any]) -> TrackVerdict:
 
 
 def _of_a_place(found: Mapping[str, Any]) -> float:
-    """Combined uncertainty without how the places of a sweep differ, which is no error; 0 where it is not known."""
+    """Combined uncertainty without how the places of a sweep differ, which is not an error; 0 where it is not known."""
     combined, places = found.get("combined") or 0.0, found.get("systematic_places") or 0.0
     return math.sqrt(max(combined**2 - places**2, 0.0))
 

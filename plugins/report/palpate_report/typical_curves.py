@@ -18,7 +18,7 @@ from palpate_kit.figures import WIDTHS, figure_of, style
 from palpate_report.figure_data import thin_rows
 from palpate_report.folder_facts import FolderFacts, exclusion_of
 
-_ACROSS = 3  # panels beside each other
+_ACROSS = 3  # panels side by side
 _EXCLUDED = 6  # curves that are not used, of which each reason has one first
 _POINTS = 1500  # of a curve
 _LETTERS = 34  # of a title
@@ -31,7 +31,7 @@ class CurveDrawing:
     title: str
     depth: Floats
     force: Floats
-    model: Floats  # NaN where there is none
+    model: Floats  # NaN without one
     error: str = ""  # why there is nothing to draw
 
 
@@ -74,7 +74,7 @@ def drawing(folder: FitFolder, row: CurveRow, word: str) -> CurveDrawing:
     blocks = [block.force for block in outcome.estimates.get(name, ())]
     model = np.concatenate(blocks) if found.usable and blocks else np.full(len(samples), np.nan)
     surface = found.surface.value if found.usable and np.isfinite(found.surface.value) else np.nanmax(samples.position)
-    # What a fit takes for offset and drift is no force of the contact.
+    # What a fit takes for offset and drift is not a force of the contact.
     bias = found.report.table().get("bias", 0.0) if found.report is not None else 0.0
     kept = thin_rows(len(samples), _POINTS)
     return CurveDrawing(title, (surface - samples.position)[kept], (samples.force - bias)[kept], model[kept])
@@ -86,7 +86,7 @@ def _short(name: str) -> str:
 
 @style()
 def used_curves_figure(drawings: Sequence[CurveDrawing]) -> Any:
-    """Force with its model over depth, and the residual below, of curves beside each other."""
+    """Force with its model over depth, and the residual below, of curves side by side."""
     figure, axes = figure_of(len(drawings), 2, width=WIDTHS["double"], height=44.0)
     for column, curve in enumerate(drawings):
         above, below = axes[0, column], axes[1, column]

@@ -15,7 +15,7 @@ _SAME = {"byte": "uint8", "char": "uint8"}
 
 @cache
 def message_class(type_name: str, definition: str) -> Any:
-    """The class of a message type for cyclonedds; raises LogError where the definition is none.
+    """The class of a message type for cyclonedds; raises LogError where the definition is invalid.
 
     Its messages are not taken apart: `data` is what came or is to go, encapsulation included, as a bag would hold it.
     """

@@ -101,7 +101,7 @@ class Ros2Device(Device):
     def _readable(cls, value: dict[str, str]) -> dict[str, str]:
         for name, text in value.items():
             if name.count("/") != 2:
-                raise ValueError(f'{name!r} is no type: give it as "package/msg/Name"')
+                raise ValueError(f'{name!r} is not a type: give it as "package/msg/Name"')
             try:
                 parse_definitions(name, text)
             except LogError as error:
@@ -128,7 +128,7 @@ class Ros2Device(Device):
     def _limits_of_channels(self) -> Self:
         if self.alarm is not None and not self.limits:
             raise ValueError("alarm needs limits")
-        self._bounds  # noqa: B018  raises where a limit is none
+        self._bounds  # noqa: B018  raises for an invalid limit
         return self
 
     @cached_property
@@ -145,7 +145,7 @@ class Ros2Device(Device):
         found = []
         for name, ends in self.limits.items():
             if name not in places:
-                raise ValueError(f"limits: there is no channel {name!r} (there are: {', '.join(places)})")
+                raise ValueError(f"limits: no channel {name!r} (there are: {', '.join(places)})")
             stream_name, column, unit = places[name]
             low = -inf if ends.least is None else to_si(ends.least, unit)
             high = inf if ends.greatest is None else to_si(ends.greatest, unit)
@@ -156,7 +156,7 @@ class Ros2Device(Device):
 
     @property
     def live(self) -> bool:
-        """It sends as time goes by."""
+        """It sends in real time."""
         return True
 
     @classmethod

@@ -66,7 +66,7 @@ def address_of(text: str) -> Address | None:
         return None
     domain = match["domain"] or "0"
     if not domain.isdigit() or int(domain) > 232:
-        raise ConfigurationError(f"{text}: {domain!r} is no DDS domain, which is a whole number from 0 to 232")
+        raise ConfigurationError(f"{text}: {domain!r} is not a DDS domain, which is a whole number from 0 to 232")
     given = parse_qs(match["query"] or "", keep_blank_values=True)
     if unknown := next((key for key in given if key not in _KEYS), None):
         raise ConfigurationError(f"{text}: {unknown!r} is not one of {', '.join(_KEYS)}")

@@ -34,7 +34,7 @@ class Limit:
             return False
         values = batch.values[:, self.bound.column]
         excess = np.maximum(values - self.bound.high, self.bound.low - values)
-        count = int(np.count_nonzero(excess > 0))  # NaN is no reading, and counted as invalid elsewhere
+        count = int(np.count_nonzero(excess > 0))  # NaN is not a reading, and counted as invalid elsewhere
         if count and (not self.beyond or float(np.nanmax(excess)) > self._excess(self.farthest)):
             self.farthest = float(values[np.nanargmax(excess)])
         self.beyond += count

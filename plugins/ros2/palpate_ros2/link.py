@@ -179,7 +179,7 @@ class Ros2Link:
         return (flag for flag in found if flag.message)
 
     def _unread(self) -> str:
-        """Topics published in a form that cannot be read; empty where there are none."""
+        """Topics published in a form that cannot be read; empty if all can be."""
         found = {topic: self._source.unmatched(topic) for topic in sorted(self._accounts)}
         return "; ".join(f"{topic} {why}" for topic, why in found.items() if why)
 

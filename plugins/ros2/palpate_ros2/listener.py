@@ -71,7 +71,7 @@ def listener(
     definitions: Mapping[str, str],
     alarm: str | None = None,
 ) -> Iterator[Listener]:
-    """A process that listens to topics, or to all whose type is known, and publishes one alarm at the most."""
+    """A process that listens to topics, or to all whose type is known, and publishes one alarm at most."""
     settings = {**asdict(network), "topics": None if topics is None else list(topics), "definitions": dict(definitions)}
     settings["alarm"] = alarm
     reading, writing = message_pipe()
@@ -132,10 +132,10 @@ def refuse_missing(source: Listener, heard: TopicSnapshot, wanted: Sequence[str]
 def _problem(topic: str, type_name: str, why: str) -> str:
     if short_name(type_name) in STANDARD_TYPES:
         return why
-    return f"{topic} is of type {type_name}, which is no standard type: give its definition in types ({why})"
+    return f"{topic} is of type {type_name}, which is not a standard type: give its definition in types ({why})"
 
 
 def _topics(there: Mapping[str, str], network: Network) -> str:
     if not there:
-        return f"there are no topics at all: {network.nobody}"
+        return f"no topics at all: {network.nobody}"
     return "there are: " + ", ".join(f"{topic} of {kind}" for topic, kind in sorted(there.items()))

@@ -15,7 +15,7 @@ def dds_topic(topic: str) -> str:
 
 
 def ros_topic(name: str) -> str | None:
-    """The ROS topic of a DDS topic; None where it is none.
+    """The ROS topic of a DDS topic; None for any other.
 
     >>> ros_topic("rt/wrench"), ros_topic("rq/spawnRequest")
     ('/wrench', None)

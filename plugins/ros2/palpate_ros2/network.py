@@ -28,7 +28,7 @@ class Network:
         if self.middleware == "zenoh":
             return (
                 "is the domain right, as in ROS_DOMAIN_ID, and does the router run where peers state (ros2 run "
-                "rmw_zenoh_cpp rmw_zenohd; localhost:7447 if there are none)?"
+                "rmw_zenoh_cpp rmw_zenohd; by default localhost:7447)?"
             )
         return (
             "is the domain right, as in ROS_DOMAIN_ID, and is there multicast? else name interface and peers; with "

@@ -15,7 +15,7 @@ _BACK = 10_000_000  # [ns] that stamps may go back within a clock
 _LEAP = 500_000_000  # [ns] by which they may go ahead of the arrivals
 _KNOWN = 50  # steps that determine the usual one
 _IRREGULAR = 0.5  # of the usual step
-_PAUSE = 1_000_000_000  # [ns]; longer is no loss, but a pause of the sender
+_PAUSE = 1_000_000_000  # [ns]; longer is not a loss, but a pause of the sender
 
 
 @dataclass
@@ -130,7 +130,7 @@ def _leapt(step: int, passed: int) -> bool:
 class Losses:
     """Messages that are missing between stamps, by the usual step.
 
-    A publisher that was held up sends late, and then several at once: what comes too soon after a long step is no loss.
+    A publisher that was held up sends late, and then several at once: what comes soon after a long step is not lost.
     Nor is what comes behind its successors.
     """
 
@@ -139,7 +139,7 @@ class Losses:
     _steps: list[int] = field(default_factory=list)
     _usual: float = 0.0
     _last: int | None = None
-    _debt: float = 0.0  # messages that should have come by now
+    _debt: float = 0.0  # messages that should have arrived before now
     _regular: int = 0  # steps since the debt last changed
 
     def add(self, stamps: Stamps) -> None:
@@ -175,7 +175,7 @@ class Losses:
                 self.missing, self._debt = self.missing + round(self._debt), 0.0
 
     def anew(self) -> None:
-        """Another publisher sends: what lies between is no loss."""
+        """Another publisher sends: what lies between is not a loss."""
         self._last = None
 
     @property

@@ -48,7 +48,7 @@ def publisher_token(domain: int, session: str, entity: int, name: str, topic: st
 
 
 def publication_of(token: str) -> Publication | None:
-    """The publisher that holds a token; None where it is none, as of another version of rmw_zenoh."""
+    """The publisher that holds a token; None for any other, as of another version of rmw_zenoh."""
     parts = token.split("/")
     if len(parts) != _PARTS or parts[0] != _ROOT or parts[5] != _PUBLISHER:
         return None

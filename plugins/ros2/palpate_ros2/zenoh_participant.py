@@ -32,7 +32,7 @@ _ROUTER = "tcp/localhost:7447"  # where rmw_zenoh has its router
 _PORT = 7447
 _CONNECTING = 500  # [ms] that others may take at once; later ones are tried on and on
 _LOOK = 0.003  # [s]
-_EMPTY = b"\0"  # a message of nothing, which is none, and no sign that its writer has gone
+_EMPTY = b"\0"  # a message of nothing, which is not counted, and no sign that its writer has gone
 _NAME = "palpate"
 
 

@@ -74,7 +74,7 @@ def _of_specimen(entries: Sequence[str]) -> Iterator[str]:
     """Settings of the specimen of whatever twin there is; raises ConfigurationError."""
     for entry in entries:
         if "=" not in entry:
-            raise ConfigurationError(f'--specimen {entry!r}: "KEY=VALUE" is wanted, such as "elasticity=100 kPa"')
+            raise ConfigurationError(f'--specimen {entry!r}: expected "KEY=VALUE", such as "elasticity=100 kPa"')
         yield f"twin.*.specimen.{entry}"
 
 
@@ -84,9 +84,9 @@ def _rehearsed(file: Path, overrides: Sequence[str]) -> Pipeline:
     rest = [entry.removeprefix("twin.*.") for entry in overrides if entry.startswith("twin.*")]
     pipeline = load_pipeline(file, stated)
     if not pipeline.trajectories or not any(device.live for device in pipeline.devices.values()):
-        raise ConfigurationError(f"{file}: nothing to rehearse: there is no live device with a [trajectory.*] table")
+        raise ConfigurationError(f"{file}: nothing to rehearse: no live device with a [trajectory.*] table")
     if len(pipeline.twins) > 1:
-        raise ConfigurationError(f"{file}: one [twin.*] table is wanted, not {len(pipeline.twins)}")
+        raise ConfigurationError(f"{file}: expected one [twin.*] table, not {len(pipeline.twins)}")
     if not pipeline.twins:
         if not rest:
             raise ConfigurationError(
@@ -118,13 +118,13 @@ def _stand_in(pipeline: Pipeline) -> Iterator[str]:
 def _hold_up(text: str) -> HoldUp:
     match = _HOLD_UP.fullmatch(text.strip())
     if match is None:
-        raise ConfigurationError(f'--hold-up {text!r}: "WHO DURATION" or "WHO DURATION every PERIOD" is wanted')
+        raise ConfigurationError(f'--hold-up {text!r}: expected "WHO DURATION" or "WHO DURATION every PERIOD"')
     if match["who"] not in _ACTORS:
         raise ConfigurationError(f"--hold-up {text!r}: {match['who']} is unknown{suggest(match['who'], _ACTORS)}")
     duration = _seconds(match["duration"], f"--hold-up {text!r}")
     every = None if match["every"] is None else _seconds(match["every"], f"--hold-up {text!r}")
     if every is not None and every <= duration:
-        raise ConfigurationError(f"--hold-up {text!r}: a period of more than the {1e3 * duration:g} ms is wanted")
+        raise ConfigurationError(f"--hold-up {text!r}: expected a period of more than the {1e3 * duration:g} ms")
     return HoldUp(match["who"], duration, 0.0 if every is None else every, every)
 
 
@@ -134,7 +134,7 @@ def _faults(texts: Sequence[str]) -> list[tuple[str, float]]:
     for text in texts:
         words, mark, time = text.rpartition("@")
         if not mark or not words.strip():
-            raise ConfigurationError(f'--fault {text!r}: "NAME@TIME" is wanted, such as "protective-stop@3 s"')
+            raise ConfigurationError(f'--fault {text!r}: expected "NAME@TIME", such as "protective-stop@3 s"')
         faults.append((words.strip(), _seconds(time, f"--fault {text!r}")))
     return sorted(faults, key=lambda entry: entry[1])
 
@@ -163,10 +163,10 @@ class _Script:
             if name not in known:
                 all_of_them = ", ".join(known.values())
                 raise ConfigurationError(
-                    f"--fault {name}: there is no such fault{suggest(name, known)}; all of them: {all_of_them}"
+                    f"--fault {name}: no such fault{suggest(name, known)}; all of them: {all_of_them}"
                 )
             if len(words.split()) != len(known[name].split()):
-                raise ConfigurationError(f'--fault {words!r}: "{known[name]}@TIME" is wanted')
+                raise ConfigurationError(f'--fault {words!r}: expected "{known[name]}@TIME"')
 
     def progress(self, reached: float, total: float | None, behind: float) -> None:
         """Make the faults that are due."""

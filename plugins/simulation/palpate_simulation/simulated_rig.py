@@ -159,7 +159,7 @@ class SimulatedRig(Device):
         return self.model_copy(update={"specimen": self.specimen.conditioned(earlier)})
 
     def refuse(self, setpoint: Setpoint) -> None:
-        """Not through the specimen, and not beside it."""
+        """Not through the specimen, and not past it."""
         self.specimen.refuse(setpoint)
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:

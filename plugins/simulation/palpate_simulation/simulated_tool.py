@@ -32,7 +32,7 @@ class SimulatedTool:
         loop: PositionLoop,
         setpoint: Setpoint,
     ) -> SimulatedTool:
-        """That of a rig, by its keys, on its way through setpoints, one for each control period."""
+        """The tool of a rig from its keys, which follows the rotations of `setpoint`, one for each control period."""
         orientation = TOOL @ rotation_matrix(tool_rotation)
         turning = None
         if (rotation := setpoint.rotation) is not None:

@@ -44,7 +44,7 @@ class SkinForm:
         return distance, np.column_stack([rise * aside, across, rise * up]) @ axes
 
     def height(self, x: Floats, y: Floats) -> Floats:
-        """Height (n,) [m] of the skin over x, y (n,) by Newton's method; -inf beside a body that ends."""
+        """Height (n,) [m] of the skin over x, y (n,) by Newton's method; -inf off the edge of a body."""
         z = self.slopes[0] * x + self.slopes[1] * y
         for _ in range(_STEPS):
             distance, normal = self.near(np.column_stack([x, y, z]))

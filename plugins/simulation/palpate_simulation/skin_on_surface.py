@@ -15,7 +15,7 @@ _RATIOS = np.geomspace(1.0, 100.0, 600)  # of the curvatures in both planes
 
 @dataclass
 class SkinOnSurface:
-    """A surface as a skin; where the surface is not known, as beside it, there is none.
+    """A surface as a skin; where the surface is not known, as off its edge, it has no skin.
 
     Depth, normal, curvatures and inclusions are asked for at the same places, one after the other: the latest are kept.
     """
@@ -42,11 +42,11 @@ class SkinOnSurface:
         return np.where(np.isfinite(found.position), found.position, points)
 
     def over(self, place: tuple[float, float]) -> Floats:
-        """The place (3,) [m] of the skin at x and y; raises ConfigurationError where there is none."""
+        """The place (3,) [m] of the skin at x and y; raises ConfigurationError where it has none."""
         found = self.surface.uppermost(np.array([place]))
         if found.unknown:
             x, y = (1e3 * at for at in place)
-            raise ConfigurationError(f"specimen: there is no skin at x {x:.1f}, y {y:.1f} mm: {found.unknown[0]}")
+            raise ConfigurationError(f"specimen: no skin at x {x:.1f}, y {y:.1f} mm: {found.unknown[0]}")
         return np.asarray(found.position[0])
 
     def share(self, points: Floats, radius: float) -> Floats:

@@ -34,7 +34,7 @@ _ROUND = (1e-6, 1e-4, 0.02)  # [m] depths at which a round tip has the same radi
 
 
 def _shorthand(schema: dict[str, Any]) -> None:
-    """Parameters beside the model, and what the paper's specimen of a name has, are no mistakes of the table."""
+    """Parameters next to the model, and what the paper's specimen of a name has, are not mistakes of the table."""
     schema["additionalProperties"] = {"anyOf": [{"type": "number"}, {"type": "string"}]}
     schema["properties"]["parameters"]["additionalProperties"] = schema["additionalProperties"]
     schema["required"] = ["model"]
@@ -43,7 +43,7 @@ def _shorthand(schema: dict[str, Any]) -> None:
 class Specimen(Settings):
     """What the tip presses on: a contact model with its true parameters, at a height that is not declared.
 
-    The parameters stand beside the model, by name: ``{ model = "dr", elasticity = "112.5 kPa", ... }``. Inclusions make
+    The parameters are next to the model, by name: ``{ model = "dr", elasticity = "112.5 kPa", ... }``. Inclusions make
     elastic and viscous parameters larger by 1 + the sum of their contrasts where the tip is, all by the same factor;
     layers on top of the material do so at each depth (see `specimen_layers`); relief makes the surface uneven: on one
     that is tilted or curved the force is along the local normal, and that of Hertz's elliptic contact. What `skin` of
@@ -211,7 +211,7 @@ class Specimen(Settings):
         return np.column_stack([-friction[:, None] * sliding, contact])
 
     def refuse(self, setpoint: Setpoint) -> None:
-        """Raise ConfigurationError where a motion goes through the material or touches beside it."""
+        """Raise ConfigurationError where a motion goes through the material or touches off it."""
         x, y, z = setpoint.position.T
         if isinstance(self.form, SkinOnSurface):
             place = setpoint.position - np.array([0.0, 0.0, self.surface])
@@ -254,7 +254,7 @@ def _with_the_papers(data: dict[str, Any]) -> dict[str, Any]:
 
 
 class _Plain(float):
-    """A number beside the model, without a unit, as a person writes it."""
+    """A number next to the model, without a unit, as a person writes it."""
 
 
 def _plain(value: Any) -> Any:

@@ -51,7 +51,7 @@ class Relief(Settings):
     @model_validator(mode="after")
     def _a_radius_has_a_length(self) -> Self:
         if 0.0 in (self.radius_x, self.radius_y):
-            raise ValueError('radius_x, radius_y: a radius of 0 is no skin; write "flat" where it is not curved')
+            raise ValueError('radius_x, radius_y: a radius of 0 is not a skin; write "flat" where it is not curved')
         return self
 
     @cached_property

@@ -12,7 +12,7 @@ from palpate_spectra.spectral_lines import LineFit, Phasors
 
 _CYCLES = 4  # of a piece
 _FEWEST = 60  # samples of a piece
-_EXPLAINED = 0.98  # of the motion's power in a piece; less is no sine
+_EXPLAINED = 0.98  # of the motion's power in a piece; less is not a sine
 _HARMONICS = 3
 _ROUNDS = 6
 _NEAR = 0.03  # of a frequency; pieces nearer than that, one after another, are one step
@@ -22,7 +22,7 @@ def pieces(time: Floats, channels: Floats, height: int) -> tuple[list[LineFit], 
     """Fits of pieces of a motion, and their frequencies' rate of change (pieces,) [Hz/s].
 
     `height` is the number of the motion's channel. Its phase is that of the analytic signal; within a piece it is a
-    parabola that least squares finds. Pieces in which the motion is no such sine (a step of the frequency, the ends)
+    parabola that least squares finds. Pieces in which the motion is not such a sine (a step of the frequency, the ends)
     are left out; those of one frequency are one.
     """
     from scipy.signal import hilbert
@@ -60,7 +60,7 @@ def _joined(edges: Sequence[int], time: Floats) -> list[tuple[int, int]]:
 
 
 def _piece(time: Floats, channels: Floats, height: int, phase: Floats) -> tuple[LineFit, float] | None:
-    """Phasors of a piece at its middle, and the rate of change of its frequency [Hz/s]; None where it is no sine."""
+    """Phasors of a piece at its middle, and the rate of change of its frequency [Hz/s]; None where it is not a sine."""
     middle = float((time[0] + time[-1]) / 2)
     t = time - middle
     bend, omega, _ = np.polyfit(t, phase, 2)

@@ -15,7 +15,7 @@ from palpate_spectra.spectral_lines import Phasors
 
 _ROUNDS = 20
 _SETTLED = 1e-6  # of the largest modulus
-_LEAST, _MOST = 1e-5, 3.0  # scatter of a modulus between recordings, as a share of it; below the least there is none
+_LEAST, _MOST = 1e-5, 3.0  # scatter of a modulus between recordings, as a share of it; below the least it is 0
 _TRIED = (1e-4, 2e-3, 1e-2, 5e-2, 0.25)  # first, of each
 _SINGULAR = 1e-9  # of the largest singular value
 
@@ -129,7 +129,7 @@ def fit_jointly(
     lines: Sequence[ModulusLine], attempt: Callable[[Floats, int], Attempt], without: Sequence[str] = ()
 ) -> JointFit:
     """A fit to all lines; `attempt` is least squares under the covariance of a Cholesky factor (2 n, 2 n) [Pa],
-    and is told how many there were before.
+    and gets how many there were before.
 
     Common factors are scaled by the fit's own prediction, and the scatter of the recordings is estimated from its
     residuals, until neither changes.

@@ -44,7 +44,7 @@ class LawFit:
 
 
 def several_frequencies(lines: Sequence[ModulusLine]) -> bool:
-    """Whether lines are at so different frequencies that a delay can be distinguished from a loss."""
+    """Whether the largest frequency of the lines is so many times the smallest that delay and loss are distinct."""
     return max(line.frequency for line in lines) > _APART * min(line.frequency for line in lines)
 
 

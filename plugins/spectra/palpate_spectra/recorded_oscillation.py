@@ -26,7 +26,7 @@ _MASS = 0.05  # of itself, where no uncertainty of the tip's mass is declared
 _STIFFNESS = 0.1  # of itself: the uncertainty of a rig's stiffness is never declared
 
 
-# Of what the run itself flags: what speaks against the readings or the surface, not against the model of its track.
+# Of what the run itself flags: what counts against the readings or the surface, not against the model of its track.
 _CONCERNING = {
     "gaps", "missing-force", "saturated", "assumed", "stuck", "duplicates", "backwards", "clock-wander", "clock-drift",
     "force-late", "velocity-late", "outliers", "calibration-old", "calibration-sensor", "calibration-tip",
@@ -111,7 +111,7 @@ def replay(path: Path, track: str | None) -> ReplayedSamples:
 
 
 def _pipeline(path: Path, track: str | None) -> Pipeline:
-    """The pipeline of a recording, with the one track that is wanted."""
+    """The pipeline of a recording, with the one requested track."""
     if path.suffix == ".toml":
         name = _track(load_pipeline(path), track, path)
         return load_pipeline(path, [f'run.tracks=["{name}"]'])
@@ -131,7 +131,7 @@ def _pipeline(path: Path, track: str | None) -> Pipeline:
 
 
 def _track(pipeline: Pipeline, wanted: str | None, path: Path) -> str:
-    """The track that is wanted, or the first whose model has a tip."""
+    """The requested track, or the first whose model has a tip."""
     names = [str(track.name) for track in pipeline.tracks]
     if wanted is not None and wanted not in names:
         raise ConfigurationError(f"{path}: has no track {wanted!r}{suggest(wanted, names)}")

@@ -13,9 +13,9 @@ from palpate import Floats
 Phasors = NDArray[np.complex128]
 
 _MOST = 12  # lines of one motion
-_WEAK = 0.02  # of the largest amplitude; fainter sines of the motion are no lines
-_CLEAR = 100.0  # power of a line over that of the motion's noise beside it
-_EXPLAINED = 0.98  # of the motion's power; less is no sum of sines
+_WEAK = 0.02  # of the largest amplitude; fainter sines of the motion are not lines
+_CLEAR = 100.0  # power of a line over that of the motion's noise around it
+_EXPLAINED = 0.98  # of the motion's power; less is not a sum of sines
 _LOWEST = 1.5  # periods in the record
 _TREND = 0.4  # of the lowest line's frequency; what is slower is the drift of tip, sensor and material
 _BINS = 40  # of the spectrum around a line in which its noise is measured
@@ -34,7 +34,7 @@ class LineFit:
 
 
 def lines_of(time: Floats, height: Floats) -> Floats | None:
-    """Frequencies [Hz] of the sines that a motion is made of, ascending; None where it is no sum of sines.
+    """Frequencies [Hz] of the sines that a motion is made of, ascending; None where it is not a sum of sines.
 
     The highest peak of the periodogram of what is left is a line while it stands clear of the noise; all frequencies
     are then those of least squares.
@@ -63,7 +63,7 @@ def _apart(found: Sequence[float], t: Floats) -> bool:
 
 
 def _peak(t: Floats, left: Floats) -> tuple[float, float, float]:
-    """Frequency [Hz] and amplitude of the highest peak, and the noise's squared amplitude beside it (Hann's window)."""
+    """Frequency [Hz] and amplitude of the highest peak, and the noise's squared amplitude around it (Hann's window)."""
     n, step = len(t), float(np.median(np.diff(t)))
     window = np.hanning(n)
     size = 4 * n
@@ -107,7 +107,7 @@ def _solved(columns: Floats, values: Floats) -> Floats:
 
 
 def mixed_frequencies(lines: Floats, span: float, highest: float) -> Floats:
-    """Sums and differences of up to three lines [Hz] that are no lines themselves: what a nonlinear law makes."""
+    """Sums and differences of up to three lines [Hz] that are not lines themselves: what a nonlinear law makes."""
     found: list[float] = []
     signed = [sign * f for f, sign in product(lines.tolist(), (1, -1))]
     for order in range(2, _ORDER + 1):

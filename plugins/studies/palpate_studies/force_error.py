@@ -16,10 +16,10 @@ _SPARSEST = 1000  # intervals between two rows, on average
 
 
 def force_error(runs: Iterable[tuple[Path, str]]) -> dict[str, Any] | None:
-    """Mean of the error and its standard deviation between runs (n,) [N] over the time tracked (n,) [s].
+    """Mean (n,) [N] and standard deviation between runs (n,) [N] of the force error over the time tracked (n,) [s].
 
-    The error is force less inertia of the tip less the model's force. Runs are folders, each with its track,
-    read one by one and not kept in memory; None for fewer than two whose tables of estimates have what it takes.
+    The error is f - m d'' - F(d, d'): measured force less the tip's inertia and the model's force. `runs` are pairs of
+    folder and track, read one by one; None if fewer than two of them have the columns in their tables of estimates.
     """
     curves = (curve for folder, track in runs if (curve := _error(folder, track)) is not None)
     interval, used = math.nan, 0
@@ -57,7 +57,7 @@ def _length(time: Floats, interval: float) -> int:
 
 
 def _error(folder: Path, track: str) -> tuple[Floats, Floats] | None:
-    """Time tracked (n,) [s] and error of the force (n,) [N] of a run; None where its tables do not tell."""
+    """Time tracked (n,) [s] and error of the force (n,) [N] of a run; None where its tables do not show it."""
     run = RunFolder(folder)
     try:
         table = next((table for table in run.tables if track in table.tracks), None)

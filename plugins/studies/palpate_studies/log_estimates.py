@@ -21,7 +21,7 @@ class LogRuns:
         self._count = 0
 
     def run_of(self, source: Path) -> Path:
-        """The source itself where it is a result; of a log its run folder, estimated anew by what the log carries.
+        """The source itself where it is a result; of a log its run folder, estimated again by what the log carries.
 
         Raises ConfigurationError for a log that carries no pipeline: nothing is guessed.
         """
@@ -42,7 +42,7 @@ class LogRuns:
         self._count += 1
         folder = self._folder / f"{self._count:03d}-{source.name.split('.')[0]}"
         told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
-        typer.echo(f"{source}: estimated by the pipeline of its run, into {folder}; taken for known: {told}", err=True)
+        typer.echo(f"{source}: estimated by the pipeline of its run, into {folder}; assumed exact: {told}", err=True)
         with progress(str(source), "s"):
             run_pipeline(pipeline, folder, report_progress)
         return folder

@@ -30,7 +30,7 @@ class ParameterValue:
     value: float | None  # [SI]
     std: float | None  # [SI] combined standard uncertainty
     unit: str
-    systematic: float | None  # [SI] part of it that repeats have in common; None where it is not told
+    systematic: float | None  # [SI] part of it that repeats have in common; None if not stated
     residual: float | None  # [N] RMS
     flags: tuple[Flag, ...]
     verdict: str
@@ -45,7 +45,7 @@ class ParameterValue:
 
 
 def tell_left_out(failures: Mapping[str, UserError], others: bool) -> None:
-    """Say which files are left out, and why, up to twenty; raises what the first failed with if there are no others."""
+    """Say which files are left out, and why, up to twenty; raises what the first failed with if no other is left."""
     told = [*failures][0 if others else 1 :]
     for path in told[:_TOLD]:
         typer.echo(f"{path} is left out: {failures[path]}", err=True)
@@ -60,14 +60,14 @@ def readings(
 ) -> Iterator[ParameterValue]:
     """Readings of a run, or of every log, cycle or curve of `palpate fit`; `first`: of the first of several tracks.
 
-    Of curves those `where` filter words hold. Raises LogError for what is no result, ConfigurationError where there is
-    no such track or parameter, and for words that do not parse.
+    Of curves those `where` filter words hold. Raises LogError for what is not a result, ConfigurationError for an
+    unknown track or parameter, and for words that do not parse.
     """
     if is_fit_folder(path):
         yield from _of_curves(FitFolder(path), track, parameter, first, where)
         return
     if where is not None:
-        raise ConfigurationError(f"--where: {path} is no folder of fits of many curves")
+        raise ConfigurationError(f"--where: {path} is not a folder of fits of many curves")
     file = path
     if path.is_dir():
         file = path / "fit.json" if (path / "fit.json").is_file() else path / "result.json"
@@ -93,9 +93,7 @@ def _of_curves(
 ) -> Iterator[ParameterValue]:
     name = _chosen(dict.fromkeys(folder.tracks), track, folder.path, first)
     if parameter not in folder.values:
-        raise ConfigurationError(
-            f"{folder.path}: there is no parameter {parameter!r}{suggest(parameter, folder.values)}"
-        )
+        raise ConfigurationError(f"{folder.path}: no parameter {parameter!r}{suggest(parameter, folder.values)}")
     meanings = registry.load().meanings
     chosen: CurveFilter = curve_filter(where, folder, meanings)
     if old := stale_words(folder):
@@ -127,7 +125,7 @@ def _of_run(
     result = document["tracks"][name]
     known = {**result["parameters"], "surface": result["surface"]}
     if parameter not in known:
-        raise ConfigurationError(f"{file}: there is no parameter {parameter!r}{suggest(parameter, known)}")
+        raise ConfigurationError(f"{file}: no parameter {parameter!r}{suggest(parameter, known)}")
     found, (path, key) = known[parameter], named
     return ParameterValue(
         f"{path}#{key}" if key else str(path), file.parent, key, name, found["value"], found["combined"], found["unit"],
@@ -144,5 +142,5 @@ def _chosen(tracks: Mapping[str, Any], track: str | None, file: Path, first: boo
     if track is None:
         raise ConfigurationError(f"{file}: has {len(tracks)} tracks; choose one with --track: {', '.join(tracks)}")
     if track not in tracks:
-        raise ConfigurationError(f"{file}: there is no track {track!r}{suggest(track, tracks)}")
+        raise ConfigurationError(f"{file}: no track {track!r}{suggest(track, tracks)}")
     return track

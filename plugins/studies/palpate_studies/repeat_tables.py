@@ -14,7 +14,7 @@ from palpate_kit.terminal.table import Table, shortened
 
 _LENGTHS = ("mean", "scatter", "scatter of mean", "common", "between", "within")  # in the unit of the value
 _DETAILS = ("scatter of mean", "common", "correlation\nof neighbours", "correlation\nwith order", "p of order")
-_OF_UNITS = ("between", "within")  # of a group whose units are no single values
+_OF_UNITS = ("between", "within")  # of a group whose units are not single values
 _BAR = 40  # characters of the tallest bar
 _CAUTIONS = {
     RUN: "p is the chance of such a difference between repeats at one site each. Sites of one material differ, too: "

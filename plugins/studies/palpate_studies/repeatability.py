@@ -40,7 +40,7 @@ class Repeatability:
 
     @property
     def lag_one(self) -> float:
-        """Correlation coefficient of neighbours; NaN where there is no scatter."""
+        """Correlation coefficient of neighbours; NaN without scatter."""
         found = autocorrelation(self.values, 1)
         return float(found[1]) if len(found) > 1 else math.nan
 
@@ -83,7 +83,7 @@ class Repeatability:
 
 
 def autocorrelation(values: Floats, lags: int) -> Floats:
-    """Autocorrelation (lags + 1,) of values (n,), biased estimator, from lag 0; empty where there is no scatter."""
+    """Autocorrelation (lags + 1,) of values (n,), biased estimator, from lag 0; empty without scatter."""
     centred = np.asarray(values, float) - np.mean(values)
     power = float(centred @ centred)
     if not scatters(values):
@@ -100,7 +100,7 @@ def moving_average(values: Floats, window: int) -> Floats:
 
 
 def common_edges(groups: Sequence[Floats]) -> Floats:
-    """Edges of bins that all groups share, as fine as the group that asks for the finest, 30 bins at the most."""
+    """Edges of bins that all groups share, as fine as the group that asks for the finest, 30 bins at most."""
     everything = np.concatenate(groups) if groups else np.zeros(0)
     if len(everything) < 2 or not scatters(everything):
         return np.zeros(0)

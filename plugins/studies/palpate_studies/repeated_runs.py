@@ -59,9 +59,7 @@ def palpations(pipeline: Pipeline) -> Iterator[Pipeline]:
     """
     settings = _settings(pipeline)
     if len(pipeline.trajectories) != 1:
-        raise ConfigurationError(
-            f"{pipeline.path}: [repeat] wants one trajectory, and there are {len(pipeline.trajectories)}"
-        )
+        raise ConfigurationError(f"{pipeline.path}: [repeat] needs one trajectory, not {len(pipeline.trajectories)}")
     ((name, motion),) = pipeline.trajectories.items()
     way, pause = math.hypot(*settings.step), duration_of(motion) + settings.wait
     moved: Any = pipeline.registry.find("trajectory", "moved")

@@ -26,8 +26,8 @@ from palpate_studies.parameter_values import ParameterValue, readings, tell_left
 _BY_VERDICT = {"good": 1.0, "note": 1.0, "doubtful": 0.6, "invalid": 0.0}
 _FAR = 3.5  # robust standard deviations (Iglewicz and Hoaglin 1993)
 _FEWEST = 4  # of a group; among fewer nobody stands out
-_WIDE = 110  # characters of a line where there is no terminal
-_SURELY = 0.01  # of the median: a spread below is none that matters
+_WIDE = 110  # characters of a line without a terminal
+_SURELY = 0.01  # of the median: a smaller spread does not matter
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def rate_values(group: Sequence[ParameterValue]) -> list[RatedValue]:
 
     A rating is 10 times the share for the verdict, times 3.5/z for the value and for the residual where they are more
     than z = 3.5 robust standard deviations (1.4826 times the median absolute deviation) from the group's median; a
-    residual that is small is no fault. What was rejected, or cannot be used, does not count for the group.
+    residual that is small is not a fault. What was rejected, or cannot be used, does not count for the group.
     """
     values = _apart(group, [reading.value for reading in group])
     residuals = _apart(group, [reading.residual for reading in group])
@@ -86,7 +86,7 @@ def review(
         list[str] | None, typer.Option("--clear", metavar="NAME", help="Take any mark back. Can be repeated.")
     ] = None,
     where: WhereOption = None,
-    reason: Annotated[str | None, typer.Option(help="Why; wanted with --reject.")] = None,
+    reason: Annotated[str | None, typer.Option(help="Why; required with --reject.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
     layout: FormatOption = "table",
 ) -> None:  # fmt: skip
@@ -136,7 +136,7 @@ _OPTIONS: dict[Mark, str] = {"bad": "--reject", "good": "--accept", "none": "--c
 
 
 def _mark(group: Sequence[ParameterValue], marks: Mapping[Mark, Sequence[str]], reason: str) -> None:
-    """Write marks beside the results; raises ConfigurationError for a name that none, or more than one, has."""
+    """Write marks next to the results; raises ConfigurationError for a name that none, or more than one, has."""
     changes: list[tuple[ParameterValue, Mark]] = [
         (_named(group, name, _OPTIONS[mark]), mark) for mark, names in marks.items() for name in names
     ]

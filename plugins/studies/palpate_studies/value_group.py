@@ -89,7 +89,7 @@ def groups_by_column(
     groups: dict[str, ValueGroup] = {}
     for path in paths:
         if not is_fit_folder(path):
-            raise ConfigurationError(f"--by {by}: {path} is no folder of fits of many curves")
+            raise ConfigurationError(f"--by {by}: {path} is not a folder of fits of many curves")
         columns = FitFolder(path).columns
         if by not in columns:
             raise ConfigurationError(f"--by {by}: {path / 'curves.csv'} has no such column{suggest(by, columns)}")
@@ -106,7 +106,7 @@ def groups_by_column(
 def compare(groups: Mapping[str, ValueGroup], unit: str | None, mixed: bool) -> GroupComparison:
     """The groups in the order of their names, compared by units of replication.
 
-    Raises ConfigurationError for a unit that is none, and for a mixed model that cannot be fitted.
+    Raises ConfigurationError for an unknown unit, and for a mixed model that cannot be fitted.
     """
     ordered = {name: groups[name] for name in sorted(groups, key=natural)}
     if not any(group.cells for group in ordered.values()):

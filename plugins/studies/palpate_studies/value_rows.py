@@ -73,7 +73,7 @@ def records_under(sources: Sequence[Path]) -> list[Path]:
         for place, folders, files in os.walk(source):
             if {RESULT, TABLE, _FIT} & set(files):
                 found.append(Path(place))
-                folders.clear()  # pages on single curves of a folder of fits are no records of their own
+                folders.clear()  # pages on single curves of a folder of fits are not records of their own
     if not found:
         named = ", ".join(map(str, sources))
         raise ConfigurationError(f"{named}: holds no run and no fits" if named else "name at least one folder of runs")
@@ -86,7 +86,7 @@ def value_rows(record: Path, where: str | None) -> Iterator[ValueRow]:
         yield from _of_curves(FitFolder(record), where)
         return
     if where is not None:
-        raise ConfigurationError(f"--where: {record} is no folder of fits of many curves")
+        raise ConfigurationError(f"--where: {record} is not a folder of fits of many curves")
     file = record if record.is_file() else next((record / n for n in (_FIT, RESULT) if (record / n).is_file()), record)
     results, folder = read_results(file), RunFolder(file.parent)
     rejected, facts = folder.rejected, _facts_of_run(folder)

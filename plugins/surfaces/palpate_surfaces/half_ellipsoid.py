@@ -12,7 +12,7 @@ _TURNS = 60  # of Newton's method; some ten do for places near the skin
 _CLOSE = 1e-14  # of the parameter's scale
 _OFF_AXIS = 1e-9  # [m]
 _DEEP = 0.5  # of the least radius of curvature: further in, another side may be as near
-_INSIDE, _BELOW, _BESIDE = "too deep inside the ellipsoid", "below the rim of the ellipsoid", "beside the ellipsoid"
+_INSIDE, _BELOW, _BESIDE = "too deep inside the ellipsoid", "below the rim of the ellipsoid", "off the ellipsoid"
 
 
 class HalfEllipsoid(Surface):

@@ -104,7 +104,7 @@ class Mesh(Surface):
         above = self.pose.inwards(np.column_stack([lateral, np.full(len(lateral), top)]))
         down = self.pose.matrix.T @ [0.0, 0.0, -1.0]
         feet, faces = self.body.first_along(above, down)
-        unknown = {int(row): "there is no mesh at this x and y" for row in np.flatnonzero(faces < 0)}
+        unknown = {int(row): "no mesh at this x and y" for row in np.flatnonzero(faces < 0)}
         places = self.pose.outwards(feet)
         for _ in range(_STEPS):  # the surface lies off the triangles, within which it curves
             points = self._below(places, unknown)

@@ -23,9 +23,9 @@ def read_mesh(file: Path, unit: str) -> Any:
     if file.suffix.lower() not in FORMATS:
         raise ConfigurationError(f"{file}: a mesh is a file {', '.join(FORMATS)}, not {file.suffix or 'one without'}")
     if not file.is_file():
-        raise ConfigurationError(f"{file}: there is no such file")
+        raise ConfigurationError(f"{file}: no such file")
     try:
-        with file.open("rb") as opened:  # alone: what it names beside it, materials and pictures, is not opened
+        with file.open("rb") as opened:  # alone: what it refers to, materials and pictures, is not opened
             mesh = trimesh.load_mesh(opened, file_type=file.suffix.lower()[1:], process=False, skip_materials=True)
     except Exception as error:  # whatever its readers raise on a damaged file
         raise ConfigurationError(f"{file}: cannot be read as a mesh: {type(error).__name__}: {error}") from error

@@ -46,7 +46,7 @@ class UncertainPose:
     def normal_covariance(self, position: Floats, normal: Floats, shape: Floats) -> Floats:
         """(n, 3, 3) of normals at fixed places, S (n, 3, 3) the shape operators: w x n - S (d + w x (x - c)).
 
-        A body that is moved aside by s shows at the same place the normal of a point beside it, turned by s/R.
+        A body that is moved aside by s shows at the same place the normal of a point next to it, turned by s/R.
         """
         turn = -_cross_matrices(normal)  # w x n = -[n] w
         shift = np.concatenate(

@@ -17,7 +17,7 @@ from palpate_surfaces.touches import Touches
 FEWEST = 6  # touches
 FARTHEST = 3.0  # standard deviations
 _UNLIKELY = 0.01  # probability of residuals so large, below which the covariance grows with them
-_OPEN = 0.9  # of the prior's standard deviation, above which touches have told next to nothing
+_OPEN = 0.9  # of the prior's standard deviation, above which touches have determined next to nothing
 _LEAST_LEFT = 1e-6  # of its variance, in the residual of a touch that determines a direction alone
 _TURN = 0.1  # [rad] of a turn, as large as a shift of that share of the body's size
 
@@ -102,7 +102,7 @@ class _PoseSearch:
         return (points.height - self.touches.radius) / self.std, -jacobian @ self.root / self.std[:, None]
 
     def minimum(self) -> Floats:
-        """(6,) raises ConfigurationError where there is none."""
+        """(6,) raises ConfigurationError if it fails."""
 
         def normal(unknowns: Floats) -> Floats:
             residual, slopes = self.scaled(unknowns)
@@ -151,7 +151,7 @@ def _open_directions(mesh: Mesh, inner: Floats, root: Floats) -> tuple[str, ...]
     """What touches say next to nothing about, in words: the directions in which the covariance is that from before."""
     shares, directions = np.linalg.eigh(inner)
     by = (root @ directions * np.sqrt(shares))[:, shares > _OPEN**2]
-    # Of directions that are all open any mixture is one: shifts are told from turns.
+    # Of directions that are all open any mixture is one: shifts are distinguished from turns.
     _, _, apart = np.linalg.svd(by[3:], full_matrices=True) if by.size else (None, None, np.zeros((0, 0)))
     return tuple(_words(mesh.pose, way, mesh.body.size) for way in (by @ apart.T).T)
 

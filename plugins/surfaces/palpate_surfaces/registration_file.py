@@ -47,14 +47,14 @@ class Registration(Settings):
 
 
 def read_registration(path: Path, mesh: str) -> Registration:
-    """The registration of the mesh with a digest; raises ConfigurationError for what is none, or another mesh's."""
+    """The registration of the mesh with a digest; raises ConfigurationError for an invalid one, or another mesh's."""
     registration = read_settings(path, Registration, "registration")
     covariance = registration.pose.covariance
     numbers = np.concatenate([registration.pose.rotation, registration.pose.translation, covariance.ravel()])
     if not np.isfinite(numbers).all() or np.linalg.eigvalsh((covariance + covariance.T) / 2)[0] <= 0:
-        raise ConfigurationError(f"{path}: is no registration: its pose or covariance is not one of finite numbers")
+        raise ConfigurationError(f"{path}: is not a registration: its pose or covariance is not one of finite numbers")
     if registration.mesh != mesh:
-        raise ConfigurationError(f"{path}: it registers another mesh; touch this one and register it anew")
+        raise ConfigurationError(f"{path}: it registers another mesh; touch this one and register it again")
     return registration
 
 

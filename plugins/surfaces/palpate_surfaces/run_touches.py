@@ -32,7 +32,7 @@ def touches_of_run(folder: Path) -> Iterator[SkinTouch]:
     """Place and estimated surface of each palpation that stays at a place, in a run and its continuations.
 
     Of the first track that has both. Where force and height are those along a surface's normals, so is the estimated
-    surface; those along one stated normal are not taken. Raises LogError where there is none, where the tip is not a
+    surface; those along one stated normal are not taken. Raises LogError without any touch, where the tip is not a
     sphere, and for such a normal.
     """
     count = 0
@@ -95,7 +95,7 @@ def _stays(table: TrackTable) -> Iterator[Any]:
 
 
 def _radius(part: RunFolder, model: str) -> float:
-    """Radius [m] of the sphere that a run's tip ends with; raises LogError for a tip that is none."""
+    """Radius [m] of the sphere that a run's tip ends with; raises LogError for any other tip."""
     settings: Mapping[str, Any] = part.settings
     tip = settings.get("model", {}).get(model, {}).get("indenter")
     tip = settings.get("indenter", {}).get(tip) if isinstance(tip, str) else tip

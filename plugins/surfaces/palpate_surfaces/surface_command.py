@@ -82,7 +82,7 @@ def _mesh(pipeline: Path, name: str | None) -> Mesh:
     if not found:
         raise ConfigurationError(f"{pipeline}: has no [surface.*] of type mesh; touches register a mesh")
     if name is None:
-        raise ConfigurationError(f"{pipeline}: one mesh is wanted; choose by --surface (there are: {names})")
+        raise ConfigurationError(f"{pipeline}: expected one mesh; choose by --surface (there are: {names})")
     if name not in found:
         raise ConfigurationError(f"--surface: {pipeline} has no mesh {name!r} (there are: {names})")
     return found[name]
@@ -97,7 +97,7 @@ def _refuse_contradictions(mesh: Mesh, touches: Touches) -> None:
         raise ConfigurationError(
             f"{len(far)} of {len(touches)} touches contradict where {mesh.file.name} stands by {stated}: "
             + _far_touches(touches, distance, distance / std, far)
-            + ". Has the body moved, or is it another one? State its position anew, with position_uncertainty"
+            + ". Has the body moved, or is it another one? State its position again, with position_uncertainty"
         )
 
 

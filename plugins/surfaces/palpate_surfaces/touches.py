@@ -36,7 +36,7 @@ class Touches:
 
     @property
     def centre(self) -> Floats:
-        """(n, 3) [m] of the spheres: the tool stands along z, its sphere touches an inclined skin beside its end."""
+        """(n, 3) [m] of the spheres: the tool stands along z, its sphere touches an inclined skin off its end."""
         return self.position + np.column_stack([np.zeros((len(self), 2)), self.radius])
 
     @classmethod

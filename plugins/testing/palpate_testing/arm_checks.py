@@ -178,7 +178,7 @@ def check_link_loss(device: Device, trajectory: Trajectory, seed: int, listen: f
 
 
 def places(device: Device, batches: Sequence[Batch]) -> Floats:
-    """Positions (n, 3) [m] of the tip, of the first stream that measures x, y and z; none where there is none."""
+    """Positions (n, 3) [m] of the tip, of the first stream that measures x, y and z; none without such a stream."""
     for stream in device.streams:
         columns = {one.name: k for k, one in enumerate(stream.channels) if one.unit == "m"}
         if set("xyz") <= columns.keys() and not stream.estimated:

@@ -60,7 +60,7 @@ def _scales(indenter: Indenter, depths: Floats, radius: Floats, name: str) -> No
 
 
 def usual_values(model: ContactModel) -> list[float]:
-    """A value for each parameter within its bounds: its first guess, amid the bounds, or of the order of silicone."""
+    """A value for each parameter within its bounds: its first guess, their middle, or the order of silicone."""
     usual = {"Pa": 1e5, "Pa*s": 300.0, "s": 0.1}
     values = []
     for parameter in model.parameters:
@@ -134,7 +134,7 @@ def _remembers(model: ContactModel, theta: Sequence[float], name: str) -> None:
 
 
 def _values(function: Callable[[Any], Any], depths: Floats, name: str) -> Floats:
-    """One depth at a time, so that what raises or is no number is named with its depth."""
+    """One depth at a time, so that what raises or is not a number is named with its depth."""
     values = []
     for depth in depths.tolist():
         try:

@@ -101,7 +101,7 @@ def _heard(link: Link, seconds: float, name: str, trajectory: Trajectory | None)
                     )
                 if enough.is_set():
                     return
-        except Exception as error:  # whatever third-party code raises; after the end it is no matter
+        except Exception as error:  # whatever third-party code raises; after the end it does not matter
             if not enough.is_set():
                 failures.append(error)
 

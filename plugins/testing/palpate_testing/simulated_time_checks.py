@@ -35,14 +35,14 @@ _INSTEAD = {
 def check_simulated_time(
     device: Device, trajectory: Trajectory | None = None, seed: int = 0, listen: float = 2.0
 ) -> None:
-    """A live device goes by `palpate.clock()` alone, so that it runs in simulated time as well.
+    """A live device uses `palpate.clock()` alone, so that it runs in simulated time as well.
 
     It is connected and listened to for some simulated time [s], `listen`. The first call that takes or waits for the
     computer's own time, such as `time.sleep`, is named with its file and line, and is not made. For a device that
     moves, give a short trajectory.
     """
     name = type(device).__name__
-    demand(device.live, f"{name} is not live: it has no time to go by")
+    demand(device.live, f"{name} is not live: it follows no clock")
     complaints: list[str] = []
     failure: Exception | None = None
     batches = []

@@ -15,21 +15,21 @@ def check_surface(surface: Surface, lateral: Floats) -> None:
     """A surface answers alike from both sides, and its normals are those of its points.
 
     Checked at x and y (n, 2) [m] where it must be known: unit normals that look outwards; a place 1 mm above or below a
-    point, along its normal, is as high as that, and has that point below it; points beside it, 0.1 mm away, lie in its
+    point, along its normal, is as high as that, and has that point below it; points next to it, 0.1 mm away, lie in its
     tangent plane but for its curvature; curvatures in their order, and no uncertainty negative.
     """
     name = type(surface).__name__
     top = surface_points(surface, np.asarray(lateral, float))
     _check_values(name, top)
     far = np.abs(top.position[:, :2] - lateral).max(initial=0.0)
-    demand(far <= 1e-7, f"{name}.uppermost answers {1e3 * far:.3g} mm beside the x and y that it is asked for")
+    demand(far <= 1e-7, f"{name}.uppermost answers {1e3 * far:.3g} mm off the requested x and y")
     for side in (_ABOVE, -_ABOVE):
         points = surface_points(surface, top.position + side * top.normal)
         _check_values(name, points)
         off = np.abs(points.height - side).max()
         demand(off <= 0.02 * _ABOVE, f"{name}.nearest: a place {1e3 * side:g} mm above it is {1e6 * off:.3g} um off")
         beside = np.linalg.norm(points.position - top.position, axis=1).max()
-        demand(beside <= 0.1 * _ABOVE, f"{name}.nearest answers {1e6 * beside:.3g} um beside the point below a place")
+        demand(beside <= 0.1 * _ABOVE, f"{name}.nearest answers {1e6 * beside:.3g} um off the point below a place")
     _check_normals(name, surface, top)
 
 
@@ -42,7 +42,7 @@ def _check_values(name: str, points: SurfacePoints) -> None:
 
 
 def _check_normals(name: str, surface: Surface, top: SurfacePoints) -> None:
-    """Points 0.1 mm beside each other lie in one another's tangent plane, but for what curvature makes of it."""
+    """Points 0.1 mm apart lie in one another's tangent plane, but for what curvature makes of it."""
     demand((top.normal[:, 2] > 0).all(), f"{name}: a normal of its upper side does not look upwards")
     other = np.where(np.abs(top.normal[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
     across: Floats = np.asarray(np.cross(top.normal, other), np.float64)

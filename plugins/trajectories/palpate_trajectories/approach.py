@@ -16,7 +16,7 @@ from palpate_trajectories.oscillation import together
 from palpate_trajectories.smooth_profile import Knot, KnotProfile, profile
 from palpate_trajectories.surface_motion import Footway, SurfaceMotion
 
-_TOP_SPEED = 0.25  # [m/s], the usual limit beside people (ISO 10218-1)
+_TOP_SPEED = 0.25  # [m/s], the usual limit near people (ISO 10218-1)
 _PERIODS = 4.0  # of the sine that a line must last
 
 

@@ -111,7 +111,7 @@ class GridPoints(PlannedTrajectory):
         if isinstance(self.surface, NominalHeight):
             return None
         visits = self.visits[self.first_point :]
-        stations = Stations.on(self.surface, np.array(visits))  # first: a place that is none is named
+        stations = Stations.on(self.surface, np.array(visits))  # first: an impossible place is named
         return stations, [SurfaceLine.on(self.surface, begin, end) for begin, end in itertools.pairwise(visits)]
 
     @property

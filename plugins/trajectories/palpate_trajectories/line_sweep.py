@@ -38,7 +38,7 @@ class LineSweep(PlannedTrajectory):
     @model_validator(mode="after")
     def _possible(self) -> Any:
         if self._way < 1e-6:
-            raise ValueError("start and end are the same place: there is no line to sweep")
+            raise ValueError("start and end are the same place: no line to sweep")
         refuse_hasty(self.press, self._way, self.speed)
         return self
 

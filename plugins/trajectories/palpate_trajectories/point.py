@@ -17,7 +17,7 @@ class Point(Trajectory):
 
     While measuring, z(t) = -bias - amplitude sin(2 pi f t) (paper, section Online Point Estimation). Approach and
     retraction are fifth-order polynomials that meet the sine where it crosses the bias at full speed, so position,
-    velocity and acceleration are continuous; the measured part starts there, as the paper's filter wants it.
+    velocity and acceleration are continuous; the measured part starts there, as the paper's filter requires.
     """
 
     bias: Depth = Field(gt=0, description="depth around which the sine goes, below the nominal surface")

@@ -45,7 +45,7 @@ class Shake(Trajectory):
         return 2 * self.standstill + 2 * self.ramp + self.settle + self.duration
 
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3); only z moves."""
+        """Setpoints (n, 3) at times (n,) [s]: z = height + w(t) a sum sin(2 pi f_k t + phi_k), w with smooth ramps."""
         t = np.asarray(time, float) - self.standstill
         full = self.ramp + self.settle + self.duration
         rise, fall = _smooth(t / self.ramp), _smooth((full + self.ramp - t) / self.ramp)

@@ -8,7 +8,7 @@ import numpy as np
 from palpate import ConfigurationError, Floats, Setpoint, Surface, surface_points
 from palpate_kit.kinematics.turns_to_normals import rotation_to
 
-_UNDERCUT = 0.05  # z of a normal; a skin that is steeper than 87 degrees is none that is reached from above
+_UNDERCUT = 0.05  # z of a normal; a skin that is steeper than 87 degrees cannot be reached from above
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "self-timed": Diagnosis("palpate_uncertainty.delay.delay_from_motion:diagnose_delay", order=11),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.model_choice:model_choice"),
-        # Last, since a filter's bias that is predicted is no distance.
+        # Last, since a filter's bias that is predicted is not a distance.
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability", order=60),
         "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
         "force-across": Diagnosis("palpate_uncertainty.inclined_skin:inclined_skin", order=11, quick=True),
@@ -40,7 +40,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 
 @plugin
 def palpate_report_sections() -> dict[str, ReportSection]:
-    """What the values of a run take on trust."""
+    """What the values of a run assume to be exact."""
     return {"assumptions": ReportSection("palpate_uncertainty.assumption_line:assumption_lines", order=80, detail=True)}
 
 

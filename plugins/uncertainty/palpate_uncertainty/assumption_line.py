@@ -1,4 +1,4 @@
-"""The line of a result that says what was taken on trust."""
+"""The line of a result that says what was assumed to be exact."""
 
 from __future__ import annotations
 
@@ -43,22 +43,22 @@ def _line(table: Mapping[str, Any]) -> str:
     scales = list(_scales(table["percent"], first, second))
     both = first if second is None else f"{first}/{second}"
     others = ", ".join(_conditions(table, first))
-    return f"on trust, % of {both} for 1 % of it: {', '.join(scales)}; {others}"
+    return f"assumed exact; a 1 % error changes {both} by: {', '.join(scales)}; {others}"
 
 
 def _scales(percent: Mapping[str, Mapping[str, float]], first: str, second: str | None) -> Iterator[str]:
-    """Name and effects of each number, the largest first; the second value is said where it differs."""
+    """Name and effects of each number, the largest first; the second value is stated where it differs."""
     sizes = {
         name: [abs(shares.get(value, 0.0)) for value in (first, second) if value] for name, shares in percent.items()
     }
     for name, shown in sorted(sizes.items(), key=lambda item: -max(item[1])):
         if max(shown) > _LEAST:
             texts = list(dict.fromkeys(f"{share:.1f}" for share in shown))
-            yield f"{_WORDS.get(name, name.replace('_', ' ').replace('.', ' '))} {'/'.join(texts)}"
+            yield f"{_WORDS.get(name, name.replace('_', ' ').replace('.', ' '))} {'/'.join(texts)} %"
 
 
 def _conditions(table: Mapping[str, Any], first: str) -> Iterator[str]:
-    """What is no number of the pipeline, each with the size at which it begins to matter."""
+    """What is not a number of the pipeline, each with the size at which it begins to matter."""
     stiffness, thick = table.get("rigid_above", {}).get(first), table.get("half_space_above")
     yield "rigid mount" + (f" ({_rounded(1e-3 * stiffness)} N/mm: 1 %)" if stiffness else "")
     if not table.get("skin_stated"):

@@ -1,4 +1,4 @@
-"""What a result takes on trust: every number that no uncertainty is declared of, and what 1 % of it does."""
+"""What a result assumes to be exact: every number without a declared uncertainty, and what 1 % of it does."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STEP = 1e-4  # of a number, for derivatives by differences
 
 
 def assumptions(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Of every track what its values take on trust, and by how many per cent 1 % of each moves each value.
+    """Of every track what its values assume to be exact, and by how many per cent 1 % of each moves each value.
 
     A small error f(t) of the force shifts the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, as in
     the budget: f = 0.01 F for the gain of the force, -0.01 (dF/dd d + dF/dd' d') for the scale of the height,

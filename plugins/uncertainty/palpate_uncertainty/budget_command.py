@@ -84,7 +84,7 @@ def _draws(run: Path, tracks: list[str], draws: int, seed: int) -> dict[str, Pro
 
 
 def _print_draws(screen: Any, found: PropagatedDraws, seed: int) -> None:
-    """The draws of one track beside the budget."""
+    """The draws of one track next to the budget."""
     screen.print(f"\n{len(found.values)} draws, seed {seed}{f', {found.lost} without an estimate' * (found.lost > 0)}")
     for name, row in found.table().items():
         shown = {key: _shown(value, found.parameters[name]["unit"]) for key, value in row.items() if value is not None}

@@ -68,7 +68,7 @@ def _of_source(path: Path, wanted: Sequence[str], where: str | None, overrides: 
     """Every model on a record, or on each curve of a folder of fits that no review has rejected; raises UserError."""
     if not is_fit_folder(path):
         if where is not None:
-            raise ConfigurationError(f"--where: {path} is no folder of fits of many curves")
+            raise ConfigurationError(f"--where: {path} is not a folder of fits of many curves")
         yield from candidates(path, _source(path, wanted, overrides))
         return
     folder = FitFolder(path)

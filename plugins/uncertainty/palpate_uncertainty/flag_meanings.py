@@ -117,7 +117,7 @@ _RIG = {
     "inclined-skin": _doubtful(
         "The force across the tool is not that of a skin as inclined as is stated, or of a level one, whatever the "
         "friction.",
-        'Align the tool with the normal, or state skin = { inclination = "10 deg" } beside the model\'s indenter.',
+        'Align the tool with the normal, or state skin = { inclination = "10 deg" } next to the model\'s indenter.',
     ),
 }
 

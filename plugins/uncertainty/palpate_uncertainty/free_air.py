@@ -84,7 +84,7 @@ class _Motion:
 
     weights: Floats  # (2,) [N s/m] with the speed and [N/m] with the height; 0 where it is not sure
     errors: Floats  # (2,)
-    reference: float  # [m] height at which it is none
+    reference: float  # [m] height at which it is zero
 
     @classmethod
     def of(cls, track: TrackEvidence) -> _Motion:
@@ -144,7 +144,7 @@ def _estimates_zero(track: TrackEvidence, end: TrackEnd) -> bool:
 
 
 def _adhesion(track: TrackEvidence, by_motion: _Motion, course: Along) -> Iterator[Flag]:
-    """A pull on the way out, before the force is none again, and what it does as that of a sphere that sticks.
+    """A pull on the way out, before the force is zero again, and what it does as that of a sphere that sticks.
 
     From the pull P = 1.5 pi w R follows the work of adhesion w, and from that by how much more the tip is within the
     material, sqrt(2 pi w a/E*), than a contact of radius a without adhesion (Johnson, Kendall and Roberts 1971).
@@ -216,7 +216,7 @@ def _inertia_free(track: TrackEvidence, air: _Air) -> tuple[Floats, Floats, Floa
 
 
 def _regression(columns: Floats, force: Floats) -> tuple[Floats, Floats]:
-    """Weights (m,) of columns (n, m) beside a constant, and their standard deviations.
+    """Weights (m,) of columns (n, m) together with a constant, and their standard deviations.
 
     The noise is that of the means of blocks, so that it may hang together from sample to sample.
     """

@@ -25,7 +25,7 @@ _STRETCH = 2.0  # [s] of a sweep
 _LIFTED = 0.1  # [s] between two samples in contact
 _UNEVEN = 0.1  # of a value, between one stretch of the way and all of it
 _STEP = 1e-4  # of a value, for slopes
-# What a filter went through, where least squares tells how far it has come out.
+# What a filter went through, where least squares shows how far it has come out.
 _BIAS = frozenset({"noise-bias"})
 _SETTLED = frozenset({"depth-not-positive", "restarted", "too-stiff", "covariance-repaired"})
 
@@ -79,7 +79,7 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         ]
         said += [f"{name} has no effect on the force" for name in blind]
         pairs = _pairs(names, correlation)
-        alike = f"; hard to tell apart: {', '.join(pairs)}" if pairs else ""
+        alike = f"; hard to distinguish: {', '.join(pairs)}" if pairs else ""
         text = f"the estimator claims more than the record determines: {', '.join(said)}{alike}"
         effects = dict(zip(names, np.where(short, np.sqrt(lacks), 0.0).tolist(), strict=True))
         flags.append(Flag("overconfident", text, effects=effects | dict.fromkeys(blind, np.inf)))

@@ -85,7 +85,7 @@ def inclined_skin(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     inclination between arctan(r), of a tip that slides, and t with r = (1 - m) tan t/(1 + m tan^2 t), and no friction
     makes it less. A flag names what is beyond the stated inclination, or below it, with what it makes of the values.
     Where it is neither, r and t say what friction there was: all three axes give the force along the normal, F_n, and
-    so by how much the values are off by the model's one axis: a known bias, with the corrected values beside it.
+    so by how much the values are off by the model's one axis: a known bias, with the corrected values next to it.
     """
     found = {track.name: _of(track, track.ending) for track in tracks if track.ending is not None}
     return {name: diagnosed for name, diagnosed in found.items() if diagnosed is not None}

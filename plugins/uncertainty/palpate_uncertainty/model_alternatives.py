@@ -20,7 +20,7 @@ _FARTHEST = 0.02  # [m] that the surface may move
 _HEAVIEST = 10.0  # [kg]
 _SOFTEST = 1e3  # [N/m] of arm and base
 _TOO_MUCH = 1e6  # [N]
-MEMORY = "memory"  # the reason that is no change of the force at an instant: a material that relaxes
+MEMORY = "memory"  # the reason that is not a change of the force at an instant: a material that relaxes
 
 # From the model's parameters (k,), the surface [m] and the extra numbers:
 Force = Callable[[Floats, float, Floats], Floats]  # the force (n,) [N]
@@ -146,7 +146,7 @@ def relaxing_parameter(course: Course) -> int | None:
 
 
 def fastest_branch(course: Course, frequency: float | None) -> float:
-    """The time [s] in which what relaxes is told from the model's viscosity; 0 where nothing keeps it from that."""
+    """The time [s] in which what relaxes is distinguished from the model's viscosity; 0 for any time."""
     viscous = any(parameter.role == "viscous" for parameter in course.model.parameters)
     return 1.0 / (2.0 * np.pi * frequency) if frequency is not None and viscous else 0.0
 

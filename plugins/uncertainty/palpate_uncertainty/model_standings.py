@@ -24,7 +24,7 @@ class Candidate:
     misfit: bool  # a lack of fit was found
     verdict: str
     elasticity: tuple[float, float] | None  # [Pa] and its combined uncertainty
-    doubts: tuple[str, ...] = ()  # codes of the flags that speak against its numbers
+    doubts: tuple[str, ...] = ()  # codes of the flags that count against its numbers
 
 
 @dataclass(frozen=True)

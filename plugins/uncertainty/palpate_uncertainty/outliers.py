@@ -47,7 +47,7 @@ def spikes_of(force: Floats, judged: NDArray[np.bool_], noise: float = 0.0) -> F
     median of their neighbours.
 
     Noise by the median size of second differences, 6 times its variance in white noise; not below the least step of the
-    readings, and not below what the air tells [N]: a channel that is filtered or held hardly changes. Source: Hampel
+    readings, and not below what the air shows [N]: a channel that is filtered or held hardly changes. Source: Hampel
     1974.
     """
     judged, force = judged[np.isfinite(force)], force[np.isfinite(force)]
@@ -57,7 +57,7 @@ def spikes_of(force: Floats, judged: NDArray[np.bool_], noise: float = 0.0) -> F
     steps = np.abs(np.diff(force))
     least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
     scale = max(1.4826 * float(np.median(np.abs(np.diff(force, 2)))) / np.sqrt(6.0), least, noise)
-    # A fast motion is no spike: what the readings beside it do as well.
+    # A fast motion is not a spike: what neighbouring readings do as well.
     bend = _SIGMAS * scale + 2.0 * _running_median(np.abs(np.gradient(force))) * _REACH
     return off[judged & (np.abs(off) > bend)] if scale > 0 else np.zeros(0)
 

@@ -26,7 +26,7 @@ from palpate_uncertainty.information_bound import bounds_at_best, correlation, s
 _STILL_MOVING = 0.02  # of a value: slope times time tracked
 _BY_CHANCE = 3.5  # standard deviations of a slope; of two parameters one is beyond that once in a thousand tracks
 _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
-_COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
+_COLOURED = 0.3  # autocorrelation of innovations; 0.1 occurs by chance alone
 _WEAK = 5.0  # standard deviations of its noise that a force swings by: above, it is not tested what it determines
 _DETERMINED = 0.2  # of a value: a weak force must determine it to this, by the Cramer-Rao bound
 _EXPLAINED = 2.0  # standard deviations outside of what is possible

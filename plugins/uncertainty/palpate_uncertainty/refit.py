@@ -19,7 +19,7 @@ _STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
 APART = 1e-3  # [m] sideways, from which on it is a sweep
 _WINDOWS = (5, 9, 15, 25, 41)  # samples
 _BENT = 0.1  # of the noise that smoothing may take from the signal
-_LATEST = 8  # answers that a course has at hand
+_LATEST = 8  # answers that a course keeps
 _CORNER = 4.0  # standard deviations of a mean over the window
 
 _T = TypeVar("_T")

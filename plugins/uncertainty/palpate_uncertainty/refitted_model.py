@@ -29,7 +29,7 @@ _DRIFTS = 1.5  # times the drift that is allowed, as one of the record is known 
 _NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
 _SHALLOW = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
 _WHOLE = ("active", "contact", "all")  # segments of a fit that leave no part of the contact out on purpose
-# What innovations and residuals say where those of the model itself are noise: the noise that a filter was told is then
+# What innovations and residuals say where those of the model itself are noise: the noise given to a filter is then
 # judged by the distance of its estimate from least squares.
 SETTLED = frozenset({"misfit", "correlated-residuals", "coloured-innovations", "inconsistent"})
 
@@ -120,7 +120,7 @@ class RefittedModel:
 def refitted_model(track: TrackEvidence, known: dict[Any, RefittedModel]) -> RefittedModel:
     """The model fitted to all samples in contact, whether the track used them or not; once for all tracks of a model.
 
-    Of a fit that leaves a part of the contact out on purpose, or has unknowns beside the model, what it used.
+    Of a fit that leaves a part of the contact out on purpose, or has unknowns besides the model's, what it used.
     """
     used = judged_rows(track)
     key = id(track.model), int(np.count_nonzero(used)), float(track.kept.time[used][0])
@@ -205,7 +205,7 @@ def misfit_table(found: WhitenessTest) -> Diagnosed:
 def explained(track: TrackEvidence, found: WhitenessTest, base: RefittedModel) -> Diagnosed:
     """The reason shown by the pattern, and by how much each parameter may be off for it.
 
-    A drift of the sensor's zero that the alignment allows is no reason for a doubt, and a row of the budget.
+    A drift of the sensor's zero that the alignment allows is not a reason for a doubt, and a row of the budget.
     """
     names = [parameter.name for parameter in track.model.parameters]
     first = base.test(base.fit.residual)
@@ -244,7 +244,7 @@ def explained(track: TrackEvidence, found: WhitenessTest, base: RefittedModel) -
 
 
 def _is_allowed_drift(track: TrackEvidence, base: RefittedModel, other: Refit) -> bool:
-    """Whether a refit is a drift of the force that is no faster than the alignment allows."""
+    """Whether a refit is a drift of the force within what the alignment allows."""
     if other.reason != "drift" or not other.numbers or track.ending is None:
         return False
     tare = track.ending.report.tare
@@ -287,7 +287,7 @@ def _removes(test: WhitenessTest, first: WhitenessTest) -> bool:
 
 
 def misfit_sentence(found: WhitenessTest, reasons: list[str], is_explained: bool, null: str) -> str:
-    """What tests of whiteness found, and the reasons that refits name."""
+    """The sentence on residuals that failed the tests of whiteness: p value, likely reasons, what is unexplained."""
     level = f"p {found.p:.0e}" if found.p > 1e-99 else "p < 1e-99"
     likely = f"; likely {' or '.join(reasons)}" if reasons else ""
     unknown = "" if is_explained else "; no alternative explains all of it"

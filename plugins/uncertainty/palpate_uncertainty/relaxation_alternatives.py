@@ -1,4 +1,4 @@
-"""The alternative that a material relaxes: Maxwell branches beside the elastic force."""
+"""The alternative that a material relaxes: Maxwell branches in parallel with the elastic force."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def fit_relaxation(
 ) -> tuple[Floats, float, Floats, Floats, int]:
     """Least squares of F = E A(d) + eta B(d, d') + sum of E g_i R_i[A], R_i what relaxes in a time, g_i >= 0.
 
-    No R_i relaxes in less than `fastest` [s]: beside an oscillation of angular frequency w, what relaxes within 1/w is
+    No R_i relaxes in less than `fastest` [s]: in an oscillation of angular frequency w, what relaxes within 1/w is
     a dashpot by another name, and would only take the viscosity's share.
 
     For models whose force is linear in their parameters, of which one, at `place`, is elastic. By variable projection

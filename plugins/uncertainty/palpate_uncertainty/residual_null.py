@@ -14,14 +14,14 @@ from palpate_kit.numerics.tip_travel import noise_of, rate_kernels
 from palpate_uncertainty.channel_noise import null_of
 from palpate_uncertainty.refit import Course
 
-AIR, READINGS = 0.2, 100  # [s] and readings without contact that tell the noise
+AIR, READINGS = 0.2, 100  # [s] and readings without contact that determine the noise
 _STILL = 1e-4  # [m]
 _NEAR = 0.05  # of the way in contact, above which the air before it is air
 _LOWEST = 0.125  # of the band, from which on what a model leaves is noise
 _FLAT, _CHANCE = 1.5, 3.8  # by which parts of a flat band differ: a factor, or standard deviations of few readings
 _NEW = 0.7  # of the readings, fewer of which differ from the one before where a sensor is held
 _PER_LINE = 1.94  # variance of the mean of lines of a Hann window, of that of independent ones (Harris 1978)
-_COARSE = 0.5  # of the noise, above which a step of the readings counts beside it
+_COARSE = 0.5  # of the noise, above which a step of the readings counts in addition
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class ForceNoise:
 
     std: float  # [N]
     coefficients: Floats  # (p,) of the autoregression; empty: white
-    readings: int  # that tell it
+    readings: int  # that determine it
     excess: float = 1.0  # of the variance of slow means, by what is not known of the coefficients
 
     @classmethod
@@ -59,7 +59,7 @@ class ForceNoise:
 
 
 def air_readings(track: TrackEvidence) -> Floats | None:
-    """Force (n,) [N] without contact that tells the noise: at standstill, else on the way; None where it is short."""
+    """Force (n,) [N] without contact that shows the noise: at standstill, else on the way; None where it is short."""
     known = np.isfinite(track.air_force)
     time, force, place = track.air_time[known], track.air_force[known], track.air_position[known]
     if len(time) < READINGS:
@@ -79,7 +79,7 @@ def air_readings(track: TrackEvidence) -> Floats | None:
 def upper_band(left: Floats, readings: Floats) -> ForceNoise | None:
     """White noise of at most the power of the upper band of what a model has left (n,) [N] of readings (m,) [N].
 
-    None where that is not flat, or below the step of the readings. A few samples tell little of how flat it is.
+    None where that is not flat, or below the step of the readings. A few samples show little of how flat it is.
     """
     steps = np.abs(np.diff(readings))
     if len(left) < READINGS or not np.isfinite(left).all() or np.count_nonzero(steps) < _NEW * len(steps):

@@ -17,20 +17,20 @@ from palpate_kit.numerics.tip_travel import noise_of
 from palpate_uncertainty.refit import Course
 from palpate_uncertainty.residual_null import slopes_of
 
-# Alternatives that only add to the force what their derivative says: a negative size is none of them.
+# Alternatives that only add to the force what their derivative says: a negative size is not one of them.
 ONE_SIDED = ("memory", "compliance", "force at its limit", "drag", "friction", "adhesion", "unloading that is softer")
 _BINS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
 _STEPS = 8  # bins of what moves in time
 _LIMIT = 0.95  # of the largest force, above which a sensor may give less
 _AHEAD = 0.01  # [s] by which an arm is behind its command; what eta does not take of that goes with the acceleration
-_STEP = 20.0  # times the noise of a height, of depths that are told apart
+_STEP = 20.0  # times the noise of a height, of depths that are distinguished
 _CLEAR = 10.0  # times the noise of an acceleration, from which on it is one
 _SLOW = 0.05  # of the largest speed, below which friction is not full
 _DEEP = 0.04  # of the largest depth, above which a bin is not judged
 _TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)  # [s] of what may relax
 _SMALL = 0.5e-3  # [m] radius of a tip
 _WIDE, _NARROW = 0.08, 11  # [s] and samples of the window of slow accelerations
-_NEAR = 0.05  # of the way in contact, below which it is no air
+_NEAR = 0.05  # of the way in contact, below which it is not air
 _OPEN_DELAY, _OPEN_MASS = 0.02, 0.5  # [s], [kg] of facts that nobody has stated, one standard uncertainty
 
 
@@ -79,7 +79,7 @@ class JudgedRows:
 
     @property
     def _is_small(self) -> bool:
-        """Whether the tip is none of a robot, which has another zero and hardly a mass."""
+        """Whether the tip is not that of a robot, which has another zero and hardly a mass."""
         return bool(getattr(getattr(self.track.model, "indenter", None), "radius", _SMALL) < _SMALL)
 
     def stated(self) -> Iterator[Floats]:
@@ -100,7 +100,7 @@ class JudgedRows:
             yield end.settings.drift * (self.time - self.course.begin)
 
     def open(self) -> Iterator[Floats]:
-        """(n,) a zero that the air tells: nothing is said of it."""
+        """(n,) a zero that the air determines: it is not judged."""
         if self._tells_zero:
             yield np.ones(len(self.time))
 

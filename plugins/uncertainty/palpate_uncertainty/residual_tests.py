@@ -21,12 +21,12 @@ LEVEL = 1e-3  # of a record
 _NOTHING = 10.0 * LEVEL  # a chance from which on a test says nothing
 _ENOUGH = 100  # samples
 _SHOWS = 4.0  # standard deviations by which an alternative of its typical size must show
-_LOUD = 2.0  # times the rms of the null, from which on a residual is no good one
+_LOUD = 2.0  # times the rms of the null, from which on a residual is not a good one
 _MATTERS = 0.5  # of the uncertainty of an elastic parameter
 _NEARLY = 0.7  # of what the best alternative explains, from which on another one is said as well
 _PARTLY = 0.5  # the same, from which on it may be what moves a value
 _MOST = 10.0  # times its typical size, from which on an alternative explains nothing
-_RANK = 1e-6  # of the largest variance, below which a direction is none
+_RANK = 1e-6  # of the largest variance, below which a direction does not count
 _OUTLIER = 6.0  # standard deviations, beyond which a reading counts as an outlier, which is flagged as such
 
 
@@ -45,7 +45,7 @@ class ScoreTest:
     def evidence(self) -> float:
         """The gain less what numbers of no use would gain (Schwarz 1978).
 
-        Several numbers also follow a pattern that is none of theirs, by as much as makes another cause nearly as good.
+        Several numbers also follow a pattern that is not theirs, by as much as makes another cause nearly as good.
         """
         return (self.gain if self.freedom == 1 else _NEARLY * self.gain) - self.freedom * math.log(self.samples)
 
@@ -63,7 +63,7 @@ class ResidualTests:
 
     @property
     def is_right(self) -> bool:
-        """Whether nothing speaks against the model."""
+        """Whether nothing counts against the model."""
         return self.p >= LEVEL
 
     def explaining(self, share: float = _PARTLY) -> list[str]:
@@ -236,12 +236,12 @@ class _Tested:
 
 @dataclass(frozen=True)
 class _Space:
-    """Residuals over their standard deviation, beside what the fit and open facts take of them."""
+    """Residuals over their standard deviation, and what the fit and open facts take of them."""
 
     std: Floats  # (n,) [N]
     basis: Floats  # (n, b) orthonormal
     fitted: Floats  # (n, k + 1) what the fit takes
-    stated: Floats  # (n, s) of each stated quantity, beside that
+    stated: Floats  # (n, s) what each stated quantity takes in addition
 
     @classmethod
     def of(cls, std: Floats, jacobian: Floats, open_facts: list[Floats], stated: list[Floats]) -> _Space:
@@ -283,7 +283,7 @@ def _by_size(jacobian: Floats, residual: Floats, rms: float) -> Floats:
 
 
 def _tail(freedom: int, value: float, readings: int) -> float:
-    """Chance of more than a chi square whose variance n readings tell: F with n - 1 degrees of freedom.
+    """Chance of more than a chi square whose variance n readings determine: F with n - 1 degrees of freedom.
 
     F has the longer tail: where that of chi square says nothing, it is the answer, without the import of scipy.
     """

@@ -29,6 +29,6 @@ def _of(track: TrackEvidence) -> Flag | None:
     doubtful, most = _SPHERE if is_sphere else _OTHER
     if turned is None or turned.tilt <= doubtful:
         return None
-    known = f"a {'sphere' if is_sphere else 'tip that is no sphere'} is known to {math.degrees(doubtful):.0f} deg"
+    known = f"a {'sphere' if is_sphere else 'tip that is not a sphere'} is known to {math.degrees(doubtful):.0f} deg"
     text = f"the tool stands up to {math.degrees(turned.tilt):.3g} deg off the normal, and {known}"
     return Flag("off-normal", text) if turned.tilt <= most else Flag("far-off-normal", text)

@@ -17,7 +17,7 @@ LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10
 # Lags that say nothing of the model: the tip's inertia is taken off by a slope of the velocity over 11 samples, which
 # an arm that is commanded unevenly does not follow, and readings between two samples are shared by both.
 _NEAR = 10
-_BLOCK_LAGS = 20  # blocks of `_NEAR` samples, where no standstill tells the channel's own memory
+_BLOCK_LAGS = 20  # blocks of `_NEAR` samples, where no standstill shows the channel's own memory
 _FEWEST = 8  # samples of a bin, for its mean to be nearly normal
 _SHARE = 0.5  # of the motion's variance in one line of its spectrum, from which on it oscillates
 _CYCLES = 4.0
@@ -30,7 +30,7 @@ class WhitenessTest:
     p: float  # of the family: the smallest after Holm
     tests: Mapping[str, float]  # by name, as they are
     misfit: float = 0.0  # share of the variance that is a pattern: by memory, phase, time or depth, the largest of them
-    chance: float = 0.0  # two standard deviations of the misfit, where there is no pattern
+    chance: float = 0.0  # two standard deviations of the misfit, without a pattern
     null: str = "assumed"  # where the noise comes from: "standstill", "residual", or white noise "assumed"
 
 
@@ -39,8 +39,8 @@ def whiteness_tests(
 ) -> WhitenessTest:
     """The tests of residuals or innovations (n,) of any scale, against the noise that `null` gives.
 
-    `runs` (n,) numbers the stretches without a gap, `phase` (n,) [rad] is that of the oscillation, None where there is
-    none. The whitened values are clipped at 6 standard deviations. Under a null that comes from n0 samples whitening
+    `runs` (n,) numbers the stretches without a gap, `phase` (n,) [rad] is that of the oscillation, None without
+    one. The whitened values are clipped at 6 standard deviations. Under a null that comes from n0 samples whitening
     leaves a memory of the order 1/n0, so that the Ljung-Box sum is divided by 1 + n/n0 where it has whitened anything,
     and the sums of means by `null.excess`.
     Sources: Bartlett 1946; Ljung and Box 1978; Holm 1979.

@@ -47,7 +47,7 @@ def refuse_preload(standstill: float, limits: SafetySettings, port: Port, offset
         if on_skin > _OFF:
             raise DeviceError(
                 f"{force} reads {standstill:.2f} N at standstill, {what}: the tip touches something, or the sensor was "
-                'started anew since; lift the tip, or set [alignment] tare = "free-air"'
+                'restarted since; lift the tip, or set [alignment] tare = "free-air"'
             )
     if on_skin + limits.stop_force > limits.force:
         raise DeviceError(

@@ -60,7 +60,7 @@ class ContactForce:
         if repeats.longest[0] == len(rows):
             raise DeviceError(
                 f"{repeats.names[0]} repeats its reading in every digit through the standstill, {len(rows)} times: the "
-                "sensor or its driver is stuck, or its resolution is too coarse to see that it measures; start it anew"
+                "sensor or its driver is stuck, or its resolution is too coarse to see that it measures; restart it"
             )
         self.torques = tuple(i for i in self.torques if np.isfinite(rows[:, i]).all())  # others are not measured
         self.torque_tare = rows[:, self.torques].mean(axis=0)
@@ -68,7 +68,7 @@ class ContactForce:
         self.repeats, self._count = repeats, RepeatCount(repeats)
 
     def fault_of(self, values: Floats) -> str | None:
-        """Why forces (n, components) are no readings; None where they are."""
+        """Why forces (n, components) are not readings; None where they are."""
         if not np.isfinite(values).all():
             return f"a reading of {self.name} is over range or invalid"
         ends = ((values <= self._low) | (values >= self._high)).any(axis=0)

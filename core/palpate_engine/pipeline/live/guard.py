@@ -24,7 +24,7 @@ from palpate_engine.pipeline.live.stopped_tip import StoppedTip
 from palpate_engine.safety import SafetySettings
 
 _ENOUGH = 10  # readings
-_PULL = 0.5  # of the force that stops: so much less than none is no adhesion
+_PULL = 0.5  # of the force that stops: so much below zero is not adhesion
 _REVERSED = (
     "; it falls while the tip goes deeper: does the sensor count the other way round ([alignment] force sign = -1)?"
 )
@@ -38,7 +38,7 @@ class Guard:
     of its range, over it or invalid, a sensor that repeats itself, is silent or shows no rise on the way in, a silent
     robot, readings of force or position that come late, a stream of them that ends, a device that fails, this program
     being held up, and on being asked. Tripping makes the arms retract where they can, else stop; the first reason
-    counts. Silence is judged by the process that receives: that this one comes late is no silence. Nothing is watched
+    counts. Silence is judged by the process that receives: that this one comes late is not silence. Nothing is watched
     once all arms are done.
     """
 

@@ -60,7 +60,7 @@ class LiveFacts:
 
     scheduling: str  # priority of its threads
     standstill: Standstill | None = None
-    offset: Offset | None = None  # as stored; None where none is
+    offset: Offset | None = None  # as stored; None where none was stored
     retreat: RetreatCheck | None = None  # None where no arm can
     motion: MotionFacts | None = None
     cpu_cores: float | None = None  # that this process and its children kept busy

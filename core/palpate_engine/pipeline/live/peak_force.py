@@ -11,7 +11,7 @@ _LATEST = 1.0  # [s] that readings are waited for once the arms stand
 
 
 class PeakForce:
-    """The largest reading so far, and the latest; a reading that is no number counts for nothing."""
+    """The largest reading so far, and the latest; a reading that is not a number counts for nothing."""
 
     def __init__(self) -> None:
         self.tared = self.untared = 0.0  # [N] of any component

@@ -15,7 +15,7 @@ from palpate_engine.pipeline.live.live_run import LiveRun
 
 _RETREAT, _SPEED = 0.5e-3, 2e-3  # [m], [m/s] of the retreat
 _SETTLE, _LISTEN = 0.1, 0.3  # [s] after the retreat; of force that is compared
-_LATE = 5.0  # [s] without any reading, after which none is waited for; that they come late is no fault of the sensor
+_LATE = 5.0  # [s] without any reading, after which none is waited for; that they come late is not the sensor's fault
 _BLOCKS, _SHORTEST = 40, 8  # of the standstill; readings of one
 _SIGNIFICANT = 5.0  # standard uncertainties of the difference
 

@@ -51,7 +51,7 @@ class SignalWatch:
         return 0.0 if before is None else (before - self.heard) / 1e9
 
     def begin(self) -> None:
-        """What was until now is no silence."""
+        """Silence is counted from now on."""
         self.heard = None
         self._looks.clear()
 

@@ -26,7 +26,7 @@ class Standstill:
 
 
 def refuse_unsteady(found: Standstill, limits: SafetySettings, force: str, declared: Noise) -> None:
-    """Raise DeviceError with advice where a standstill is none, or not what was expected."""
+    """Raise DeviceError with advice where a standstill moves, or is not what was expected."""
     if abs(found.force) > limits.standstill_force:
         raise DeviceError(
             f"{force} reads {found.force:.2f} N at standstill, over [safety] standstill_force = "

@@ -25,7 +25,7 @@ def stand_still(live: LiveRun, noise: Noise) -> Standstill | None:
     """What force and velocity are at standstill; None where the run was stopped. Raises DeviceError like the guard.
 
     The standstill is over when the samples, and not only the host's clock, say so: it is the same stretch of the record
-    in a replay, where there is no host's clock.
+    in a replay, which has no host's clock.
     """
     guard, began = live.guard, clock().now()
     # A device may be slow to begin; one that has failed trips the guard.

@@ -30,11 +30,11 @@ class StoppedTip:
         """What is added to the reason of a stop after which the arm did not leave, by a second fault; `felt` [N]."""
         return (
             f"; the arm was to leave, and that has failed: {self.standing(text, felt)} Nothing moves it any more: keep "
-            "the emergency stop at hand, find the cause at the pendant, and lift the tip in freedrive"
+            "the emergency stop within reach, find the cause at the pendant, and lift the tip in freedrive"
         )
 
     def disobedience(self, limits: SafetySettings) -> str | None:
-        """What is added where the tip goes on inwards, the first time; None where the arm obeys."""
+        """The sentence to add, once, if the tip goes deeper than v t + v^2/(2 a) after a stop; None while it obeys."""
         allowed = limits.speed * limits.latency + limits.speed**2 / (2.0 * limits.deceleration) + _MORE
         deeper = self._at_stop - self.height
         if self._is_disobeyed or not (math.isfinite(deeper) and deeper > allowed):

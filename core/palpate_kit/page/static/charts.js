@@ -1,4 +1,4 @@
-// Curves over time. One style for all: colours that everybody can tell apart, and a line style for each track.
+// Curves over time. One style for all: colours that everybody can distinguish, and a line style for each track.
 
 export const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#5b6570"];
 const DASHES = [[], [6, 3], [2, 2], [8, 3, 2, 3]];

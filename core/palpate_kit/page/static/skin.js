@@ -37,7 +37,7 @@ export class SkinView {
     if (!this.waits) { this.waits = true; requestAnimationFrame(() => { this.waits = false; this.draw(); }); }
   }
 
-  // `values` (count) in the unit of the `label`, null where there are none; `lumps`: x, y, extents along both [mm].
+  // `values` (count) in the unit of the `label`, null without any; `lumps`: x, y, extents along both [mm].
   show(grid, { values, low, high, label, lumps = [] }) {
     const known = grid.z.map((z, i) => i).filter((i) => grid.z[i] !== null), points = known.map((i) => place(grid, i));
     if (!points.length) return;

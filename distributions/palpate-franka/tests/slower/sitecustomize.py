@@ -1,6 +1,6 @@
 """palpate at a fraction 1/PALPATE_SLOW of the speed of the wall clock, for a machine on which others work as well.
 
-With this folder on PYTHONPATH all processes of a test go by that clock, and so does the simulator; the client library
+With this folder on PYTHONPATH all processes of a test use that clock, and so does the simulator; the client library
 keeps step with its states. Limits and E are judged, never times.
 """
 

@@ -135,15 +135,15 @@ def _tell(found: Acceptance, folder: Path, as_json: bool) -> None:
 def _visits(names: Sequence[str], pipeline: Pipeline) -> tuple[Visit, ...]:
     """The steps by name, in the protocol's order; raises ConfigurationError.
 
-    Without names all that this robot tells of, and in a rehearsal all without signals.
+    Without names all that this robot reports, and in a rehearsal all without signals.
     """
     able = _able(pipeline)
     every = able if pipeline.run.rehearsal is None else tuple(visit for visit in able if visit.step.number is None)
     for name in names:
         if not any(map(partial(_is_called, name), all_visits())):
-            raise ConfigurationError(f"--step {name}: there is no such step{suggest(name, STEPS)}")
+            raise ConfigurationError(f"--step {name}: no such step{suggest(name, STEPS)}")
         if not any(map(partial(_is_called, name), able)):
-            raise ConfigurationError(f"--step {name}: this robot does not tell of that stop")
+            raise ConfigurationError(f"--step {name}: this robot does not report that stop")
         if not any(map(partial(_is_called, name), every)):
             raise ConfigurationError(f"--step {name}: a signal needs the process of a run: it is not rehearsed")
     chosen = tuple(visit for visit in every if any(_is_called(name, visit) for name in names))
@@ -155,7 +155,7 @@ def _is_called(name: str, visit: Visit) -> bool:
 
 
 def _able(pipeline: Pipeline) -> tuple[Visit, ...]:
-    """The steps of whose end this robot tells."""
+    """The steps whose end this robot reports."""
     modes = WatchedArm.of(pipeline).modes
     return tuple(visit for visit in all_visits() if not visit.step.mode or getattr(modes, visit.step.mode))
 

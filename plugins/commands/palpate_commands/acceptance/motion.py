@@ -33,10 +33,10 @@ class ForceRecord:
             self._file.write(rows.tobytes())
 
     def samples(self, samples: Samples) -> None:
-        """They are of no account here."""
+        """Not used here."""
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """There are none."""
+        """Nothing to limit."""
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -38,7 +38,7 @@ class WatchedArm:
     pose: str
     twist: str
     status: str
-    mode: int  # column of the mode that tells of its stops
+    mode: int  # column of the mode that reports its stops
     modes: StopModes
 
     @classmethod
@@ -46,7 +46,7 @@ class WatchedArm:
         """The one robot of a pipeline; raises ConfigurationError."""
         names = list(own_motions(pipeline.devices))
         if len(names) != 1:
-            raise ConfigurationError(f"{pipeline.path}: one robot is wanted, not {len(names)} ({', '.join(names)})")
+            raise ConfigurationError(f"{pipeline.path}: expected one robot, not {len(names)} ({', '.join(names)})")
         device = pipeline.devices[names[0]]
         layouts = {stream.layout: stream.name for stream in device.streams}
         modes = device.stop_modes if isinstance(device, ReportsStops) else None
@@ -121,7 +121,7 @@ class Observer:
 
     @property
     def mode(self) -> int:
-        """The mode that tells of its stops, the latest; 0 before there is one."""
+        """The mode that reports its stops, the latest; 0 before the first."""
         found = self._latest(self._arm.status, self._arm.mode)
         return int(found) if np.isfinite(found) else 0
 
@@ -139,7 +139,7 @@ class Observer:
         return BrakingTrace(time[:count], pose[:count, _Z], twist[:count, _Z])
 
     def mode_change(self, origin: int, stop: Literal["emergency", "safeguard"]) -> float:
-        """When [s] the mode first told of a stop; raises MissedError where it never did."""
+        """When [s] the mode first reported a stop; raises MissedError where it never did."""
         modes = self._arm.modes.emergency if stop == "emergency" else self._arm.modes.safeguard
         time, status = self._joined(self._arm.status, origin)
         found = status[:, self._arm.mode].astype(int)

@@ -16,9 +16,9 @@ SCHEMA = 1
 _IDENTITY = ("robot", "serial", "software", "model", "safety_checksum", "payload", "tcp", "powered_since")
 _HEADINGS = ("step", "what happened", "speed mm/s", "reaction ms", "deceleration m/s^2", "way mm", "verdict")
 _LIMITS = (
-    "`[safety]` and all that palpate does are limits of a program. They are no safety function and have no performance "
+    "`[safety]` and all that palpate does are limits of a program: not a safety function, and without a performance "
     "level: what protects people is the robot's own safety system, its emergency stop and the safeguard. This page "
-    "says what was measured once, at these speeds and in this posture; it is no declaration of conformity."
+    "says what was measured once, at these speeds and in this posture; it is not a declaration of conformity."
 )
 
 
@@ -52,7 +52,7 @@ class Acceptance:
         return "failed" if self.failed else "passed" if self.is_whole else "passed in part"
 
     def worst(self) -> Iterator[str]:
-        """ForceDelay of the force, latency and deceleration as measured, beside those declared."""
+        """ForceDelay of the force, latency and deceleration as measured, and as declared."""
         for late in (outcome.force_delay for outcome in self.outcomes if outcome.force_delay is not None):
             declared = f"`sensor_delay` = {1e3 * (self.limits.sensor_delay or 0.0):.1f} ms is declared"
             yield f"the force comes {1e3 * late.value:.0f} ± {1e3 * late.std:.0f} ms after the pose; {declared}"
@@ -129,7 +129,7 @@ class Acceptance:
             "spacing of the robot's states."
         )
         yield ""
-        yield "What the run told:"
+        yield "What the run reported:"
         yield ""
         yield from (f"- {outcome.visit.name}: {outcome.told or 'nothing: it was killed'}" for outcome in self.outcomes)
         yield ""

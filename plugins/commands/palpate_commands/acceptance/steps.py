@@ -20,7 +20,7 @@ class AcceptanceStep:
     bound: Literal["latency", "reaction", "sensor_timeout", "blind", "sensor_delay"]
     ask: str = ""  # of a person, while the arm moves; empty: this program does it
     then: str = ""  # of a person, afterwards
-    mode: Literal["", "emergency", "safeguard"] = ""  # the stop by which the controller tells of it
+    mode: Literal["", "emergency", "safeguard"] = ""  # the stop by which the controller reports it
     number: signal.Signals | None = None  # that is sent to the run
     group: bool = False  # to all of its processes
     sites: tuple[Site, ...] = ("free-air", "foam")

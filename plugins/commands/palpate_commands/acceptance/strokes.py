@@ -91,7 +91,7 @@ def demand_limits(pipeline: Pipeline) -> SafetySettings:
         raise ConfigurationError(f"{pipeline.path}: nothing moves without limits: a [safety] table is missing")
     if len(pipeline.trajectories) != 1:
         raise ConfigurationError(
-            f"{pipeline.path}: one [trajectory.*] table is wanted, not {len(pipeline.trajectories)}: the depth on foam "
+            f"{pipeline.path}: expected one [trajectory.*] table, not {len(pipeline.trajectories)}: the depth on foam "
             "is that of the rig's own motion"
         )
     if not own_motions(pipeline.devices):

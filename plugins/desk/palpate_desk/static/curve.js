@@ -39,7 +39,7 @@ export class CurveView {
       this.plot(this.places.time, SMALL, "time [s]", "force [N]", seconds, [measured, modelled], true),
       this.plot(this.places.residual, LOW, "time [s]", "N", seconds, [rest, ...otherRest, ...band(header.noise, seconds.length)]),
     ];
-    const told = header.noise ? `; band: ± ${(1e3 * header.noise).toPrecision(3)} mN, the standard deviation of the force before contact` : header.raw ? "" : "; no band: too few samples before contact tell the noise";
+    const told = header.noise ? `; band: ± ${(1e3 * header.noise).toPrecision(3)} mN, the standard deviation of the force before contact` : header.raw ? "" : "; no band: too few samples before contact give the noise";
     this.places.residual.previousElementSibling.textContent = `residual: measured less modelled force${told}`;
     this.legend(second?.name);
     this.settle();
@@ -66,7 +66,7 @@ export class CurveView {
       cursor: { y: false, drag: { x: ranged, y: false, setScale: false } },
       hooks: ranged ? { setSelect: [(u) => this.select(u)] } : {},
     };
-    // Over depth the points come in the order of time, and x is not sorted: the plot is told the range of x itself.
+    // Over depth the points come in the order of time, and x is not sorted: the plot gets the range of x as well.
     if (path.paths) {
       const places = data[0].filter((v) => v !== null), low = Math.min(...places), high = Math.max(...places);
       options.scales.x.range = () => (low < high ? [low - 0.02 * (high - low), high + 0.02 * (high - low)] : [low - 1, low + 1]);

@@ -334,6 +334,6 @@ $("exports").append(...EXPORTS.map(([what, text, more]) => {
   button.addEventListener("click", () => { if (send({ do: "export", what, ...more() })) $("export-note").textContent = `${what} is made ...`; });
   line.append(button, ` ${text}`);
   return line;
-}), Object.assign(document.createElement("li"), { textContent: "The table itself is fits.csv in the folder, with every number in SI; curves.csv and review.json stand beside it." }));
+}), Object.assign(document.createElement("li"), { textContent: "The table itself is fits.csv in the folder, with every number in SI; curves.csv and review.json are next to it." }));
 
 connect();

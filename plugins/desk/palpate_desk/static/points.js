@@ -92,7 +92,7 @@ export function drawHistogram(box, rows, name, unit) {
   box.append(svg);
 }
 
-// The places of the curves, shaded by a value. A rectangle that is dragged is told: its edges [mm], x then y.
+// The places of the curves, shaded by a value. A dragged rectangle is reported: its edges [mm], x then y.
 export function drawSites(box, rows, name, unit, show, dragged) {
   const placed = rows.filter((row) => row.place && row.values[name] && row.verdict !== "invalid");
   box.replaceChildren();
@@ -119,7 +119,7 @@ export function drawSites(box, rows, name, unit, show, dragged) {
   return placed.length;
 }
 
-// A rectangle in the units of the picture, once the mouse is let go; a click is none.
+// A rectangle in the units of the picture, once the mouse is let go; a click is not one.
 function drag(svg, told) {
   const frame = node("rect", { class: "drag", fill: COLOURS[0], "fill-opacity": 0.15, stroke: COLOURS[0] });
   let from = null;

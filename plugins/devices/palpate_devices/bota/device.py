@@ -50,7 +50,7 @@ class BotaSensor(Device):
 
     @property
     def live(self) -> bool:
-        """It sends as time goes by."""
+        """It sends in real time."""
         return True
 
     @property

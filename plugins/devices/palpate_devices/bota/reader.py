@@ -46,7 +46,7 @@ class BotaReader(SensorReader):
         frames = self._decoder.feed(data)
         self.counts["damaged"], self.counts["skipped_bytes"] = self._decoder.damaged, self._decoder.skipped
         if not frames and any(text in data for text in _REBOOT_TEXTS):
-            raise DeviceError("the sensor rebooted: its settings and its zero are no longer those of the start")
+            raise DeviceError("the sensor rebooted: its settings and its zero of the start are lost")
         return map(self._reading, frames)
 
     def _reading(self, frame: Frame) -> Reading:

@@ -17,7 +17,7 @@ BAUD_RATES = (9600, 57600, 115200, 230400, 460800)  # by their codes
 
 
 def latency_timer(path: str) -> str:
-    """What the USB adapter waits before it passes bytes on; "1 ms" is what is wanted, 16 ms the usual default."""
+    """What the USB adapter waits before it passes bytes on; "1 ms" is required, 16 ms the usual default."""
     name = Path(path).resolve().name
     timer = Path("/sys/bus/usb-serial/devices") / name / "latency_timer"
     try:
@@ -56,7 +56,7 @@ def configure(port: Any, baud: int, filters: dict[str, Any], boot: float) -> str
 
 def stop_stream(port: Any) -> None:
     """Leave the sensor in CONFIG, where it is quiet."""
-    with contextlib.suppress(Exception):  # whatever a port that has gone raises; termios.error is no OSError
+    with contextlib.suppress(Exception):  # whatever a port that has gone raises; termios.error is not an OSError
         os.write(port.fileno(), b"C\n")
 
 

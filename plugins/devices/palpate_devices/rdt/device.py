@@ -34,7 +34,7 @@ class RdtSensor(Device):
 
     @property
     def live(self) -> bool:
-        """It sends as time goes by."""
+        """It sends in real time."""
         return True
 
     @property

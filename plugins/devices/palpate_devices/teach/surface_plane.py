@@ -36,7 +36,7 @@ class SurfacePlane:
         if height < max(_APART, _SLIM * longest):
             raise ConfigurationError(
                 f"the three points lie on one line, or nearly so: one of them is {1e3 * height:.1f} mm from the line "
-                f"of the others, and at least {1e3 * max(_APART, _SLIM * longest):.1f} mm are wanted: touch a triangle"
+                f"of the others, and at least {1e3 * max(_APART, _SLIM * longest):.1f} mm are needed: touch a triangle"
             )
         normal = across / np.linalg.norm(across)
         normal = normal if float(normal @ outwards) >= 0 else -normal
@@ -59,14 +59,14 @@ def check_fourth(plane: SurfacePlane, points: Floats, fourth: Floats, tolerance:
     if nearest < _APART:
         raise ConfigurationError(
             f"the fourth point is {1e3 * nearest:.1f} mm from one of the first three and shows nothing: at least "
-            f"{1e3 * _APART:g} mm are wanted"
+            f"{1e3 * _APART:g} mm are needed"
         )
     height = plane.height_of(fourth)
     if abs(height) > tolerance:
         raise ConfigurationError(
             f"the fourth point contradicts the first three: it lies {1e3 * abs(height):.2f} mm "
             f"{'above' if height > 0 else 'below'} their plane, over --tolerance {1e3 * tolerance:g} mm: touch all "
-            "four again, or the surface is no plane"
+            "four again, or the surface is not a plane"
         )
     return height
 

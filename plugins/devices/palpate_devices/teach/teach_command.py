@@ -178,7 +178,7 @@ def _robot(pipeline: Pipeline) -> tuple[str, ArmDevice]:
     robots = {name: device for name, device in pipeline.devices.items() if isinstance(device, ArmDevice)}
     if len(robots) != 1:
         names = ", ".join(robots) or "none"
-        raise ConfigurationError(f"{pipeline.path}: one robot is wanted, there are {len(robots)} ({names})")
+        raise ConfigurationError(f"{pipeline.path}: expected one robot, not {len(robots)} ({names})")
     return next(iter(robots.items()))
 
 
@@ -197,7 +197,7 @@ def _steps(names: Sequence[str], device: str, arm: ArmDevice) -> tuple[str, ...]
     """The steps by name, or all that this arm can do; raises ConfigurationError."""
     for name in names:
         if name not in _STEPS:
-            raise ConfigurationError(f"--step {name}: there is no such step{suggest(name, _STEPS)}")
+            raise ConfigurationError(f"--step {name}: no such step{suggest(name, _STEPS)}")
     if "payload" in names and not arm.weighs_flange:
         raise ConfigurationError(f"--step payload: [device.{device}] has no sensor in its flange that could weigh it")
     able = [name for name in _STEPS if name != "payload" or arm.weighs_flange]

@@ -35,7 +35,7 @@ def pivot_of(flanges: Sequence[Floats]) -> Pivot:
     if (small := float(angles.min())) < _LEAST:
         raise ConfigurationError(
             f"a turn of {math.degrees(small):.1f} deg shows too little: at least {math.degrees(_LEAST):g} deg "
-            "are wanted"
+            "are needed"
         )
     if np.linalg.svd(turns, compute_uv=False)[1] < 0.3 * float(angles.max()):
         raise ConfigurationError("all turns were about one axis: turn the tool sideways as well as forwards")

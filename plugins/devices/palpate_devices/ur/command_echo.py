@@ -137,11 +137,11 @@ class ReadBack:
             yield chr(kind), content
 
     def latest(self) -> tuple[float, float] | None:
-        """Controller's time [s] and register of the newest state; None where there is no new one."""
+        """Controller's time [s] and register of the newest state; None without a new one."""
         try:
             while data := self._link.recv(65536):
                 self._buffer += data
-        except OSError:  # nothing more now, or for good, which the silence shows
+        except OSError:  # nothing more now, or ever again, which the silence shows
             pass
         states = [content for kind, content in self._packets() if kind == "U"]
         values = [content for content in states if len(content) == STATE_BYTES]

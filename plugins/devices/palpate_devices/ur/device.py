@@ -55,7 +55,7 @@ class UR(ArmDevice):
     safety_checksum: str | None = Field(
         default=None,
         pattern=r"^[0-9A-Za-z]{4}([0-9A-Za-z]{4})?$",
-        description="of the safety configuration, as the pendant shows it; for the record: no interface tells it",
+        description="of the safety configuration, as the pendant shows it; for the record: no interface reports it",
     )
     lookahead: Time = Field(default=0.03, ge=0.03, le=0.2, description="servoL's lookahead time")
     servo_gain: float = Field(default=1000.0, ge=100, le=2000, description="servoL's gain")

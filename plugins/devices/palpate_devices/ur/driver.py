@@ -125,7 +125,7 @@ class URDriver(ArmDriver):
         self.facts |= {"model": self.model.name, "nominal_kinematics_off": apart}
 
     def enable(self) -> None:
-        """The watchdog: it wants to be fed."""
+        """The watchdog: it must be fed."""
         self._control.setWatchdog(self.settings["watchdog"])
 
     def read(self) -> ArmReading | None:
@@ -193,7 +193,7 @@ class URDriver(ArmDriver):
         self._control.stopScript()
 
     def check(self, reading: ArmReading) -> None:
-        """By the modes of robot, safety and program."""
+        """Check the modes of robot, safety and program; raises ArmFaultError, GarbledStateError for unknown modes."""
         modes = _modes(reading)
         if (text := complaint(modes)) is None:
             return

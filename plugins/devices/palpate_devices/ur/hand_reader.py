@@ -72,7 +72,7 @@ class URByHand:
             rows.append([*states.getActualTCPPose(), *(states.getFtRawWrench() if self._weighs else ())])
         values = np.array(rows)
         if not np.isfinite(values).all():
-            raise DeviceError(f"{self._name}: the controller's pose or wrench is no number")
+            raise DeviceError(f"{self._name}: the controller's pose or wrench is not a number")
         tip = mean_pose(values[:, :3], values[:, 3:6])
         wrench = values[:, 6:].mean(axis=0) if self._weighs else None
         return Posture(tip, tip @ np.linalg.inv(self.tool), wrench)

@@ -127,7 +127,7 @@ def _check(folder: Path) -> None:
     """Compile and run the check where there is a compiler; raises ConfigurationError where it fails."""
     compiler, make = shutil.which("cc"), shutil.which("make")
     if compiler is None or make is None:
-        typer.echo("not compiled here, since there is no C compiler or no make: do it with `make check`", err=True)
+        typer.echo("not compiled: no C compiler or no make found here; do it with `make check`", err=True)
         return
     done = subprocess.run([make, "-C", str(folder), "-s", "check", "size"], capture_output=True, text=True)
     typer.echo(done.stdout.rstrip())

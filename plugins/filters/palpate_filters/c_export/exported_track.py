@@ -92,7 +92,7 @@ def export_track(name: str, estimator: Estimator, problem: Problem) -> ExportedT
     """What goes into C; raises ConfigurationError with the name of what cannot."""
     if not isinstance(estimator, InertialFilter | KinematicFilter):
         kind = type(estimator).__name__
-        reason = "it wants the whole record" if not estimator.online else "it has no compiled step"
+        reason = "it needs the whole record" if not estimator.online else "it has no compiled step"
         raise ConfigurationError(
             f"track {name}: {kind} cannot be exported: {reason}; ekf, afekf, ukf, afukf and kinematic-ekf can"
         )

@@ -1,4 +1,4 @@
-"""``palpate log export``: a log as a table, for spreadsheets and other programs, by way of files beside the result."""
+"""``palpate log export``: a log as a table, for spreadsheets and other programs, through files next to the result."""
 
 from __future__ import annotations
 

@@ -16,12 +16,12 @@ _NAMED, _KEYS = 4, 3  # files of a group, and keys in which it differs, that are
 
 
 def is_folder_of_logs(path: Path) -> bool:
-    """Whether a path is a folder that is no log by itself, as a bag is."""
+    """Whether a path is a folder that is not a log by itself, as a bag is."""
     return path.is_dir() and not any(reader.recognises(path) for reader in readers_of(registry.load()).values())
 
 
 def suggest_folder(folder: Path, choices: dict[str, str], out: Path | None, as_json: bool) -> None:
-    """Print or write the pipeline of the most files, and one beside it for each other group; raises LogError."""
+    """Print or write the pipeline of the most files, and one more for each other group; raises LogError."""
     known = registry.load()
     refused: dict[str, str] = {}
     with progress(f"look at {folder.name}"):

@@ -74,7 +74,7 @@ def info(
 
 
 def file_suggestion(path: Path) -> Sequence[str] | None:
-    """What a plugin says of a file that is no log; None where none knows it."""
+    """What a plugin says of a file that is not a log; None where none knows it."""
     if not path.is_file():
         return None
     offers = registries.load().file_suggestions.values()

@@ -17,7 +17,7 @@ def recover(
 ) -> None:
     """Write the undamaged part of a log that is cut or damaged into a new one, and report what is missing.
 
-    The new log can be replayed: it keeps the pipeline of its run, or takes the one in the run folder beside it.
+    The new log can be replayed: it keeps the pipeline of its run, or takes the one in the run folder next to it.
     """
     with progress(f"recover {log.name}", "messages"):
         said = recording_of(log).recover(log, out, RunFolder(log.parent).documents)

@@ -1,4 +1,4 @@
-"""Curves along a sweep, of several tracks or runs, beside point palpations: one picture and one table."""
+"""Curves along a sweep, of several tracks or runs, with point palpations: one picture and one table."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def drop_rejected(runs: list[Path]) -> list[Path]:
 
 
 def unit_of(run: Path, track: str, parameter: str) -> str:
-    """SI unit of a track's parameter, or nothing where the run's pipeline cannot be read again."""
+    """SI unit of a track's parameter; empty if the run's pipeline cannot be read or has no such parameter."""
     from palpate_kit.runs.continuation import recorded_pipeline
 
     with suppress(PalpateError):

@@ -65,7 +65,7 @@ def map_run(
     run = _run_first(run)
     of_curves = is_fit_folder(run)
     if where is not None and not of_curves:
-        raise ConfigurationError(f"--where: {run} is no folder of fits of many curves")
+        raise ConfigurationError(f"--where: {run} is not a folder of fits of many curves")
     drop_rejected([] if of_curves else [run])
     with progress(f"map of {run.resolve().name}"):
         if of_curves:
@@ -106,7 +106,7 @@ def map_run(
         lumps = findings.lumps if findings is not None else None
         print_json({**answer, **of, "lumps": lumps, "files": sorted(made.folder.glob(f"{name}.*"))})
         return
-    typer.echo(f"{said}\nwritten to {made.folder / name}.csv and beside it")
+    typer.echo(f"{said}\nwritten to {made.folder / name}.csv and next to it")
 
 
 def _run_first(run: Path) -> Path:

@@ -52,7 +52,7 @@ class Paraboloid(Indenter):
     """A paraboloid of revolution, z = r^2/(2 R), with the radius of curvature R at its apex.
 
     a(d) = sqrt(R d), A(d) = (2/3) sqrt(R) d^1.5: the same forces as `sphere`, which approximates a sphere by it; here
-    the shape is meant, so that there is no error from it at any depth.
+    the shape is meant, so that it adds no error at any depth.
     Source: Popov and Hess 2015, table 2.1; Hertz 1882.
     """
 

@@ -102,7 +102,7 @@ def _percent(text: str | None) -> float | None:
 def _reference(
     text: str | None, uncertainty: str | None, quantity: Quantity, stated: Conditions, settings: TableSettings
 ) -> ReferenceOf:
-    """A value where the text begins as a number, and is no file; else a file."""
+    """A value where the text begins as a number, and is not a file; else a file."""
     if text is None:
         raise ConfigurationError('--reference is missing: "112.5 kPa" with --uncertainty, or a table of an instrument')
     path = Path(text)

@@ -38,7 +38,7 @@ class Agreement:
 def agreement_of(pairs: Sequence[ValuePair], quantity: str) -> Agreement:
     """Everything that pairs say together."""
     if not pairs:
-        raise ConfigurationError("there is no value to compare")
+        raise ConfigurationError("no value to compare")
     specimens = [pair.specimen for pair in pairs]
     values = grouped([pair.value for pair in pairs], specimens)
     references = grouped([pair.reference for pair in pairs], specimens)

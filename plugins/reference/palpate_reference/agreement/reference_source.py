@@ -1,4 +1,4 @@
-"""The value of a reference at the frequency and strain of a run, or why there is none."""
+"""The value of a reference at the frequency and strain of a run, or why it has none there."""
 
 from __future__ import annotations
 

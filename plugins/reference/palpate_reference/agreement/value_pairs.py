@@ -67,7 +67,7 @@ def table_pairs(path: Path, quantity: str, unit: str, track: str | None) -> list
     names, units = _heads(path, rows[0], unit)
     wanted = {"specimen", *_NUMBERS} - ({"value", "std"} if "run" in names else set())
     if missing := sorted(wanted - set(names)):
-        known = f"{suggest(missing[0], names)}; wanted: specimen, run or value and std, reference, reference_std"
+        known = f"{suggest(missing[0], names)}; required: specimen, run or value and std, reference, reference_std"
         raise LogError(f"{path}:{rows[0].number}: the column {missing[0]!r} is missing{known}")
     return [_pair(text, line, dict(zip(names, line.cells, strict=False)), units, quantity, track) for line in rows[1:]]
 

@@ -47,7 +47,7 @@ class PronySeries:
 def series_of_law(table: Mapping[str, Any], poisson: float) -> PronySeries:
     """The series of a law of ``material.json``; raises ConfigurationError for one that has none."""
     if table["law"] not in SERIES:
-        raise ConfigurationError(f"{table['law']} is no Prony series; fit one: --law generalised-maxwell-3")
+        raise ConfigurationError(f"{table['law']} is not a Prony series; fit one: --law generalised-maxwell-3")
     parameters = {name: float(one["value"]) for name, one in table["parameters"].items()}
     lasting, arms = _young_series(table["law"], list(parameters.values()), table.get("times") or (), poisson)
     per = 2.0 * (1.0 + poisson)

@@ -18,7 +18,7 @@ from palpate_reference.material_table import MaterialTable
 Loading = Literal["tension", "compression", "shear"]
 _LEAST_ALPHA = 1e-2  # Ogden's exponent is not nought
 _FAR = 1e3  # bound of scaled parameters
-_WORST = 0.9  # autocorrelation of residuals, above which it tells no more
+_WORST = 0.9  # autocorrelation of residuals, above which it says no more
 _UNDETERMINED = 1.0  # relative standard uncertainty
 
 
@@ -55,7 +55,9 @@ def stress_curves(tables: Sequence[MaterialTable], loading: Loading | None) -> l
         stretch = 1.0 + sign * np.abs(table.x) if kind == "compression" else 1.0 + table.x
         stress = sign * np.abs(table.y[:, 0]) if kind == "compression" else table.y[:, 0]
         if float(stretch.min()) <= 0.0:
-            raise ConfigurationError(f"{table.name}: a compression by {100 * (1 - float(stretch.min())):.4g} % is none")
+            raise ConfigurationError(
+                f"{table.name}: a compression by {100 * (1 - float(stretch.min())):.4g} % is impossible"
+            )
         curves.append(StressCurve(table.name, kind, stretch, stress))
     for curve in curves:
         strained = curve.x if curve.loading == "shear" else curve.x - 1.0

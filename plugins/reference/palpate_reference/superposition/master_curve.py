@@ -22,7 +22,7 @@ _FLOOR = 0.01  # rms that is as good as none
 _KNOTS, _ROWS = 4.0, 4  # of the curve: knots of a decade at most, and rows between two at least
 _DEGREE = 3
 _ROUNDS, _STILL = 60, 1e-9
-_WORST = 0.9  # autocorrelation of residuals, above which it tells no more
+_WORST = 0.9  # autocorrelation of residuals, above which it says no more
 _WORSE, _LEAST = 3.0, 0.01  # times the scatter of a sweep by itself, and rms, above which sweeps do not superpose
 
 
@@ -159,7 +159,7 @@ def master_curve(
 
 
 def _first_shifts(rows: _Rows, sweeps: Sequence[TemperatureSweep], reference: int) -> Floats:
-    """ln a_T (n,) by laying each sweep beside its neighbour; raises ConfigurationError where they do not meet."""
+    """ln a_T (n,) by shifting each sweep onto its neighbour; raises ConfigurationError where they do not meet."""
     steps = [0.0]
     for k, (cold, warm) in enumerate(pairwise(sweeps)):
         one, other = ((rows.x[rows.sweep == i], rows.y[rows.sweep == i]) for i in (k, k + 1))

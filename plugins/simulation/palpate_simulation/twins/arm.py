@@ -1,4 +1,4 @@
-"""An arm in software: joints that follow what a program wants of them."""
+"""An arm in software: joints that follow the commands of a program."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ class Console:
 
     @property
     def inputs(self) -> list[Any]:
-        """What to wait for beside the sockets."""
+        """What to wait for in addition to the sockets."""
         return [sys.stdin] if self._listening else []
 
     def read(self, ready: Sequence[Any]) -> None:

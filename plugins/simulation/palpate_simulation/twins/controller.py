@@ -58,7 +58,7 @@ class Controller:
         self.deaf = False  # no program starts
         self.uploads = 0
         self.stuck: list[float] | None = None  # the pose that it keeps reporting
-        self.no_number = False  # its pose is none
+        self.no_number = False  # its pose is not a number
         self.stamp_leap = 0.0  # [s] of its time-stamps
         self.speed_factor = 1.0  # of the tip's speed that it reports
         self.pendant_tcp = arm.tcp
@@ -167,7 +167,7 @@ class Controller:
     def slow_stops(self, deceleration: float) -> None:
         """Let no stop brake a joint harder than this [rad/s^2]; raises ValueError where that is not positive."""
         if not deceleration > 0.0:
-            raise ValueError("a deceleration above 0 is wanted")
+            raise ValueError("expected a deceleration above 0")
         self.arm.brakes = deceleration
 
     def restore(self, q: Any) -> None:
@@ -200,7 +200,7 @@ class Controller:
         while self._written and self._written[0][0] <= self.now + 1e-9:
             self.inputs |= self._written.popleft()[1]
             self.read += 1
-        # The watchdog goes by the host's time: ticks that are caught up in one go leave no room for commands between.
+        # The watchdog counts the host's time: ticks that are caught up in one go leave no room for commands between.
         program = self._program if self._runtime == _PLAYING else None
         if program is not None and not program.step(self.inputs, clock().now()):
             self.end_program()

@@ -119,7 +119,7 @@ class DirectReadBack:
         self.wrong_size: tuple[int, int] | None = None
 
     def latest(self) -> tuple[float, float] | None:
-        """Controller's time [s] and register of the newest state; None where there is no new one."""
+        """Controller's time [s] and register of the newest state; None without a new one."""
         state = self._ports.latest
         if self._ports.missing:
             self.wrong_size = max(_READ_BACK_BYTES - self._ports.missing, 1), _READ_BACK_BYTES

@@ -25,10 +25,10 @@ FAULTS = {
     "thaw": "it sends again",
     "stall SECONDS": "everything stands still for this long; up to 0.5 s is then made up for",
     "stuck-pose": "the controller keeps reporting the pose of this moment, whatever the arm does",
-    "nan-pose": "the controller's pose is no number",
+    "nan-pose": "the controller's pose is not a number",
     "state-rate HERTZ": "the controller sends its state so often, at most 500 Hz, and takes commands as before",
     "wrong-speed FACTOR": "the controller reports this many times the tip's speed",
-    "stamp-leap SECONDS": "the controller's time-stamps leap ahead by this, or are no number for nan",
+    "stamp-leap SECONDS": "the controller's time-stamps leap ahead by this, or are not numbers for nan",
     "jam": "the arm stands still, whatever is commanded",
     "mute-control": "the command connection is neither read nor answered; the states continue",
     "half-open SECONDS": "the network holds commands back for this long, then they land at once; the states continue",
@@ -199,7 +199,7 @@ _NUMBERS = {
     "start": "six numbers",
     "lead": "six numbers",
     "saturated-force": "two numbers",
-}  # that an action wants; others one
+}  # that an action needs; others one
 
 
 def apply_fault(world: World, words: list[str]) -> str:
@@ -214,7 +214,7 @@ def apply_fault(world: World, words: list[str]) -> str:
 
 
 def make_fault(world: World, words: list[str]) -> None:
-    """Make a fault; raises ConfigurationError where there is no such fault, or its numbers are wrong."""
+    """Make a fault; raises ConfigurationError for an unknown fault or wrong numbers."""
     name, given = words[0], words[1:]
     if name not in _ACTIONS:
         raise ConfigurationError(f"unknown: {name}{suggest(name, _ACTIONS)}; help lists the commands")

@@ -122,7 +122,7 @@ def layout(names: list[str], types: Mapping[str, str]) -> struct.Struct:
 
 
 class ClientSession:
-    """One client's connection: recipes, and whether it wants data.
+    """One client's connection: recipes, and whether it requested data.
 
     `claim` returns whether an input is this session's to write; `write` takes the inputs of a data packet. An output
     that is `unknown` is not found; START is refused unless `starts`.

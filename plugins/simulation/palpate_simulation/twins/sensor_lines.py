@@ -186,7 +186,7 @@ class DatagramLine(Protocol):
         """Be off it."""
 
     def receive(self) -> bytes:
-        """A datagram, whose sender is the one to answer; raises OSError where there is none."""
+        """A datagram, whose sender is the one to answer; raises OSError without one."""
         ...
 
     def send(self, data: bytes) -> None:
@@ -261,7 +261,7 @@ class SocketDatagrams:
         self._plugged = False
 
     def close(self) -> None:
-        """End for good."""
+        """End for ever."""
         if self._ours is not None:
             self._ours.close()
 

@@ -12,7 +12,7 @@ from palpate_kit.kinematics.rotations import pose_of
 
 from palpate_simulation.twins.direct_client import DirectCommands, DirectPorts, DirectStates
 
-_LOOKAHEAD, _GAIN, _ACCELERATION = 0.03, 1000.0, 0.5  # of the twin's protocol: its arm goes by the lag of its own
+_LOOKAHEAD, _GAIN, _ACCELERATION = 0.03, 1000.0, 0.5  # of the twin's protocol: its arm has a lag of its own
 _WATCHDOG = 10.0  # [Hz]
 _RUNNING, _SOUND, _PLAYING = 7, (1, 2), 2
 _KINDS = {5: "safeguard", 6: "emergency", 7: "emergency"}

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
-_SHARE = 1e-9  # of the largest compliance; smaller parts are none
+_SHARE = 1e-9  # of the largest compliance; smaller parts do not count
 
 
 def relaxation_of_creep(instant: float, fluidity: float, strengths: Floats, times: Floats, at: Floats) -> Floats:

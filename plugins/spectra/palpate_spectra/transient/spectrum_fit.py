@@ -112,7 +112,7 @@ class PressProblem:
         return 0.5 * float(self.pressed.time[begin] + self.pressed.time[row])
 
     def linear(self, rig: PressUnknowns) -> tuple[Floats, Floats, int]:
-        """Columns (n, free + k) whose sum with the law's numbers is the target (n,), and how many are no spectrum's."""
+        """Columns (n, free + k) whose sum with the law's numbers is the target (n,), and how many no spectrum has."""
         pressed = self.pressed
         nu, time = poisson_of(pressed.model), pressed.time
         load = 0.5 * (1.0 - nu**2) * np.where(pressed.depth(rig.surface, 0.0) > 0, pressed.force + rig.offset, 0.0)
@@ -205,7 +205,7 @@ def _skin(problem: PressProblem, rig: PressUnknowns, std: Floats) -> tuple[float
     """The middle [m] of all surfaces with which some spectrum describes the press, and their standard deviation.
 
     Which ones do is decided by chi^2 alone, at 95 %: a smooth spectrum has fast parts that a material need not have,
-    and wants the skin lower, or higher, for them.
+    and places the skin lower, or higher, to fit them.
     """
     from scipy.optimize import brentq, minimize_scalar
 

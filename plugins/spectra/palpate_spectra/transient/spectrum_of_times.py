@@ -82,9 +82,7 @@ def flags_of(curve: ModulusCurve) -> Iterator[Flag]:
         )
         yield Flag("timing-undeclared", f"1 ms between force and motion changes the curve by up to {0.1 * slope:.2g} %")
     if curve.pressed.drift is None:
-        yield Flag(
-            "drift-unknown", "there is no free air after the hold: a drift of the force is taken as the material's"
-        )
+        yield Flag("drift-unknown", "no free air after the hold: a drift of the force is taken as the material's")
     worst = float(np.max(np.abs(curve.correction - 1.0)))
     if worst > _RAMP:
         yield Flag("ramp-long", f"the first points are corrected by up to {100 * worst:.2g} % for the ramp's duration")

@@ -57,7 +57,7 @@ def files_below(root: Path) -> dict[str, Path]:
     found = {path.relative_to(root).as_posix(): path for path in root.rglob("*") if not path.is_dir()}
     for name, path in found.items():
         if path.is_symlink() or not path.is_file():
-            raise OutputError(f"{name}: is no regular file, and cannot be packed")
+            raise OutputError(f"{name}: is not a regular file, and cannot be packed")
     return dict(sorted(found.items()))
 
 
@@ -84,7 +84,7 @@ def _check(path: Path) -> None:
 
 
 def unpack(path: Path, root: Path) -> Manifest:
-    """Unpack an archive into an empty folder, and nothing beside it; raises LogError for what palpate did not pack."""
+    """Unpack an archive into an empty folder, and nothing outside it; raises LogError for what palpate did not pack."""
     with _opened(path) as archive:
         for info in _demand_plain(path, archive):
             target = root.joinpath(*PurePosixPath(info.filename).parts)
@@ -107,12 +107,12 @@ def unpack(path: Path, root: Path) -> Manifest:
 @contextmanager
 def _opened(path: Path) -> Iterator[ZipFile]:
     if not path.is_file():
-        raise LogError(f"{path}: {'is no regular file' if path.exists() else 'there is no such file'}")
+        raise LogError(f"{path}: {'is not a regular file' if path.exists() else 'no such file'}")
     try:
         with ZipFile(path) as archive:
             yield archive
     except (BadZipFile, zlib.error, EOFError, ValueError, OverflowError, NotImplementedError, RuntimeError) as error:
-        raise LogError(f"{path}: is no archive of a study, or a damaged one: {error}") from error
+        raise LogError(f"{path}: is not an archive of a study, or a damaged one: {error}") from error
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror or error}") from error
 
@@ -152,10 +152,10 @@ def _problem(info: ZipInfo) -> str:
 
 
 def _wrong_name(name: str) -> str:
-    """Why a name is none of a file, or with a stroke at its end of a folder, of an archive; "" where it is one."""
+    """Why a name is not that of a file, or with a stroke at its end of a folder, of an archive; "" where it is one."""
     parts = name.removesuffix("/").split("/")
     if any(part in (".", "..") or not _NAME.fullmatch(part) for part in parts):
-        return "is no name of a file within the archive"
+        return "is not a name of a file within the archive"
     if parts[0] not in (FITS, CURVES, FILES) if len(parts) > 1 or name.endswith("/") else name != MANIFEST:
         return f"is in none of {FITS}, {CURVES}, {FILES}"
     return ""

@@ -41,7 +41,7 @@ def pack(
     again from the curves.
     """
     if not is_fit_folder(folder):
-        raise ConfigurationError(f"{folder}: is no folder of fits: it has no fits.csv")
+        raise ConfigurationError(f"{folder}: is not a folder of fits: it has no fits.csv")
     if out.suffix != ".zip":
         raise ConfigurationError(f"--out {out}: an archive's name ends in .zip")
     options = {"by": by} if by else {}

@@ -85,7 +85,7 @@ class _Study:
 
     @cached_property
     def members(self) -> dict[Path, str]:
-        """Every file, or folder of a bag, beside the folder of fits, and where it is in the archive."""
+        """Every file, or folder of a bag, next to the folder of fits, and where it is in the archive."""
         curves = dict.fromkeys(map(self._file, self.folder.names))
         found = _members(curves, CURVES)
         others = [path for path in self._files_of_settings() if path not in found]
@@ -120,7 +120,7 @@ class _Study:
             yield from self._files_in(item)
 
     def _file_of(self, text: str) -> Path | None:
-        with suppress(OSError, ValueError):  # a text that is no path
+        with suppress(OSError, ValueError):  # a text that is not a path
             path = Path(os.path.normpath(self.folder.path.resolve() / text))
             if path.is_file() or (path.exists() and path in {*map(self._file, self.folder.names)}):
                 return path

@@ -114,7 +114,7 @@ def _take_curves(archive: Path, root: Path, manifest: Manifest, curves: Path | N
         return
     if curves is None or not curves.is_dir():
         told = (
-            f"--curves {curves}: is no folder"
+            f"--curves {curves}: is not a folder"
             if curves
             else "has hashes of its curves only: name theirs, --curves FOLDER"
         )

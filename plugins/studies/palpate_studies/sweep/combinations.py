@@ -58,7 +58,7 @@ def combinations_of(source: Source) -> list[dict[str, Any]]:
         if len(set(lengths.values())) > 1:
             told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
             raise ConfigurationError(
-                f'{source.where(("sweep",))}: [sweep] combine = "list" wants lists of one length: {told}'
+                f'{source.where(("sweep",))}: [sweep] combine = "list" needs lists of one length: {told}'
             )
         tuples: Iterable[tuple[Any, ...]] = zip(*lists.values(), strict=True)
     elif combine == "grid":

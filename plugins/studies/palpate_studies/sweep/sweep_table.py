@@ -28,7 +28,7 @@ class SweepRow:
 
     rows: list[dict[str, Any]]
     folder: Path | None  # of the run
-    failure: str | None  # why there is none
+    failure: str | None  # why it has no value
 
     @classmethod
     def of(cls, combination: Combination, outcome: Outcome) -> SweepRow:
@@ -67,7 +67,7 @@ def best_rows(rows: Sequence[dict[str, Any]], most: int = 12) -> Table:
         share = math.inf
         if isinstance(value, float) and isinstance(combined, float) and value:
             places = row.get(_combined_key(row).replace("combined", "systematic_places")) or 0.0
-            share = abs(math.sqrt(max(combined**2 - places**2, 0.0)) / value)  # how places differ is no error
+            share = abs(math.sqrt(max(combined**2 - places**2, 0.0)) / value)  # how places differ is not an error
         return verdict_rank(row.get("verdict", "invalid")), share
 
     kept = sorted((row for row in rows if "error" not in row), key=cost)[:most]

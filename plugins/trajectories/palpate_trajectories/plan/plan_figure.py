@@ -11,7 +11,7 @@ from palpate_kit.figures import figure_of, legend_outside, style
 
 _BINS = 400  # of time; a motion of minutes is drawn by its least and largest value in each
 _CLOSE = 2.0  # [s] of the motion that are drawn as they are
-_STILL = 1e-3  # [m]; less is no way across
+_STILL = 1e-3  # [m]; less is not a way across
 _MEASURED = "#0072B2"
 
 

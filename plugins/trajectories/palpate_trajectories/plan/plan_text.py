@@ -1,4 +1,4 @@
-"""What a motion does, as text: facts beside the limits of [safety], and its height over time in characters."""
+"""What a motion does, as text: facts next to the limits of [safety], and its height over time in characters."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def fact_lines(pipeline: Pipeline, facts: Mapping[str, Any]) -> Iterator[str]:
 def safety_lines(report: MotionReport | None, limits: SafetySettings | None) -> Iterator[str]:
     """Whether the limits are kept, and how hard the tip presses when it is stopped."""
     if report is None or limits is None:
-        yield "safety        there are no limits to check, for [safety] is missing; a live robot would not move"
+        yield "safety        no limits to check, for [safety] is missing; a live robot would not move"
         return
     if not report.problems:
         yield "safety        every limit of [safety] is kept"

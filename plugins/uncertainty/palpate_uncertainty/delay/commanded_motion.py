@@ -15,7 +15,7 @@ _ENOUGH = 500  # samples
 def share_of_command(noise: float, way: float) -> float:
     """By how much a position with a noise [m] on a way [m] counts as the command, from 0 to 1.
 
-    It grows from none at the least noise of a measured one to all at half of that: records that differ in nothing but
+    It grows from 0 for the least noise of a measured one to 1 at half of that: records that differ in nothing but
     their noise must not differ in their uncertainty by a factor.
 
     >>> share_of_command(5e-8, 4e-3), share_of_command(2e-7, 4e-3)

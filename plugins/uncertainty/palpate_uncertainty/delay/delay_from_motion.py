@@ -1,4 +1,4 @@
-"""The delay of the force that a rich motion tells by itself, under several laws of the material."""
+"""The delay of the force that a rich motion determines by itself, under several laws of the material."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from palpate_uncertainty.relaxation_alternatives import relaxing_share
 from palpate_uncertainty.whiteness import oscillation
 
 _ENOUGH = 1000  # samples
-_MEASURED = frozenset({"delay"})  # the fact that the motion tells
+_MEASURED = frozenset({"delay"})  # the fact that the motion determines
 _TELLING = 0.3  # of a viscosity: its standard deviation with an unknown delay, below which the motion is rich
 _REJECTED = 10.0  # of BIC
 _OTHERS = 0.2  # of the rate's variance, that more than one line must hold
@@ -42,7 +42,7 @@ class DelayFit:
 
 
 def diagnose_delay(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Of every track whose timing nobody has declared, or that looks for it, on a motion that tells it."""
+    """Of every track whose timing nobody has declared, or that looks for it, on a motion that determines it."""
     found: dict[str, Diagnosed] = {}
     for track in tracks:
         if is_rich(track):
@@ -51,7 +51,7 @@ def diagnose_delay(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def is_rich(track: TrackEvidence) -> bool:
-    """Whether a track's motion tells delay and viscosity apart, and nobody has declared its timing."""
+    """Whether a track's motion distinguishes delay and viscosity, and nobody has declared its timing."""
     end, model = track.ending, track.model
     if end is None or end.settings.timing_uncertainty is not None or model.memory or model.adhesive:
         return False
@@ -83,7 +83,7 @@ def _units(course: Course, surface: float) -> Floats:
 
 
 def one_line(track: TrackEvidence) -> bool:
-    """Whether the tip oscillates with one frequency and little else: what that tells is the noise of the motion."""
+    """Whether the tip oscillates with one frequency and little else: what that shows is the noise of the motion."""
     used = track.kept.used & np.isfinite(track.kept.position) & np.isfinite(track.kept.velocity)
     time, speed = track.kept.time[used], track.kept.velocity[used]
     rhythm = oscillation(time, track.kept.position[used])
@@ -115,7 +115,7 @@ def _laws(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
 
 
 def _richer(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
-    """What a record that is not Kelvin and Voigt's may be beside: a spring and a power law, and two branches."""
+    """What a record that is not Kelvin and Voigt's may be instead: a spring and a power law, and two branches."""
     times, fastest, slowest = _times(record)
 
     def fractional(course: Course, surface: float, numbers: Floats) -> Floats:
@@ -277,7 +277,7 @@ def _judged(track: TrackEvidence) -> Diagnosed:
         if abs(bias.shift) > _TELLS * abs(value)
     ]
     corrected = f"; corrected: {', '.join(said)}" if said else ""
-    text = f"the motion tells the delay of the force, by law: {by_law}{corrected}"
+    text = f"the motion determines the delay of the force, by law: {by_law}{corrected}"
     effects = {name: abs(bias.shift) for name, bias in biases.items()}
     return Diagnosed((Flag("self-timed", text, effects=effects),), biases=biases, table=table, known=_MEASURED)
 
@@ -293,7 +293,7 @@ def _by_another(told: Sequence[DelayFit], best: float) -> dict[str, Any]:
 
 
 def _said(table: Mapping[str, Any], told: Sequence[DelayFit], best: float) -> str:
-    """That delay in words, and the laws beside it."""
+    """That delay in words, and the other laws."""
     near = [f"{one.law} {1e3 * one.delay:.3g}" for one in told if 0 < one.bic - best < _NEARLY]
     beside = f" (nearly as well: {', '.join(near)} ms)" if near else ""
     return f"by {table['law']} the delay is {1e3 * table['delay']:.3g} +- {1e3 * table['delay_std']:.2g} ms{beside}"

@@ -13,7 +13,7 @@ typedef struct {
 enum {
     PALPATE_IDLE = 1,      /* not tracking: out of contact, or not measuring */
     PALPATE_LIFTED = 2,    /* the estimated depth is not positive although the tip is in contact */
-    PALPATE_RESTARTED = 4, /* begun anew here: the depth had stayed at or below zero */
+    PALPATE_RESTARTED = 4, /* restarted here: the depth had stayed at or below zero */
     PALPATE_DIVERGED = 8,  /* the numbers are not plausible any more: nothing after this can be used */
     PALPATE_BLIND = 16,    /* a measurement is missing: predicted only */
     PALPATE_STIFF = 32,    /* the contact is too stiff for the time step */
@@ -25,12 +25,12 @@ enum {
 /* What can go wrong, as the negative answers of palpate_start and palpate_feed. All but the first are final. */
 enum {
     PALPATE_OUT_OF_ORDER = -1, /* a stamp that is not later than the one before; the sample is left out */
-    PALPATE_NOT_AT_REST = -2,  /* the force wanders over tare_duration, so that there is no tare */
+    PALPATE_NOT_AT_REST = -2,  /* the force wanders over tare_duration, so that no tare is known */
     PALPATE_NO_ROOM = -3,      /* more samples than there is memory for: see PALPATE_RECORD and PALPATE_WINDOW */
     PALPATE_NO_NOISE = -4      /* too little free air to measure the noise in */
 };
 
-/* One estimate; NaN where there is none. */
+/* One estimate; NaN before the first. */
 typedef struct {
     double time;                      /* [s] since the first sample */
     double value[PALPATE_PARAMETERS]; /* the parameters of the contact model, in SI units */
@@ -165,7 +165,7 @@ typedef struct palpate_filter {
 /* The settings of the pipeline. */
 void palpate_defaults(palpate_settings *settings);
 
-/* Begin anew, with the tare; 0, or PALPATE_NO_ROOM. The listener stays what it is told afterwards. */
+/* Restart, with the tare; 0, or PALPATE_NO_ROOM. The listener stays as it is set afterwards. */
 int palpate_start(palpate_filter *filter, const palpate_settings *settings);
 
 /* Take in a sample. The number of estimates that became ready, the last of them in `latest`; or what went wrong.

@@ -16,7 +16,7 @@ static void place_motion(palpate_filter *f, const palpate_reading *r, double pos
     f->state[AT_LOW] = 0.0;
 }
 
-/* State for a stretch of contact after another: motion anew, surface and material as they were. */
+/* State for a stretch of contact after another: motion reset, surface and material as they were. */
 static int resume(palpate_filter *f, const palpate_reading *r)
 {
     place_motion(f, r, 5e-6, 1e-3);

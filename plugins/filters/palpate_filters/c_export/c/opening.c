@@ -105,7 +105,7 @@ static double condition(const double *matrix, int n)
     return low > 0.0 ? high / low : HUGE_VAL;
 }
 
-/* Position and velocity of a reading by local cubics; as they are beside one that is missing. */
+/* Position and velocity of a reading by local cubics; as they are next to a missing one. */
 static void motion_at(const palpate_filter *f, int i, double *position, double *velocity)
 {
     static const double weights[SPAN + 1] = {89.0 / 429.0, 84.0 / 429.0, 69.0 / 429.0, 44.0 / 429.0, 9.0 / 429.0, -36.0 / 429.0};
@@ -307,7 +307,7 @@ static double height_of_grid(int i, double lowest, double highest)
     return highest + part * part * DEEPEST_FIT;
 }
 
-/* The surface height of the smallest misfit: a grid from amid the motion upwards, then a bounded search. */
+/* The surface height of the smallest misfit: a grid from within the motion upwards, then a bounded search. */
 static int best_surface(palpate_filter *f, int count, double *surface)
 {
     palpate_fit *fit = &f->fit;
@@ -457,7 +457,7 @@ static int fit_without_bias(const palpate_filter *f, int count, palpate_start_fi
 }
 #endif
 
-/* Parameters by least squares on u + m z'' = F(d, d') + b at the surface; 0 where the window does not tell. */
+/* Parameters by least squares on u + m z'' = F(d, d') + b at the surface; 0 where the window does not determine them. */
 static int fit_at_surface(palpate_filter *f, int count, int lenient, palpate_start_fit *found)
 {
     double theta[FITTED], scale[FITTED + 1] = {0.0}, row[FITTED + 1];
@@ -505,7 +505,7 @@ static int fit_at_surface(palpate_filter *f, int count, int lenient, palpate_sta
 #endif
 }
 
-/* The same with the surface's height, without the digits that no window tells. */
+/* The same with the surface's height, without the digits that no window determines. */
 static int fit_start(palpate_filter *f, int count, int lenient, palpate_start_fit *found)
 {
     palpate_fit *fit = &f->fit;

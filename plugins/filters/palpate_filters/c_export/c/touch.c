@@ -11,14 +11,14 @@ enum { BUSY = -100 };
 #define END(job, answer) } LEAVE(job, answer)
 
 static const int IN_A_ROW = 3;           /* samples that must agree before contact is found or lost */
-static const double PAPER_NOISE = 0.05;  /* [N] where there is no free air to measure it in */
+static const double PAPER_NOISE = 0.05;  /* [N] without free air to measure it in */
 static const double TOUCH_SIGMAS = 5.0;
 static const double LEAST_TOUCH = 0.05;  /* [N] */
 static const double LEAST_RISE = 0.03;   /* [N] of a tenth of a second's mean */
 static const double BELIEVED = 0.1;      /* of the rise: what the law of a change point may leave */
 static const double NEAR_TOUCH = 3.0;    /* touch forces, up to which contact is looked at */
 static const double AFTER = 0.2;         /* of the lag */
-static const double BASELINE = 1.0;      /* [s] of air that the begin of contact is told from */
+static const double BASELINE = 1.0;      /* [s] of air against which the begin of contact is detected */
 static const int FIRST = 11;             /* samples, from which the interval is taken */
 static const double WANDER = 0.02;       /* [N]; less is drift */
 static const int FEWEST_TARE = 10;       /* samples */
@@ -516,7 +516,7 @@ static int settle(palpate_filter *f)
 }
 
 /* After the first touch: hysteresis, on after some samples in a row above the threshold, off after as many below half
- * of it. After a touch that a rise told, it is off only where the tip is above the surface again, until the force has
+ * of it. After a touch detected by a rise, it is off only where the tip is above the surface again, until the force has
  * passed the threshold once. */
 static int in_contact(const palpate_filter *f, palpate_touch *touch, double time, double force, double position)
 {

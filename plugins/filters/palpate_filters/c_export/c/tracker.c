@@ -102,7 +102,7 @@ static void read_output(const palpate_filter *f, const palpate_reading *r, const
 static const double ELSEWHERE = 1e-3; /* [m] along the surface: a touch there says nothing of the height here */
 enum { ATTEMPTS = 15 };
 
-/* Hold a reading; 0 where there is no room. */
+/* Hold a reading; 0 where it is full. */
 static int hold(palpate_filter *f, const palpate_reading *r, int begins)
 {
     if (begins && f->held > 0) {
@@ -123,7 +123,7 @@ static int hold(palpate_filter *f, const palpate_reading *r, int begins)
     return 1;
 }
 
-/* Start where what is held is enough, and run over it; tell only what is now. */
+/* Start where what is held is enough, and run over it; report only what is now. */
 static int gather(palpate_filter *f, const palpate_reading *r, int begins, palpate_estimate *e)
 {
     palpate_gathering *g = &f->gathering;

@@ -62,7 +62,7 @@ def curve_through(radii: Floats, heights: Floats) -> Any:
     """A scipy piecewise cubic through the points: a cubic spline, or a monotone one (PCHIP) where that would dip.
 
     The spline is more accurate on a drawing of a smooth tip; it overshoots at kinks and on noise, and a tip whose
-    height falls is none.
+    height falls does not count.
     """
     from scipy.interpolate import CubicSpline, PchipInterpolator
 
