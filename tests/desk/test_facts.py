@@ -112,6 +112,6 @@ def test_what_the_form_states_is_fitted_as_if_it_had_been_stated_at_once(folder,
 
 
 def test_a_fact_that_the_pipeline_states_goes_before_that_of_the_folder(folder, palpate):
-    """What ``fit`` was told by an option, against the file of facts, which is copied beside the fits."""
+    """An option of ``fit`` against the file of facts, which is copied beside the fits."""
     (folder / "fits" / "rig.toml").write_text('delay = "5 ms +- 1 ms"\n')
     assert {row.state for row in Desk(folder / "fits").folder.rows} == {"current"}

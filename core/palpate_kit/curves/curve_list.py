@@ -98,7 +98,7 @@ def add_curves(
 
 
 def stated_in(cells: Mapping[str, str]) -> dict[str, str]:
-    """The facts that the cells of a curve state, by their keys; at the tip there is no beam behind it."""
+    """The facts that the cells of a curve state, by their keys; a position of the tip has no beam behind it."""
     found = {key: cells[name] for name, key in FACTS.items() if cells.get(name)}
     return {"beam": "none", **found} if found.get("position") == "tip" else found
 

@@ -186,7 +186,7 @@ def _answers(folder: FitFolder, change: FolderChange) -> dict[str, Any]:
     for text in change.unset:
         table, _, key = text.partition(".")
         if table != "rig" or key not in asked:
-            raise ConfigurationError("--unset: is for settings of single curves, that --where chooses, and for facts")
+            raise ConfigurationError(f"--unset {text}: is no fact; a setting of single curves is taken back with --where")
         if getattr(folder.facts, key) is None:
             raise ConfigurationError(f"--unset {text}: {folder.path / RIG} does not state it")
         answers[key] = None
