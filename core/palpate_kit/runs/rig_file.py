@@ -15,7 +15,8 @@ _HEAD = "Facts of the rig and its specimens, for palpate; docs/rig-facts.md expl
 
 
 def write_rig(path: Path, changes: Mapping[str, Any]) -> None:
-    """Set keys of a file of facts, which is made where there is none, or drop those that are to be None.
+    """Set keys of a file of facts, which is made where there is none, or drop those that are to be None, the last one
+    with the file that was made.
 
     Raises OutputError, ConfigurationError.
     """
@@ -37,4 +38,8 @@ def write_rig(path: Path, changes: Mapping[str, Any]) -> None:
             document[key] = value
     for key, table in kept.items():  # behind the keys, which would be theirs otherwise
         document.add(key, table)
-    write_whole(path, tomlkit.dumps(document))
+    text = tomlkit.dumps(document)
+    if text.strip() == f"# {_HEAD}":
+        path.unlink(missing_ok=True)
+    else:
+        write_whole(path, text)
