@@ -225,9 +225,10 @@ def write_dialects(path: Path, texts: Mapping[str, str]) -> None:
     """Write pipelines by dialect into the one file of a folder of fits; raises LogError, OutputError."""
     before = _settings(path)
     tables = toml_tables(texts[""]) if "" in texts else before
-    if CURVES in (stated := _run_table(before)):
-        run = {**_run_table(tables), CURVES: stated[CURVES]}
-        tables["run"] = {key: run[key] for key in (*stated, *run) if key in run}  # in the order that they had
+    order = _run_table(before)
+    if stated := order.get(CURVES):
+        run = {**_run_table(tables), CURVES: stated}
+        tables["run"] = {key: run[key] for key in (*order, *run) if key in run}  # as before: undo gives the same bytes
     for name, text in texts.items():
         tables = with_dialect(tables, name, toml_tables(text)) if name else tables
     write_whole(path, tomli_w.dumps(tables))
