@@ -57,6 +57,7 @@ from .config.rig_facts import (
     facts_of as facts_of,
     facts_stated as facts_stated,
     option_of as option_of,
+    position_of as position_of,
     question_of as question_of,
     read_rig as read_rig,
     words_that_state as words_that_state,

@@ -167,7 +167,12 @@ class RigFacts(Settings):
     @property
     def position_of(self) -> str | None:
         """What the position is of; a beam is behind a tip only where it is that of a stage."""
-        return self.position or {None: None, NO_BEAM: "tip"}.get(self.beam, "stage")
+        return position_of(self.position, self.beam)
+
+
+def position_of(position: str | None, beam: object) -> str | None:
+    """What a position is of, by what is stated of it and of a beam."""
+    return position or (None if beam is None else "tip" if beam == NO_BEAM else "stage")
 
 
 def facts_stated() -> dict[str, str]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, printable
-from palpate_engine import Pipeline, Registry, RigFacts, approved_plugins, make_folder, option_of, registry
+from palpate_engine import Pipeline, Registry, approved_plugins, make_folder, option_of, position_of, registry
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row
@@ -134,8 +134,8 @@ def _groups(
 def _stages(sources: Sequence[Path], files: Sequence[LogPart], stated: StatedFacts) -> dict[str, str]:
     """What the position of files is of, as far as ``curves.csv`` states it and the command line does not."""
     cells = cells_beside(sources, [Curve(str(file), str(file.path.resolve()), record=file.part) for file in files])
-    facts = {name: RigFacts.model_construct(**stated_in(of_file)) for name, of_file in cells.items()}
-    known = {name: of_file.position_of for name, of_file in facts.items()}  # what is no fact, its row says
+    facts = {name: stated_in(of_file) for name, of_file in cells.items()}
+    known = {name: position_of(of_file.get("position"), of_file.get("beam")) for name, of_file in facts.items()}
     return {} if {"position", "beam"} & stated.of_options else {name: of for name, of in known.items() if of}
 
 
