@@ -118,6 +118,9 @@ class AlignmentSettings(Settings):
         description="stiffness of the beam or spring between a stage, whose height the position is, and the tip: what "
         "it yields by under the force is added to the height",
     )
+    beam_uncertainty: Stiffness | None = Field(
+        default=None, ge=0, description="standard uncertainty of the stiffness of the beam"
+    )
     tare: Annotated[float | Literal["free-air", "none", "calibrated"], WithJsonSchema(_TARE)] = Field(
         default="free-air",
         description='"free-air": mean of the first tare_duration, at rest in air; "calibrated": the offset of '

@@ -57,11 +57,16 @@ from .config.rig_facts import (
     facts_of as facts_of,
     facts_stated as facts_stated,
     option_of as option_of,
+    position_of as position_of,
     question_of as question_of,
     read_rig as read_rig,
     words_that_state as words_that_state,
 )
-from .config.rig_settings import plain_facts as plain_facts, rig_assignments as rig_assignments
+from .config.rig_settings import (
+    facts_left_open as facts_left_open,
+    plain_facts as plain_facts,
+    rig_assignments as rig_assignments,
+)
 from .config.tip_words import tip_table as tip_table, tip_values as tip_values
 from .config.unit_plausibility import UNCHECKED as UNCHECKED
 from .core_names import (

@@ -141,6 +141,54 @@ def test_air_is_no_touch_however_it_moves(kind):
     assert not [seed for seed in range(1, 40) if aligned(*air_of(kind, seed))[1].first_touch is not None]
 
 
+def slow_way(random, time):
+    """Height [m] of a way that lasts as long as a wave of hum that is sampled too slowly."""
+    since = np.maximum(time - random.uniform(0.4, 1.5), 0.0)
+    half = random.uniform(2.0, 6.0)
+    match random.integers(4):
+        case 0:
+            return 0.05 - random.uniform(5e-4, 4e-3) * (1 - np.cos(2 * np.pi * random.uniform(0.05, 2.0) * since))
+        case 1:
+            return 0.05 - random.uniform(1e-4, 1e-2) * since
+        case 2:
+            return 0.05 - np.minimum(random.uniform(1e-4, 1e-2) * since, random.uniform(1e-3, 2e-2))
+    return 0.05 - random.uniform(5e-4, 5e-3) * np.clip(np.minimum(since / half, 2 - since / half), 0.0, 1.0)
+
+
+def aliased(seed, line, rates):
+    """Air with hum of a line [Hz] at rates [1/s] that make a wave of many seconds of it; eight standard deviations."""
+    random = np.random.default_rng(seed)
+    rate = float(random.choice(rates))
+    time = np.arange(round(random.uniform(7.0, 20.0) * rate)) / rate
+    height = slow_way(random, time) + 1e-6 * random.standard_normal(len(time))
+    hum = random.uniform(0.5, 8.0) * np.sin(2 * np.pi * line * time + random.uniform(0, 2 * np.pi))
+    return time, NOISE * (hum + random.standard_normal(len(time))), height
+
+
+SEEDS = {50.07: (1, 2), 49.9: (2, 8), 60.05: (0, 2)}  # of records that were touched before
+LINES = [(50.07, (10.0, 50.0)), (49.9, (10.0, 25.0, 50.0)), (60.05, (10.0, 20.0, 30.0, 60.0))]
+
+
+@pytest.mark.parametrize(("line", "rates"), LINES)
+def test_hum_that_is_sampled_too_slowly_is_no_touch(line, rates):
+    """It looks like a force that rises along the way, once."""
+    assert not [seed for seed in SEEDS[line] if aligned(*aliased(seed, line, rates))[1].first_touch is not None]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("line", "rates"), LINES)
+def test_hum_that_is_sampled_too_slowly_is_no_touch_however_the_tip_moves(line, rates):
+    assert not [seed for seed in range(80) if aligned(*aliased(seed, line, rates))[1].first_touch is not None]
+
+
+@pytest.mark.parametrize("rate", [10.0, 50.0])
+def test_a_press_under_hum_that_is_sampled_too_slowly_is_found(rate):
+    """A wave of two standard deviations of the noise, which a press is not."""
+    time, force, height = press(43e-3, 140, 0, rate=rate, air=3.0, lasts=10.0)
+    _, report = aligned(time, force + 2 * 43e-3 / 140 * np.sin(2 * np.pi * 50.07 * time), height)
+    assert abs(report.first_touch[1]) < 0.08 * 3e-3
+
+
 @pytest.mark.parametrize("word", ["nois", "0 N", "-1 N", 1e6])
 def test_what_is_no_force_of_touch_is_refused(word):
     with pytest.raises(ValueError, match="touch_force"):

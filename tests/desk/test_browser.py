@@ -112,6 +112,43 @@ def test_a_page_whose_curves_have_gone_says_so_and_shows_their_values(folder):  
         assert tab.ask("Array.from(document.querySelectorAll('.pale')).length") == 0
 
 
+def test_the_open_facts_are_a_form(folder):  # noqa: F811
+    """Mistakes stand beside their fields, all at once; what is stated is fitted, and `u` takes it back."""
+    rig = folder / "fits" / "rig.toml"
+    rig.write_text("# the blue stand\n")
+    with served("fits", "--workers", "1") as process, browser(1280, 800) as chromium:
+        tab = chromium.open(process.address)
+        walk = Walk(tab)
+        walk.shows("counts", " 0 to fit")
+        walk.key("f")
+        tab.until("document.getElementById('facts').open", _PATIENCE)
+        keys = tab.ask("Array.from(document.querySelectorAll('#fact-fields input')).map((e) => e.dataset.key)")
+        assert keys[0] == "thickness"  # moves most of what is open
+        assert "empty: not known; specimen thicker than" in walk.text("fact-thickness-effect")
+        assert tab.ask(_NAMELESS) == []
+        walk.type("fact-thickness", "5 kPa")
+        walk.type("fact-poisson", "much")
+        tab.click("facts-state")
+        for key in ("thickness", "poisson"):
+            tab.until(f"document.getElementById('fact-{key}-mistake').innerText.length > 0", _PATIENCE)
+        walk.picture("facts")
+        assert rig.read_text() == "# the blue stand\n"
+        walk.type("fact-thickness", "8 mm")
+        walk.type("fact-poisson", "")
+        tab.ask("document.getElementById('fact-poisson').value = ''")
+        tab.click("facts-state")
+        tab.until("!document.getElementById('facts').open", _PATIENCE)
+        walk.shows("command", "--thickness '8 mm'")
+        walk.shows("counts", " 0 to fit")
+        assert {row.state for row in FitFolder(folder / "fits").rows} == {"current"}
+        assert rig.read_text() == '# the blue stand\nthickness = "8 mm"\n'
+        tab.ask("document.activeElement.blur()")
+        walk.key("u")
+        walk.shows("counts", "8 to fit")
+        assert rig.read_text() == "# the blue stand\n"
+        assert tab.ask("window.palpate.errors") == []
+
+
 def _compare_models(walk):
     """The second model is named in both legends, and goes with the curve."""
     walk.key("c")

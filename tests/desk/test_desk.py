@@ -18,7 +18,7 @@ from palpate_desk.page_messages import read_message
 
 from tests.curves.conftest import NAMES
 
-_KEPT = ("pipeline.toml", "own.toml", "review.json", "curves.csv")
+_KEPT = ("pipeline.toml", "own.toml", "review.json", "curves.csv", "rig.toml")
 
 
 def contents(desk):
@@ -33,6 +33,7 @@ ACTIONS = [
     lambda desk: desk.set("estimator.fit.segment=load", "S1"),
     lambda desk: desk.set("estimator.fit.solver=trf", None),
     lambda desk: desk.set_part("tip", "sphere diameter 9 mm"),
+    lambda desk: desk.state_facts({"thickness": "8 mm", "poisson": "0.5 +- 0.01"}),
     lambda desk: desk.set_part("model", "hunt-crossley"),
 ]
 
@@ -62,6 +63,9 @@ def test_the_history_in_another_folder_gives_the_same_bytes(desk, tmp_path, palp
         act(desk)
     desk.take_rows(curve_answer(desk.reader(NAMES[1]), desk.curve(NAMES[1]), True).rows)
     desk.note(one_curve(NAMES[1]))
+    desk.state_facts({"thickness": "8 mm"})
+    desk.state_facts({"poisson": "0.5 +- 0.01"})
+    desk.undo()
     desk.set_part("tip", "sphere 4 mm")
     desk.undo()
     desk.set_part("tip", "sphere 5 mm")

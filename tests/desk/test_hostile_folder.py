@@ -79,7 +79,11 @@ def as_name_of_a_curve(evil):
         table.write_text(re.sub(rf"^{NAMES[0]},", f"--plugin={evil},", table.read_text(), flags=re.M))
 
 
-_WAYS = [in_history, in_pipeline, in_own, as_option_of_own, as_file_of_a_curve, as_column, as_name_of_a_curve]
+def in_rig(evil):
+    (evil.parent / "rig.toml").write_text(f'thickness = "9 mm"\n[measured]\nplugins = [{json.dumps(str(evil))}]\n')
+
+
+_WAYS = [in_rig, in_history, in_pipeline, in_own, as_option_of_own, as_file_of_a_curve, as_column, as_name_of_a_curve]
 
 
 def _ask(desk, **message):
@@ -98,7 +102,8 @@ def all_that_a_page_does(folder):
         lambda: desk.set("estimator.fit.segment=load", f"curve='{first}'"),
         lambda: desk.set_part("tip", "sphere 4 mm"),
         lambda: desk.set_part("model", "hunt-crossley"),
-        *[desk.undo] * 6,
+        lambda: desk.state_facts({"thickness": "8 mm"}),
+        *[desk.undo] * 7,
         lambda: curve_answer(desk.reader(first), desk.curve(first), True),
         lambda: _ask(desk, do="groups", by=column, parameter="elasticity"),
         lambda: _ask(desk, do="compare", curve=first, model="hunt-crossley"),

@@ -82,7 +82,7 @@ def test_what_the_beam_yields_is_taken_off(palpate, tmp_path, columns, options):
     [
         (("--position-of", "stage"), "how stiff is the beam or spring"),
         (("--beam", "400 N/m", "--position-of", "tip"), "correct one of them"),
-        (("--beam", "400 N/m +- 8 N/m"), "without its uncertainty"),
+        (("--beam", "400 N/m +- -8 N/m"), "an uncertainty is not negative"),
     ],
 )
 def test_a_beam_that_is_stated_by_half_is_refused(palpate, tmp_path, options, words):
@@ -128,3 +128,74 @@ def test_samples_behind_a_beam_do_not_depend_on_how_blocks_are_cut():
         part = samples(cuts)
         for name in ("stamp", "force", "position", "velocity"):
             np.testing.assert_array_equal(getattr(part, name), getattr(whole, name))
+
+
+@pytest.mark.slow
+def test_the_stiffness_of_the_beam_is_a_row_of_the_budget_as_large_as_by_another_fit(palpate, tmp_path):
+    """Of 1 % of the stiffness; where nothing is stated of it, the values hold for it, and 5 % are the alternative."""
+    path = table(tmp_path / "beam.csv", STAGE, FORCE)
+
+    def fitted(name, beam):
+        options = ("--tip", "sphere 3 mm", "--delay", "0 s +- 1 us", "--beam", beam)
+        done = palpate("fit", str(path), *options, "-o", str(tmp_path / name))
+        assert done.returncode in (0, 1), done.stderr
+        pipeline = str(tmp_path / name / "pipeline.toml")
+        palpate("fit", str(path), "--pipeline", pipeline, "-o", str(tmp_path / f"{name}-whole"))
+        result = json.loads((tmp_path / f"{name}-whole" / "beam" / "result.json").read_text())
+        return next(iter(result["tracks"].values()))
+
+    stated, stiffer, open_ = (fitted(f"f{i}", text) for i, text in enumerate(("400 N/m +- 1 %", "404 N/m", "400 N/m")))
+    name = next(iter(stated["parameters"]))
+    values = [track["parameters"][name]["value"] for track in (stated, stiffer)]
+    (row,) = [row for row in stated["budget"] if row["source"] == "beam"]
+    assert row["std"] == pytest.approx(4.0)
+    assert row["effects"][name]["contribution"] == pytest.approx(abs(values[1] - values[0]), rel=0.1)
+    assert abs(values[1] / values[0] - 1) > 0.005
+    assert not [row for row in open_["budget"] if row["source"].startswith("beam")]
+    condition = {one["fact"]: one for one in open_["conditions"]}["beam"]
+    assert condition["alternative"] == "420 N/m"
+    assert condition["shifts"][name] == pytest.approx(5 * (values[1] - values[0]), rel=0.2)
+    assert "beam" not in {one["fact"] for one in stated["conditions"]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("head", "cell", "rig"),
+    [
+        ("beam", {"a": "400 N/m", "b": ""}, ""),
+        ("beam", {"a": "", "b": "none"}, 'beam = "400 N/m"'),
+        ("position_of", {"a": "stage", "b": "tip"}, 'beam = "400 N/m"'),
+        ("position_of", {"a": "", "b": "tip"}, 'beam = "400 N/m"\nposition = "stage"'),
+    ],
+)
+def test_of_a_mixed_folder_each_file_says_what_its_position_is_of(palpate, tmp_path, head, cell, rig):
+    """A stage behind a beam beside a file whose position is the tip's: facts of single files are in ``curves.csv``."""
+    folder = tmp_path / "mixed"
+    folder.mkdir()
+    table(folder / "a.csv", STAGE, FORCE)
+    table(folder / "b.csv", DEPTH, FORCE)
+    (folder / "curves.csv").write_text(
+        f"curve,{head}\n" + "".join(f"{name}.csv,{text}\n" for name, text in cell.items())
+    )
+    if rig:
+        (folder / "rig.toml").write_text(rig + "\n")
+    told = palpate("fit", str(folder), "--tip", "sphere 3 mm", "--json", "-o", str(tmp_path / "fits"))
+    assert told.returncode == 0, told.stderr
+    right = 0.3 / (16 / 9 * np.sqrt(3e-3) * 1.5e-3**1.5)
+    for row in json.loads(told.stdout)["files"]:
+        assert float(row["elasticity"]) == pytest.approx(right, rel=0.03), row["curve"]
+
+
+@pytest.mark.slow
+def test_two_files_with_a_deflection_are_read_as_curves_csv_states(palpate, tmp_path):
+    """Of one the column of the stage is corrected already."""
+    folder = tmp_path / "mixed"
+    folder.mkdir()
+    table(folder / "a.csv", STAGE, BEAM, FORCE)
+    corrected = table(folder / "b.csv", DEPTH, BEAM, FORCE)
+    corrected.write_text(corrected.read_text().replace(DEPTH, STAGE))
+    (folder / "curves.csv").write_text("curve,position_of\na.csv,stage\nb.csv,tip\n")
+    told = palpate("fit", str(folder), "--tip", "sphere 3 mm", "--json", "-o", str(tmp_path / "fits"))
+    right = 0.3 / (16 / 9 * np.sqrt(3e-3) * 1.5e-3**1.5)
+    for row in json.loads(told.stdout)["files"]:
+        assert float(row["elasticity"]) == pytest.approx(right, rel=0.05), row["curve"]

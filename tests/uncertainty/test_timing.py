@@ -159,3 +159,19 @@ def test_what_cannot_be_told_has_no_shift():
     assert not delay_shifts(model, along(model, whole, half, theta), theta).any()
     unknown = np.array([np.nan, 1.0])
     assert not delay_shifts(model, along(model, *tails(theta), unknown), unknown).any()
+
+
+@pytest.mark.parametrize(("model", "theta"), MODELS.values(), ids=MODELS)
+def test_the_force_by_the_stiffness_of_a_beam_is_that_of_the_depth_behind_another_one(model, theta):
+    """Also of a model that remembers, whose depth is another one all the time."""
+    beam, change = 400.0, 0.4
+    force = force_over_time(model, TIME, DEPTH, RATE, theta)
+    deeper = force / beam - force / (beam + change)
+    changed = force_over_time(model, TIME, DEPTH + deeper, RATE + np.gradient(deeper, TIME), theta)
+    whole, half = tails(theta)
+    found = along(model, whole, half, np.array(theta))
+    expected = ((changed - force) / change)[np.searchsorted(TIME, found.time)]
+    np.testing.assert_allclose(found.by_beam(beam), expected, rtol=0.02, atol=2e-3 * np.abs(expected).max())
+    settings = AlignmentSettings(force="a.f", position="a.z", beam="400 N/m", beam_uncertainty="4 N/m")
+    terms = systematic_terms(found, np.zeros(2), None, settings, REPORT)
+    assert [term.std for term in terms if term.cause == "beam"] == [4.0]

@@ -9,6 +9,7 @@ from palpate.estimation import Samples
 from palpate.vectors import Floats
 
 from palpate_engine.alignment.air_line import FEWEST_IN_AIR, FIRST_READINGS, ROBOT_FORCE
+from palpate_engine.alignment.aliased_hum import left_by_hum
 from palpate_engine.alignment.change_point import samples_as_one, shortest_descent, white_noise
 from palpate_engine.alignment.contact_threshold import SAMPLES_IN_A_ROW, run_lengths
 
@@ -19,6 +20,7 @@ _PULSE = 0.05  # [s] over which accelerations are taken
 _ABOVE = 4.0  # standard deviations of a derived acceleration, below which it is noise
 _GRID, _LEVELS = 33, 3  # heights that are tried together, and how often the grid narrows
 _GAIN = 100.0  # of the sum of squares in units of the noise's variance: ten sigma, jointly
+_OVER_HUM = 16.0  # the same, beside the best wave that aliased hum may be
 _STEPS = 3.0  # of the resolution, that what only contact explains rises by at least
 _SPREAD, _BELIEVED = 2.0, 0.2  # what the law may leave: standard deviations of the noise, share of the rise
 _PARTS = (8, 32)
@@ -55,12 +57,12 @@ class TouchSearch:
         return None
 
     def is_air(self, samples: Samples) -> bool:
-        """Whether a record without a touch has no more force than a cable and inertia may give."""
+        """Whether a record without a touch has no more force than a cable and inertia may give, or hum explains it."""
         known = samples[np.isfinite(samples.force) & np.isfinite(samples.position)]
         bend = _accelerated(known.time, known.force, known.position)[3] if len(known) > FEWEST_IN_AIR else None
         inertia = 0.0 if bend is None else self._most_mass * float(np.ptp(bend))
         most = ROBOT_FORCE + _CABLE * float(np.ptp(known.position)) + inertia
-        return bool(float(np.ptp(known.force)) < most)
+        return bool(float(np.ptp(known.force)) < most) or _is_hum(known)
 
 
 def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
@@ -87,7 +89,7 @@ def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
     found = _surface(time, force, place, bend, most_mass)
     if found is None:
         return None
-    surface, gain, rise, left = found
+    surface, gain, rise, left, basis, rest = found
     below = place < surface
     first = int(np.argmax(below))
     if surface - float(place.min()) < least:
@@ -98,10 +100,36 @@ def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
     rms = float(np.sqrt(left[first:] @ left[first:] / len(left[first:])))
     if gain < _GAIN * variance or rise < _STEPS * step or rms > _SPREAD * np.sqrt(variance) + _BELIEVED * rise:
         return None
+    if _gain_over_hum(time, basis, rest, left, _interval(samples[known])) < _OVER_HUM * variance:
+        return None
     lasting = run_lengths(height < surface, 0) >= SAMPLES_IN_A_ROW
     if not lasting.any():
         return None
     return RecordTouch(int(known[int(np.argmax(lasting)) - SAMPLES_IN_A_ROW + 1]), surface, step)
+
+
+def _gain_over_hum(time: Floats, basis: Floats, rest: Floats, left: Floats, interval: float) -> float:
+    """By how much contact lowers the sum of squares beside a wave that hum may be; infinite where hum is no wave."""
+    air = left_by_hum(time, basis, rest, interval)
+    if not np.isfinite(air):
+        return air
+    law = rest - left
+    return air - left_by_hum(time, np.column_stack([basis, law / np.linalg.norm(law)]), left, interval)
+
+
+def _is_hum(samples: Samples) -> bool:
+    """Whether drift, travel and a wave that hum may be leave of the force no more than its noise."""
+    if len(samples) < 2 * FEWEST_IN_AIR:
+        return False
+    size = -(-len(samples) // _ROWS)
+    time, force, place = (_means(column, size) for column in (samples.time, samples.force, samples.position))
+    basis = _basis([np.ones(len(time)), time - time.mean(), place - place.mean()])
+    left = left_by_hum(time, basis, force - basis @ (basis.T @ force), _interval(samples))
+    return left < len(time) * (_SPREAD * white_noise(samples.force)) ** 2 / size
+
+
+def _interval(samples: Samples) -> float:
+    return float(samples.time[-1] - samples.time[0]) / (len(samples) - 1)
 
 
 def resolution(values: Floats) -> float:
@@ -137,8 +165,11 @@ def _accelerated(time: Floats, force: Floats, place: Floats) -> tuple[Floats, Fl
 
 def _surface(
     time: Floats, force: Floats, place: Floats, bend: Floats | None, most_mass: float
-) -> tuple[float, float, float, Floats] | None:
-    """Surface [m], by how much contact lowers the sum of squares, what only it explains, and what is left (n,) [N]."""
+) -> tuple[float, float, float, Floats, Floats, Floats] | None:
+    """Surface [m], by how much contact lowers the sum of squares, what only it explains, and what is left (n,) [N].
+
+    Then orthonormal terms of air (n, k), and what these leave (n,) [N].
+    """
     terms = [np.ones(len(time)), time - time.mean(), place - place.mean()]
     if bend is not None:
         mass = _fitted([*terms, -bend], force)[-1]
@@ -169,7 +200,7 @@ def _surface(
         return None
     law = slope * np.maximum(surface - place, 0.0) ** 1.5
     law -= basis @ (basis.T @ law)
-    return surface, gain, float(np.ptp(law)), rest - law
+    return surface, gain, float(np.ptp(law)), rest - law, basis, rest
 
 
 def _basis(terms: list[Floats]) -> Floats:

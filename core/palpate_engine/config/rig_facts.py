@@ -27,12 +27,14 @@ ROLES = ("force", "position", "velocity", "time")
 
 
 def value_and_std(text: object, unit: str) -> tuple[object, str | None]:
-    """A quantity and its standard uncertainty, both as they are written; None where none is stated.
+    """A quantity and its standard uncertainty, None where none is stated, as they are written; a share in the unit.
 
     Raises ValueError for an unknown fact.
 
     >>> value_and_std("0 ms +- 0.2 ms", "s")
     ('0 ms', '0.2 ms')
+    >>> value_and_std("400 N/m +- 5 %", "N/m")
+    ('400 N/m', '20 N/m')
     """
     value: object = text
     rest: list[str] = []
@@ -42,7 +44,9 @@ def value_and_std(text: object, unit: str) -> tuple[object, str | None]:
         raise ValueError(f"{text!r} has more than one uncertainty")
     if isinstance(value, str) and unit == "1":
         value = to_si(value, unit)
-    to_si(value, unit)
+    size = to_si(value, unit)
+    if rest and unit != "1" and rest[0].endswith("%"):
+        rest = [f"{to_si(rest[0], '1') * abs(size):.12g} {unit}"]
     if rest and to_si(rest[0], unit) < 0:
         raise ValueError(f"{text!r}: an uncertainty is not negative")
     return value, rest[0] if rest else None
@@ -56,7 +60,6 @@ class _Words:
     words: tuple[str, ...] = ()
     wants_std: bool = False
     least: float | None = None
-    has_std: bool = True
 
     def __call__(self, text: object) -> object:
         if isinstance(text, str) and " ".join(text.split()[:1]) in {word.split()[0] for word in self.words}:
@@ -65,8 +68,6 @@ class _Words:
             value, std = value_and_std(text, self.unit)
             if self.wants_std and std is None:
                 raise ValueError(f'{text!r}: how certain is that? Write its standard uncertainty, as "{text} +- ..."')
-            if std is not None and not self.has_std:
-                raise ValueError(f"{text!r}: write it without its uncertainty, which nothing uses")
             if self.least is not None and not to_si(value, self.unit) > self.least:
                 raise ValueError(f"{text!r} must be above {self.least:g}")
         except ValueError as error:
@@ -85,7 +86,7 @@ class _Words:
         return text
 
 
-HALF_SPACE, FREE_AIR, ZEROED = "half-space", "free-air", "zeroed before contact"
+HALF_SPACE, FREE_AIR, ZEROED, NO_BEAM = "half-space", "free-air", "zeroed before contact", "none"
 
 
 def _columns(value: object) -> object:
@@ -147,10 +148,11 @@ class RigFacts(Settings):
         '"tip": the position is measured, and that of the tip; "stage": that of what moves a beam with the tip on it',
         "position", "Is the position measured at the tip, or at a stage behind a beam?", "tip", option="position-of",
     )  # fmt: skip
-    beam: Annotated[Any, BeforeValidator(_Words("N/m", least=0.0, has_std=False))] | None = _fact(
-        'stiffness of the beam or spring between stage and tip, as in "400 N/m"; of a file with a column of its '
-        "deflection found there"
-    )
+    beam: Annotated[Any, BeforeValidator(_Words("N/m", (NO_BEAM,), least=0.0))] | None = _fact(
+        'stiffness of the beam or spring between stage and tip, as in "400 N/m +- 5 %", or "none"; of a file with a '
+        "column of its deflection found there",
+        "beam", "How stiff is the beam between stage and tip, and how certain is that?", "400 N/m +- 5 %",
+    )  # fmt: skip
     instrument: str | None = _fact('what presses and measures, in words of a methods section: "a UR3e with a SensONE"')
     columns: Annotated[dict[str, tuple[str | int, ...]], BeforeValidator(_columns)] | None = _fact(
         "of files without a pipeline, the columns that cannot be recognised: "
@@ -165,7 +167,12 @@ class RigFacts(Settings):
     @property
     def position_of(self) -> str | None:
         """What the position is of; a beam is behind a tip only where it is that of a stage."""
-        return self.position or ("stage" if self.beam is not None else None)
+        return position_of(self.position, self.beam)
+
+
+def position_of(position: str | None, beam: object) -> str | None:
+    """What a position is of, by what is stated of it and of a beam."""
+    return position or (None if beam is None else "tip" if beam == NO_BEAM else "stage")
 
 
 def facts_stated() -> dict[str, str]:

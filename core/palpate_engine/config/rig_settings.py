@@ -20,10 +20,12 @@ from palpate_engine.config.pipeline_source import Source
 from palpate_engine.config.rig_facts import (
     FREE_AIR,
     HALF_SPACE,
+    NO_BEAM,
     NO_SETTINGS,
     ZEROED,
     RigFacts,
     facts_of,
+    facts_stated,
     read_rig,
     value_and_std,
 )
@@ -76,6 +78,27 @@ def rig_assignments(facts: RigFacts, path: Path) -> list[str]:
     """The facts that are settings of a pipeline, and what a file of facts has measured, as ``table.key=value``."""
     found = [f"{TABLE}.{key}={json.dumps(value)}" for key, value in plain_facts(facts).items()]
     return found + ([f"run.calibration={json.dumps(str(path.absolute()))}"] if facts.measured else [])
+
+
+def facts_left_open(tables: Mapping[str, Any], facts: RigFacts, known: Registry) -> list[str]:
+    """Those of the facts that a written pipeline leaves open, as ``table.key=value``; raises ConfigurationError.
+
+    It leaves open what it has no value for, or one that it assumes.
+    """
+    assumed = [str(pattern) for pattern in _tables(tables, "run").get("assumed", ())]
+    places: dict[str, list[Location]] = {}
+    for key, at, _ in _settings(facts, tables, known):
+        places.setdefault("beam" if facts.beam is not None and key == "position" else key, []).append(at)
+    asked = {*facts_stated().values()}
+    keys = [key for key, ats in places.items() if key in asked and any(_is_open(tables, at, assumed) for at in ats)]
+    return [f"{TABLE}.{key}={json.dumps(getattr(facts, key))}" for key in keys]
+
+
+def _is_open(tables: Mapping[str, Any], at: Location, assumed: list[str]) -> bool:
+    value: Any = tables
+    for key in at:
+        value = value.get(key) if isinstance(value, Mapping) else None
+    return value is None or value is False or any(fnmatchcase(".".join(at), pattern) for pattern in assumed)
 
 
 def _agree(source: Source, at: Location, value: Any, by: str) -> None:
@@ -172,10 +195,15 @@ def _alignment(facts: RigFacts, tables: Mapping[str, Any]) -> Iterator[tuple[str
             yield "tip_mass", (*_ALIGNMENT, "tip_mass_uncertainty"), std
     if facts.mount is not None:
         yield "mount", (*_ALIGNMENT, "series_stiffness"), value_and_std(facts.mount, "N/m")[0]
-    if facts.beam is not None:
+    if facts.beam == NO_BEAM:
+        yield "beam", (*_ALIGNMENT, "beam"), None
+    elif facts.beam is not None:
         if facts.position == "tip":
             raise ConfigurationError('beam: is between a stage and the tip, and position = "tip": correct one of them')
-        yield "beam", (*_ALIGNMENT, "beam"), facts.beam
+        value, std = value_and_std(facts.beam, "N/m")
+        yield "beam", (*_ALIGNMENT, "beam"), value
+        if std is not None:
+            yield "beam", (*_ALIGNMENT, "beam_uncertainty"), std
     elif facts.position == "stage" and "beam" not in _tables(tables, "alignment"):
         raise ConfigurationError('position = "stage": how stiff is the beam or spring? State beam = "400 N/m" (--beam)')
     if facts.position_of is not None:

@@ -103,9 +103,25 @@ class Along:
         up, down = (self._force(self.model, 1.0 + side * _STEP) for side in (1.0, -1.0))
         return np.asarray((up - down) / (2 * _STEP))
 
+    def by_beam(self, stiffness: float) -> Floats:
+        """Derivative (n,) [m] of the force by the stiffness [N/m] of a beam that the depth is less by F/k for."""
+        if self.given_way is not None:
+            return self.given_way / stiffness**2
+        time, depth, rate, _ = self._motion
+        deeper = np.asarray(force_over_time(self.model, time, depth, rate, self.values.tolist())) / stiffness
+        faster = np.gradient(deeper, time)
+        up, down = (
+            self._forced(self.model, depth + side * _STEP * deeper, rate + side * _STEP * faster)
+            for side in (1.0, -1.0)
+        )
+        return np.asarray((up - down) / (2 * _STEP * stiffness))
+
     def _force(self, model: Any, scale: float = 1.0) -> Floats:
-        time, depth, rate, rows = self._motion
-        depth, rate = scale * depth, scale * rate
+        _, depth, rate, _ = self._motion
+        return self._forced(model, scale * depth, scale * rate)
+
+    def _forced(self, model: Any, depth: Floats, rate: Floats) -> Floats:
+        time, _, _, rows = self._motion
         if model.memory:
             return np.asarray(force_over_time(model, time, depth, rate, self.values.tolist()))[rows]
         return np.asarray(contact_force(model, depth[rows], rate[rows], self.values.tolist()))

@@ -34,7 +34,8 @@ def systematic_terms(
     samples. Mass: f = -u(m) z'' (and the weight, where it was removed); tare: f = u; force_scale: f = u F; a number of
     the model: f = -dF/dp u, of an inclination t, which has no derivative at 0, f = F(t) - F(t + u); position_scale:
     f = -(dF/dd d + dF/dd' d') u. Compliance: a robot of stiffness k gives way by F/k, so that the depth is F/k less
-    than it seems, f = -(dF/dd F + dF/dd' F')/k; it is not corrected, and all of the shift counts.
+    than it seems, f = -(dF/dd F + dF/dd' F')/k; it is not corrected, and all of the shift counts. A beam,
+    what it yields by F/k being taken off the depth: f = (dF/dd F + dF/dd' F') u/k^2.
     """
     terms = []
     if timing is not None and shifts.any() and "timing" not in included:
@@ -71,6 +72,9 @@ def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentRep
     if settings.series_stiffness is not None and found.given_way is not None:
         stiffness = settings.series_stiffness
         terms += _term(found, "compliance", 1.0 / stiffness, "m/N", -found.given_way / stiffness)
+    if settings.beam is not None and settings.beam_uncertainty is not None:
+        std = settings.beam_uncertainty
+        terms += _term(found, "beam", std, "N/m", found.by_beam(settings.beam) * std)
     return terms
 
 

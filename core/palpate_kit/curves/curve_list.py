@@ -19,7 +19,10 @@ CURVE, FILE, RECORD = "curve", "file", "record"  # the last of a file of several
 _LINE = 1 << 16  # [characters] of the head
 PLACES = ("x_m", "y_m")
 OWN = (CURVE, FILE, RECORD, DIALECT)  # columns that palpate writes
-FACTS = ("tip", "tip_uncertainty", "thickness", "delay", "tare", "tip_mass", "poisson", "inclination", "mount")
+FACTS = {  # columns, and the facts that they state
+    **{key: key for key in ("tip", "tip_uncertainty", "thickness", "delay", "tare", "tip_mass", "poisson")},
+    **{key: key for key in ("inclination", "mount", "beam")}, "position_of": "position",
+}  # fmt: skip
 Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
 
 
@@ -94,9 +97,15 @@ def add_curves(
         write_list(folder / LIST, entries)
 
 
+def stated_in(cells: Mapping[str, str]) -> dict[str, str]:
+    """The facts that the cells of a curve state, by their keys; a position of the tip has no beam behind it."""
+    found = {key: cells[name] for name, key in FACTS.items() if cells.get(name)}
+    return {"beam": "none", **found} if found.get("position") == "tip" else found
+
+
 def fact_assignments(cells: Mapping[str, str]) -> tuple[str, ...]:
     """The facts that the cells of a curve state, as settings of this curve alone."""
-    return tuple(f"rig.{key}={json.dumps(cells[key])}" for key in FACTS if cells.get(key))
+    return tuple(f"rig.{key}={json.dumps(text)}" for key, text in stated_in(cells).items())
 
 
 def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:

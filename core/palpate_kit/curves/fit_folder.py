@@ -5,21 +5,26 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from palpate import ContactModel, LogError, PalpateError, suggest
+from palpate import ConfigurationError, ContactModel, LogError, PalpateError, suggest
 from palpate_engine import (
     DIALECT,
+    RIG,
     Pipeline,
+    RigFacts,
     Source,
     approved_plugins,
     build_parts,
     build_pipeline,
+    facts_left_open,
     inherited_approval,
+    read_rig,
+    registry,
     toml_tables,
     trusted_plugins,
 )
@@ -188,8 +193,33 @@ class FitFolder:
         return read_own(self.path, self.names)
 
     def settings_of(self, curve: str) -> tuple[str, ...]:
-        """The settings of one curve: the facts in ``curves.csv``, then ``own.toml``."""
+        """The settings of one curve: the facts in ``rig.toml``, those in ``curves.csv``, then ``own.toml``."""
+        return (*self.facts_left_open(self.dialect_of(curve)), *self.own_of(curve))
+
+    def own_of(self, curve: str) -> tuple[str, ...]:
+        """The settings of one curve that others need not have."""
         return (*fact_assignments(self.entries.get(curve, {})), *self.own.get(curve, ()))
+
+    @cached_property
+    def facts(self) -> RigFacts:
+        """``rig.toml``; raises LogError for one with mistakes."""
+        path = self.path / RIG
+        try:
+            return read_rig(path) if path.is_file() else RigFacts()
+        except ConfigurationError as error:
+            raise LogError(str(error)) from error
+
+    def facts_left_open(self, dialect: str) -> tuple[str, ...]:
+        """The facts that the pipeline of a dialect leaves open, as settings; raises LogError."""
+        if dialect not in self._open:
+            tables = toml_tables(self.settings_text(dialect)) if self.facts != RigFacts() else {}
+            self._open[dialect] = tuple(facts_left_open(tables, self.facts, registry.load()) if tables else ())
+        return self._open[dialect]
+
+    @cached_property
+    def _open(self) -> dict[str, tuple[str, ...]]:
+        """Those facts by dialect; filled as they are asked for."""
+        return {}
 
     @cached_property
     def marks(self) -> Marks:
@@ -279,11 +309,11 @@ class FitFolder:
             overrides = tuple(f"device.{device}.file={json.dumps(file)}" for file in files[:1])
         return CurveReader(text, str(path.resolve()), overrides, device, self.approved, text)
 
-    def pipeline(self, dialect: str = "") -> Pipeline:
-        """The pipeline of a dialect with the file of a curve that is there; raises UserError."""
+    def pipeline(self, dialect: str = "", more: Sequence[str] = ()) -> Pipeline:
+        """The pipeline of a dialect with the file of a curve that is there, and more settings; raises UserError."""
         reader = self.reader(dialect)
         source = Source(reader.text, self.path / SETTINGS)
-        for assignment in reader.overrides:
+        for assignment in (*reader.overrides, *more):
             source.override(assignment)
         with inherited_approval(reader.approved):
             return build_pipeline(source)

@@ -15,7 +15,11 @@ _HEAD = "Facts of the rig and its specimens, for palpate; docs/rig-facts.md expl
 
 
 def write_rig(path: Path, changes: Mapping[str, Any]) -> None:
-    """Set keys of a file of facts, which is created if missing; raises OutputError, ConfigurationError."""
+    """Set keys of a file of facts, which is created if missing, or drop those that are to be None, the last one with the
+    file that was created.
+
+    Raises OutputError, ConfigurationError.
+    """
     document = tomlkit.document()
     if path.is_file():
         read_rig(path)  # of one with mistakes it is said, and nothing is changed
@@ -28,7 +32,14 @@ def write_rig(path: Path, changes: Mapping[str, Any]) -> None:
     tables = [key for key in document if isinstance(document[key], dict)]
     kept = {key: document.pop(key) for key in tables if key not in changes} if tables else {}
     for key, value in changes.items():
-        document[key] = value
+        if value is None:
+            document.pop(key, None)
+        else:
+            document[key] = value
     for key, table in kept.items():  # behind the keys, which would be theirs otherwise
         document.add(key, table)
-    write_whole(path, tomlkit.dumps(document))
+    text = tomlkit.dumps(document)
+    if text.strip() == f"# {_HEAD}":
+        path.unlink(missing_ok=True)
+    else:
+        write_whole(path, text)

@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import PurePath
 from typing import Any, get_args
 
 from palpate import ConfigurationError, Settings
-from palpate_engine import AlignmentSettings, parsed_assignment, registry, tip_values
+from palpate_engine import (
+    AlignmentSettings,
+    facts_of,
+    facts_stated,
+    option_of,
+    parsed_assignment,
+    registry,
+    tip_values,
+)
 
 from palpate_desk.action import OUT, Action
 
 _PARTS = ("estimator", "indenter", "model")
 _TABLES = ("alignment", *_PARTS)  # that name no code
+_RIG = "rig"  # of the facts
+FACT_KEYS = tuple(facts_stated().values())  # that the page asks for
 _BARE = re.compile(r"[\w-]+")  # a key
 _PICTURE = re.compile(rf"{re.escape(OUT)}/groups\.svg")
 _PIPELINE = re.compile(rf"{re.escape(OUT)}/pipeline[^/]*\.toml")
@@ -43,6 +53,9 @@ def is_change(action: Action) -> bool:
 def demand_allowed_setting(assignment: str) -> None:
     """Raise ConfigurationError for a setting that the page may not change: of a file, a plugin, a device."""
     keys, value = parsed_assignment(assignment)
+    if keys[0] == _RIG:
+        _demand_fact(".".join(keys[1:]), value)
+        return
     _demand_table(keys[0], assignment)
     if not all(map(_BARE.fullmatch, keys)):
         raise ConfigurationError(f"{assignment!r}: its key has signs that no name of a setting has")
@@ -50,7 +63,16 @@ def demand_allowed_setting(assignment: str) -> None:
 
 
 def _demand_key(key: str) -> None:
-    _demand_table(key.split(".")[0].strip(), key)
+    table, _, name = key.partition(".")
+    if table != _RIG or name not in FACT_KEYS:
+        _demand_table(table.strip(), key)
+
+
+def _demand_fact(key: str, value: Any) -> None:
+    """Raise ConfigurationError for what is no fact that the page asks for: none of these names a file."""
+    if key not in FACT_KEYS:
+        raise ConfigurationError(f"{_RIG}.{key}: the page states {', '.join(FACT_KEYS)} only")
+    facts_of({key: value})
 
 
 def _demand_tip(text: str) -> None:
@@ -89,13 +111,14 @@ def _matching(pattern: re.Pattern[str]) -> Callable[[str], None]:
     return demand
 
 
+_FACTS: dict[str, Callable[[str], None]] = {option_of(key): partial(_demand_fact, key) for key in FACT_KEYS}
 _SETTINGS = {
     "--set": demand_allowed_setting, "--tip": _demand_tip, "--model": _any, "--no-refit": _any,
 }  # fmt: skip
 _MARKS = {"--reject", "--accept", "--clear"}
 _KNOWN: Mapping[tuple[str, bool], Mapping[str, Callable[[str], None]]] = {  # by command, and whether on the folder
     ("repeat review", True): {**dict.fromkeys(_MARKS, _any), "--reason": _any},
-    ("fit", True): {**_SETTINGS, "--where": _any, "--unset": _demand_key},
+    ("fit", True): {**_SETTINGS, **_FACTS, "--where": _any, "--unset": _demand_key},
     ("fit", False): {
         **_SETTINGS, "--each": _any, "--pipeline": _matching(_PIPELINE),
         "--out": _matching(re.compile(f"{re.escape(OUT)}|{_FIGURES.pattern}")),

@@ -21,6 +21,7 @@ from palpate_kit.curves.curve_fits import (
     outcome_rows,
     record_tracks,
 )
+from palpate_kit.curves.open_facts import open_facts
 from palpate_kit.runs.replay_source import added_table
 
 _LEAST_AIR = 10  # samples before contact that give a standard deviation
@@ -99,8 +100,9 @@ def _facts(outcome: RecordOutcome) -> dict[str, Any]:
         for row in found.budget
     ]
     noise = _noise_before_contact(outcome.samples, surface)
+    asked = [[fact.key, fact.effect] for fact in open_facts(found)] if found.usable else None
     facts: dict[str, Any] = finite_tree(
-        {"raw": False, "surface": surface, "noise": noise, "flags": flags, "budget": budget}
+        {"raw": False, "surface": surface, "noise": noise, "flags": flags, "budget": budget, "open": asked}
     )
     return facts
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import io
+import json
 import os
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
 import typer
 from palpate import ConfigurationError, OutputError, printable, suggest
-from palpate_engine import analysis, file_in_place, inherited_approval, registry
+from palpate_engine import RIG, analysis, file_in_place, inherited_approval, option_of, registry
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline
@@ -22,13 +23,14 @@ from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.runs.review_file import Mark, write_mark
 
 from palpate_desk.action import Action, where_curve
-from palpate_desk.command_gate import demand_allowed
+from palpate_desk.command_gate import FACT_KEYS, demand_allowed
 from palpate_desk.history_file import ActionHistory
-from palpate_desk.settings_undo import model_inverse, own_inverse, setting_inverse, tip_inverse
+from palpate_desk.settings_undo import fact_inverse, model_inverse, own_inverse, setting_inverse, tip_inverse
 
 _LOCK = ".desk.lock"
-_FILES = ("fits.csv", "curves.csv", "own.toml", "review.json", "pipeline*.toml")
+_FILES = ("fits.csv", "curves.csv", "own.toml", "review.json", "pipeline*.toml", RIG)
 _LISTS = {"--set": "overrides", "--unset": "unset", "--reject": "reject", "--accept": "accept", "--clear": "clear"}
+_FACTS = {option_of(key): key for key in FACT_KEYS}
 _WORDS = {"--where": "where", "--tip": "tip", "--model": "model", "--reason": "reason"}
 
 
@@ -165,6 +167,13 @@ class Desk:
         self._change(action, tip_inverse(tables) if kind == "tip" else model_inverse(tables))
         return action
 
+    def state_facts(self, answers: Mapping[str, str]) -> Action:
+        """State facts of the rig, by their keys in ``rig.toml``; raises ConfigurationError."""
+        action = Action("fit", (*((option_of(key), text) for key, text in answers.items()), ("--no-refit", "")))
+        demand_allowed(action)
+        self._change(action, fact_inverse(self.folder.facts, answers))
+        return action
+
     @property
     def latest(self) -> Action | None:
         """The latest change of this page that can be undone."""
@@ -228,6 +237,8 @@ def run_action(action: Action, path: Path) -> None:
     for option, value in action.options:
         if option in _LISTS:
             arguments.setdefault(_LISTS[option], []).append(value)
+        elif option in _FACTS:
+            arguments.setdefault("overrides", []).append(f"rig.{_FACTS[option]}={json.dumps(value)}")
         elif option in _WORDS:
             arguments[_WORDS[option]] = value
         else:

@@ -26,6 +26,7 @@ from palpate_desk import page_messages as asked
 from palpate_desk.action import Action
 from palpate_desk.curve_answers import CurveAnswer, curve_answer, reader_with_model
 from palpate_desk.desk import Desk, one_curve
+from palpate_desk.fact_form import fact_mistakes, facts_message, open_facts_of
 from palpate_desk.folder_view import exported, folder_message, row_messages
 from palpate_desk.refits import Refits, Worker
 
@@ -35,7 +36,7 @@ _LOOK = 1.0  # [s] between two looks at the files
 _DRAIN = 1.0  # [s] for browsers to take what is left
 _FILES = page_files(
     "palpate_desk",
-    ("index.html", "desk.css", "main.js", "table.js", "curve.js", "points.js", "keys.js"),
+    ("index.html", "desk.css", "main.js", "facts.js", "table.js", "curve.js", "points.js", "keys.js"),
 )
 
 
@@ -128,6 +129,10 @@ class DeskServer:
                 self._send(page, {"kind": "filter", "words": message.words, "names": names})
             elif isinstance(message, asked.RefitOrder):
                 await self._refit(page, message)
+            elif isinstance(message, asked.FactsQuestion):
+                self._send(page, facts_message(self.desk, await open_facts_of(self.desk, self._fitted)))
+            elif isinstance(message, asked.FactsOrder):
+                self._state_facts(page, message)
             elif isinstance(message, asked.CompareQuestion):
                 await self._compare(page, message)
             elif isinstance(message, asked.GroupsQuestion | asked.ExportOrder):
@@ -136,6 +141,23 @@ class DeskServer:
                     self._tell(self._state())
             else:
                 self._orders[type(message)](message)
+
+    def _state_facts(self, page: ServerConnection, message: asked.FactsOrder) -> None:
+        """Write what was answered, and fit what that concerns; mistakes go beside their fields, all at once."""
+        self._demand_idle()
+        mistakes = fact_mistakes(message.answers)
+        if not mistakes:
+            try:
+                self._changed(self.desk.state_facts(message.answers))
+            except UserError as error:  # facts that do not go together
+                mistakes = {"": str(error)}
+        self._send(page, {"kind": "mistakes", "mistakes": mistakes})
+        if not mistakes:
+            self._refit_all()
+
+    def _demand_idle(self) -> None:
+        if self._refits.running:
+            raise ConfigurationError("curves are being fitted; cancel that first")
 
     async def _compare(self, page: ServerConnection, message: asked.CompareQuestion) -> None:
         """Models weighed on a curve, with the force of the second one."""
@@ -160,8 +182,7 @@ class DeskServer:
             self._refit_all()
 
     def _refit_all(self) -> None:
-        if self._refits.running:
-            raise ConfigurationError("curves are being fitted; cancel that first")
+        self._demand_idle()
         curves = [self.desk.curve(name) for name in self.desk.left()]
         if not curves:
             raise ConfigurationError("every curve is fitted with the present settings")

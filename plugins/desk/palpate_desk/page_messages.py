@@ -65,6 +65,19 @@ class RefitOrder(Question):
     curve: Text = ""
 
 
+class FactsQuestion(Question):
+    """Which facts of the rig are open."""
+
+    do: Literal["facts"]
+
+
+class FactsOrder(Question):
+    """Facts of the rig, by their keys in ``rig.toml``."""
+
+    do: Literal["state"]
+    answers: Annotated[dict[Name, Name], Field(min_length=1, max_length=32)]
+
+
 class GroupsQuestion(Question):
     """Statistics and tests between groups."""
 
@@ -92,15 +105,15 @@ class ExportOrder(Question):
 
 
 Message = Annotated[
-    CurveQuestion | FilterQuestion | MarkOrder | SetOrder | TipOrder | RefitOrder | GroupsQuestion | CompareQuestion
-    | ExportOrder,
+    CurveQuestion | FilterQuestion | MarkOrder | SetOrder | TipOrder | RefitOrder | FactsQuestion | FactsOrder
+    | GroupsQuestion | CompareQuestion | ExportOrder,
     Field(discriminator="do"),
 ]  # fmt: skip
 _MESSAGES: TypeAdapter[
-    CurveQuestion | FilterQuestion | MarkOrder | SetOrder | TipOrder | RefitOrder | GroupsQuestion | CompareQuestion
-    | ExportOrder
+    CurveQuestion | FilterQuestion | MarkOrder | SetOrder | TipOrder | RefitOrder | FactsQuestion | FactsOrder
+    | GroupsQuestion | CompareQuestion | ExportOrder
 ] = TypeAdapter(Message)  # fmt: skip
-READING = (CurveQuestion, FilterQuestion, GroupsQuestion, CompareQuestion)  # which write nothing
+READING = (CurveQuestion, FilterQuestion, FactsQuestion, GroupsQuestion, CompareQuestion)  # which write nothing
 
 
 def read_message(text: str | bytes) -> Question:

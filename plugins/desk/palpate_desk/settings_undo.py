@@ -6,6 +6,8 @@ import json
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+from palpate_engine import RigFacts
+
 from palpate_desk.action import Action, where_curve
 
 _LATER = ("--no-refit", "")
@@ -27,6 +29,15 @@ def setting_inverse(tables: Mapping[str, Any], key: str) -> list[Action]:
     for part in key.split("."):
         value = value.get(part.strip()) if isinstance(value, Mapping) else None
     return [] if value is None else [Action("fit", (("--set", f"{key}={_toml(value)}"), _LATER))]
+
+
+def fact_inverse(facts: RigFacts, keys: Collection[str]) -> list[Action]:
+    """What brings facts back to what they are now."""
+    changes = [
+        ("--unset", f"rig.{key}") if (value := getattr(facts, key)) is None else ("--set", f"rig.{key}={_toml(value)}")
+        for key in keys
+    ]
+    return [Action("fit", (*changes, _LATER))]
 
 
 def tip_inverse(tables: Mapping[str, Any]) -> list[Action]:

@@ -12,10 +12,11 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, printable
-from palpate_engine import Pipeline, Registry, approved_plugins, make_folder, option_of, registry
+from palpate_engine import Pipeline, Registry, approved_plugins, make_folder, option_of, position_of, registry
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row
-from palpate_kit.curves.curve_list import FACTS, RECORD, Entries, cells_beside
+from palpate_kit.curves.curve_list import FACTS, RECORD, Entries, cells_beside, stated_in
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
 from palpate_kit.terminal.fact_line import fact_line
 from palpate_kit.terminal.json_output import print_json
@@ -59,7 +60,8 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         logs = logs_among(sources, known)
         files = [part for log in logs for part in specimens_of(log, known, stated)]
     by_name = {} if pattern is None else groups_by_name(files, sources, pattern)
-    groups, wanted = _groups(files, wanted, refused, notes)
+    stages = _stages(sources, files, wanted.stated)
+    groups, wanted = _groups(files, wanted, refused, notes, stages)
     if wanted.stated.is_read:
         notes.insert(0, f"facts of the rig: {wanted.stated.path}")
     for note in notes:
@@ -101,7 +103,11 @@ def _of_folder(pipeline: Pipeline, place: Path | None) -> Pipeline:
 
 
 def _groups(
-    files: Sequence[LogPart], wanted: FileFit, refused: dict[str, str], notes: list[str]
+    files: Sequence[LogPart],
+    wanted: FileFit,
+    refused: dict[str, str],
+    notes: list[str],
+    stages: Mapping[str, str],
 ) -> tuple[list[FileGroup], FileFit]:
     """The files by how they are read; on a terminal with what was answered to all questions about them."""
     asking = is_asking() and not wanted.as_json
@@ -112,7 +118,7 @@ def _groups(
         notes.clear()
         questions: dict[str, FileQuestion] = {}
         with progress("look at", "files", len(files)):
-            groups = list(file_groups(files, wanted.stated, wanted.choices, refused, notes, questions, certain))
+            groups = list(file_groups(files, wanted.stated, wanted.choices, refused, notes, questions, certain, stages))
         new = {file: question for file, question in questions.items() if question not in seen}
         if not asking or not new:
             break
@@ -125,11 +131,19 @@ def _groups(
     return groups, wanted
 
 
+def _stages(sources: Sequence[Path], files: Sequence[LogPart], stated: StatedFacts) -> dict[str, str]:
+    """What the position of files is of, as far as ``curves.csv`` states it and the command line does not."""
+    cells = cells_beside(sources, [Curve(str(file), str(file.path.resolve()), record=file.part) for file in files])
+    facts = {name: stated_in(of_file) for name, of_file in cells.items()}
+    known = {name: position_of(of_file.get("position"), of_file.get("beam")) for name, of_file in facts.items()}
+    return {} if {"position", "beam"} & stated.of_options else {name: of for name, of in known.items() if of}
+
+
 def _cells(sources: Sequence[Path], groups: Sequence[FileGroup], stated: StatedFacts) -> Entries:
     """What ``curves.csv`` next to the files says of each, but for the facts of the command line, which go before it."""
     curves = [curve for group in groups for curve in group.curves]
     found = {
-        name: {key: cell for key, cell in cells.items() if key not in stated.of_options}
+        name: {key: cell for key, cell in cells.items() if FACTS.get(key) not in stated.of_options}
         for name, cells in cells_beside(sources, curves).items()
     }
     counts = Counter(key for cells in found.values() for key in FACTS if cells.get(key))

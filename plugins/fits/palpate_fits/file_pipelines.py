@@ -49,12 +49,13 @@ def file_groups(
     notes: list[str],
     questions: dict[str, FileQuestion] | None = None,
     certain: dict[LogPart, Suggestion] | None = None,
+    stages: Mapping[str, str] = {},
 ) -> Iterator[FileGroup]:
     """Files by how they are read, the most first; `refused` takes the others and why, `notes` what is ignored.
 
     `choices` name the columns of roles, as of ``palpate info --suggest``. `questions` takes what would make a file
     readable, or a guess of it certain, by the file, and `certain` how files without questions are read, which it keeps
-    from call to call.
+    from call to call. `stages` says of files what their position is of.
 
     Raises ConfigurationError for a tip, a model or an override that is invalid.
     """
@@ -70,7 +71,8 @@ def file_groups(
     def suggested(file: LogPart) -> Suggestion:
         found = read.get(file)
         if found is None:
-            chosen = {**file.choices, **choices}
+            of_file = {POSITION_OF: stages[str(file)]} if str(file) in stages else {}
+            chosen = {**file.choices, **of_file, **choices}
             found = replace(_suggestion(file.path, facts, chosen, stated, known), views={})  # no numbers
         if (question := question_of_file(found, stated)) is None:
             read[file] = found

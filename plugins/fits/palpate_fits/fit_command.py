@@ -81,7 +81,11 @@ def fit(
     where: WhereOption = None,
     unset: Annotated[
         list[str] | None,
-        typer.Option("--unset", metavar="TABLE.KEY", help="With --where: take an own setting of these curves back."),
+        typer.Option(
+            "--unset",
+            metavar="TABLE.KEY",
+            help="Take back a setting of these curves; without --where a fact.",
+        ),
     ] = None,
     groups: Annotated[
         Path | None, typer.Option(help="Of a folder of fits: a CSV with a column `curve`, and columns to group by.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,9 +11,14 @@ from typing import Any
 import typer
 from palpate import ConfigurationError
 from palpate_engine import (
+    RIG,
     Pipeline,
     Source,
     build_pipeline,
+    facts_left_open,
+    facts_of,
+    facts_stated,
+    parsed_assignment,
     registry,
     resolved_text,
     start_tracks,
@@ -26,6 +31,7 @@ from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable, columns_of
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import change_assignments, write_own
 from palpate_kit.runs.replay_source import added_table
+from palpate_kit.runs.rig_file import write_rig
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
 
@@ -121,8 +127,6 @@ def change_folder(path: Path, change: FolderChange) -> None:
     if change.groups is not None:
         add_groups(path, change.groups, folder.names)
     if change.where is None:
-        if change.unset:
-            raise ConfigurationError("--unset: is for settings of single curves, that --where chooses")
         _change_all(folder, change)
         return
     if change.tip is not None or change.model is not None:
@@ -140,8 +144,12 @@ def change_folder(path: Path, change: FolderChange) -> None:
 
 
 def _change_all(folder: FitFolder, change: FolderChange) -> None:
-    if not (change.overrides or change.tip or change.model):
+    """Change the facts in ``rig.toml``, and the pipelines in what they state themselves."""
+    if not (change.overrides or change.unset or change.tip or change.model):
         return
+    answers = _answers(folder, change)
+    table = folder.facts.model_dump(exclude_defaults=True) | answers
+    facts = facts_of({key: value for key, value in table.items() if value is not None})
     texts: dict[str, str] = {}
     columns: tuple[str, ...] = ()
     for name in folder.dialects:
@@ -151,19 +159,46 @@ def _change_all(folder: FitFolder, change: FolderChange) -> None:
             source.tables["indenter"] = dict.fromkeys(source.tables.get("indenter") or ["tip"], tip)
         if change.model is not None:
             _replace_model(source, change.model)
-        for assignment in change.overrides:
+        left = facts_left_open(source.tables, facts, registry.load())
+        open_keys = {parsed_assignment(assignment)[0] for assignment in left}
+        own = [text for text in change.overrides if parsed_assignment(text)[0] not in open_keys]
+        for assignment in own:
             source.override(assignment)
         pipeline = _demand_fits(source)
-        texts[name], columns = resolved_text(pipeline, folder.path), columns_of_fits(offline(pipeline))
-    write_dialects(folder.path / SETTINGS, texts)
+        columns = columns_of_fits(offline(pipeline))
+        if own or change.tip or change.model:
+            texts[name] = resolved_text(pipeline, folder.path)
+        if left:
+            _demand_fits(_source(folder, name, texts.get(name, ""), left))
+    if answers:
+        write_rig(folder.path / RIG, answers)
+    if texts:
+        write_dialects(folder.path / SETTINGS, texts)
     if folder.cells and tuple(folder.cells[0]) != columns:
         replace_columns(folder.path / TABLE, columns)
 
 
-def _source(folder: FitFolder, dialect: str) -> Source:
-    """The pipeline of a dialect of the folder, to change."""
-    source = Source(folder.settings_text(dialect), folder.path / SETTINGS)
-    for assignment in folder.reader(dialect).overrides:  # the file that it names may have gone
+def _answers(folder: FitFolder, change: FolderChange) -> dict[str, Any]:
+    """The facts that are stated, or with None taken back, of all curves; raises ConfigurationError."""
+    asked = {*facts_stated().values()}
+    stated = dict(map(parsed_assignment, change.overrides))
+    answers = {keys[1]: value for keys, value in stated.items() if keys[0] == "rig" and keys[1] in asked}
+    for text in change.unset:
+        table, _, key = text.partition(".")
+        if table != "rig" or key not in asked:
+            raise ConfigurationError(
+                f"--unset {text}: is no fact; a setting of single curves is taken back with --where"
+            )
+        if getattr(folder.facts, key) is None:
+            raise ConfigurationError(f"--unset {text}: {folder.path / RIG} does not state it")
+        answers[key] = None
+    return answers
+
+
+def _source(folder: FitFolder, dialect: str, text: str = "", more: Sequence[str] = ()) -> Source:
+    """The pipeline of a dialect of the folder, or that of a text, to change, with more settings."""
+    source = Source(text or folder.settings_text(dialect), folder.path / SETTINGS)
+    for assignment in (*folder.reader(dialect).overrides, *more):  # the file that it names may have gone
         source.override(assignment)
     return source
 

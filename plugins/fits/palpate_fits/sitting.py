@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import typer
-from palpate import Condition, ConfigurationError, OutputError, PalpateError, printable
-from palpate_engine import UncertainValue, approved_plugins, facts_stated, question_of
-from palpate_kit.curves.curve_fits import CurveReader, curve_outcome, named_values, record_tracks
+from palpate import ConfigurationError, OutputError, PalpateError, printable
+from palpate_engine import approved_plugins, facts_stated, question_of
+from palpate_kit.curves.curve_fits import CurveReader, curve_outcome, record_tracks
+from palpate_kit.curves.open_facts import WITHOUT_A_FIT, OpenFact, open_facts
 from palpate_kit.runs.rig_file import write_rig
 
 from palpate_fits.file_facts import StatedFacts
@@ -88,22 +88,14 @@ def _answered(stated: StatedFacts, question: FileQuestion, answer: str) -> dict[
     return {question.key: answer}
 
 
-@dataclass(frozen=True)
-class _OpenFact:
-    key: str
-    text: str
-    size: float  # of the effect of its alternative, as a part of the value that it moves most
-
-
 def ask_of_rig(stated: StatedFacts, groups: Sequence[FileGroup], ask: Ask) -> StatedFacts:
     """The facts that nobody has stated, most effective first, at most six; the others count as asked."""
     left = [key for key in facts_stated().values() if _is_open(stated, key)]
     if not left:
         return stated
-    found = {fact.key: fact for fact in _open_facts(stated, groups)}
-    asked = sorted((fact for fact in found.values() if fact.key in left), key=lambda fact: -fact.size)[:_MOST]
+    asked = [fact for fact in _open_facts(stated, groups) if fact.key in left][:_MOST]
     for fact in asked:
-        stated = ask_fact(stated, fact.key, f"not known; {fact.text}", ask)
+        stated = ask_fact(stated, fact.key, f"not known; {fact.effect}", ask)
     open_keys = [key for key in left if getattr(stated.facts, key) is None]
     return stated.answered(not_known=(*stated.facts.not_known, *open_keys)) if open_keys else stated
 
@@ -112,7 +104,7 @@ def _is_open(stated: StatedFacts, key: str) -> bool:
     return getattr(stated.facts, key) is None and key not in stated.facts.not_known
 
 
-def _open_facts(stated: StatedFacts, groups: Sequence[FileGroup]) -> Iterator[_OpenFact]:
+def _open_facts(stated: StatedFacts, groups: Sequence[FileGroup]) -> Iterable[OpenFact]:
     """The conditions of a curve that can be fitted; of none, what a contact is found by."""
     curves = [(group, curve) for group in groups for curve in group.curves[:_TRIALS]][:_TRIALS]
     for group, curve in curves:
@@ -123,23 +115,8 @@ def _open_facts(stated: StatedFacts, groups: Sequence[FileGroup]) -> Iterator[_O
             continue
         track = next(iter(outcome.result.tracks.values()))
         if track.usable:
-            values = named_values(track)
-            stating = facts_stated()
-            for one in track.conditions:
-                if one.fact in stating:
-                    yield _OpenFact(stating[one.fact], one.sentence(values), _size(one, values))
-            return
-    yield from (_OpenFact(key, "it counts as open", 0.0) for key in ("tip_mass", "tare", "delay", "thickness"))
-
-
-def _size(condition: Condition, values: Mapping[str, UncertainValue]) -> float:
-    """How far an alternative moves a value, over the value or two of its uncertainties; the largest."""
-    sizes: Iterable[float] = (
-        abs(shift) / max(abs(value.value), 2 * value.combined, 1e-300)
-        for name, shift in condition.shifts.items()
-        if (value := values.get(name)) is not None
-    )
-    return max(sizes, default=0.0)
+            return open_facts(track)
+    return WITHOUT_A_FIT
 
 
 def keep_answers(stated: StatedFacts) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from palpate_engine import RIG, Pipeline, read_rig
+from palpate_engine import Pipeline
 from palpate_kit.curves.curve_fits import row_conditions
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.curves.fit_provenance import FitProvenance, read_provenance
@@ -26,7 +26,7 @@ class FolderFacts:
     def pipelines(self) -> list[Pipeline]:
         """The pipelines that the rows were made with, that of most of them first; raises UserError."""
         counts = Counter(self.folder.dialect_of(row.curve) for row in self.rows)
-        return [self.folder.pipeline(name) for name, _ in counts.most_common()]
+        return [self.folder.pipeline(name, self.folder.facts_left_open(name)) for name, _ in counts.most_common()]
 
     @cached_property
     def used(self) -> list[CurveRow]:
@@ -54,9 +54,8 @@ class FolderFacts:
 
     @cached_property
     def instrument(self) -> str | None:
-        """What the file of facts in the folder states; raises ConfigurationError."""
-        path = self.folder.path / RIG
-        return read_rig(path).instrument if path.is_file() else None
+        """What the file of facts in the folder states; raises LogError."""
+        return self.folder.facts.instrument
 
     @property
     def provenance(self) -> list[FitProvenance]:
@@ -66,7 +65,7 @@ class FolderFacts:
     @property
     def own_settings(self) -> int:
         """Of how many rows the curve has settings of its own."""
-        return sum(bool(self.folder.settings_of(row.curve)) for row in self.rows)
+        return sum(bool(self.folder.own_of(row.curve)) for row in self.rows)
 
     def typical(self, name: str) -> CurveRow | None:
         """The used row whose value is the middle one; None where none has a number."""

@@ -50,6 +50,7 @@ _SOURCES = {
     "radius": "that of the tip's radius",
     "poisson": "that of Poisson's ratio",
     "height": "that of the specimen's thickness",
+    "beam": "that of the stiffness of the beam",
 }
 _NEGLIGIBLE = 0.05  # of a combined uncertainty
 _SMALL = 0.001  # p-value below which only that is said

@@ -150,7 +150,7 @@ def _drawn(case: Case, random: np.random.Generator) -> Floats:
             change = std * random.standard_normal()
             mass += change
             samples = replace(samples, force=samples.force + case.weight_per_mass * change)
-        elif cause in ("mounting", "normal", "curvature"):
+        elif cause in ("mounting", "normal", "curvature", "beam"):
             unexplained += _effects(case, row) * random.standard_normal()
         elif cause in ("timing", "tare", "force_scale", "position_scale", "compliance"):
             samples = _changed(samples, cause, std * random.standard_normal())

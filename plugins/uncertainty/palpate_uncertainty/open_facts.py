@@ -25,6 +25,7 @@ MASS = 0.14  # [kg] behind the sensor of a robot, whose tips are not below `SMAL
 TARE = 0.02  # of the largest force
 TILT = math.radians(5.0)
 MOUNT = 200e3  # [N/m]
+BEAM = 0.05  # of its stiffness
 SMALL = 0.5e-3  # [m]
 
 
@@ -166,6 +167,14 @@ def _mount(track: _OpenTrack) -> Iterator[Condition]:
         yield Condition("mount", "rigid mount", words_that_state("mount"), f"{1e-3 * MOUNT:g} N/mm", shifts)
 
 
+def _beam(track: _OpenTrack) -> Iterator[Condition]:
+    found, stiffness = track.found, track.end.settings.beam
+    if found is not None and stiffness is not None and track.end.settings.beam_uncertainty is None:
+        shifts = track.against(BEAM * stiffness * found.by_beam(stiffness))
+        text = f"a beam of {stiffness:.4g} N/m"
+        yield Condition("beam", text, words_that_state("beam"), f"{(1.0 + BEAM) * stiffness:.4g} N/m", shifts)
+
+
 def _position(track: _OpenTrack) -> Iterator[Condition]:
     position = track.end.settings.position
     if position.measured or position.uncertainty is not None or track.evidence.estimator.motion == "velocity":
@@ -181,7 +190,7 @@ def _frequency(track: _OpenTrack) -> Iterator[Condition]:
 
 
 _FACTS: tuple[Callable[[_OpenTrack], Iterator[Condition]], ...] = (
-    _thickness, _delay, _tare, _mass, _poisson, _level, _mount, _position, _frequency,
+    _thickness, _delay, _tare, _mass, _poisson, _level, _mount, _beam, _position, _frequency,
 )  # fmt: skip
 
 

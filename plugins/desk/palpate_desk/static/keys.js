@@ -7,7 +7,7 @@ export const KEYS = [
   [["m"], "model", "model"], [["t"], "tip", "tip"], [["s"], "segment", "segment"], [["c"], "compare with another model", "compare"],
   [["b"], "budget", "budget"], [["z"], "drop the range", "unrange"], [["/"], "filter; Esc leaves the field", "filter"],
   [["1"], "curve", "screen-curve"], [["2"], "groups", "screen-groups"], [["3"], "map", "screen-map"], [["4"], "export", "screen-export"],
-  [["u"], "undo", "undo"], [["?"], "this help", "help"],
+  [["f"], "facts of the rig that are open", "facts"], [["u"], "undo", "undo"], [["?"], "this help", "help"],
 ];
 
 export function listen(does) {

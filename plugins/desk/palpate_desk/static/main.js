@@ -1,4 +1,5 @@
 import { CurveView } from "./curve.js";
+import { listenFacts, openFacts, takeMistakes } from "./facts.js";
 import { help, listen } from "./keys.js";
 import { measured, unpack } from "./numbers.js";
 import { drawGroups, drawHistogram, drawSites } from "./points.js";
@@ -39,6 +40,8 @@ const TAKES = {
   done: (m) => { hush(); told(m.command); },
   note: (m) => warn(m.text),
   error: (m) => { window.palpate.errors.push(m.text); refitting = null; clearTimeout(waiting); view.settle(); warn(m.text); },
+  facts: openFacts,
+  mistakes: takeMistakes,
   groups: takeGroups,
   compare: (m, whole) => takeCompare(m, whole),
   export: (m) => { $("export-note").textContent = m.text; told(m.command); },
@@ -302,11 +305,12 @@ const DOES = {
   next: () => table.next((row) => row.mark === "none" && ["doubtful", "invalid"].includes(row.verdict)) || warn("no curve is flagged and unmarked"),
   good: () => mark("good"), bad: reject, clear: () => mark("none"), refit, "refit-all": refitAll,
   model: focus("model"), tip: focus("tip"), segment: focus("segment"), filter: focus("filter"), compare,
-  budget: () => { $("budget").open = !$("budget").open; }, unrange: dropRange, undo: () => send({ do: "undo" }), help: () => $("help").showModal(),
+  budget: () => { $("budget").open = !$("budget").open; }, unrange: dropRange, undo: () => send({ do: "undo" }), facts: () => !folder.read_only && send({ do: "facts" }), help: () => $("help").showModal(),
   ...Object.fromEntries(["curve", "groups", "map", "export"].map((name) => [`screen-${name}`, () => show(name)])),
 };
 listen((what) => folder && DOES[what]());
 help($("keys"));
+listenFacts(send);
 
 let typing = null;
 $("filter").addEventListener("input", () => { clearTimeout(typing); typing = setTimeout(() => send({ do: "filter", words: $("filter").value }), TYPING); });
@@ -314,7 +318,7 @@ $("filter").addEventListener("keydown", (event) => { if (event.key === "Enter") 
 for (const button of $("screens").children) button.addEventListener("click", () => show(button.dataset.screen));
 const CLICKS = {
   cancel: () => send({ do: "cancel" }), "apply-this": () => table.current && apply(one()), "apply-shown": () => (shownWords() ? apply(shownWords()) : warn("write a filter first, or press all")),
-  "apply-all": () => apply(null), refit, "refit-all": refitAll, undo: () => send({ do: "undo" }), "help-button": () => $("help").showModal(),
+  "apply-all": () => apply(null), refit, "refit-all": refitAll, undo: () => send({ do: "undo" }), "open-facts": () => send({ do: "facts" }), "help-button": () => $("help").showModal(),
   copy: () => navigator.clipboard?.writeText($("command").textContent), "range-this": () => apply(one()), "range-all": () => apply(null), "range-none": dropRange,
   test: () => send({ do: "groups", by: $("by").value, parameter: $("parameter").value }),
 };
