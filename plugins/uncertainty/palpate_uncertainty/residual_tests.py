@@ -170,17 +170,21 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     limit = _OUTLIER * np.maximum(null.std, 1.4826 * float(np.median(np.abs(residual))))
     tested = _Tested(space, null, np.clip(residual, -limit, limit), len(track.values))
     bins = {name: tested.test(tested.along(columns)) for name, columns in rows.places()}
-    shown = [
-        (cause, found, typical)
-        for cause, found, typical in tested.along_each([*rows.patterns()])
+    patterns = [*rows.patterns()]
+    shown = {
+        cause: (columns, typical, found)
+        for (cause, columns, typical), found in zip(patterns, tested.along_each(patterns), strict=True)
         if tested.shows(found, typical)
-    ]
-    tests = len(bins) + len(shown)
-    scores = {
-        cause: tested.test(found, typical, cause.partition(" of ")[0] in ONE_SIDED, LEVEL / tests)
-        for cause, found, typical in shown
     }
-    directions = [found.sharp[:, 0] for cause, found, _ in shown if found.sharp.shape[1] == 1 and scores[cause].freedom]
+    scores = {cause: tested.test(found, _is_one_sided(cause)) for cause, (_, _, found) in shown.items()}
+    directions = [
+        found.sharp[:, 0] for cause, (*_, found) in shown.items() if scores[cause].freedom == len(found.sums) == 1
+    ]
+    for cause, (columns, typical, _) in shown.items():
+        if (
+            scores[cause].p * (len(bins) + len(scores)) < LEVEL
+        ):  # by itself: the same digits whatever is tested beside it
+            scores[cause] = tested.step(columns, typical, _is_one_sided(cause))
     every = [test.p for test in (*bins.values(), *scores.values())]
     p = min(1.0, (len(bins) + _count(directions)) * min(every, default=1.0))
     inside = slice(rows.count)
@@ -231,12 +235,12 @@ class _Tested:
         covariance, sums = self.null.covariance(weights), weights.T @ self.residual
         return _Alternative(scaled, lengths, sharp, sharp.T @ own, covariance, sums)
 
-    def along_each(self, patterns: list[tuple[str, Floats, float]]) -> Iterator[tuple[str, _Alternative, float]]:
-        """Every cause with its typical size; those of one derivative are worked out together."""
+    def along_each(self, patterns: list[tuple[str, Floats, float]]) -> Iterator[_Alternative]:
+        """The same of every alternative; those of one derivative are worked out together."""
         single = [columns for _, columns, _ in patterns if columns.shape[1] == 1]
         together, places = self.along(np.column_stack(single)), count()
-        for cause, columns, typical in patterns:
-            yield cause, together.one(next(places)) if columns.shape[1] == 1 else self.along(columns), typical
+        for _, columns, _ in patterns:
+            yield together.one(next(places)) if columns.shape[1] == 1 else self.along(columns)
 
     def shows(self, found: _Alternative, typical: float) -> bool:
         """Whether an alternative of a typical size would stand out by four standard deviations."""
@@ -246,23 +250,29 @@ class _Tested:
         spread = math.sqrt(max(float(sizes @ found.covariance @ sizes), 1e-300))
         return float(sizes @ found.overlap @ sizes) >= _SHOWS * spread
 
-    def test(
-        self, found: _Alternative, typical: float = math.inf, one_sided: bool = False, level: float = 0.0
-    ) -> ScoreTest:
-        """The test along an alternative; with the step to it where chance alone has less than a level."""
-        powers, axes = np.linalg.eigh(found.covariance)
-        axes = axes[:, powers > _RANK * max(float(powers[-1]), 1e-300)] if powers[-1] > 0 else axes[:, :0]
-        powers = powers[len(powers) - axes.shape[1] :]
+    def test(self, found: _Alternative, one_sided: bool = False) -> ScoreTest:
+        """The test along an alternative."""
+        powers, axes = self._axes(found)
         freedom, value = axes.shape[1], axes.T @ found.sums
-        opposite = one_sided and found.sums[0] < 0
-        gain = 0.0 if opposite else float(np.sum(value**2 / powers))
+        gain = 0.0 if one_sided and found.sums[0] < 0 else float(np.sum(value**2 / powers))
         p = _tail(freedom, gain, self.null.force.readings) if freedom else 1.0
-        if not p < level:
-            return ScoreTest(gain, freedom, p, len(self.residual))
-        sizes = np.linalg.lstsq(axes.T @ found.overlap, value, rcond=_RANK)[0]
+        return ScoreTest(gain, freedom, p, len(self.residual))
+
+    def step(self, columns: Floats, typical: float, one_sided: bool) -> ScoreTest:
+        """The test along the derivatives (n, m) of an alternative, with one step to it."""
+        found = self.along(columns)
+        axes = self._axes(found)[1]
+        sizes = np.linalg.lstsq(axes.T @ found.overlap, axes.T @ found.sums, rcond=_RANK)[0]
         moved = -self.space.taken_by(found.scaled @ sizes)[: self.count]
         times = float(np.max(np.abs(sizes) / found.lengths)) / typical
-        return ScoreTest(gain, freedom, p, len(self.residual), moved, times)
+        return replace(self.test(found, one_sided), shifts=moved, times=times)
+
+    @staticmethod
+    def _axes(found: _Alternative) -> tuple[Floats, Floats]:
+        """Variances (d,) of an alternative's independent sums, and their directions (m, d)."""
+        powers, axes = np.linalg.eigh(found.covariance)
+        there = powers > _RANK * max(float(powers[-1]), 1e-300)
+        return powers[there], axes[:, there]
 
 
 @dataclass(frozen=True)
@@ -294,6 +304,10 @@ class _Space:
         """Direction (n, ...) in which values stand out most from the noise and what is stated."""
         both = np.eye(self.stated.shape[1]) + self.stated.T @ self.stated
         return np.asarray(values - self.stated @ np.linalg.solve(both, self.stated.T @ values))
+
+
+def _is_one_sided(cause: str) -> bool:
+    return cause.partition(" of ")[0] in ONE_SIDED
 
 
 def _count(directions: list[Floats]) -> float:
