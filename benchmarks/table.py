@@ -1,6 +1,6 @@
 """The table of results/speed-and-memory.md: each row with its command, and its ratio to a peer or a limit.
 
-Run it on a quiet machine; some ten minutes. The rows go to the standard output as Markdown, to be pasted; what the
+Run it on a quiet machine; some four minutes. The rows go to the standard output as Markdown, to be pasted; what the
 benchmarks print goes to the standard error. A row whose figure a benchmark does not print fails the command.
 """
 
@@ -28,8 +28,7 @@ class Row:
 
 
 SPEED = {
-    "first_second.py": (
-        Row("`palpate --version`", r"palpate --version +(?P<figure>\S+) +(?P<ratio>\S+)", "s", "`python -c pass`"),
+    "first_second.py 3": (
         Row("`palpate --help`", r"palpate --help +(?P<figure>\S+) +(?P<ratio>\S+)", "s", "`python -c pass`"),
         Row(
             "`palpate run point.toml`",
@@ -38,21 +37,7 @@ SPEED = {
             "`python -c pass`",
         ),
     ),
-    "filters_speed.py online": (
-        Row(
-            "a sample to its estimate, EKF",
-            r"ekf online.*tracker (?P<figure>[\d.]+)/.*tracker (?P<ratio>\S+) x",
-            "us",
-            "the kernel's step",
-        ),
-        Row(
-            "the same, AFUKF",
-            r"afukf online.*tracker (?P<figure>[\d.]+)/.*tracker (?P<ratio>\S+) x",
-            "us",
-            "the kernel's step",
-        ),
-    ),
-    "logs.py": (
+    "logs.py --rounds 2": (
         Row(
             "log of 10 minutes into columns",
             r"columnar, zstd +(?P<figure>\S+) +\S+ +(?P<ratio>\S+)",
@@ -60,33 +45,15 @@ SPEED = {
             "as fast as `mcap` and `struct`",
         ),
         Row(
-            "replay of it, EKF and AFUKF, a row every 10 ms",
-            r"llvm +every 10 ms +(?P<figure>\S+) +\S+ +(?P<ratio>\S+)",
-            "s",
-            "real time",
-        ),
-        Row(
-            "the same, by the clock",
+            "replay of it, EKF and AFUKF, a row every 10 ms, by the clock",
             r"llvm +every 10 ms +\S+ +\S+ +\S+ +\S+ +(?P<figure>\S+) +(?P<ratio>\S+)",
             "s",
             "real time",
         ),
-        Row(
-            "the same, a row a second, by the clock",
-            r"llvm +every 1 s +\S+ +\S+ +\S+ +\S+ +(?P<figure>\S+) +(?P<ratio>\S+)",
-            "s",
-            "real time",
-        ),
     ),
-    "simulations.py": (
+    "simulations.py 2": (
         Row(
-            "simulated raster of 154 s",
-            r"palpate run, all of it +(?P<figure>\S+) s CPU.*?(?P<ratio>[\d.]+) x the",
-            "s",
-            "its filter and smoother alone",
-        ),
-        Row(
-            "the same, by the clock",
+            "simulated raster of 154 s, by the clock",
             r"palpate run, by the clock +(?P<figure>\S+) s +(?P<ratio>\S+) x real",
             "s",
             "real time",
@@ -94,19 +61,7 @@ SPEED = {
     ),
     "fits.py": (
         Row(
-            "fit of 20 000 samples, solve only",
-            r"  lm +(?P<figure>\S+) ms +(?P<ratio>\S+) x",
-            "ms",
-            "`curve_fit`, one thread, same start",
-        ),
-        Row(
-            "the same, samples to minimum",
-            r"to minimum, default solver +(?P<figure>\S+) ms +(?P<ratio>\S+) x",
-            "ms",
-            "`curve_fit` by hand, one thread",
-        ),
-        Row(
-            "the same, samples to report",
+            "fit of 20 000 samples, samples to report",
             r"samples to report +(?P<figure>\S+) ms +(?P<ratio>\S+) x curve",
             "ms",
             "`curve_fit` by hand, one thread",
@@ -124,9 +79,15 @@ SPEED = {
             "nanite through lmfit",
         ),
     ),
-    "many_curves.py": (
+    "many_curves.py 100": (
         Row(
-            "`fit --each`, a curve of 1000 samples",
+            "a curve of 1000 samples, looked at",
+            r"look at +(?P<figure>\S+) ms +(?P<ratio>\S+) x",
+            "ms",
+            "`loadtxt` and `curve_fit`",
+        ),
+        Row(
+            "the same, fitted by `fit --each`",
             r"fit --each +(?P<figure>\S+) ms +(?P<ratio>\S+) x",
             "ms",
             "`loadtxt` and `curve_fit`",
@@ -136,7 +97,6 @@ SPEED = {
 MEMORY = {
     "logs_memory.py --gigabytes 4": (Row("memory of reading a log of 4 GB", r"(?P<figure>\d+) MiB", "MiB"),),
     "fits.py --large": (Row("fit of 10^7 samples, whole process", r"whole process: (?P<figure>\S+) GB", "GB"),),
-    "filters_speed.py memory": (Row("10^8 samples through a filter", r"(?P<figure>\d+) MB", "MB"),),
 }
 
 

@@ -508,3 +508,12 @@ def test_contradictory_settings_are_refused(settings, words):
     with pytest.raises(ConfigurationError) as caught:
         CasadiFit(**settings).start(Problem(DR, None))
     assert words in str(caught.value)
+
+
+def test_a_minimum_needs_no_contact_points(monkeypatch):
+    """They are of the report, and looked for where that is made."""
+    looked = []
+    monkeypatch.setattr("palpate_fits.approach.first_approach", lambda *given: looked.append(given))
+    model = DimensionalityReduction(indenter=SPHERE)
+    CasadiFit(profile=False).start(Problem(model, None)).fit(synthetic_samples(model, (E, ETA)))
+    assert not looked

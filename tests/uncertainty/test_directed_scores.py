@@ -8,6 +8,7 @@ from palpate_fits import CasadiFit
 from palpate_uncertainty.channel_noise import WHITE
 from palpate_uncertainty.directed_scores import SUSPICIOUS, scores
 from palpate_uncertainty.directed_tests import directed_tests
+from palpate_uncertainty.lack_of_fit import lack_of_fit
 from palpate_uncertainty.model_alternatives import alternatives, refit
 from palpate_uncertainty.refit import make_course
 from palpate_uncertainty.relaxation_alternatives import relaxing_share
@@ -78,3 +79,9 @@ def test_a_steady_force_relaxes_as_a_branch_does(ratio):
     np.testing.assert_allclose(share, -np.expm1(-ratio * np.arange(3000)) / ratio, rtol=1e-12, atol=1e-12)
     later = relaxing_share(np.r_[np.zeros(7), np.arange(3000.0)], ratio)
     np.testing.assert_allclose(later[7:], share, rtol=1e-12, atol=1e-12)
+
+
+def test_a_right_model_is_stepped_to_no_alternative(evidence, monkeypatch):
+    monkeypatch.setattr("palpate_uncertainty.residual_tests._Tested.step", None)
+    found = lack_of_fit([evidence("clean", CasadiFit(), seed=5)])["model/track"]
+    assert found.table["p"] > LEVEL

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from palpate import Floats, Indenter
-from palpate_engine import AlignmentSettings, registry, tip_table
+from palpate_engine import AlignmentSettings, approved_plugins, registry, tip_table
 from palpate_records.messages.readings import LARGEST
 from palpate_records.recording import Suggestion
 
@@ -100,10 +101,14 @@ def no_tare(time: Floats, force: Floats) -> str | None:
 
 def tip_of(choices: Mapping[str, str]) -> Indenter | None:
     """The tip among choices, by which units are guessed; None without any."""
-    if TIP not in choices:
-        return None
+    return _tip(choices[TIP], frozenset(approved_plugins())) if TIP in choices else None
+
+
+@lru_cache(1)
+def _tip(text: str, plugins: frozenset[str]) -> Indenter:
+    """The tip of a text, whose kind may be of one of these plugins."""
     known = registry.load()
-    table = tip_table(choices[TIP], known)
+    table = tip_table(text, known)
     found: Indenter = known.find("indenter", table.pop("type"))(**table)  # type: ignore[assignment]
     return found
 

@@ -90,14 +90,17 @@ def layout_of(
 
     Raises LogError without rows of numbers.
     """
-    if any('"' in line for line in lines):  # each by itself: a quotation mark that stands alone spoils no other line
-        rows = [next(dialect.rows([line]), []) for line in lines]
-    else:
-        rows = list(dialect.rows(lines))
-    skipped = [i for i, line in enumerate(lines) if not line.strip() or dialect.is_comment(line)]
-    skipped += range(max(header or 0, units or 0))
+    for looked in (lines[: 2 * _MANY], lines):
+        if any('"' in line for line in looked):  # each by itself: a quotation mark that stands alone spoils no other
+            rows = [next(dialect.rows([line]), []) for line in looked]
+        else:
+            rows = list(dialect.rows(looked))
+        skipped = [i for i, line in enumerate(looked) if not (text := line.lstrip()) or dialect.is_comment(text)]
+        skipped += range(max(header or 0, units or 0))
+        run = _rows_of_numbers(rows, {*skipped}, dialect)
+        if run is not None and run.rows >= _MANY and run.numbers >= 2:  # which more lines do not change
+            break
     stated: tuple[str, ...] | None = None
-    run = _rows_of_numbers(rows, {*skipped}, dialect)
     _refuse_numbers_above(path, rows, {*skipped}, run, dialect)
     if run is None:
         raise LogError(f"{path}: the file contains no rows of numbers")

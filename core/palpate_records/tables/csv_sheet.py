@@ -21,6 +21,7 @@ from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_li
 from palpate_records.tables.csv_names import is_electrical, looks_like_unit, plain_unit, unit_of, unit_text
 from palpate_records.tables.dialect import Dialect, dialect_of, grouped_or_decimal
 from palpate_records.tables.footer import without_footer
+from palpate_records.tables.plain_numbers import lines_from, plain_numbers, whole_lines
 from palpate_records.tables.table_record import OF_RECORD, TableRecord
 from palpate_records.tables.table_text import bounded_lines, open_text
 from palpate_records.tables.workbook import WORKBOOKS
@@ -100,25 +101,38 @@ class Sheet:
 
     def blocks(self) -> Iterator[Floats]:
         """The numbers (n, k), some thousand rows at a time; NaN for any other cell, seconds for times of day."""
+        self.footer.clear()
+        above = 0
+        is_plain = self.record is None and not self.layout.clocks
+        with open_text(self.path, *self.text_keys) as file:
+            for _ in islice(bounded_lines(file, self.path), self.layout.begin):
+                pass
+            for text in whole_lines(file):
+                numbers = plain_numbers(text, self.dialect, len(self.names)) if is_plain else None
+                if numbers is None:  # anything else than plain numbers is read line by line from there on
+                    yield from self._by_line(lines_from(text, file, self.path), above)
+                    break
+                above += len(numbers)
+                yield numbers
+
+    def _by_line(self, lines: Iterator[str], above: int) -> Iterator[Floats]:
+        """The numbers (n, k) of lines that may hold anything; so many rows were read above them."""
         count = len(self.names)
         readers = [seconds_or_nan if k in self.layout.clocks else self._reader(k) for k in range(count)]
         days = {k: Days() for k in self.layout.clocks if k < count}
-        with open_text(self.path, *self.text_keys) as file:
-            lines = islice(bounded_lines(file, self.path), self.layout.begin, None)
-            rows = self.dialect.rows(line for line in lines if not self.dialect.is_comment(line))
-            if self.stated.get("header"):  # of one table of several, that ends where the next begins
-                rows = one_table(rows, self.layout.names, list)
-            self.footer.clear()
-            rows = without_footer(rows, list, self.layout.numbers, self.dialect, self.footer)
-            if self.record is not None:
-                rows = map(self.record.picked, self.record.rows(rows, list))
-            while part := list(islice(rows, _BLOCK)):
-                block = np.full((len(part), count), np.nan)
-                for i, cells in enumerate(part):
-                    block[i, : len(cells)] = [read(cell) for read, cell in zip(readers, cells[:count])]
-                for k, day in days.items():
-                    block[:, k] = day.unwrapped(block[:, k])
-                yield block[[bool(cells) for cells in part]]
+        rows = self.dialect.rows(line for line in lines if not self.dialect.is_comment(line))
+        if self.stated.get("header"):  # of one table of several, that ends where the next begins
+            rows = one_table(rows, self.layout.names, list)
+        rows = without_footer(rows, list, self.layout.numbers, self.dialect, self.footer, above)
+        if self.record is not None:
+            rows = map(self.record.picked, self.record.rows(rows, list))
+        while part := list(islice(rows, _BLOCK)):
+            block = np.full((len(part), count), np.nan)
+            for i, cells in enumerate(part):
+                block[i, : len(cells)] = [read(cell) for read, cell in zip(readers, cells[:count])]
+            for k, day in days.items():
+                block[:, k] = day.unwrapped(block[:, k])
+            yield block[[bool(cells) for cells in part]]
 
     def _reader(self, column: int) -> Callable[[str], float]:
         """What makes a number of the cells of a column, NaN where they are not numbers."""

@@ -16,6 +16,7 @@ from palpate_records.tables.clock_times import seconds_of_day
 MARKS = ("#", "%", "//", ";", "!")  # at the beginning of a line that is a comment
 _SEPARATORS = ("\t", ";", ",", " ")
 _LOOKED = 15  # lines, the longest and the last, among which numbers are likeliest
+_SPACES = " \u00a0\u202f"  # any of which stands between thousands where a space does
 _BLANKS = ("", "-", "--", "n/a", "none", "null")
 
 
@@ -44,7 +45,10 @@ class Dialect:
 
     def is_value(self, cell: str) -> bool:
         """Whether a cell is a number, with or without its unit, or a time of day."""
-        return self.is_number(cell) or self.is_number(number_and_unit(cell)[0]) or is_clock(cell)
+        if self.is_number(cell):
+            return True
+        plain, unit = number_and_unit(cell)
+        return (bool(unit) and self.is_number(plain)) or is_clock(cell)
 
     def is_comment(self, line: str) -> bool:
         """Whether a line is a comment."""
@@ -53,6 +57,8 @@ class Dialect:
 
 def is_clock(cell: str) -> bool:
     """Whether a cell is a time of day, with or without a date."""
+    if ":" not in cell:
+        return False
     try:
         seconds_of_day(cell)
     except ValueError:
@@ -68,8 +74,20 @@ def is_blank(cell: str) -> bool:
 def dialect_of(lines: Sequence[str]) -> Dialect:
     """The likeliest dialect of lines: that in which most of their cells are numbers, and fewest are text."""
     late = lines[len(lines) // 2 :]
-    best = max(_dialects(lines), key=partial(_score, [*sorted(late, key=len)[-_LOOKED:], *late[-_LOOKED:]]))
+    likeliest = [*sorted(late, key=len)[-_LOOKED:], *late[-_LOOKED:]]
+    different: dict[tuple[str, str, str], Dialect] = {}
+    for dialect in _dialects(lines):
+        different.setdefault(_marks_in("".join(likeliest), dialect), dialect)
+    best = max(different.values(), key=partial(_score, likeliest))
     return replace(best, comment=_comment(lines, best))
+
+
+def _marks_in(text: str, dialect: Dialect) -> tuple[str, str, str]:
+    """The marks of a dialect that a text holds: it has the same cells in all dialects with the same of them."""
+    delimiter = dialect.delimiter if dialect.delimiter in text or '"' in text else ""
+    decimal = dialect.decimal if "." in text or "," in text else ""
+    alike = _SPACES if dialect.thousands == " " else dialect.thousands
+    return delimiter, decimal, dialect.thousands if any(mark in text for mark in alike) else ""
 
 
 def _dialects(lines: Sequence[str]) -> Iterator[Dialect]:
@@ -99,7 +117,7 @@ def _score(lines: Sequence[str], dialect: Dialect) -> tuple[float, float]:
 
 
 def _comment(lines: Sequence[str], dialect: Dialect) -> str:
-    begins = [line.lstrip()[:2] for line in lines]
+    begins = {line.lstrip()[:2] for line in lines}
     marks = [mark for mark in MARKS if mark != dialect.delimiter]
     return next((mark for mark in marks if any(begin.startswith(mark) for begin in begins)), "#")
 

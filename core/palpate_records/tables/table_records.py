@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
+from typing import IO
 
 from palpate import LogError, printable, suggest
 
@@ -17,6 +19,7 @@ from palpate_records.messages.readings import si_unit
 from palpate_records.tables.cells import number
 from palpate_records.tables.csv_names import exact_role, role_by_words, unit_of, words_of
 from palpate_records.tables.csv_sheet import Sheet
+from palpate_records.tables.plain_numbers import whole_lines
 from palpate_records.tables.table_record import TableRecord
 from palpate_records.tables.table_text import bounded_lines, open_text
 from palpate_records.tables.workbook import WORKBOOKS, record_sheets
@@ -68,7 +71,18 @@ def sheet_of(path: Path, stated: Mapping[str, str] | None = None) -> Sheet:
     """How a file is written, or the record of it that is stated; raises LogError."""
     given = dict(stated or {})
     name = given.pop(RECORD, None)
-    return Sheet.of(path, given, None if name is None else record_named(path, name, given))
+    return _sheet(path, given) if name is None else Sheet.of(path, given, record_named(path, name, given))
+
+
+def _sheet(path: Path, given: Mapping[str, str]) -> Sheet:
+    """How a file is written that is one record."""
+    about = path.stat()
+    return _sheet_at(path, tuple(sorted(given.items())), about.st_mtime_ns, about.st_size)
+
+
+@lru_cache(_FILES)
+def _sheet_at(path: Path, stated: tuple[tuple[str, str], ...], changed: int, size: int) -> Sheet:
+    return Sheet.of(path, dict(stated))
 
 
 @lru_cache(_FILES)
@@ -90,7 +104,7 @@ def _records(path: Path, stated: tuple[tuple[str, str], ...], changed: int, size
 def _in_table(path: Path, given: Mapping[str, str]) -> list[TableRecord]:
     """The records in one text or sheet, none where it is one; LogError is for whoever reads it."""
     with suppress(LogError):
-        sheet = Sheet.of(path, given)
+        sheet = _sheet(path, given)
         if sheet.header and len(sheet.names) > 1:
             stacked = [] if "header" in given else _stacked(sheet)
             return stacked or _side_by_side(sheet) or _by_column(sheet)
@@ -101,17 +115,27 @@ def _stacked(sheet: Sheet) -> list[TableRecord]:
     """Tables under each other that have the same names, by the title above each."""
     names, found, title = [name.strip() for name in sheet.names], list[tuple[int, str]](), ""
     with open_text(sheet.path, *sheet.text_keys) as file:
-        for line, text in enumerate(bounded_lines(file, sheet.path), 1):
-            if any(char.isalpha() for char in text):
-                cells = [cell.strip() for cell in next(iter(sheet.dialect.rows([text])), [])]
-                if cells == names:
-                    found.append((line, title or str(len(found) + 1)))
-                    title = ""
-                elif sum(map(bool, cells)) == 1:
-                    title = printable("".join(cells))[:_NAME]
+        for line, text in _lines_with_letters(file, sheet):
+            cells = [cell.strip() for cell in next(iter(sheet.dialect.rows([text])), [])]
+            if cells == names:
+                found.append((line, title or str(len(found) + 1)))
+                title = ""
+            elif sum(map(bool, cells)) == 1:
+                title = printable("".join(cells))[:_NAME]
     if len({title for _, title in found}) < len(found):
         found = [(line, str(k)) for k, (line, _) in enumerate(found, 1)]
     return [TableRecord(title, header=line) for line, title in found] if len(found) > 1 else []
+
+
+def _lines_with_letters(file: IO[str], sheet: Sheet) -> Iterator[tuple[int, str]]:
+    """The lines that hold a letter, with their numbers from 1 on."""
+    above = [*islice(bounded_lines(file, sheet.path), sheet.layout.begin)]
+    count = 0
+    for text in chain(above, whole_lines(file)):
+        lines = [*io.StringIO(text, newline="")]
+        if any(map(str.isalpha, {*text})):
+            yield from ((count + k, line) for k, line in enumerate(lines, 1) if any(map(str.isalpha, line)))
+        count += len(lines)
 
 
 def _side_by_side(sheet: Sheet) -> list[TableRecord]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from palpate import Samples
 from palpate_engine import change_point
-from palpate_kit.numerics.contact_point import Approach, bin_force
+from palpate_kit.numerics.contact_point import CONTACT_METHODS, Approach, ContactPoint, bin_force, contact_point
 from palpate_kit.numerics.tip_travel import median, third_differences
 
 from palpate_fits.segments import RecordCourse
@@ -15,6 +16,28 @@ from palpate_fits.segments import RecordCourse
 _LEAST_AIR = 20  # samples
 _NEAR = 15.0  # standard deviations of the force
 _IN_ALL = 3  # samples beyond, which one alone may be by chance
+
+
+@dataclass(frozen=True)
+class SurfaceByForce:
+    """Where methods that look at the force alone see the surface, worked out where it is needed."""
+
+    samples: Samples
+    course: RecordCourse
+    threshold: float | None  # [N]
+
+    @cached_property
+    def approach(self) -> Approach | None:
+        """See `first_approach`."""
+        return first_approach(self.samples, self.course)
+
+    @cached_property
+    def points(self) -> dict[str, ContactPoint]:
+        """The contact points by method, of those that find one."""
+        if self.approach is None:
+            return {}
+        found = {method: contact_point(method, self.approach, self.threshold) for method in CONTACT_METHODS}
+        return {method: point for method, point in found.items() if point is not None}
 
 
 def first_approach(samples: Samples, course: RecordCourse) -> Approach | None:

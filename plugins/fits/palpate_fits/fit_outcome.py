@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from palpate import Flag, Problem, Samples
 from palpate_kit.budget.uncertainty_sources import UncertaintySource
-from palpate_kit.numerics.contact_point import Approach, ContactPoint
 from palpate_kit.numerics.tip_travel import TipTravel
 
+from palpate_fits.approach import SurfaceByForce
 from palpate_fits.fit_settings import FitSettings
 from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import FitRecord
@@ -28,8 +28,7 @@ class FitOutcome:
     rows: Rows  # (n,) fitted samples
     course: RecordCourse
     motion: TipTravel
-    approach: Approach | None
-    points: dict[str, ContactPoint]
+    by_force: SurfaceByForce
     sources: tuple[UncertaintySource, ...]
     unknowns: Unknowns
     linear: tuple[int, ...]

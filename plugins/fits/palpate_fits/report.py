@@ -163,10 +163,10 @@ def _implied(fit: FitOutcome) -> Iterator[tuple[str, str, float, str]]:
     """Sources that the record itself declares: the tare, and a contact point that is not fitted."""
     names = {fit.unknowns.names[place] for place in fit.residual.free}
     declared = {source.name for source in fit.sources}
-    if not {"bias"} & (names | declared | set(fit.settings.fixed)) and fit.approach is not None:
-        yield "tare", "bias", mean_uncertainty(fit.approach.force[: fit.approach.air]), "N"
+    if not {"bias"} & (names | declared | set(fit.settings.fixed)) and fit.by_force.approach is not None:
+        yield "tare", "bias", mean_uncertainty(fit.by_force.approach.force[: fit.by_force.approach.air]), "N"
     if fit.settings.contact_point != "free":
-        yield "contact point", "surface", fit.points[fit.settings.contact_point].std, "m"
+        yield "contact point", "surface", fit.by_force.points[fit.settings.contact_point].std, "m"
 
 
 def _included(fit: FitOutcome) -> Iterator[str]:
@@ -185,7 +185,7 @@ def _total(judged: _FitWithUncertainty) -> Floats:
     total = np.zeros(len(fit.solution.x))
     total[list(fit.residual.free)] = np.hypot(judged.random, judged.systematic)
     if fit.settings.contact_point != "free":
-        total[fit.unknowns.index("surface")] = fit.points[fit.settings.contact_point].std
+        total[fit.unknowns.index("surface")] = fit.by_force.points[fit.settings.contact_point].std
     return total
 
 
@@ -220,7 +220,7 @@ def _details(judged: _FitWithUncertainty, total: Floats) -> dict[str, Any]:
         "confidence": fit.settings.confidence,
         "included": list(_included(fit)),
         "identifiability": judged.identifiability,
-        "contact_points": {name: {"surface": p.surface, "std": p.std} for name, p in fit.points.items()},
+        "contact_points": {name: {"surface": p.surface, "std": p.std} for name, p in fit.by_force.points.items()},
         "notes": ["AIC and BIC count every sample as independent; use their order, not their size"],
     }
     if fit.settings.bootstrap:
@@ -261,8 +261,8 @@ def _table(judged: _FitWithUncertainty, total: Floats) -> dict[str, Any]:
 def _misfit(fit: FitOutcome, found: ResidualScatter) -> Iterator[Flag]:
     """Whether the residual is more than the noise in the air, or than its own white noise where there was no air."""
     rms = float(np.sqrt(found.rss / max(found.samples, 1)))
-    noise = found.noise if fit.approach is None else fit.approach.noise
-    if fit.approach is not None and rms > _MISFIT * noise:  # in the air the height's noise is not felt
+    noise = found.noise if fit.by_force.approach is None else fit.by_force.approach.noise
+    if fit.by_force.approach is not None and rms > _MISFIT * noise:  # in the air the height's noise is not felt
         surface = fit.unknowns.index("surface")
         noise = float(np.hypot(noise, force_noise(fit.residual, fit.record, fit.solution.x, surface)))
     if noise > 0 and rms > _MISFIT * noise:

@@ -8,12 +8,7 @@ from functools import cached_property
 import numpy as np
 from palpate import Estimates, Flag, Floats, Problem, Samples
 from palpate_kit.budget.uncertainty_sources import UncertaintySource
-from palpate_kit.numerics.contact_point import (
-    CONTACT_METHODS,
-    Approach,
-    ContactPoint,
-    contact_point,
-)
+from palpate_kit.numerics.contact_point import Approach
 from palpate_kit.numerics.refusal import NotFitted
 from palpate_kit.numerics.tip_travel import (
     TipTravel,
@@ -24,7 +19,7 @@ from palpate_kit.numerics.tip_travel import (
     zero_phase_motion,
 )
 
-from palpate_fits.approach import constrained_surface, first_approach
+from palpate_fits.approach import SurfaceByForce, constrained_surface
 from palpate_fits.arm_order import in_order
 from palpate_fits.first_guess import first_guess, guess_by_contrast, linear_places, moduli_of
 from palpate_fits.fit_outcome import FitOutcome
@@ -90,9 +85,8 @@ class FitTracker:
         motion = zero_phase_motion(samples, settings.smoothing, self._longest_window(samples, course.travel))
         rows = segment_rows(self._windows, samples, motion.rate, course)
         rows = _without_saturation(samples, rows, notes)
-        approach = first_approach(samples, course)
-        points = _contact_points(settings, approach)
-        unknowns = self._prepared(samples, rows, approach, points, notes)
+        by_force = SurfaceByForce(samples, course, settings.threshold)
+        unknowns = self._prepared(samples, rows, by_force, notes)
         enough = max(_FEWEST * len(unknowns.free), 10)
         if np.count_nonzero(rows) < enough:
             raise NotFitted("too-few-samples", f"{np.count_nonzero(rows)} samples to fit; {enough} are needed")
@@ -123,7 +117,7 @@ class FitTracker:
         if loss.kind == "linear":
             solution = correct_attenuation(residual, record, unknowns, solution)
         return FitOutcome(
-            settings, self._problem, samples, rows, course, motion, approach, points, self._sources, unknowns, linear,
+            settings, self._problem, samples, rows, course, motion, by_force, self._sources, unknowns, linear,
             record, residual, solution, solver, loss, tuple(notes),
         )  # fmt: skip
 
@@ -131,8 +125,7 @@ class FitTracker:
         self,
         samples: Samples,
         rows: Rows,
-        approach: Approach | None,
-        points: dict[str, ContactPoint],
+        by_force: SurfaceByForce,
         notes: list[Flag],
     ) -> Unknowns:
         """The unknowns with what only the record can say: whether it determines the bias, where the surface may be."""
@@ -141,13 +134,13 @@ class FitTracker:
         if settings.unknowns is None and "bias" not in settings.fixed and air > _AIR_SHARE * np.count_nonzero(rows):
             unknowns = self._biased
         if settings.contact_point != "free":
-            if settings.contact_point not in points:
+            if settings.contact_point not in by_force.points:
                 raise NotFitted(
                     "not-fitted", f'contact_point "{settings.contact_point}" finds no surface in this record'
                 )
-            unknowns = unknowns.changed("surface", free=False, value=points[settings.contact_point].surface)
+            unknowns = unknowns.changed("surface", free=False, value=by_force.points[settings.contact_point].surface)
         elif settings.force_uncertainty is not None:
-            unknowns = self._constrained(unknowns, approach, settings.force_uncertainty, notes)
+            unknowns = self._constrained(unknowns, by_force.approach, settings.force_uncertainty, notes)
         return unknowns
 
     @cached_property
@@ -249,13 +242,6 @@ def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
         report=found.report,
         timing_included=found.timing_included,
     )
-
-
-def _contact_points(settings: FitSettings, approach: Approach | None) -> dict[str, ContactPoint]:
-    if approach is None:
-        return {}
-    found = {method: contact_point(method, approach, settings.threshold) for method in CONTACT_METHODS}
-    return {method: point for method, point in found.items() if point is not None}
 
 
 def _without_saturation(samples: Samples, rows: Rows, notes: list[Flag]) -> Rows:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import io
-import warnings
 from collections.abc import Iterator
 from contextlib import suppress
-from itertools import chain, islice
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +18,14 @@ from palpate_records.tables.csv_names import weight_of
 from palpate_records.tables.csv_truncation import cut_number
 from palpate_records.tables.dialect import MARKS
 from palpate_records.tables.footer import without_footer
+from palpate_records.tables.plain_numbers import lines_from, plain_numbers, whole_lines, without_digits
 from palpate_records.tables.table_records import record_named
 from palpate_records.tables.table_text import bounded_lines, open_text
-from pydantic_core import from_json
 
 from palpate_logs.csv_settings import CsvSettings
 
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 4096  # rows in one batch
-_CHARACTERS, _LONGEST = 1 << 17, 100_000  # read at once; and to the end of the last line
-_OF_NUMBERS = str.maketrans("", "", "0123456789+-.eE")  # takes away what a number is made of
 
 
 class CsvLink:
@@ -115,10 +111,10 @@ class CsvLink:
             self._check_units()
             file.seek(0)
             line = sum(1 for _ in islice(bounded_lines(file, path), self._layout.begin))  # the last that was read
-            while text := file.read(_CHARACTERS) + file.readline(_LONGEST):
+            for text in whole_lines(file):
                 numbers = self._plain(text)
                 if numbers is None:  # anything else than plain numbers is read line by line from there on
-                    rest = chain(bounded_lines(io.StringIO(text, newline=""), path), bounded_lines(file, path))
+                    rest = lines_from(text, file, path)
                     mark = self._dialect.comment
                     said = ("\n" if mark in one and self._dialect.is_comment(one) else one for one in rest)
                     yield from self._by_line(enumerate(self._dialect.rows(said), line + 1), line - self._layout.begin)
@@ -129,27 +125,11 @@ class CsvLink:
             self._refuse_cut()
 
     def _plain(self, text: str) -> Floats | None:
-        """The numbers (n, places) of whole lines of nothing but numbers; None for other lines.
-
-        What is left without the characters of numbers must be the same separators in every line.
-        """
-        comma, width = self._dialect.delimiter, self._layout.width
-        if self._record is not None:
+        """The numbers (n, places) of whole lines of nothing but numbers; None for other lines."""
+        if self._record is not None or self._clock or max(self._at, default=0) >= self._layout.width:
             return None
-        if '"' in text or self._clock or self._dialect.thousands or (self._dialect.decimal == "," and "." in text):
-            return None
-        text = text.replace("\r\n", "\n") if "\r" in text else text
-        text = text.replace(",", ".") if self._dialect.decimal == "," else text
-        text = text.removesuffix("\n")
-        count = text.count("\n") + 1
-        separators = ("\n" + comma * (width - 1)) * count
-        if not text or text.translate(_OF_NUMBERS) != separators[1:]:
-            return None
-        found = _parsed((text if comma == "," else text.replace(comma, ",")).replace("\n", ","))
-        if found is None:
-            return None
-        whole = found.size == count * width and max(self._at, default=0) < width
-        return found.reshape(count, width)[:, self._at] if whole else None
+        numbers = plain_numbers(text, self._dialect, self._layout.width)
+        return None if numbers is None else numbers[:, self._at]
 
     def _by_line(self, rows: Iterator[tuple[int, list[str]]], above: int) -> Iterator[Floats]:
         """The numbers (n, places) of lines that may hold anything; so many rows were read above them."""
@@ -240,7 +220,7 @@ class CsvLink:
         with suppress(ValueError, IndexError):
             texts = [cells[place] for _, cells in complete for place in self._at]
             if self._dialect == type(self._dialect)(self._dialect.delimiter, comment=self._dialect.comment) and (
-                not "".join(texts).translate(_OF_NUMBERS).strip(" ")
+                not without_digits("".join(texts)).strip(" ")
             ):
                 return np.array([float(text) for text in texts]).reshape(len(complete), len(self._at))
         last = len(self._at) - 1
@@ -276,18 +256,3 @@ class CsvLink:
             kind = "time of day" if clock else "number"
             problem = f"column {place} holds {text!r}, which is not a {kind}{advice}"
             raise LogError(f"{self._log.file}:{line}: {problem}") from error
-
-
-def _parsed(numbers: str) -> Floats | None:
-    """The numbers (n,) between commas; None where they are not numbers."""
-    try:  # a reader of JSON, which has the same numbers but for +1, .5 and 1., takes a third of the time
-        found = from_json(f"[{numbers}]")
-        return np.fromiter(found, np.float64, len(found))
-    except (ValueError, OverflowError):
-        pass
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # text that does not end as a number
-        try:
-            return np.fromstring(numbers, sep=",")
-        except (DeprecationWarning, ValueError):
-            return None

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -260,8 +261,6 @@ def _width(step: float, count: int) -> int:
 
 def _relaxing(elastic: Floats, step: float, tau: float) -> Floats:
     """The part (n,) of a force that dies away with a time constant [s]."""
-    keep, found, left = math.exp(-step / tau), [], 0.0
-    for change in np.diff(elastic, prepend=0.0).tolist():
-        left = left * keep + change
-        found.append(left)
-    return np.array(found)
+    keep = math.exp(-step / tau)
+    changes = np.diff(elastic, prepend=0.0).tolist()
+    return np.array(list(accumulate(changes, lambda left, change: left * keep + change)))

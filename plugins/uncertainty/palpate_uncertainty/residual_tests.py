@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,8 @@ class ScoreTest:
     gain: float  # chi square, and twice the logarithm of the ratio of likelihoods
     freedom: int
     p: float
-    shifts: Floats  # (k,) of the parameters, of one step to the alternative
     samples: int
+    shifts: Floats = field(default_factory=lambda: np.zeros(0))  # (k,) of the parameters, of one step to a cause
     times: float = 0.0  # a typical size, that the step is
 
     @property
@@ -168,14 +169,24 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     residual = space.beside(np.concatenate([residual, rows.air_force]) / space.std) * space.std
     limit = _OUTLIER * np.maximum(null.std, 1.4826 * float(np.median(np.abs(residual))))
     tested = _Tested(space, null, np.clip(residual, -limit, limit), len(track.values))
-    bins = {name: tested.along(columns) for name, columns in rows.places()}
-    scores = {
-        cause: tested.along(columns, typical, cause.partition(" of ")[0] in ONE_SIDED)
-        for cause, columns, typical in rows.patterns()
-        if tested.shows(columns, typical)
+    bins = {name: tested.test(tested.along(columns)) for name, columns in rows.places()}
+    patterns = [*rows.patterns()]
+    shown = {
+        cause: (columns, typical, found)
+        for (cause, columns, typical), found in zip(patterns, tested.along_each(patterns), strict=True)
+        if tested.shows(found, typical)
     }
+    scores = {cause: tested.test(found, _is_one_sided(cause)) for cause, (_, _, found) in shown.items()}
+    directions = [
+        found.sharp[:, 0] for cause, (*_, found) in shown.items() if scores[cause].freedom == len(found.sums) == 1
+    ]
+    for cause, (columns, typical, _) in shown.items():
+        if (
+            scores[cause].p * (len(bins) + len(scores)) < LEVEL
+        ):  # by itself: the same digits whatever is tested beside it
+            scores[cause] = tested.step(columns, typical, _is_one_sided(cause))
     every = [test.p for test in (*bins.values(), *scores.values())]
-    p = min(1.0, (len(bins) + _count(tested.directions)) * min(every, default=1.0))
+    p = min(1.0, (len(bins) + _count(directions)) * min(every, default=1.0))
     inside = slice(rows.count)
     usual, found = (float(np.sqrt(np.mean(values[inside] ** 2))) for values in (null.std, tested.residual))
     excess = math.sqrt(max(found**2 - usual**2, 0.0)) / max(float(np.sqrt(np.mean(rows.force[inside] ** 2))), 1e-300)
@@ -187,6 +198,24 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
 
 
 @dataclass(frozen=True)
+class _Alternative:
+    """Derivatives of an alternative, each of length 1 over the standard deviation, and a residual along them."""
+
+    scaled: Floats  # (n, m)
+    lengths: Floats  # (m,)
+    sharp: Floats  # (n, m) in which they stand out most
+    overlap: Floats  # (m, m) of these with what the fit leaves of the derivatives
+    covariance: Floats  # (m, m) of the sums by noise
+    sums: Floats  # (m,) of the residual
+
+    def one(self, k: int) -> _Alternative:
+        """One of several alternatives of one derivative each."""
+        at = slice(k, k + 1)
+        columns = self.scaled[:, at], self.lengths[at], self.sharp[:, at]
+        return _Alternative(*columns, self.overlap[at, at], self.covariance[at, at], self.sums[at])
+
+
+@dataclass(frozen=True)
 class _Tested:
     """A residual that is tested along directions."""
 
@@ -194,44 +223,56 @@ class _Tested:
     null: ResidualNull
     residual: Floats  # (n,) [N]
     count: int  # of parameters
-    directions: list[Floats] = field(
-        default_factory=list
-    )  # (n,) of length 1 that single alternatives were tested along
 
-    def shows(self, columns: Floats, typical: float) -> bool:
-        """Whether an alternative of a typical size would stand out by four standard deviations."""
-        if math.isinf(typical):
-            return True
-        sizes = np.full(columns.shape[1], typical)
-        whole = self.space.beside(columns @ sizes / self.space.std)
-        weights = self.space.sharpest(whole)
-        spread = math.sqrt(max(float(self.null.covariance((weights / self.space.std)[:, None])[0, 0]), 1e-300))
-        return float(weights @ whole) >= _SHOWS * spread
-
-    def along(self, columns: Floats, typical: float = math.inf, one_sided: bool = False) -> ScoreTest:
-        """The test of what the residual is along the derivatives (n, m) of an alternative."""
+    def along(self, columns: Floats) -> _Alternative:
+        """What the residual is along the derivatives (n, m) of an alternative, or of several of one each."""
         scaled = columns / self.space.std[:, None]
         lengths = np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
         scaled = scaled / lengths
         own = self.space.beside(scaled)
         sharp = self.space.sharpest(own)
         weights = sharp / self.space.std[:, None]
-        powers, axes = np.linalg.eigh(self.null.covariance(weights))
-        axes = axes[:, powers > _RANK * max(float(powers[-1]), 1e-300)] if powers[-1] > 0 else axes[:, :0]
-        powers = powers[len(powers) - axes.shape[1] :]
-        freedom, value = axes.shape[1], axes.T @ (weights.T @ self.residual)
-        gain = float(np.sum(value**2 / powers))
-        if columns.shape[1] == 1 and freedom:
-            self.directions.append(sharp[:, 0] / np.linalg.norm(sharp))
-        sizes = (
-            np.linalg.lstsq(axes.T @ (sharp.T @ own), value, rcond=_RANK)[0] if freedom else np.zeros(scaled.shape[1])
-        )
-        moved = -self.space.taken_by(scaled @ sizes)[: self.count]
-        if one_sided and sizes[0] < 0:
-            gain = 0.0
+        covariance, sums = self.null.covariance(weights), weights.T @ self.residual
+        return _Alternative(scaled, lengths, sharp, sharp.T @ own, covariance, sums)
+
+    def along_each(self, patterns: list[tuple[str, Floats, float]]) -> Iterator[_Alternative]:
+        """The same of every alternative; those of one derivative are worked out together."""
+        single = [columns for _, columns, _ in patterns if columns.shape[1] == 1]
+        together, places = self.along(np.column_stack(single)), count()
+        for _, columns, _ in patterns:
+            yield together.one(next(places)) if columns.shape[1] == 1 else self.along(columns)
+
+    def shows(self, found: _Alternative, typical: float) -> bool:
+        """Whether an alternative of a typical size would stand out by four standard deviations."""
+        if math.isinf(typical):
+            return True
+        sizes = typical * found.lengths
+        spread = math.sqrt(max(float(sizes @ found.covariance @ sizes), 1e-300))
+        return float(sizes @ found.overlap @ sizes) >= _SHOWS * spread
+
+    def test(self, found: _Alternative, one_sided: bool = False) -> ScoreTest:
+        """The test along an alternative."""
+        powers, axes = self._axes(found)
+        freedom, value = axes.shape[1], axes.T @ found.sums
+        gain = 0.0 if one_sided and found.sums[0] < 0 else float(np.sum(value**2 / powers))
         p = _tail(freedom, gain, self.null.force.readings) if freedom else 1.0
-        times = float(np.max(np.abs(sizes) / lengths)) / typical
-        return ScoreTest(gain, freedom, p, moved, len(self.residual), times)
+        return ScoreTest(gain, freedom, p, len(self.residual))
+
+    def step(self, columns: Floats, typical: float, one_sided: bool) -> ScoreTest:
+        """The test along the derivatives (n, m) of an alternative, with one step to it."""
+        found = self.along(columns)
+        axes = self._axes(found)[1]
+        sizes = np.linalg.lstsq(axes.T @ found.overlap, axes.T @ found.sums, rcond=_RANK)[0]
+        moved = -self.space.taken_by(found.scaled @ sizes)[: self.count]
+        times = float(np.max(np.abs(sizes) / found.lengths)) / typical
+        return replace(self.test(found, one_sided), shifts=moved, times=times)
+
+    @staticmethod
+    def _axes(found: _Alternative) -> tuple[Floats, Floats]:
+        """Variances (d,) of an alternative's independent sums, and their directions (m, d)."""
+        powers, axes = np.linalg.eigh(found.covariance)
+        there = powers > _RANK * max(float(powers[-1]), 1e-300)
+        return powers[there], axes[:, there]
 
 
 @dataclass(frozen=True)
@@ -265,11 +306,16 @@ class _Space:
         return np.asarray(values - self.stated @ np.linalg.solve(both, self.stated.T @ values))
 
 
+def _is_one_sided(cause: str) -> bool:
+    return cause.partition(" of ")[0] in ONE_SIDED
+
+
 def _count(directions: list[Floats]) -> float:
-    """How many tests along correlated directions amount to (Nyholt 2004)."""
+    """How many tests along correlated directions (n,) amount to (Nyholt 2004)."""
     if len(directions) < 2:
         return float(len(directions))
-    powers = np.linalg.eigvalsh(np.array(directions) @ np.array(directions).T)
+    rows = np.array([direction / np.linalg.norm(direction) for direction in directions])
+    powers = np.linalg.eigvalsh(rows @ rows.T)
     return 1.0 + (len(directions) - 1.0) * (1.0 - float(np.var(powers, ddof=1)) / len(directions))
 
 
