@@ -59,6 +59,16 @@ def test_a_reflex_below_the_force_that_stops_the_motion_is_refused():
     assert problem.startswith("collision_force is 12 N, at which the controller stops the arm in the material")
 
 
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ('device.arm.model="panta"', "panda"),
+        ('device.arm.stiffness="50 N/mm"', "stiffness"),
+        ('device.arm.rotational_stiffness="80 N*m"', "is a torque, not a rotational stiffness"),
+        ('device.arm.collision_force="0 N"', "collision_force"),
+        ('device.arm.friction=["1 N*m"]', "friction"),
+    ],
+)
 def test_bad_input_is_named(setting, words):
     with pytest.raises(ConfigurationError, match=words):
         load_pipeline(PIPELINES / "point.toml", [setting])
