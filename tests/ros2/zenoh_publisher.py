@@ -5,8 +5,8 @@ usage: python zenoh_publisher.py PORT DOMAIN TABLE [OFFSET]
 It imports nothing of palpate. TABLE is a JSON list of topics: name, type by its name in DDS, hash, qos, messages
 [[seconds, hexadecimal], ...], `stamped` (whether seconds and nanoseconds of the header are set at sending). It listens
 at tcp/127.0.0.1:PORT, or, with a port below 0, is a node as rmw_zenoh configures it, that knows a router at -PORT. It
-says `ready` once its topics can be found, waits for a subscriber of every one, sends each message at its time, and stays
-as long as anybody subscribes.
+says `ready` once its topics can be found, waits for a subscriber of every one, sends each message at its time, and
+stays as long as anybody subscribes.
 """
 
 import json
