@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from subprocess import PIPE
 
 import numpy as np
 import pytest
@@ -109,7 +110,7 @@ def publish(tmp_path, port):
             table = tmp_path / f"table{time.monotonic_ns()}.json"
             table.write_text(json.dumps(topics))
             command = [sys.executable, str(SOURCE), str(port), str(domain), str(table), str(offset)]
-            process = stack.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+            process = stack.enter_context(subprocess.Popen(command, stdin=PIPE, stdout=PIPE, text=True))
             stack.callback(process.kill)
             assert process.stdout.readline() == "ready\n"
             return process

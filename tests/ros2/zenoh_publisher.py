@@ -6,7 +6,7 @@ It imports nothing of palpate. TABLE is a JSON list of topics: name, type by its
 [[seconds, hexadecimal], ...], `stamped` (whether seconds and nanoseconds of the header are set at sending). It listens
 at tcp/127.0.0.1:PORT, or, with a port below 0, is a node as rmw_zenoh configures it, that knows a router at -PORT. It
 says `ready` once its topics can be found, waits for a subscriber of every one, sends each message at its time, and
-stays as long as anybody subscribes.
+stays until its input ends.
 """
 
 import json
@@ -57,8 +57,7 @@ def main():
                 message = message[:4] + struct.pack("<iI", now // 10**9, now % 10**9) + message[12:]
             extra = struct.pack("<qqB", number + 1, now, 16) + who
             writer.put(message, attachment=extra)
-        while any(writer.matching_status.matching for writer in writers):
-            time.sleep(0.02)
+        sys.stdin.read()
 
 
 if __name__ == "__main__":
