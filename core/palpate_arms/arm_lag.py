@@ -11,7 +11,7 @@ DELAY = 0.045  # [s] of an arm beyond the lag of its servo: states, commands, an
 _ENOUGH = 0.5e-3**2  # [m^2/s^2] variance of the commanded speed, from which a lag shows
 
 
-def give_way(force: float, stiffness: float | None) -> float:
+def deflection(force: float, stiffness: float | None) -> float:
     """How far [m] an arm gives way to a force [N] by its controller's stiffness [N/m]; None of one that does not.
 
     So far it stands behind its command at a force, of a specimen or of its own joints' dry friction, and so far on the

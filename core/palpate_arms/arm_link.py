@@ -32,7 +32,7 @@ from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.work_frame import agreement
 
 from palpate_arms.arm_approach import ArmApproach
-from palpate_arms.arm_lag import DELAY, give_way
+from palpate_arms.arm_lag import DELAY, deflection
 from palpate_arms.arm_rows import RETRACT, STOP
 from palpate_arms.arm_settings import ArmSettings
 from palpate_arms.arm_states import ArmStates, low_rate
@@ -188,7 +188,7 @@ class ArmLink:
         stated, limits = self._settings.command_lag, self._limits
         if self._lag is None or limits is None:
             return None
-        give = give_way(self._stop_force or 0.0, self._settings.controller_stiffness)
+        give = deflection(self._stop_force or 0.0, self._settings.controller_stiffness)
         if self._lag <= stated + DELAY + give / limits.speed:
             return None
         return (

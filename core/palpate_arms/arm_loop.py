@@ -14,7 +14,7 @@ from palpate_kit.acquisition.ring import Ring
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_arms.arm_driver import ArmFaultError
-from palpate_arms.arm_lag import LagMeter, give_way
+from palpate_arms.arm_lag import LagMeter, deflection
 from palpate_arms.arm_rows import RETRACT, STOP
 from palpate_arms.arm_state import ArmState
 from palpate_arms.arm_watch import ArmWatch
@@ -200,7 +200,7 @@ class ArmLoop:
                 commander.law = self._law
             case "watch":
                 self._eye = ForceEye(self._parent.descriptors.pop(0), message)
-                self._fence.give = give_way(self._eye.stop, self._own.get("stiffness"))
+                self._fence.give = deflection(self._eye.stop, self._own.get("stiffness"))
             case "retreat" | "follow" if self._fence.limits is None:
                 self._refuse("no limits were set: `link.limit` comes before a motion", commander)
             case "retreat":

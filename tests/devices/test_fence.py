@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from palpate_arms.arm_lag import give_way
+from palpate_arms.arm_lag import deflection
 from palpate_arms.arm_state import ArmState
 from palpate_arms.fence import Fence
 from palpate_arms.servo import Commander
@@ -322,7 +322,7 @@ def on_a_spring(commands, way):
 )
 def test_an_arm_on_a_spring_stands_behind_its_command_by_the_force_that_stops_it(commands, way, words):
     guard = fence(lag=0.028)
-    guard.give = give_way(12.0, 5000.0)
+    guard.give = deflection(12.0, 5000.0)
     commands = 1e-3 * commands[:, None] * np.array([0.0, 0.0, 1.0])
     guard.begin(commands[0])
     told = [guard.in_motion(*pair) for pair in zip(commands, on_a_spring(commands, way), strict=True)]
