@@ -21,7 +21,7 @@ while not over:
     worst, last = max(worst, now - last - 0.01), now
 print(worst)
 """
-_HELD_UP = pytest.StashKey[float]()
+HELD_UP = pytest.StashKey[float]()
 
 
 def pytest_addoption(parser):
@@ -46,13 +46,13 @@ def _watched(item, keeper):
         try:
             return (yield)
         finally:
-            keeper.stash[_HELD_UP] = max(float(watch.communicate()[0].split()[-1]), keeper.stash.get(_HELD_UP, 0.0))
+            keeper.stash[HELD_UP] = max(float(watch.communicate()[0].split()[-1]), keeper.stash.get(HELD_UP, 0.0))
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
     report = yield
-    held_up = max(node.stash.get(_HELD_UP, 0.0) for node in (item, item.getparent(pytest.Module)))
+    held_up = max(node.stash.get(HELD_UP, 0.0) for node in (item, item.getparent(pytest.Module)))
     if report.failed and held_up > LIMIT and not item.config.option.busy_fails:
         reason = f"the machine kept a process waiting for {held_up:.2f} s, too busy for a test in real time"
         report.outcome, file, line = "skipped", item.location[0], item.location[1] or 0

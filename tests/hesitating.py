@@ -8,7 +8,8 @@ from contextlib import nullcontext
 
 import numpy as np
 from palpate import Batch
-from palpate_arms.servo import Commander, ServoLaw
+from palpate_arms.servo import Commander
+from palpate_arms.servo_law import ServoLaw
 from palpate_arms.setpoint_buffer import Plan
 from palpate_simulation.sensor_wrench import sensed_wrench
 from palpate_simulation.simulated_rig import SimulatedRig

@@ -54,6 +54,7 @@ class OwnMotion:
     distance: float  # [m] that this way may be long
     deceleration: float  # [m/s^2] of braking
     blind: float = 0.0  # [s] that it may go on where the host stands still and it cannot watch the force by itself
+    stop: tuple[str, float] | None = None  # key and force [N] at which its controller stops it, and leaves it there
 
 
 class Trajectory(Part, ABC):

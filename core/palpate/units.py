@@ -40,6 +40,8 @@ _QUANTITIES = {
     "m/s^2": _Quantity("acceleration", "0.5 m/s^2", ("m/s^2", "mm/s^2"), (0.0, 100.0), "mm/s^2"),
     "N*s/m": _Quantity("damping", "10 N*s/m", ("N*s/m",)),
     "N/m": _Quantity("stiffness", "100 N/mm", ("N/m", "N/mm"), (1.0, 1e9), "N/mm"),
+    "N*m/rad": _Quantity("rotational stiffness", "80 N*m/rad", ("N*m/rad",), (0.0, 1e4)),
+    "kg*m^2": _Quantity("moment of inertia", "0.001 kg*m^2", ("kg*m^2",), (0.0, 10.0)),
     "N/s": _Quantity("force drift", "1.5 N/h", ("N/s", "N/h")),
     "N/s^0.5": _Quantity("random walk of a force", "0.1 N/sqrt(h)"),
     "rad": _Quantity("angle", "30 deg", ("rad", "deg"), (0.0, 6.3), "deg"),
@@ -239,6 +241,8 @@ Pressure = Annotated[float, Quantity("Pa")]
 Viscosity = Annotated[float, Quantity("Pa*s")]
 Damping = Annotated[float, Quantity("N*s/m")]
 Stiffness = Annotated[float, Quantity("N/m")]
+RotationalStiffness = Annotated[float, Quantity("N*m/rad")]
+Inertia = Annotated[float, Quantity("kg*m^2")]
 Frequency = Annotated[float, Quantity("Hz")]
 Speed = Annotated[float, Quantity("m/s")]
 Acceleration = Annotated[float, Quantity("m/s^2")]

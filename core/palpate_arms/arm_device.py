@@ -58,7 +58,7 @@ class ArmDevice(ArmSettings):
         """What its process is to know, as plain data."""
         from palpate_kit.acquisition.class_place import class_place
 
-        model, stiffness = self.arm_model, self.controller_stiffness
+        model = self.arm_model
         sound = {"sound_status": dict(self.status_channels), "stop_modes": None}
         if (modes := self.stop_modes) is not None:
             sound["stop_modes"] = asdict(modes)
@@ -70,7 +70,7 @@ class ArmDevice(ArmSettings):
             "tool": matrix_of([*self.tcp, *(self.tcp_rotation or (0.0, 0.0, 0.0))]).ravel().tolist(),
             "joints": len(self.joint_names),
             "status": len(self.status_channels),
-            "own": {**own, "lag": self.command_lag, **({} if stiffness is None else {"stiffness": stiffness})},
+            "own": {**own, "lag": self.command_lag, "stiffness": self.controller_stiffness},
             "law": asdict(self.law),
             "work": self.work.model_dump(),
             "observe": observe,

@@ -1,4 +1,4 @@
-"""How late an arm is behind its commands, as its own states show it."""
+"""How far an arm is behind its commands: by its lag, which its own states show, and by what it gives way."""
 
 from __future__ import annotations
 
@@ -7,7 +7,17 @@ from palpate import Floats
 
 from palpate_arms.setpoint_buffer import PERIOD
 
+DELAY = 0.045  # [s] of an arm beyond the lag of its servo: states, commands, and what its servo does not tell
 _ENOUGH = 0.5e-3**2  # [m^2/s^2] variance of the commanded speed, from which a lag shows
+
+
+def deflection(force: float, stiffness: float | None) -> float:
+    """How far [m] an arm gives way to a force [N] by its controller's stiffness [N/m]; None of one that does not.
+
+    So far it stands behind its command at a force, of a specimen or of its own joints' dry friction, and so far on the
+    other side where it turns round.
+    """
+    return 0.0 if stiffness is None else force / stiffness
 
 
 class LagMeter:

@@ -14,14 +14,17 @@ from palpate_kit.acquisition.ring import Ring
 from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_arms.arm_driver import ArmFaultError
-from palpate_arms.arm_lag import LagMeter
+from palpate_arms.arm_lag import LagMeter, deflection
 from palpate_arms.arm_rows import RETRACT, STOP
+from palpate_arms.arm_state import ArmState
 from palpate_arms.arm_watch import ArmWatch
 from palpate_arms.commanded_arm import CommandedArm
-from palpate_arms.fence import ArmState, Fence, Verdict
+from palpate_arms.fence import Fence
 from palpate_arms.force_watch import ForceEye
 from palpate_arms.motion_offer import MotionOffer
-from palpate_arms.servo import Commander, ServoLaw, tick_room
+from palpate_arms.posture_fence import Verdict
+from palpate_arms.servo import Commander
+from palpate_arms.servo_law import ServoLaw, tick_room
 from palpate_arms.servo_pace import Beat, Pace
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_arms.setpoint_rows import SETPOINT
@@ -197,7 +200,7 @@ class ArmLoop:
                 commander.law = self._law
             case "watch":
                 self._eye = ForceEye(self._parent.descriptors.pop(0), message)
-                self._fence.give = self._eye.stop / self._own.get("stiffness", math.inf)
+                self._fence.give = deflection(self._eye.stop, self._own.get("stiffness"))
             case "retreat" | "follow" if self._fence.limits is None:
                 self._refuse("no limits were set: `link.limit` comes before a motion", commander)
             case "retreat":

@@ -28,7 +28,7 @@ from pydantic import Field
 if TYPE_CHECKING:
     from palpate_arms.arm_driver import ArmDriver
     from palpate_arms.arm_rows import ArmRows
-    from palpate_arms.servo import ServoLaw
+    from palpate_arms.servo_law import ServoLaw
 
 
 class ArmSettings(Device):
@@ -47,6 +47,7 @@ class ArmSettings(Device):
     # Joints [rad] of an ordinary posture with the tool downwards, from which a twin finds that of the work.
     posture: ClassVar[tuple[float, ...]] = ()
     weighs_flange: ClassVar[bool] = False  # whether a sensor in its flange can weigh what hangs there
+    own_stop: ClassVar[str] = ""  # key of the force at which the controller stops the arm by itself
     sudden_end: ClassVar[str] = ""  # what it means where the arm's process ends without a word
 
     host: str = Field(min_length=1, description="address of the controller")
@@ -177,7 +178,8 @@ class ArmSettings(Device):
     @property
     def own_motion(self) -> OwnMotion:
         """It goes to the start, brakes, and continues for a while where the job does."""
-        return OwnMotion(self.approach_speed, self.start_tolerance, self.acceleration, self.host_timeout)
+        own = self.approach_speed, self.start_tolerance, self.acceleration, self.host_timeout
+        return OwnMotion(*own, (self.own_stop, getattr(self, self.own_stop)) if self.own_stop else None)
 
     @property
     def gravity(self) -> tuple[float, ...]:
@@ -202,18 +204,20 @@ class ArmSettings(Device):
 
     @property
     def work_settings(self) -> Mapping[str, str]:
-        """Where the work of a twin is, and its tip."""
+        """Where the work of a twin is, and its tip and tool."""
         return {
             "work.origin": str(list(self.work.origin)),
             "work.rotation": str(list(self.work.rotation)),
             "work.turn": str(self.work.turn),
             "tcp": str(list(self.tcp)),
+            **({} if self.tcp_rotation is None else {"tcp_rotation": str(list(self.tcp_rotation))}),
         }
 
     @property
     def law(self) -> ServoLaw:
         """How setpoints become commands."""
-        from palpate_arms.servo import ServoLaw
+        from palpate_arms.servo_law import ServoLaw
 
         keys = ("control", "gain", "damping", "approach_speed", "retract_speed", "acceleration")
-        return ServoLaw(**{key: getattr(self, key) for key in keys}, lever=math.dist(self.tcp, (0.0, 0.0, 0.0)))
+        lever, gives_way = math.dist(self.tcp, (0.0, 0.0, 0.0)), self.controller_stiffness is not None
+        return ServoLaw(**{key: getattr(self, key) for key in keys}, lever=lever, gives_way=gives_way)

@@ -13,7 +13,7 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 
 from palpate_arms.arm_driver import ArmDriver, ArmFaultError, ArmReading
 from palpate_arms.arm_rows import ArmRows
-from palpate_arms.fence import ArmState
+from palpate_arms.arm_state import ArmState
 from palpate_arms.setpoint_buffer import PERIOD
 from palpate_arms.tool_turns import tool_turn
 

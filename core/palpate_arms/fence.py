@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from palpate import Floats
-from palpate_kit.kinematics.arm_model import ArmModel, inverse_of
+from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 from palpate_kit.kinematics.work_frame import WorkFrame
 
+from palpate_arms.arm_lag import DELAY
+from palpate_arms.arm_state import ArmState
+from palpate_arms.posture_fence import PostureFence, Verdict
 from palpate_arms.setpoint_buffer import PERIOD
 from palpate_arms.setpoint_rows import PLAN, SETPOINT
 from palpate_arms.station_plane import LEVEL, StationExtremes
@@ -24,32 +26,9 @@ _MORE = 1.2  # what a command may do for a moment, in limits
 _SLACK = 4e-3  # [m/s] of noise in one command
 _EXCESS = 2e-3  # [m/s] of noise in a measured speed
 _MARGIN = 1e-3  # [m] that a command may lead, or a measured tip may swing, over the box of the setpoints
-_DELAY = 0.045  # [s] of an arm beyond the lag of its servo: states, commands, and what its servo does not report
 _STATIC = 0.2e-3  # [m] that an arm at rest may be off its command
 _SUDDEN = 1.5
-_FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where the command is
 _ASKEW = 1.5  # limits between a measured tool and the normal; a command has one, and the arm follows it within one
-_CANCELLED = 12.0  # times the tip's speed
-SINGULAR = "the arm is near a singular posture: move the specimen to another place in its reach"
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What is wrong, and whether the arm can be trusted to leave the material on its own."""
-
-    text: str
-    trusted: bool = True
-
-
-@dataclass(frozen=True)
-class ArmState:
-    """The robot's last state, in the work frame; its joints in their own."""
-
-    position: Floats  # (3,)
-    velocity: Floats  # (3,)
-    rotation: Floats  # (3, 3) in the base
-    q: list[float]  # (n,) [rad]
-    fresh: bool  # said since the last period
 
 
 class Fence:
@@ -58,9 +37,8 @@ class Fence:
     def __init__(
         self, own: dict[str, Any], work: WorkFrame, tool: Floats, model: ArmModel, acceleration: float
     ) -> None:
-        self._work, self._tool, self._model = work, tool, model
-        self._joint_speed, self._tracking = own["joint_speed"], own["tracking"]
-        self._links = own["links_low"], own["links_high"]
+        self._work, self._tracking = work, own["tracking"]
+        self._posture = PostureFence(own, tool, model)
         self._acceleration = acceleration  # [m/s^2] of what the arm does by itself
         self.limits: dict[str, Any] | None = None
         self.plane = LEVEL  # of the station, as commanded
@@ -86,7 +64,7 @@ class Fence:
         """
         if self.limits is None:
             return float(self._tracking)
-        way = self.limits["speed"] * (self._lag + _DELAY)
+        way = self.limits["speed"] * (self._lag + DELAY)
         return float(min(self._tracking, max(way, _STATIC) + self.give))
 
     def table(self, rows: Floats) -> Verdict | None:
@@ -146,7 +124,7 @@ class Fence:
             verdict
             or (None if leaving else self._too_deep(-self.plane.height(command), _MARGIN, "a command"))
             or self._speeds_of(command, turn, before, leaving)
-            or self._posture(command, turn, before, seen, leaving)
+            or self._from_arm(command, turn, before, seen, leaving)
         )
 
     def taken_back(self) -> None:
@@ -155,7 +133,7 @@ class Fence:
 
     def in_motion(self, command: Floats, seen: ArmState) -> Verdict | None:
         """The robot's own state, on the approach or in the motion."""
-        if (text := self._following.complaint(command, seen.position, seen.fresh)) is not None:
+        if (text := self._following.complaint(command, seen.position, seen.fresh, self.give)) is not None:
             return Verdict(text, False)
         if self.limits is None:
             return None
@@ -210,10 +188,10 @@ class Fence:
             verdict = Verdict(f"a command would turn the tool at {math.degrees(pace):.1f} deg/s: {most:g} is the limit")
         return verdict
 
-    def _posture(
+    def _from_arm(
         self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool
     ) -> Verdict | None:
-        """Joint speeds of the command, its distance from the arm, and where elbow and wrist are."""
+        """How far the command is from the arm, and what it asks of its joints."""
         away, lead = length(command - seen.position), self.lead
         if away > lead:
             return Verdict(f"the arm does not follow: it is {mm(away)} from its command, over {mm(lead)}", False)
@@ -227,56 +205,6 @@ class Fence:
             return Verdict(f"the tool is {math.degrees(angle):.1f} deg off {what}, over {most:g} deg")
         if (angle := length(askew)) > limit:
             return Verdict(f"the tool is {math.degrees(angle):.1f} deg from its command, over {most:g} deg", False)
-        _, jacobian, places = self._model.tip_and_places(seen.q, self._tool)
         twist = np.concatenate([work @ (command - before[0]) / PERIOD, tool @ turning(turn, before[1])])
         error = np.concatenate([work @ (command - seen.position), askew])
-        try:
-            inverse = inverse_of(jacobian)
-        except np.linalg.LinAlgError:
-            return Verdict(SINGULAR, not leaving)
-        if not leaving and _against_one_another(jacobian, inverse[:, :3]) > _CANCELLED:
-            return Verdict(SINGULAR)
-        speeds, ways = (inverse @ twist).tolist(), (inverse @ error).tolist()
-        joints = self._model.joints
-        joint = max(range(len(joints)), key=lambda i: abs(speeds[i]))
-        if abs(speeds[joint]) > self._joint_speed:
-            most = math.degrees(self._joint_speed)
-            return Verdict(
-                f"a command would turn {joints[joint]} at {math.degrees(abs(speeds[joint])):.0f} deg/s, over "
-                f"{most:g} deg/s ([device.*] joint_speed): the arm is near a singular posture, or too slow"
-            )
-        joint = max(range(len(joints)), key=lambda i: abs(ways[i]))
-        if abs(ways[joint]) > _FARTHEST:
-            return Verdict(f"{joints[joint]} is {math.degrees(abs(ways[joint])):.0f} deg from its command")
-        if leaving:
-            return None
-        if (text := self._model.end_of([a + b for a, b in zip(seen.q, ways, strict=True)])) is not None:
-            return Verdict(text)
-        return self._place_outside(places.tolist())
-
-    def _place_outside(self, places: list[list[float]]) -> Verdict | None:
-        low, high = self._links
-        for name, place in zip(self._model.place_names, places, strict=True):
-            if not all(least <= x <= most for x, least, most in zip(place, low, high, strict=True)):
-                where = ", ".join(f"{1e3 * x:.0f}" for x in place)
-                return Verdict(
-                    f"the {name} is at ({where}) mm in the base, out of the box of [device.*] links_low and links_high"
-                )
-        return None
-
-
-def is_singular(jacobian: Floats) -> bool:
-    """Whether joints near this Jacobian (6, n) of the tip have to move by much to move it a little."""
-    try:
-        return _against_one_another(jacobian, inverse_of(jacobian)[:, :3]) > _CANCELLED
-    except np.linalg.LinAlgError:
-        return True
-
-
-def _against_one_another(jacobian: Floats, inverse: Any) -> float:
-    """How much faster than the tip its joints would move it, each on its own: 2 to 5 in an ordinary posture.
-
-    The root of the sum of squares over the joints and the three directions of the tip. Near a singular posture they
-    cancel out, and where one of them lags, brakes or is at its limit, the tip leaves its path.
-    """
-    return float(np.linalg.norm(np.linalg.norm(jacobian[:3], axis=0)[:, None] * inverse))
+        return self._posture.verdict(twist, error, seen.q, leaving)

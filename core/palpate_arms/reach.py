@@ -12,7 +12,7 @@ from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.rotations import rotation_matrix
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_arms.fence import SINGULAR, is_singular
+from palpate_arms.posture_fence import SINGULAR, is_singular
 
 _STEP = 0.02  # [s] between the setpoints that are looked at
 _STRETCH = 5000  # of them at a time

@@ -9,7 +9,7 @@ from palpate import Floats, Setpoint, Trajectory, setpoints_at, surface_of, surf
 from palpate_kit.kinematics.rotations import rotation_matrix
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_arms.servo import ServoLaw, straight_path
+from palpate_arms.servo_law import ServoLaw, straight_path
 from palpate_arms.station_plane import LEVEL, StationPlane
 from palpate_arms.tool_turns import tool_turn, turn_after, turn_from_to
 

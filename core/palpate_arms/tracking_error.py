@@ -35,10 +35,11 @@ class TrackingError:
         self._recent.clear()
         self._copies = 0
 
-    def complaint(self, command: Floats, position: Floats, fresh: bool) -> str | None:
+    def complaint(self, command: Floats, position: Floats, fresh: bool, give: float = 0.0) -> str | None:
         """A pose that stands still while commands continue, to the last bit or nearly, or that is the command itself.
 
-        `fresh`: it is a new one.
+        `fresh`: it is a new one; `give` [m]: dry friction holds an arm whose controller gives way until its command is
+        so far away.
         """
         self._cycles += 1
         steps = not self._recent or math.dist(command.tolist(), self._recent[-1]) > _MOVES
@@ -58,9 +59,9 @@ class TrackingError:
             self._copies = self._copies + 1 if exact else 0
         if self._copies >= _COPIES:
             return "the pose that the arm reports is its command, in every digit: what was measured is needed"
-        return self._lags(command, position)
+        return self._lags(command, position, give)
 
-    def _lags(self, command: Floats, position: Floats) -> str | None:
+    def _lags(self, command: Floats, position: Floats, give: float) -> str | None:
         """An arm that has gone hardly any of its way within a time of commands, however many states came meanwhile."""
         past = self._past
         past.append((self._cycles, command.copy(), position))
@@ -68,13 +69,14 @@ class TrackingError:
             past.popleft()
         began, first_command, first_place = past[0]
         commanded = length(command - first_command)
-        if self._cycles - began < self._window or commanded <= _STUCK_WAY:
+        expected = commanded - give
+        if self._cycles - began < self._window or expected <= _STUCK_WAY:
             return None
         done = length(position - first_place)
-        if done < _STUCK_PART * commanded:
+        if done < _STUCK_PART * expected:
             # A swing that has turned round meanwhile is back where it was, and has moved all the same.
             done = max(length(place - first_place) for _, _, place in past)
-        if done < _STUCK_PART * commanded:
+        if done < _STUCK_PART * expected:
             return f"the arm was commanded to move by {mm(commanded)} and has moved by {mm(done)}"
         return None
 

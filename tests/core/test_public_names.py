@@ -13,8 +13,8 @@ CORE = {ROOT / "core" / "palpate", ROOT / "core" / "palpate_engine"}
 
 
 def texts():
-    """Everything but core and engine: code of plugins and of the kit, documents, examples and tests."""
-    for folder in ("core", "plugins", "docs", "tests", "benchmarks"):
+    """Everything but core and engine: code of plugins, distributions and the kit, documents, examples and tests."""
+    for folder in ("core", "plugins", "distributions", "docs", "tests", "benchmarks"):
         for path in (ROOT / folder).rglob("*"):
             inside = (
                 not set(CORE).isdisjoint(path.parents) or path.name == Path(__file__).name or "decisions" in path.parts

@@ -64,6 +64,8 @@ COMPOSED = {
     "rad/s": ("rpm", "deg/min"),
     "Hz": ("MHz", "s^-1"),
     "N*m": ("N*mm",),
+    "N*m/rad": ("N*mm/rad", "N*m/deg"),
+    "kg*m^2": ("kg*cm^2", "g*m^2"),
     "V/N": ("mV/N",),
 }
 

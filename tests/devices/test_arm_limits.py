@@ -159,7 +159,7 @@ def test_a_singular_posture_is_no_place_to_move(simulated, monkeypatch, asked):
     sets = [f"twin.bench.work.{key}={[f'{x} {unit}' for x in frame[key]]}" for key, unit in
             (("origin", "m"), ("rotation", "rad"))]  # fmt: skip
     if not asked:  # the host's own check left out
-        monkeypatch.setattr("palpate_arms.arm_link.is_singular", lambda jacobian: False)
+        monkeypatch.setattr("palpate_arms.arm_approach.is_singular", lambda jacobian: False)
     twin = simulated(*SHORT, *sets)
     why, truth = [], {}
     with device(twin, work=frame).connect(0) as link:

@@ -1,9 +1,14 @@
 """What the servo process lets through: the fence, the law that retracts, and which way the tool looks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from palpate_arms.fence import ArmState, Fence
-from palpate_arms.servo import Commander, ServoLaw, straight_path
+from palpate_arms.arm_lag import deflection
+from palpate_arms.arm_state import ArmState
+from palpate_arms.fence import Fence
+from palpate_arms.servo import Commander
+from palpate_arms.servo_law import ServoLaw, straight_path
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_arms.station_plane import StationPlane, pressed_in_at_the_end
 from palpate_devices.ur.controller_states import complaint, slowdown
@@ -297,6 +302,38 @@ def test_an_arm_that_is_stuck_trembles_but_does_not_move():
     shown = (ArmState(commands[0] + rng.normal(0, 5e-6, 3), STILL, WORK.tool, [], True) for _ in commands)
     told = [guard.in_motion(command, look) for command, look in zip(commands, shown, strict=True)]
     assert any(verdict is not None and "has moved by" in verdict.text for verdict in told)
+
+
+def on_a_spring(commands, way):
+    """States of an arm that dry friction holds until its command is a way [m] off."""
+    place, rng = commands[0], np.random.default_rng(0)
+    for command in commands:
+        place = np.clip(place, command - way, command + way)
+        yield ArmState(place + rng.normal(0, 1e-7, 3), STILL, WORK.tool, [], True)
+
+
+@pytest.mark.parametrize(
+    ("commands", "way", "words"),
+    [
+        (np.sin(4 * np.pi * np.arange(1000) * PERIOD), 1.2e-3, None),  # the arm stands all the while
+        (3 * np.sin(4 * np.pi * np.arange(1000) * PERIOD), 1.2e-3, None),
+        (30.0 * np.arange(200) * PERIOD, 9.0, "was commanded to move by 4."),  # it is jammed
+    ],
+)
+def test_an_arm_on_a_spring_stands_behind_its_command_by_the_force_that_stops_it(commands, way, words):
+    guard = fence(lag=0.028)
+    guard.give = deflection(12.0, 5000.0)
+    commands = 1e-3 * commands[:, None] * np.array([0.0, 0.0, 1.0])
+    guard.begin(commands[0])
+    told = [guard.in_motion(*pair) for pair in zip(commands, on_a_spring(commands, way), strict=True)]
+    said = [verdict.text for verdict in told if verdict is not None and "has moved by" in verdict.text]
+    assert (not said) if words is None else (words in said[0])
+
+
+@pytest.mark.parametrize(("gives_way", "most"), [(False, 0.034), (True, 0.0249)])
+def test_what_an_arm_does_by_itself_leaves_room_for_its_overshoot(gives_way, most):
+    law = replace(LAW, gives_way=gives_way).within(LIMITS)
+    assert (law.approach_speed, law.retract_speed) == (0.02, pytest.approx(most, rel=0.01))
 
 
 @pytest.mark.gate

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from palpate import ConfigurationError, DeviceError, ForceLaw, ForceWatch, Repeats
 from palpate_arms.force_control import ForceLead, refusal
-from palpate_arms.servo import Commander, ServoLaw
+from palpate_arms.servo import Commander
+from palpate_arms.servo_law import ServoLaw
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_devices.bota.device import BotaSensor
 from palpate_devices.ur.device import UR

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from palpate_arms.arm_loop import ArmLoop
-from palpate_arms.fence import ArmState
-from palpate_arms.servo import Commander, ServoLaw
+from palpate_arms.arm_state import ArmState
+from palpate_arms.servo import Commander
+from palpate_arms.servo_law import ServoLaw
 from palpate_arms.servo_pace import Beat, next_deadline
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_kit.kinematics.rotations import matrix_of

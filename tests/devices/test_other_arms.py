@@ -5,12 +5,15 @@ import json
 import re
 import sys
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import typer
-from palpate import ConfigurationError, DeviceError, clock
+from palpate import ArmLimits, ConfigurationError, DeviceError, clock
 from palpate_arms.arm_lag import LagMeter
+from palpate_arms.arm_link import ArmLink
+from palpate_arms.arm_states import low_rate
 from palpate_commands.distribution import distribution
 from palpate_engine import trust_plugin
 from palpate_engine.cli import call
@@ -306,6 +309,80 @@ def test_whatever_a_driver_raises_stops_the_arm_and_is_told(mine, software, monk
         (said,) = followed(mine[0].Arm(host="127.0.0.1", work=WORK), 1.0)
     assert "its servo loop failed: KeyError: 'pose'" in said or "does not" in said
     assert len(stops) > 1
+
+
+def on_a_spring(base):
+    """Its joints are masses on springs: their damping ratio is 0.3, and their lag that of the arm that is written."""
+
+    def advance(self):
+        stiffness = (0.6 / 0.02) ** 2  # [1/s^2]
+        while self.now + 0.002 <= clock().now():
+            self.now += 0.002
+            self.qd = self.qd + 0.002 * stiffness * (self.target - self.q - 0.02 * self.qd)
+            self.q = self.q + 0.002 * self.qd
+            self.feel()
+
+    return unlike(base, advance=advance)
+
+
+@pytest.mark.slow
+def test_an_arm_on_a_spring_retracts_within_the_limit_of_speed(mine, software, monkeypatch):
+    """By what it does, with its overshoot: a retraction is commanded more slowly than to an arm that gives no way."""
+    made = on_a_spring(software.SoftwareArm)
+    monkeypatch.setattr(importlib.import_module(f"{NAME}.driver"), "SoftwareArm", made)
+
+    class Soft(mine[0].Arm):
+        @property
+        def controller_stiffness(self):
+            return 2500.0
+
+    device, limits = Soft(host="127.0.0.1", work=WORK, control="servo"), {"acceleration": 0.5, "orientation": 0.1}
+    limits = ArmLimits((-0.02,) * 3, (0.02,) * 3, speed=0.04, angular_speed=0.2, **limits)
+    with simulated_time(), device.connect(0) as link:
+        clock().thread(lambda: list(link.batches()), "batches").start()
+        clock().sleep(0.3)
+        link.limit(limits, lambda reason: None)
+        link.follow(Point(bias=0.003, amplitude=0.0001, clearance=0.003, duration=1.0, standstill=0.0))
+        arm, speeds = made.made[-1], []
+        while arm.place_now()[2] > -0.002:
+            clock().sleep(0.002)
+        link.retract()
+        while arm.place_now()[2] < 0.0029 or not speeds:
+            clock().sleep(0.002)
+            speeds.append(np.linalg.norm(arm.tip()[1]))
+    assert 0.03 < max(speeds) <= limits.speed
+
+
+@pytest.mark.parametrize(
+    ("lag", "stiffness", "late"), [(0.06, None, False), (0.09, None, True), (0.09, 5e3, False), (0.15, 5e3, True)]
+)
+def test_a_lag_that_is_seen_is_compared_with_what_is_stated(mine, lag, stiffness, late):
+    """Of an arm on a spring, friction adds to it."""
+
+    class Soft(mine[0].Arm):
+        @property
+        def controller_stiffness(self):
+            return stiffness
+
+    child = SimpleNamespace(name="soft", ring=SimpleNamespace(head=np.zeros(64, np.int64)), tell=lambda *_, **__: None)
+    device = Soft(host="127.0.0.1", work=WORK)
+    link = ArmLink(device, child, {"tool": np.eye(4).ravel().tolist(), "arm_model": device.arm_model.model_dump()})
+    link.limit(ArmLimits((-0.02,) * 3, (0.02,) * 3, 0.04, 0.5, 0.1, 0.2), lambda reason: None)
+    link._stop_force, link._lag = 12.0, lag
+    text = f"follows its commands {1e3 * lag:.0f} ms late, and 20 ms are stated"
+    assert (text in link.health.get("flags", {}).get("device", "")) == late
+
+
+@pytest.mark.parametrize(("rate", "words"), [(125.0, "at 125 Hz in place of 500 Hz"), (495.0, None), (1000.0, None)])
+def test_only_a_slower_controller_is_recorded_more_coarsely(rate, words):
+    said = low_rate(rate, 500.0)
+    assert (said is None) if words is None else (words in said)
+
+
+@pytest.mark.parametrize("turn", [None, (0.0, 0.0, -0.7)])
+def test_a_twin_has_the_tool_that_is_stated(mine, turn):
+    table = mine[0].Arm(host="127.0.0.1", work=WORK, tcp_rotation=turn).twin_settings
+    assert table.get("tcp_rotation") == (None if turn is None else "[0.0, 0.0, -0.7]")
 
 
 def test_the_lag_is_the_distance_to_the_command_by_its_speed():

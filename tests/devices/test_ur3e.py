@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ArmLimits, DeviceError
-from palpate_arms.servo import Commander, ServoLaw, straight_path
+from palpate_arms.servo import Commander
+from palpate_arms.servo_law import ServoLaw, straight_path
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_devices.ur.client_sockets import drop_unsent, send_at_once
 from palpate_devices.ur.device import UR

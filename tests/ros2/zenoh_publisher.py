@@ -5,7 +5,8 @@ usage: python zenoh_publisher.py PORT DOMAIN TABLE [OFFSET]
 It imports nothing of palpate. TABLE is a JSON list of topics: name, type by its name in DDS, hash, qos, messages
 [[seconds, hexadecimal], ...], `stamped` (whether seconds and nanoseconds of the header are set at sending). It listens
 at tcp/127.0.0.1:PORT, or, with a port below 0, is a node as rmw_zenoh configures it, that knows a router at -PORT. It
-waits for a subscriber of every topic, and sends each message at its time.
+says `ready` once its topics can be found, waits for a subscriber of every one, sends each message at its time, and
+stays until its input ends.
 """
 
 import json
@@ -45,9 +46,9 @@ def main():
             who = struct.pack("<QQ", hash(token) & (2**64 - 1), k)
             events += [(at, k, writer, who, topic["stamped"], bytes.fromhex(raw)) for at, raw in topic["messages"]]
         print("ready", flush=True)
-        for writer in {id(event[2]): event[2] for event in events}.values():
-            while not writer.matching_status.matching:
-                time.sleep(0.002)
+        writers = list({id(event[2]): event[2] for event in events}.values())
+        while not all(writer.matching_status.matching for writer in writers):
+            time.sleep(0.002)
         began, wall = time.monotonic_ns(), time.time_ns()
         for number, (at, _, writer, who, stamped, message) in enumerate(sorted(events, key=lambda e: e[:2])):
             time.sleep(max(0.0, (began + 1e9 * at - time.monotonic_ns()) / 1e9))
@@ -56,7 +57,7 @@ def main():
                 message = message[:4] + struct.pack("<iI", now // 10**9, now % 10**9) + message[12:]
             extra = struct.pack("<qqB", number + 1, now, 16) + who
             writer.put(message, attachment=extra)
-        time.sleep(0.3)
+        sys.stdin.read()
 
 
 if __name__ == "__main__":

@@ -253,6 +253,12 @@ def check_own_motion(own: OwnMotion, limits: SafetySettings) -> tuple[str, ...]:
             f"the arm brakes at {own.deceleration:g} m/s^2, but the force limit counts on the deceleration of "
             f"{limits.deceleration:g} m/s^2"
         )
+    if own.stop is not None and own.stop[1] <= limits.stop_force:
+        key, force = own.stop
+        problems.append(
+            f"{key} is {force:g} N, at which the controller stops the arm in the material: it must be above [safety] "
+            f"stop_force = {limits.stop_force:g} N, at which the arm leaves it"
+        )
     return tuple(problems)
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-from palpate import Force, Length, Mass, Quantity, Speed, Stiffness, Time
+from palpate import Force, Inertia, Length, Mass, RotationalStiffness, Stiffness, Torque
 from palpate_arms.arm_device import ArmDevice
 from palpate_kit.kinematics.arm_model import ArmModel
 from pydantic import Field
@@ -16,9 +16,6 @@ from palpate_franka.robot_states import MOVES
 
 if TYPE_CHECKING:
     from palpate_arms.arm_driver import ArmDriver
-
-Torque = Annotated[float, Quantity("N*m")]
-Inertia = Annotated[float, Quantity("kg*m^2")]
 
 
 class Franka(ArmDevice):
@@ -36,28 +33,20 @@ class Franka(ArmDevice):
     joint_names: ClassVar[tuple[str, ...]] = JOINTS
     status_channels: ClassVar[Mapping[str, float]] = {"robot_mode": MOVES, "errors": 0.0, "success_rate": 1.0}
     posture: ClassVar[tuple[float, ...]] = POSTURE
+    own_stop: ClassVar[str] = "collision_force"
 
     model: Literal["fr3", "panda"] = Field(default="fr3", description="which arm")
     stiffness: Stiffness = Field(
         default=3000.0, ge=200, le=6000, description="of the impedance, by which the arm gives way to a force"
     )
-    rotational_stiffness: Torque = Field(
-        default=80.0, ge=10, le=150, description="of the impedance against turns of the tool, for one rad"
+    rotational_stiffness: RotationalStiffness = Field(
+        default=80.0, ge=10, le=150, description="of the impedance against turns of the tool"
     )
     friction: tuple[Torque, ...] = Field(
         default=(0.0,) * 7,
         min_length=7,
         max_length=7,
         description="dry friction of each joint that the client compensates, at most 1 N*m",
-    )
-    lag: Time | None = Field(
-        default=None,
-        gt=0,
-        le=0.5,
-        description="how late the arm follows its commands, with what friction adds; left out: that of the impedance",
-    )
-    retract_speed: Speed = Field(
-        default=0.025, gt=0, le=0.25, description="of a retraction; an arm on a spring is faster for a moment"
     )
     gain: float = Field(default=8.0, gt=0, lt=100, description="proportional gain of the PD law, in 1/s")
     collision_force: Force = Field(
@@ -93,16 +82,10 @@ class Franka(ArmDevice):
 
     @property
     def command_lag(self) -> float:
-        """By the key, or d/k of a spring k [N/m] whose damping is d = 2 sqrt(k) [N s/m], as the client sets it."""
-        return 2.0 / math.sqrt(self.stiffness) if self.lag is None else self.lag
+        """d/k of a spring k [N/m] whose damping is d = 2 sqrt(k) [N s/m], as the client sets it."""
+        return 2.0 / math.sqrt(self.stiffness)
 
     @property
     def controller_stiffness(self) -> float:
         """That of the impedance."""
         return self.stiffness
-
-    @property
-    def work_settings(self) -> Mapping[str, str]:
-        """The tool's own turn as well: the flange of these arms stands at 45 deg to the base."""
-        turn = self.tcp_rotation or (0.0, 0.0, 0.0)
-        return {**super().work_settings, "tcp_rotation": str(list(turn))}

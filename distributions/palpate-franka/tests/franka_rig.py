@@ -24,6 +24,7 @@ from franky_sim.franka_robot_protocol import (
 from franky_sim.mujoco_simulator import MujocoSimulator
 from palpate import clock
 from palpate_engine import load_pipeline
+from palpate_kit.acquisition.computer import host
 from palpate_kit.kinematics.rotations import matrix_of
 from palpate_simulation.sensor_wrench import sensed_wrench
 from palpate_simulation.skin_contact import SkinContact
@@ -36,6 +37,7 @@ BODY = "robot0_hand"  # at the flange, turned by -45 deg
 TURN = matrix_of([0.0, 0.0, 0.0, 0.0, 0.0, np.pi / 4])
 HIGH = 3e-3  # [m] over the work frame, where nothing is felt
 BEHIND = 0.5  # [s] that are not made up for
+STANDS = 1e-3  # [m/s]
 
 
 class Rig:
@@ -61,7 +63,7 @@ class Rig:
         self.mounting = mounting_matrix(bench.mounting)
         self.contact, self.random = SkinContact(), np.random.default_rng(1)
         self.sensor = VirtualSensor(PseudoTerminal(bench.port), bench.line_time, bench.sensor_ppm, 0, 1)
-        self.now, self.before = 0.0, None
+        self.now, self.before, self.stands = 0.0, None, 0.0
         self.silent = None  # the joints at which its link was lost
         self.mark()
 
@@ -96,7 +98,8 @@ class Rig:
     def look(self, place, speed, push, turn):
         """Note the extremes of what the arm does."""
         self.low, self.high = np.minimum(self.low, place), np.maximum(self.high, place)
-        self.fastest = max(self.fastest, math.hypot(*speed.tolist()))
+        pace = math.hypot(*speed.tolist())
+        self.fastest, self.stands = max(self.fastest, pace), self.stands + STEP if pace < STANDS else 0.0
         self.force = max(self.force, math.hypot(*push.tolist()))
         cosine = (float((self.nominal * turn).sum()) - 1.0) / 2.0
         self.askew = max(self.askew, math.acos(min(cosine, 1.0)))
@@ -133,16 +136,18 @@ class Rig:
             "force": self.force,
             "askew": self.askew,
             "fastest_joint": self.fastest_joint,
-            "speed": float(np.linalg.norm(self.before[1])),
+            "stands": self.stands,
             "place": self.before[0].tolist(),
             "mode": self.control.robot_state.robot_mode.name,
             "load": robot.m_load,
-            "behind": clock().now() - self.began - self.now,
+            "late": self.late,
         }
 
     def run(self):
         """Step by step, each at its time; what the machine holds up is made up for."""
-        self.began = clock().now()
+        host().enter(40)
+        host().run_without_collection()
+        self.began, self.late = clock().now(), 0.0
         while True:
             for _ in range(5):
                 if self.silent is None:
@@ -154,6 +159,7 @@ class Rig:
                 if self.silent is None:
                     self.control.send_state()
                 wait = self.began + self.now - clock().now()
+                self.late = max(self.late, -wait)
                 if wait < -BEHIND:
                     self.began -= wait
                 if wait > 0.0:

@@ -47,14 +47,16 @@ def test_an_example_is_a_pipeline_whose_motion_keeps_the_limits(file):
     assert not check_own_motion(own_motions(pipeline.devices)["arm"], pipeline.safety)
     assert not check_motion(motion, pipeline.safety).problems
     assert arm.controller_stiffness == 5000.0
-    assert arm.command_lag == 0.12
+    assert arm.command_lag == pytest.approx(2.0 / math.sqrt(5000.0))
+    assert arm.twin_settings["tcp_rotation"] == str([0.0, 0.0, -math.pi / 4])
     wrench = next(stream for stream in arm.streams if stream.name == "robot_wrench")
     assert wrench.estimated
 
 
-def test_the_lag_is_that_of_the_impedance_unless_it_is_stated():
-    arm = load_pipeline(PIPELINES / "point.toml").devices["arm"]
-    assert arm.model_copy(update={"lag": None}).command_lag == pytest.approx(2.0 / math.sqrt(5000.0))
+def test_a_reflex_below_the_force_that_stops_the_motion_is_refused():
+    pipeline = load_pipeline(PIPELINES / "point.toml", ['device.arm.collision_force="12 N"'])
+    (problem,) = check_own_motion(own_motions(pipeline.devices)["arm"], pipeline.safety)
+    assert problem.startswith("collision_force is 12 N, at which the controller stops the arm in the material")
 
 
 @pytest.mark.parametrize(
@@ -62,6 +64,7 @@ def test_the_lag_is_that_of_the_impedance_unless_it_is_stated():
     [
         ('device.arm.model="panta"', "panda"),
         ('device.arm.stiffness="50 N/mm"', "stiffness"),
+        ('device.arm.rotational_stiffness="80 N*m"', "is a torque, not a rotational stiffness"),
         ('device.arm.collision_force="0 N"', "collision_force"),
         ('device.arm.friction=["1 N*m"]', "friction"),
     ],

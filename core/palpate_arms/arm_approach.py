@@ -1,0 +1,105 @@
+"""The way of an arm to the first setpoint of a motion, and why it may not go there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from palpate import ArmLimits, DeviceError, Floats, Setpoint, Trajectory
+from palpate_kit.kinematics.arm_model import ArmModel
+from palpate_kit.kinematics.work_frame import agreement
+
+from palpate_arms.arm_settings import ArmSettings
+from palpate_arms.arm_states import ArmStates
+from palpate_arms.posture_fence import SINGULAR, is_singular
+from palpate_arms.reach import ArmReach
+from palpate_arms.start_path import FirstStation, start_path
+from palpate_arms.station_plane import LEVEL, StationPlane
+
+_FROM_END = math.radians(3.0)  # from which a joint has no room for the way
+
+
+class ArmApproach:
+    """From where an arm stands to where a motion begins; every method raises DeviceError, with the arm's title."""
+
+    def __init__(self, settings: ArmSettings, states: ArmStates, model: ArmModel, tool: Floats) -> None:
+        self._settings, self._states = settings, states
+        self._model, self._tool = model, tool
+        self._station: FirstStation | None = None  # of the motion that is about to be made
+        self._reached: Trajectory | None = None  # the motion whose places were looked at
+
+    @property
+    def plane(self) -> StationPlane:
+        """That of the first station; level as long as none is known."""
+        return LEVEL if self._station is None else self._station.plane
+
+    @property
+    def place(self) -> Floats:
+        """Where the tip is (3,) [m] in the work frame."""
+        if self._states.position is None:
+            raise self._error("the arm's position is unknown")
+        return self._states.position
+
+    def path(self, trajectory: Trajectory, limits: ArmLimits | None) -> tuple[Floats, Setpoint]:
+        """Times (n,) [s] and setpoints of the way."""
+        settings, position, rotation = self._settings, self.place, self._states.rotation
+        station = FirstStation.of(trajectory, settings.work)
+        start = station.place
+        away = float(np.linalg.norm(start - position))
+        if away > settings.start_tolerance:
+            here = ", ".join(f"{1e3 * x:.1f}" for x in position)
+            raise self._error(
+                f"the tip is at ({here}) mm in the work frame, {1e3 * away:.1f} mm from where the "
+                f"motion starts; bring it within {1e3 * settings.start_tolerance:g} mm by hand"
+            )
+        if (text := self._posture_problem()) is not None:
+            raise self._error(text)
+        law = settings.law
+        if limits is not None:
+            self._refuse_turn(station, limits)
+            law = replace(law, approach_speed=min(law.approach_speed, limits.speed))
+            law = replace(law, angular_speed=limits.angular_speed)
+        if station.turn is not None and self._reached is not trajectory:
+            self._refuse_unreachable(trajectory, math.inf if limits is None else limits.speed)
+        self._station = station
+        return start_path(station, position, rotation, law, settings.work)
+
+    def _refuse_turn(self, station: FirstStation, limits: ArmLimits) -> None:
+        """Raise where the tool is turned too far from how the motion begins."""
+        work, rotation = self._settings.work, self._states.rotation
+        turn, advice = agreement(work, rotation)
+        wanted = "the work frame's orientation"
+        if station.turn is not None:
+            turn = float(np.linalg.norm(station.turn_from(work, rotation)))
+            wanted, advice = "the normal of the first place", "turn it to the normal of the first place by hand"
+        if turn > limits.orientation:
+            raise self._error(
+                f"the tool is turned by {math.degrees(turn):.1f} deg from {wanted}, "
+                f"more than [safety] orientation = {math.degrees(limits.orientation):g} deg; {advice}"
+            )
+
+    def _posture_problem(self) -> str | None:
+        """Why the arm must not set out from the posture in which it stands; None where it may."""
+        model, slack, joints = self._model, _FROM_END, self._states.joints
+        for joint, angle, low, high in zip(model.joints, joints, model.low, model.high, strict=True):
+            if not low + slack <= angle <= high - slack:
+                where, end = (math.degrees(x) for x in (angle, low if angle < low + slack else high))
+                return (
+                    f"{joint} is at {where:.0f} deg, near its end at {end:.0f} deg: bring the arm into another posture"
+                )
+        return SINGULAR if is_singular(model.tip(joints, self._tool)[1]) else None
+
+    def _refuse_unreachable(self, trajectory: Trajectory, speed: float) -> None:
+        """Raise where the arm cannot go through all of a motion on which the tool turns."""
+        settings = self._settings
+        links, joints = (settings.links_low, settings.links_high), np.array(self._states.joints)
+        reach = ArmReach(self._model, self._tool, settings.work, settings.joint_speed, speed, links, joints)
+        try:
+            reach.refuse(trajectory)
+        except DeviceError as error:
+            raise self._error(str(error)) from error
+        self._reached = trajectory
+
+    def _error(self, text: str) -> DeviceError:
+        return DeviceError(f"{self._settings.title}: {text}")

@@ -1,0 +1,85 @@
+"""What a command asks of an arm's joints, and where it would take its links."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+from palpate_kit.kinematics.arm_model import ArmModel, inverse_of
+
+_FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where the command is
+_CANCELLED = 12.0  # times the tip's speed
+SINGULAR = "the arm is near a singular posture: move the specimen to another place in its reach"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is wrong, and whether the arm can be trusted to leave the material on its own."""
+
+    text: str
+    trusted: bool = True
+
+
+class PostureFence:
+    """Limits of the arm itself: speeds and ends of its joints, and the box of its links."""
+
+    def __init__(self, own: dict[str, Any], tool: Floats, model: ArmModel) -> None:
+        self._tool, self._model = tool, model
+        self._joint_speed, self._links = own["joint_speed"], (own["links_low"], own["links_high"])
+
+    def verdict(self, twist: Floats, error: Floats, joints: list[float], leaving: bool) -> Verdict | None:
+        """Of a command by the tip's twist (6,) and the error (6,) from where joints (n,) have it, both in the base."""
+        _, jacobian, places = self._model.tip_and_places(joints, self._tool)
+        try:
+            inverse = inverse_of(jacobian)
+        except np.linalg.LinAlgError:
+            return Verdict(SINGULAR, not leaving)
+        if not leaving and _against_one_another(jacobian, inverse[:, :3]) > _CANCELLED:
+            return Verdict(SINGULAR)
+        speeds, ways = (inverse @ twist).tolist(), (inverse @ error).tolist()
+        names = self._model.joints
+        joint = max(range(len(names)), key=lambda i: abs(speeds[i]))
+        if abs(speeds[joint]) > self._joint_speed:
+            most = math.degrees(self._joint_speed)
+            return Verdict(
+                f"a command would turn {names[joint]} at {math.degrees(abs(speeds[joint])):.0f} deg/s, over "
+                f"{most:g} deg/s ([device.*] joint_speed): the arm is near a singular posture, or too slow"
+            )
+        joint = max(range(len(names)), key=lambda i: abs(ways[i]))
+        if abs(ways[joint]) > _FARTHEST:
+            return Verdict(f"{names[joint]} is {math.degrees(abs(ways[joint])):.0f} deg from its command")
+        if leaving:
+            return None
+        if (text := self._model.end_of([a + b for a, b in zip(joints, ways, strict=True)])) is not None:
+            return Verdict(text)
+        return self._place_outside(places.tolist())
+
+    def _place_outside(self, places: list[list[float]]) -> Verdict | None:
+        low, high = self._links
+        for name, place in zip(self._model.place_names, places, strict=True):
+            if not all(least <= x <= most for x, least, most in zip(place, low, high, strict=True)):
+                where = ", ".join(f"{1e3 * x:.0f}" for x in place)
+                return Verdict(
+                    f"the {name} is at ({where}) mm in the base, out of the box of [device.*] links_low and links_high"
+                )
+        return None
+
+
+def is_singular(jacobian: Floats) -> bool:
+    """Whether joints near this Jacobian (6, n) of the tip have to move by much to move it a little."""
+    try:
+        return _against_one_another(jacobian, inverse_of(jacobian)[:, :3]) > _CANCELLED
+    except np.linalg.LinAlgError:
+        return True
+
+
+def _against_one_another(jacobian: Floats, inverse: Any) -> float:
+    """How much faster than the tip its joints would move it, each on its own: 2 to 5 in an ordinary posture.
+
+    The root of the sum of squares over the joints and the three directions of the tip. Near a singular posture they
+    cancel out, and where one of them lags, brakes or is at its limit, the tip leaves its path.
+    """
+    return float(np.linalg.norm(np.linalg.norm(jacobian[:3], axis=0)[:, None] * inverse))
