@@ -7,7 +7,7 @@ from palpate import Floats
 
 from palpate_arms.setpoint_buffer import PERIOD
 
-DELAY = 0.045  # [s] of an arm beyond the lag of its servo: states, commands, and what its servo does not tell
+DELAY = 0.045  # [s] of an arm beyond the lag of its servo: states, commands, and what its servo does not report
 _ENOUGH = 0.5e-3**2  # [m^2/s^2] variance of the commanded speed, from which a lag shows
 
 

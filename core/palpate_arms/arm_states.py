@@ -24,8 +24,8 @@ def low_rate(rate: float, usual: float) -> str | None:
     if usual - rate <= _RATE_SLACK * usual:
         return None
     return (
-        f"the controller sends its state at {rate:.0f} Hz in place of {usual:.0f} Hz: the motion goes by time, and is "
-        "recorded more coarsely"
+        f"the controller sends its state at {rate:.0f} Hz in place of {usual:.0f} Hz: the motion is timed by the clock "
+        "and recorded more coarsely"
     )
 
 
@@ -50,7 +50,7 @@ class ArmStates:
         return max(round((self._last - self._first) / 1e9 / PERIOD) + 1 - self.count, 0)
 
     def skip(self, rows: Floats) -> None:
-        """Rows that no run needs, such as those that came while other devices were connected, tell of the clock."""
+        """Rows that no run needs, such as those that came while other devices were connected, determine the clock."""
         self._times(rows)
 
     def batches(self, rows: Floats) -> Iterator[Batch]:

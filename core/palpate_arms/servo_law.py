@@ -49,7 +49,7 @@ class ServoLaw:
 
 
 def tick_room(limits: dict[str, Any] | None, state_period: float, ahead: float) -> float:
-    """How far [m] a command may go on, so that all which one tick might take at once is no more than is expected.
+    """How far [m] a command may go on, so that all which one tick might take at once is at most what is expected.
 
     That is two of its own steps, and what comes between two states that come more seldom, every `state_period` [s]; the
     latest command is `ahead` [m] of what the controller has taken.

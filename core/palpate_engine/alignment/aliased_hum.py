@@ -7,14 +7,14 @@ from palpate.vectors import Floats
 
 _LINES = (50.0, 60.0)  # [Hz]
 _OFF = 0.2  # [Hz] by which a line may be off
-_MOST_WAVES = 8.0  # in the record: more of them are no press
-_FINE, _FEWEST = 4.0, 5  # frequencies to a wave of the record, and at the least
+_MOST_WAVES = 8.0  # in the record: more of them are not a press
+_FINE, _FEWEST = 4.0, 5  # frequencies to a wave of the record, and at least
 _NARROW, _LEVELS = 9, 2  # frequencies around the best, and how often they narrow
-_ALIKE = 1e-9  # share of a wave that the other terms leave, which is none
+_ALIKE = 1e-9  # share of a wave that the other terms leave, which does not count
 
 
 def left_by_hum(time: Floats, basis: Floats, rest: Floats, interval: float) -> float:
-    """The least sum of squares [N2] of readings less air and one wave that hum may be; infinite where it is none.
+    """The least sum of squares [N2] of readings less air and one wave that hum may be; infinite where hum is not slow.
 
     `rest` (n,) [N] is what the orthonormal terms `basis` (n, k) of air leave at times (n,) [s], of readings that were
     taken at an interval [s].

@@ -20,7 +20,7 @@ _PULSE = 0.05  # [s] over which accelerations are taken
 _ABOVE = 4.0  # standard deviations of a derived acceleration, below which it is noise
 _GRID, _LEVELS = 33, 3  # heights that are tried together, and how often the grid narrows
 _GAIN = 100.0  # of the sum of squares in units of the noise's variance: ten sigma, jointly
-_OVER_HUM = 16.0  # the same, beside the best wave that aliased hum may be
+_OVER_HUM = 16.0  # the same, in addition to the best wave that aliased hum may be
 _STEPS = 3.0  # of the resolution, that what only contact explains rises by at least
 _SPREAD, _BELIEVED = 2.0, 0.2  # what the law may leave: standard deviations of the noise, share of the rise
 _PARTS = (8, 32)
@@ -109,7 +109,7 @@ def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
 
 
 def _gain_over_hum(time: Floats, basis: Floats, rest: Floats, left: Floats, interval: float) -> float:
-    """By how much contact lowers the sum of squares beside a wave that hum may be; infinite where hum is no wave."""
+    """By how much contact lowers the sum of squares in addition to a wave that hum may be; infinite where hum is not slow."""
     air = left_by_hum(time, basis, rest, interval)
     if not np.isfinite(air):
         return air

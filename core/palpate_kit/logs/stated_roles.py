@@ -67,7 +67,7 @@ def beside(role: str, name: str, columns: Sequence[str]) -> Iterator[tuple[str, 
 
 
 def _quaternion_stems(stem: str) -> Iterator[str]:
-    """How the names of a quaternion may begin beside those of a place."""
+    """How the names of a quaternion may begin, next to those of a place."""
     for place, turn in (
         ("position", "orientation"),
         ("translation", "rotation"),

@@ -15,8 +15,8 @@ _HEAD = "Facts of the rig and its specimens, for palpate; docs/rig-facts.md expl
 
 
 def write_rig(path: Path, changes: Mapping[str, Any]) -> None:
-    """Set keys of a file of facts, which is created if missing, or drop those that are to be None, the last one with the
-    file that was created.
+    """Set keys of a file of facts, created if missing, or drop those that are to be None, the last one with the file
+    that was created.
 
     Raises OutputError, ConfigurationError.
     """

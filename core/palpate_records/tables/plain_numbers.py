@@ -56,7 +56,7 @@ def plain_numbers(text: str, dialect: Dialect, width: int) -> Floats | None:
 
 
 def _parsed(numbers: str) -> Floats | None:
-    """The numbers (n,) between commas; None where they are none."""
+    """The numbers (n,) between commas; None for anything else."""
     try:  # a reader of JSON, which has the same numbers but for +1, .5 and 1., takes a third of the time
         found = from_json(f"[{numbers}]")
         return np.fromiter(found, np.float64, len(found))

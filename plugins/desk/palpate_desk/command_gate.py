@@ -69,7 +69,7 @@ def _demand_key(key: str) -> None:
 
 
 def _demand_fact(key: str, value: Any) -> None:
-    """Raise ConfigurationError for what is no fact that the page asks for: none of these names a file."""
+    """Raise ConfigurationError for anything but a fact that the page asks for: none of these names a file."""
     if key not in FACT_KEYS:
         raise ConfigurationError(f"{_RIG}.{key}: the page states {', '.join(FACT_KEYS)} only")
     facts_of({key: value})

@@ -143,7 +143,7 @@ class DeskServer:
                 self._orders[type(message)](message)
 
     def _state_facts(self, page: ServerConnection, message: asked.FactsOrder) -> None:
-        """Write what was answered, and fit what that concerns; mistakes go beside their fields, all at once."""
+        """Write what was answered, and fit what that concerns; mistakes are shown at their fields, all at once."""
         self._demand_idle()
         mistakes = fact_mistakes(message.answers)
         if not mistakes:

@@ -187,7 +187,7 @@ def _answers(folder: FitFolder, change: FolderChange) -> dict[str, Any]:
         table, _, key = text.partition(".")
         if table != "rig" or key not in asked:
             raise ConfigurationError(
-                f"--unset {text}: is no fact; a setting of single curves is taken back with --where"
+                f"--unset {text}: not a fact; a setting of single curves is taken back with --where"
             )
         if getattr(folder.facts, key) is None:
             raise ConfigurationError(f"--unset {text}: {folder.path / RIG} does not state it")

@@ -1,4 +1,4 @@
-"""Columns beside those of force and height: a force's other axes, a pose, the place of a record."""
+"""Columns in addition to those of force and height: a force's other axes, a pose, the place of a record."""
 
 from __future__ import annotations
 
