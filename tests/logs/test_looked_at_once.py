@@ -32,13 +32,16 @@ def curve(tmp_path):
 def test_neither_layout_nor_plugins_are_found_twice(curve, monkeypatch):
     known, sheets, loads = registry.load(), [], []
     suggestion_of(curve, {"tip": "sphere 5 mm"}, known)  # the tip is built
-    curve.write_text(curve.read_text() + "0.9,1,0\n")
+    files = [curve.with_name(f"{k}.csv") for k in range(10)]
+    for file in files:
+        file.write_text(curve.read_text())
     of, load = Sheet.of.__func__, registry.load
     monkeypatch.setattr(Sheet, "of", classmethod(lambda cls, *given: sheets.append(given) or of(cls, *given)))
     monkeypatch.setattr(registry, "load", lambda *given: loads.append(given) or load(*given))
-    assert len(specimens_of(curve, known)) == 1
-    suggestion_of(curve, {"tip": "sphere 5 mm"}, known)
-    assert len(sheets) == 1
+    parts = [part for file in files for part in specimens_of(file, known)]
+    for part in parts:
+        suggestion_of(part.path, {"tip": "sphere 5 mm"}, known)
+    assert len(parts) == len(sheets) == len(files)
     assert not loads
 
 

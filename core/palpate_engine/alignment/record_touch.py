@@ -109,7 +109,7 @@ def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
 
 
 def _gain_over_hum(time: Floats, basis: Floats, rest: Floats, left: Floats, interval: float) -> float:
-    """By how much contact lowers the sum of squares in addition to a wave that hum may be; infinite where hum is not slow."""
+    """By how much contact lowers the sum of squares in addition to a wave of hum; infinite where hum is not slow."""
     air = left_by_hum(time, basis, rest, interval)
     if not np.isfinite(air):
         return air

@@ -30,6 +30,7 @@ _MOST = 2000  # records of a file
 _SHOWN = 6  # records that are named
 _ROWS = 20  # of a record that a column names, usually
 _FILES = 8  # whose records are remembered
+_SHEETS = 1 << 14  # that are remembered, 2 kB each: a folder is gone through twice
 _WORDS = (
     "point points site press specimen specimens sample probe trial indent slot gel curve replicate probekörper messung "
     "punkt muestra numune échantillon",
@@ -80,7 +81,7 @@ def _sheet(path: Path, given: Mapping[str, str]) -> Sheet:
     return _sheet_at(path, tuple(sorted(given.items())), about.st_mtime_ns, about.st_size)
 
 
-@lru_cache(_FILES)
+@lru_cache(_SHEETS)
 def _sheet_at(path: Path, stated: tuple[tuple[str, str], ...], changed: int, size: int) -> Sheet:
     return Sheet.of(path, dict(stated))
 

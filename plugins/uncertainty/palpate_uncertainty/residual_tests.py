@@ -180,8 +180,9 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     directions = [
         found.sharp[:, 0] for cause, (*_, found) in shown.items() if scores[cause].freedom == len(found.sums) == 1
     ]
+    count_of_all = len(bins) + len(scores)
     for cause, (columns, typical, _) in shown.items():
-        if scores[cause].p * (len(bins) + len(scores)) < LEVEL:  # by itself: the same digits whatever else is tested
+        if scores[cause].p * count_of_all < LEVEL:  # by itself: the same digits whatever else is tested
             scores[cause] = tested.step(columns, typical, _is_one_sided(cause))
     every = [test.p for test in (*bins.values(), *scores.values())]
     p = min(1.0, (len(bins) + _count(directions)) * min(every, default=1.0))
