@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from palpate import DeviceError, UserError
+from palpate import DeviceError, UserError, clock
 from palpate_kit.acquisition.computer import host
 
 from palpate_franka.client import connected, reservation, words_of
 from palpate_franka.robot_states import MODES, error_bits, error_names, explained, names_of
+
+_SETTLES = 1.0  # [s] until states show what the controller has answered
 
 
 def recover(
@@ -35,7 +37,10 @@ def recover(
     if not typer.confirm("Is the arm free, and nobody within its reach?"):
         raise UserError("not recovered")
     try:
-        recovered = robot.recover_from_errors()
+        recovered, deadline = robot.recover_from_errors(), clock().now() + _SETTLES
+        while not recovered and clock().now() < deadline:  # the first states may be older than the recovery
+            clock().sleep(0.01)
+            recovered = not robot.has_errors
     except franky.Exception as error:
         raise DeviceError(f"franka at {address}: not recovered: {words_of(error)}") from error
     if not recovered:

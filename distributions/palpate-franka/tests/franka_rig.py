@@ -37,6 +37,7 @@ BODY = "robot0_hand"  # at the flange, turned by -45 deg
 TURN = matrix_of([0.0, 0.0, 0.0, 0.0, 0.0, np.pi / 4])
 HIGH = 3e-3  # [m] over the work frame, where nothing is felt
 BEHIND = 0.5  # [s] that are not made up for
+PAUSE = 1e-4  # [s] that a process at real-time priority has to sleep at times, or the system ends it
 STANDS = 1e-3  # [m/s]
 
 
@@ -64,6 +65,7 @@ class Rig:
         self.contact, self.random = SkinContact(), np.random.default_rng(1)
         self.sensor = VirtualSensor(PseudoTerminal(bench.port), bench.line_time, bench.sensor_ppm, 0, 1)
         self.now, self.before, self.stands = 0.0, None, 0.0
+        self.steps, self.pushed = 0, np.zeros(3)
         self.silent = None  # the joints at which its link was lost
         self.mark()
 
@@ -85,6 +87,10 @@ class Rig:
         before = self.before or (place, np.zeros(3))
         speed = (place - before[0]) / STEP
         acceleration, self.before = (speed - before[1]) / STEP, (place, speed)
+        self.look(place, speed, self.pushed, turn)
+        self.steps += 1
+        if self.steps % 2:
+            return  # its force goes on: a computer with two cores has to keep step
         push = np.zeros((1, 3))
         if place[2] < HIGH:
             push = self.contact.force(self.bench.specimen, np.array([self.now]), place[None], speed[None])
@@ -92,7 +98,7 @@ class Rig:
         x, y, z = (self.inwards.T @ place + self.origin - sim.data.xipos[self.body]).tolist()
         a, b, c = force.tolist()
         sim.data.xfrc_applied[self.body] = (a, b, c, y * c - z * b, z * a - x * c, x * b - y * a)
-        self.look(place, speed, push[0], turn)
+        self.pushed = push[0]
         self.feel(turn @ self.mounting, push, acceleration)
 
     def look(self, place, speed, push, turn):
@@ -169,7 +175,7 @@ class Rig:
 
     def obey(self):
         """The next words, if there are any; False at the end."""
-        if not select.select([sys.stdin], [], [], 0.0)[0]:
+        if not select.select([sys.stdin], [], [], PAUSE)[0]:
             return True
         words = sys.stdin.readline().split()
         if words in ([], ["quit"]):
