@@ -60,7 +60,9 @@ def test_what_is_no_setpoint_is_told(monkeypatch, how):
 @pytest.mark.parametrize("length", [np.nan, np.inf, -1.0, "long", None])
 def test_a_duration_that_is_none_is_told(monkeypatch, length):
     monkeypatch.setattr(Point, "total_duration", property(lambda self: length))
-    with pytest.raises(PluginError, match=r"trajectory Point: its total_duration is .*; expected a finite number of seconds"):
+    with pytest.raises(
+        PluginError, match=r"trajectory Point: its total_duration is .*; expected a finite number of seconds"
+    ):
         duration_of(PRESS)
 
 
