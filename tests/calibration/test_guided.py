@@ -118,7 +118,7 @@ TOO_FAST = f"[calibration]\ntop_speed = '0.1 m/s'\n[calibration.standstill]\n{ST
         (f"[calibration.noise]\n{STAY}", "no steady oscillation"),
         (f"[calibration.shakes]\n{STAY}", "unknown key 'shakes'; did you mean 'shake'"),
         (f"[calibration.orientations]\ndown = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]\n{STAY}", "down"),
-        (f"[calibration.orientations]\ndown = [[0.0, 0.0, -2.0], [0.0, 0.0, 1.0], [1.0, 0.0]]\n{STAY}", "not a direct"),
+        (f"[calibration.orientations]\ndown = [[0.0, 0.0, -2.0], [0.0, 0.0, 1.0], [1.0, 0.0]]\n{STAY}", "a direction"),
         (f"[calibration.standstill]\n{STAY}\ndevice = {{ rig = 'nothing' }}", "no [device.nothing]"),
         (
             '[calibration.press]\ntrajectory = { type = "point", bias = "4 mm" }',
