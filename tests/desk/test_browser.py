@@ -88,7 +88,7 @@ def test_a_laboratory_walks_through(curves):
         assert tab.ask("document.querySelectorAll('.row').length") < 200
         hosts = tab.ask("performance.getEntriesByType('resource').map((e) => new URL(e.name).host)")
         assert set(hosts) == {process.address.split("/")[2]}
-        assert len(hosts) <= 12
+        assert len(hosts) <= 13
         _compare_models(walk)
         _reject_three(walk)
         _refit_with_another_tip(walk, fits)

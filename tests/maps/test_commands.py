@@ -348,7 +348,7 @@ def test_no_map_is_written_over_an_earlier_one(palpate, raster_run, tmp_path):
     for cell in ("2 mm", "4 mm", "2 mm"):
         done = palpate("map", raster_run, "--cell", cell, "--method", "average", "--out", out)
         assert done.returncode == 0, done.stderr
-        said.append(done.stdout.split()[-4].rpartition("/")[2])
+        said += re.findall(r"map(?:-\d)?\.csv", done.stdout)
     assert said == ["map.csv", "map-2.csv", "map.csv"]  # the third is the first again
     assert sorted(path.name for path in out.iterdir()) == [
         f"{name}.{ending}" for name in ("map-2", "map") for ending in ("csv", "npz", "png")

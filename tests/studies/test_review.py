@@ -94,7 +94,7 @@ def test_mistakes_are_told(palpate, runs):
     assert unknown.returncode == 2
     assert "no run is called 'run_55'" in unknown.stderr
     (runs[0] / "review.json").write_text("[]")
-    with pytest.raises(LogError, match="no review"):
+    with pytest.raises(LogError, match="is not a review"):
         list(readings(runs[0], None, "elasticity"))
     partly = palpate("repeat", "review", *runs)
     assert partly.returncode == 1
