@@ -54,7 +54,7 @@ def test_a_run_that_stands_still_goes_on_for_as_long_as_it_may(bench, tmp_path):
     """Whether that is a few milliseconds more than `host_timeout` is up to other work of the computer, not the rig."""
     _, said, steps, _ = gone_through(bench, tmp_path, ["free-air/stall"], limits=ALERT)
     stall = steps["free-air/stall"]
-    assert stall["measured"]["reaction"] > 0.5, said
+    assert stall["measured"]["reaction"] > 0.3, said  # of 0.6 s since its last sign of life
     told = stall["told"]  # by the servo process, or by the program itself when it goes on
     assert "no sign of life" in told or "this program was held up" in told
 
