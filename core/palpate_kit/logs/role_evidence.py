@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats
 
+_SPAN = (99.8, 0.2)  # [%] of the readings, between which they change: single spikes do not count
 _REACH = 25  # samples to either side over which a derivative is taken: noise averages out, and the mean is exact
 _EVEN = 0.5  # of a rate's own movement that the slope may leave
 _FAR = 0.2  # of its largest value that a rate falls below somewhere
@@ -50,6 +51,12 @@ def noise(values: Floats) -> float:
     """Standard deviation of the noise, by second differences: what is smooth gives none; robust against steps."""
     bend = np.abs(np.diff(values, 2))
     return float(np.median(bend) / 0.6745 / np.sqrt(6.0)) if len(bend) else 0.0
+
+
+def span_of(values: Floats) -> float:
+    """Range over which readings (n,) change, as recorded, without single spikes and NaN; 0 for none."""
+    known = values[~np.isnan(values)]
+    return float(np.subtract(*np.percentile(known, _SPAN))) if len(known) else 0.0
 
 
 def roughness(values: Floats) -> float:

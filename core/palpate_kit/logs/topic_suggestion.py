@@ -19,6 +19,7 @@ from palpate_records.recording import Suggestion
 
 from palpate_kit.logs import stated_roles as roles
 from palpate_kit.logs.log_link import join_batches
+from palpate_kit.logs.role_evidence import span_of
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
 from palpate_kit.logs.suggestion import assemble_suggestion, find_roles, force_unit, length_unit, tip_of
 
@@ -158,7 +159,7 @@ def _guess_units(found: RoleGuess, units: dict[str, str], doubts: list[str], tip
     """Units of numbers whose type gives none: SI by the convention of ROS, doubted where unlikely."""
     if all(pick.series.unit for role, pick in found.picks.items() if role != "velocity"):
         return
-    spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in found.picks.items()}
+    spans = {r: span_of(p.series.values) for r, p in found.picks.items()}
     if not found.picks["position"].series.unit:
         units["position"] = length_unit(spans["position"], tip)
     way = spans["position"] * si_unit(units["position"])[1]

@@ -24,6 +24,7 @@ _ALIASES = {
 }
 _BEHIND = re.compile(r"(?:\s*/\s*|,\s*|\s+in\s+)(\S{1,20})")  # "Force / N", "Force, N", "Force in N"
 _SPLIT = re.compile(r"(.*?)(nano|n)?secs?(?:ond|onds)?", re.IGNORECASE)
+_IN_BRACKETS = re.compile(r"[\[(][^\])]*[\])]?")
 _WORD = re.compile(r"[^\W\d_]+")
 _EXACT = {
     "force": ("force", "f", "fz", "f_z", "force_z", "forcez", "fn", "load"),
@@ -79,7 +80,18 @@ def words_of(name: str) -> list[str]:
     >>> words_of("actual_TCP_force_2 [N]")
     ['actual', 'tcp', 'force']
     """
-    return [word.lower() for word in _WORD.findall(re.sub(r"[\[(][^\])]*[\])]?", " ", name))]
+    return [word.lower() for word in _WORD.findall(_IN_BRACKETS.sub(" ", name))]
+
+
+def bare_name(name: str) -> str:
+    """A name in small letters without its unit.
+
+    >>> bare_name("Fz [N]"), bare_name("tcp_z_mm"), bare_name("Force_Z")
+    ('fz', 'tcp_z', 'force_z')
+    """
+    bare = _IN_BRACKETS.sub(" ", name).strip()
+    unit = unit_text(bare)
+    return (re.sub(rf"[\s_/,]+(in\s+)?{re.escape(unit)}$", "", bare) if unit and is_unit(unit) else bare).lower()
 
 
 def stamp_parts(names: Sequence[str]) -> dict[str, int]:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from palpate import Floats
 from palpate_kit.logs import stated_roles
+from palpate_kit.logs.role_evidence import span_of
 from palpate_kit.logs.role_guess import RoleGuess
 from palpate_records.messages.readings import si_unit
-from palpate_records.tables.csv_names import is_unit, unit_text, words_of
+from palpate_records.tables.csv_names import bare_name, words_of
 from palpate_records.tables.csv_sheet import Sheet
 
-_SPAN = (99.8, 0.2)  # [%] of the readings, between which they change
 _UNITY = 0.01  # by which a quaternion's length may miss one
 
 
@@ -25,7 +24,7 @@ def with_axes(
 
     `values` (n, columns) are the numbers of the sheet: a quaternion has the length one.
     """
-    names = list(map(_bare_name, sheet.names))
+    names = list(map(bare_name, sheet.names))
     every: dict[str, dict[str, Any]] = {}
     for role, column in columns.items():
         name = names[int(found.picks[role].series.key[1])]
@@ -42,35 +41,19 @@ def with_axes(
 
 def sideways_forces(names: Sequence[str], roles: Sequence[str | None], values: Floats) -> set[int]:
     """Of three columns that are the axes of a force, the two whose readings (n, columns) change less."""
-    bare = list(map(_bare_name, names))
+    bare = list(map(bare_name, names))
     found: set[int] = set()
     for k, name in enumerate(bare):
         beside = [bare.index(other) for _, other, _ in stated_roles.beside("force", name, bare)]
         if beside and roles[k] == "force":
-            span = {axis: _span(values[:, axis]) for axis in (*beside, k)}
+            span = {axis: span_of(values[:, axis]) for axis in (*beside, k)}
             found |= {*span} - {max(span, key=span.__getitem__)}
     return found
-
-
-def _span(values: Floats) -> float:
-    good = values[np.isfinite(values)]
-    return float(np.subtract(*np.percentile(good, _SPAN))) if len(good) else 0.0
 
 
 def _is_unit_length(quaternions: Floats) -> bool:
     lengths = np.linalg.norm(quaternions, axis=1)
     return bool(np.isfinite(lengths).any()) and abs(float(np.nanmedian(lengths)) - 1.0) < _UNITY
-
-
-def _bare_name(name: str) -> str:
-    """A name in small letters without its unit.
-
-    >>> _bare_name("Fz [N]"), _bare_name("tcp_z_mm"), _bare_name("Force_Z")
-    ('fz', 'tcp_z', 'force_z')
-    """
-    bare = re.sub(r"[\[(][^\])]*[\])]?", " ", name).strip()
-    unit = unit_text(bare)
-    return (re.sub(rf"[\s_/,]+(in\s+)?{re.escape(unit)}$", "", bare) if unit and is_unit(unit) else bare).lower()
 
 
 def places_of(sheet: Sheet) -> dict[str, dict[str, Any]]:

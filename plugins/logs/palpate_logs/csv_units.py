@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from palpate import Indenter
+from palpate_kit.logs.role_evidence import span_of
 from palpate_kit.logs.role_guess import RoleGuess
 from palpate_kit.logs.suggestion import force_unit, length_unit
 from palpate_records.messages.readings import si_unit
@@ -26,7 +27,7 @@ def units_of(
     columns = {role: int(pick.series.key[1]) for role, pick in picks.items()}
     units = {r: u for r, k in columns.items() if (u := sheet.unit(k)) and DIMENSIONS.get(si_unit(u)[0]) == r}
     guesses: dict[str, str] = {}
-    spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in picks.items()}
+    spans = {r: span_of(p.series.values) for r, p in picks.items()}
     for role, k in columns.items():
         if sheet.needs_scale(k) and role not in units:
             units[role] = _SCALED[role]
