@@ -1,5 +1,6 @@
 """The live path end to end: result, record, replay, faults; by real clients only what simulated time cannot show."""
 
+import itertools
 import json
 import os
 import re
@@ -79,17 +80,17 @@ def test_the_example_as_it_stands(simulated):
 def test_the_main_job_by_the_real_clients(main_job):
     """The wall clock: ur_rtde, its sockets and a pseudo-terminal have threads and time-outs of their own.
 
-    The paper's filter integrates the arm's states: where a busy computer has them come late, a twentieth of them
-    unseen, its value is that of simulated time (`test_the_example_as_it_stands`) and not this one.
+    A busy computer has the states late and leaves some unseen, which costs accuracy: every value is honest, and near the
+    truth where the states came. How near is asked in simulated time (`test_the_example_as_it_stands`).
     """
     twin, state, result = main_job
     arm = result.run["live"]["devices"]["arm"]
+    for track, truth in itertools.product(("dr/ekf", "dr/kinematic"), (("elasticity", E_TRUE), ("viscosity", ETA_TRUE))):
+        found = result.tracks[track].parameters[truth[0]]
+        assert abs(found.value - truth[1]) < 2 * found.combined, (track, arm)
     if arm["states_unseen"] < arm["states"] / 20:
-        assert result.tracks["dr/ekf"].parameters["elasticity"].value == pytest.approx(E_TRUE, rel=0.02)
-    track = result.tracks["dr/kinematic"]
-    elasticity, viscosity = track.parameters["elasticity"], track.parameters["viscosity"]
-    assert elasticity.value == pytest.approx(E_TRUE, rel=0.02)
-    assert abs(viscosity.value - ETA_TRUE) < 2 * viscosity.combined
+        for track in ("dr/ekf", "dr/kinematic"):
+            assert result.tracks[track].parameters["elasticity"].value == pytest.approx(E_TRUE, rel=0.02)
     assert result.run["live"]["peak_force"] < 12
     commands = result.run["live"]["devices"]["arm"]["commands"]
     assert commands["cycles"] + commands["periods_lost"] > 6000
