@@ -46,7 +46,9 @@ def test_reaction_and_braking_are_measured(reaction, deceleration, noise):
 @pytest.mark.parametrize(
     ("trace", "event", "planned", "words"),
     [
-        (stop(0.5, 0.0, 1.0), 0.5, 0.04, "the arm turned just then, at 20.0 of 40.0 mm/s"),
+        (stop(0.4, 0.0, 0.1), 0.5, 0.02, r"the arm turned just then, at 11\.\d of 20.0 mm/s"),
+        (stop(0.2, 0.0, 1.0), 0.5, 0.02, "the arm turned just then, at 0.0 of 20.0 mm/s"),
+        (stop(0.5, 0.0, 1.0), 0.5, 0.04, "this computer is too busy to move .* at 20.0 of 40.0 mm/s"),
         (stop(9.0, 0.0, 1.0), 0.5, 0.02, "did not stop"),
         (stop(0.5, 0.0, 1.0), 1.49, 0.02, "are missing"),
         (

@@ -32,7 +32,7 @@ def gone_through(bench, tmp_path, steps, before=(), limits=PATIENT):
     table = json.loads((tmp_path / "a" / "acceptance.json").read_text())
     assert "to sign" in out
     for step in table["steps"]:
-        if step["problems"] == ["not measured"]:  # the stop met a turn of the arm, by the wall clock
+        if "this computer is too busy" in step["told"]:  # on two cores the arm sometimes goes at half its speed
             pytest.skip(step["told"])
     return code, person.said, {step["name"]: step for step in table["steps"]}, table
 

@@ -1,6 +1,5 @@
 """The live path end to end: result, record, replay, faults; by real clients only what simulated time cannot show."""
 
-import itertools
 import json
 import os
 import re
@@ -80,14 +79,15 @@ def test_the_example_as_it_stands(simulated):
 def test_the_main_job_by_the_real_clients(main_job):
     """The wall clock: ur_rtde, its sockets and a pseudo-terminal have threads and time-outs of their own.
 
-    A busy computer has the states late and leaves some unseen, which costs accuracy: every value is honest, and near the
-    truth where the states came. How near is asked in simulated time (`test_the_example_as_it_stands`).
+    A busy computer has the states late and leaves some unseen, which costs accuracy: every value is honest, and near
+    the truth where the states came. How near is asked in simulated time (`test_the_example_as_it_stands`).
     """
     twin, state, result = main_job
     arm = result.run["live"]["devices"]["arm"]
-    for track, truth in itertools.product(("dr/ekf", "dr/kinematic"), (("elasticity", E_TRUE), ("viscosity", ETA_TRUE))):
-        found = result.tracks[track].parameters[truth[0]]
-        assert abs(found.value - truth[1]) < 2 * found.combined, (track, arm)
+    for track in ("dr/ekf", "dr/kinematic"):
+        for name, truth in (("elasticity", E_TRUE), ("viscosity", ETA_TRUE)):
+            found = result.tracks[track].parameters[name]
+            assert abs(found.value - truth) < 2 * found.combined, (track, arm)
     if arm["states_unseen"] < arm["states"] / 20:
         for track in ("dr/ekf", "dr/kinematic"):
             assert result.tracks[track].parameters["elasticity"].value == pytest.approx(E_TRUE, rel=0.02)

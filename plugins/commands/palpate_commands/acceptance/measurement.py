@@ -9,7 +9,8 @@ import numpy as np
 from palpate import Floats
 
 _BEFORE = 0.03  # [s] over which a speed is averaged
-_STEADY = 0.7  # of the speed of the strokes: what is slower was hit at a turn
+_STEADY = 0.7  # of the speed of the strokes: slower ones show nothing
+_TURN = 0.15  # of the speed of the strokes: so much it changes at a turn within three times _BEFORE, or none is left
 _HIGH, _LOW = 0.8, 0.2  # of the speed, between which braking is measured
 _SMOOTH = 3  # states
 _LEFT, _FEW = 1e-3, 20  # [m] from the top of the strokes, before which the force is that of free air; readings
@@ -59,7 +60,7 @@ def measure_braking(trace: BrakingTrace, event: float, planned: float, inwards: 
     signed = float(trace.velocity[before].mean())
     speed, direction = abs(signed), float(np.sign(signed))
     if speed < _STEADY * planned:
-        raise MissedError(f"the arm turned just then, at {1e3 * speed:.1f} of {1e3 * planned:.1f} mm/s")
+        raise _too_slow(trace, event, signed, planned)
     if inwards and direction > 0:
         raise MissedError("the arm was on its way up just then")
     along = np.convolve(direction * trace.velocity, np.full(_SMOOTH, 1 / _SMOOTH), "same")
@@ -87,6 +88,16 @@ def measure_braking(trace: BrakingTrace, event: float, planned: float, inwards: 
         max(way, 0.0),
         step,
     )
+
+
+def _too_slow(trace: BrakingTrace, event: float, velocity: float, planned: float) -> MissedError:
+    """Why an arm at a velocity [m/s] was slower than planned when it was stopped: at a turn, or all the way."""
+    earlier = (trace.time > event - 3 * _BEFORE) & (trace.time <= event - 2 * _BEFORE)
+    change = abs(float(trace.velocity[earlier].mean()) - velocity) if earlier.any() else planned
+    moves = f"{1e3 * abs(velocity):.1f} of {1e3 * planned:.1f} mm/s"
+    if change > _TURN * planned or abs(velocity) < _TURN * planned:
+        return MissedError(f"the arm turned just then, at {moves}")
+    return MissedError(f"this computer is too busy to move the arm as planned: it went at {moves}")
 
 
 @dataclass(frozen=True)
