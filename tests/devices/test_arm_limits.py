@@ -235,13 +235,18 @@ def moved_into(twin, fault, **changes):
     heights, times, told = [], [], []
 
     def make():
-        heights.append(twin.wait(lambda state: state["height"] < -0.0005)["height"])
-        times.append(twin.fault(fault))
+        found = twin.wait(lambda state: over or state["height"] < -0.0005)["height"]
+        if not over:
+            heights.append(found)
+            times.append(twin.fault(fault))
 
+    over = []
     thread = clock().thread(make, "fault")
     thread.start()
     why, truth, _ = moved(twin, SLOW, told=told, **changes)
+    over.append(True)
     thread.join()
+    assert heights, f"the motion ended before the fault: {why}"
     return why, truth, heights[0], told[0] - times[0] if told else 0.0
 
 
