@@ -44,6 +44,7 @@ class Child:
             os.close(memory)
         self._socket = ours
         self._text = b""
+        self._ahead: list[dict[str, Any]] = []  # came with the one that was waited for
         self._closing = clock().event()
         self.fault: str | None = None
         self._beating = clock().thread(self._beat, f"{name} heartbeat", urgent=True)
@@ -55,7 +56,8 @@ class Child:
 
     def messages(self, timeout: float = 0.0) -> list[dict[str, Any]]:
         """Messages of the child since the last call, waiting up to `timeout` [s] for something."""
-        found = []
+        found, self._ahead = self._ahead, []
+        timeout = 0.0 if found else timeout
         with contextlib.suppress(ConnectionError):
             while clock().wait([self._socket], timeout):
                 timeout = 0.0
@@ -72,11 +74,16 @@ class Child:
         return found
 
     def wait_for(self, word: str, timeout: float) -> dict[str, Any]:
-        """The first message of a kind; raises DeviceError on a fault, on death and after `timeout` [s]."""
+        """The first message of a kind; raises DeviceError on a fault, on death and after `timeout` [s].
+
+        Those that came after it are left to the next call of `messages`.
+        """
         deadline = clock().now() + timeout
         while clock().now() < deadline:
-            for message in self.messages(0.02):
+            found = self.messages(0.02)
+            for place, message in enumerate(found, 1):
                 if message["say"] == word:
+                    self._ahead = found[place:]
                     return message
             self.check()
         self.kill()
