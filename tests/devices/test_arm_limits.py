@@ -232,7 +232,7 @@ def moved_into(twin, fault, **changes):
 
     Why it ended, the truth, the height at the fault, and how long [s] after it the end was told (0 if it never was).
     """
-    heights, times, told = [], [], []
+    heights, times, told, over = [], [], [], []
 
     def make():
         found = twin.wait(lambda state: over or state["height"] < -0.0005)["height"]
@@ -240,7 +240,6 @@ def moved_into(twin, fault, **changes):
             heights.append(found)
             times.append(twin.fault(fault))
 
-    over = []
     thread = clock().thread(make, "fault")
     thread.start()
     why, truth, _ = moved(twin, SLOW, told=told, **changes)

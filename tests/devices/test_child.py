@@ -1,6 +1,7 @@
 """The parent's end of a device process."""
 
 import socket
+from collections import deque
 
 import pytest
 from palpate import DeviceError
@@ -24,13 +25,13 @@ class Leaving:
 def child_of(ours, process):
     """A child by its end of the socket."""
     child = Child.__new__(Child)
-    child.name, child.fault, child._hint, child._text, child._ahead = "bota", None, "", b"", []
+    child.name, child.fault, child._hint, child._text, child._unread = "bota", None, "", b"", deque()
     child.ring, child._socket, child._process = Silent(), ours, process
     return child
 
 
 def test_what_comes_with_the_message_that_was_waited_for_is_kept():
-    """On a busy machine one read has both: a topic that was told of with `ready` was never found."""
+    """On a busy machine one read has both: a topic announced right after `ready` was never found."""
     ours, theirs = socket.socketpair()
     with ours, theirs:
         child = child_of(ours, Leaving(theirs))

@@ -8,6 +8,7 @@ import os
 import signal
 import socket
 import subprocess
+from collections import deque
 from typing import Any, Self
 
 from palpate import DeviceError, clock
@@ -44,7 +45,7 @@ class Child:
             os.close(memory)
         self._socket = ours
         self._text = b""
-        self._ahead: list[dict[str, Any]] = []  # came with the one that was waited for
+        self._unread: deque[dict[str, Any]] = deque()
         self._closing = clock().event()
         self.fault: str | None = None
         self._beating = clock().thread(self._beat, f"{name} heartbeat", urgent=True)
@@ -56,8 +57,13 @@ class Child:
 
     def messages(self, timeout: float = 0.0) -> list[dict[str, Any]]:
         """Messages of the child since the last call, waiting up to `timeout` [s] for something."""
-        found, self._ahead = self._ahead, []
-        timeout = 0.0 if found else timeout
+        self._receive(0.0 if self._unread else timeout)
+        found = list(self._unread)
+        self._unread.clear()
+        return found
+
+    def _receive(self, timeout: float = 0.0) -> None:
+        """Take what the child has sent from the socket, and lose none of it."""
         with contextlib.suppress(ConnectionError):
             while clock().wait([self._socket], timeout):
                 timeout = 0.0
@@ -70,20 +76,18 @@ class Child:
             message = json.loads(line)
             if message.get("say") == "fault":
                 self.fault = str(message["text"])
-            found.append(message)
-        return found
+            self._unread.append(message)
 
     def wait_for(self, word: str, timeout: float) -> dict[str, Any]:
         """The first message of a kind; raises DeviceError on a fault, on death and after `timeout` [s].
 
-        Those that came after it are left to the next call of `messages`.
+        `messages` returns those that came after it.
         """
         deadline = clock().now() + timeout
         while clock().now() < deadline:
-            found = self.messages(0.02)
-            for place, message in enumerate(found, 1):
-                if message["say"] == word:
-                    self._ahead = found[place:]
+            self._receive(0.02)
+            while self._unread:
+                if (message := self._unread.popleft())["say"] == word:
                     return message
             self.check()
         self.kill()
@@ -93,7 +97,7 @@ class Child:
         """Raise DeviceError where the child has reported a fault, has died, or has not beaten for so long [s]."""
         code = self._process.poll()  # once: what it said before its end is read after it
         if self.fault is None and code is not None:
-            self.messages()
+            self._receive()
         if self.fault is not None:
             raise DeviceError(f"{self.name}: {self.fault}")
         if code is not None:
@@ -139,7 +143,7 @@ class Child:
             self._process.wait(timeout)
         except subprocess.TimeoutExpired:
             self.kill()
-        self.messages()
+        self._receive()
         self._closing.set()
         self._beating.join()
         self._socket.close()
