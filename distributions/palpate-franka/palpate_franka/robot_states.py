@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+_NONE = "[]"  # how the client library writes no errors
 IDLE, MOVES, REFLEX = 1, 2, 4
 MODES = {
     0: "its joints are locked or it is not ready: unlock the joints and activate FCI in Desk",
@@ -35,6 +36,8 @@ def error_names(library: Any) -> list[str]:
 
 def error_bits(errors: Any, names: Sequence[str]) -> int:
     """Errors as bits, in the order of their names."""
+    if str(errors) == _NONE:  # in each of a thousand states a second: forty attributes take ten times as long
+        return 0
     return sum(1 << place for place, name in enumerate(names) if getattr(errors, name))
 
 

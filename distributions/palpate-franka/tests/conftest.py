@@ -2,8 +2,10 @@
 
 import importlib.util
 import json
+import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,8 @@ PALPATE = "from palpate_engine.cli import main; main()"
 # force that could arise meanwhile is computed; what arises is judged by the example's own limit.
 PATIENCE = ['device.arm.host_timeout="1 s"', 'device.arm.controller_timeout="300 ms"', 'safety.reading_age="300 ms"']
 PATIENCE += ['safety.force="50 N"']
+# As on a rig, the controller is a computer of its own: it has the last core, and palpate the others.
+CORES = sorted(os.sched_getaffinity(0))
 ABSENT = [name for name in ("franky", "franky_sim", "mujoco") if importlib.util.find_spec(name) is None]
 sys.path.insert(0, str(PIPELINES.parents[1]))  # palpate's own tests, and how they find out that a machine is busy
 pytest_plugins = ["tests.busy"]
@@ -37,28 +41,30 @@ class Rig:
     """The simulator's process, and what MuJoCo's arm did."""
 
     def __init__(self, folder, file, *more):
-        self.folder, self.file = folder, file
+        self.folder, self.file, self.talk = folder, file, threading.Lock()
         self.port = f'device.sensor.port="{folder / "sensor"}"'
         specimen = [f'twin.bench.specimen.{key}="{value}"' for key, value in TRUTH.items()]
         command = [sys.executable, HERE / "franka_rig.py", file, self.port, *specimen, *more]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        os.sched_setaffinity(self.process.pid, CORES[-1:])
         words = self.process.stdout.readline().split()
         assert words[:1] == ["ready"], "the simulator did not start"
         self.address = words[1]
 
     def ask(self, *words):
-        """What the arm did since the last `mark`; the words may change something before."""
-        self.process.stdin.write(" ".join(words or ("truth",)) + "\n")
-        self.process.stdin.flush()
-        return json.loads(self.process.stdout.readline())
+        """What the arm did since the last `mark`, to any thread; the words may change something before."""
+        with self.talk:
+            self.process.stdin.write(" ".join(map(str, words or ("truth",))) + "\n")
+            self.process.stdin.flush()
+            return json.loads(self.process.stdout.readline())
 
-    def start(self, command, *arguments):
+    def start(self, command, *arguments, stdin=subprocess.DEVNULL):
         """palpate, in a process of its own."""
         changes = [self.port, f'device.arm.host="{self.address}"', *PATIENCE]
         changes = [text for change in changes for text in ("--set", change)]
         return subprocess.Popen(
-            [sys.executable, "-c", PALPATE, command, self.file, *changes, *map(str, arguments)],
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=self.folder,
+            [sys.executable, "-c", PALPATE, *command.split(), self.file, *changes, *map(str, arguments)],
+            stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=self.folder,
         )  # fmt: skip
 
     def end(self):
@@ -79,6 +85,8 @@ def rig_of(tmp_path):
         return make.rigs[-1]
 
     make.rigs = []
+    os.sched_setaffinity(0, CORES[:-1] or CORES)
     yield make
+    os.sched_setaffinity(0, CORES)
     for rig in make.rigs:
         rig.end()

@@ -1,7 +1,7 @@
 """franky-sim's arm over palpate's specimen, with palpate's SensONE at the flange: a program of its own, for the tests.
 
 Its arguments are a pipeline file and settings. It says `ready ADDRESS` once it serves, and then obeys one word to a
-line with what the arm did: `truth`, `mark`, `silent`, `mode NAME ERRORS`, `quit`.
+line with what the arm did: `truth`, `mark`, `silent`, `talks`, `mode NAME ERRORS`, `lead X Y Z A B C`, `quit`.
 """
 
 import json
@@ -22,10 +22,11 @@ from franky_sim.franka_robot_protocol import (
     RobotMode,
 )
 from franky_sim.mujoco_simulator import MujocoSimulator
+from light_simulator import lighten
 from palpate import clock
 from palpate_engine import load_pipeline
 from palpate_kit.acquisition.computer import host
-from palpate_kit.kinematics.rotations import matrix_of
+from palpate_kit.kinematics.rotations import matrix_of, rotation_matrix
 from palpate_simulation.sensor_wrench import sensed_wrench
 from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.tool_axes import mounting_matrix
@@ -33,19 +34,21 @@ from palpate_simulation.twins.sensone import VirtualSensor
 from palpate_simulation.twins.sensor_lines import PseudoTerminal
 
 STEP = 1e-3  # s
+LOOK = 2 * STEP  # [s] from one force to the next, which goes on meanwhile: the simulator has to keep step
 BODY = "robot0_hand"  # at the flange, turned by -45 deg
 TURN = matrix_of([0.0, 0.0, 0.0, 0.0, 0.0, np.pi / 4])
 HIGH = 3e-3  # [m] over the work frame, where nothing is felt
 BEHIND = 0.5  # [s] that are not made up for
 PAUSE = 1e-4  # [s] that a process at real-time priority has to sleep at times, or the system ends it
 STANDS = 1e-3  # [m/s]
+PACE = 0.3  # [rad/s] of the joints, where a hand leads the arm
 
 
 class Rig:
     """Arm, specimen and sensor in MuJoCo's time, which is kept at that of the wall."""
 
-    def __init__(self, bench, joints):
-        self.bench, self.sim = bench, MujocoSimulator()
+    def __init__(self, bench, model, joints):
+        self.bench, self.model, self.sim = bench, model, MujocoSimulator()
         self.sim.init()
         # The simulator's own tool weighs what its model of the robot knows of.
         self.robot = self.sim.add_robot(initial_q=joints)
@@ -56,6 +59,7 @@ class Rig:
         self.server = SimulationServer(self.sim)
         self.server.init()
         (self.control,) = self.server.robot_servers
+        lighten(self.robot)
         self.sim.register_pre_step_callback(self.press)
         self.body = mujoco.mj_name2id(self.sim.model, mujoco.mjtObj.mjOBJ_BODY, BODY)
         self.tool = TURN @ matrix_of([*bench.tcp, *bench.tcp_rotation])
@@ -65,8 +69,8 @@ class Rig:
         self.contact, self.random = SkinContact(), np.random.default_rng(1)
         self.sensor = VirtualSensor(PseudoTerminal(bench.port), bench.line_time, bench.sensor_ppm, 0, 1)
         self.now, self.before, self.stands = 0.0, None, 0.0
-        self.steps, self.pushed = 0, np.zeros(3)
-        self.silent = None  # the joints at which its link was lost
+        self.looks, self.pushed = True, np.zeros(3)
+        self.held = self.hand = None  # joints: at which its link was lost, to which a hand leads it
         self.mark()
 
     def mark(self):
@@ -83,14 +87,14 @@ class Rig:
 
     def press(self, sim):
         """The specimen pushes the arm; the sensor feels it."""
+        self.looks = not self.looks
+        if self.looks:
+            return
         turn, place = self.tip()
         before = self.before or (place, np.zeros(3))
-        speed = (place - before[0]) / STEP
-        acceleration, self.before = (speed - before[1]) / STEP, (place, speed)
+        speed = (place - before[0]) / LOOK
+        acceleration, self.before = (speed - before[1]) / LOOK, (place, speed)
         self.look(place, speed, self.pushed, turn)
-        self.steps += 1
-        if self.steps % 2:
-            return  # its force goes on: a computer with two cores has to keep step
         push = np.zeros((1, 3))
         if place[2] < HIGH:
             push = self.contact.force(self.bench.specimen, np.array([self.now]), place[None], speed[None])
@@ -105,7 +109,7 @@ class Rig:
         """Note the extremes of what the arm does."""
         self.low, self.high = np.minimum(self.low, place), np.maximum(self.high, place)
         pace = math.hypot(*speed.tolist())
-        self.fastest, self.stands = max(self.fastest, pace), self.stands + STEP if pace < STANDS else 0.0
+        self.fastest, self.stands = max(self.fastest, pace), self.stands + LOOK if pace < STANDS else 0.0
         self.force = max(self.force, math.hypot(*push.tolist()))
         cosine = (float((self.nominal * turn).sum()) - 1.0) / 2.0
         self.askew = max(self.askew, math.acos(min(cosine, 1.0)))
@@ -156,13 +160,15 @@ class Rig:
         self.began, self.late = clock().now(), 0.0
         while True:
             for _ in range(5):
-                if self.silent is None:
+                if self.held is None:
                     self.control.process_commands()
+                    if self.hand is not None:
+                        self.follow_hand()
                 else:  # a controller without commands holds the arm
-                    self.robot.joint_position_control(self.silent)
+                    self.robot.joint_position_control(self.held)
                 self.sim.step()
                 self.now += STEP
-                if self.silent is None:
+                if self.held is None:
                     self.control.send_state()
                 wait = self.began + self.now - clock().now()
                 self.late = max(self.late, -wait)
@@ -183,11 +189,29 @@ class Rig:
         if words == ["mark"]:
             self.mark()
         elif words == ["silent"]:
-            self.silent = self.sim.data.qpos[:7].copy()
+            self.held = self.sim.data.qpos[:7].copy()
+        elif words == ["talks"]:
+            self.held = None
+        elif words[0] == "lead":
+            self.lead(*map(float, words[1:]))
         elif words[0] == "mode":
             self.enter(*words[1:])
         print(json.dumps(self.truth()), flush=True)
         return True
+
+    def lead(self, x, y, z, *turn):
+        """A hand leads the tip to a place [mm] in the work frame, the tool turned from its by a vector [deg]."""
+        pose = self.bench.work.tool_pose(np.array([x, y, z]) / 1e3)
+        pose[:3, :3] = pose[:3, :3] @ rotation_matrix(np.radians(turn).tolist())
+        now = self.sim.data.qpos[:7].copy()
+        tool = matrix_of([*self.bench.tcp, *self.bench.tcp_rotation])
+        self.hand, self.stands = (now, self.model.joints_at(pose, tool, now, steps=200)), 0.0
+
+    def follow_hand(self):
+        """A step towards where a hand leads the arm."""
+        at, end = self.hand
+        self.hand = at + np.clip(end - at, -PACE * STEP, PACE * STEP), end
+        self.robot.joint_position_control(self.hand[0])
 
     def enter(self, mode, *errors):
         """End a motion, as a controller does at a collision, and this simulator does not; it keeps its error."""
@@ -232,7 +256,7 @@ def main(file, *overrides):
     tool = matrix_of([*bench.tcp, *bench.tcp_rotation])
     start = bench.work.tool_pose(np.array([*bench.place, bench.height]))
     joints = arm.arm_model.joints_at(start, tool, np.array(arm.posture), steps=200)
-    rig = Rig(bench, joints.tolist())
+    rig = Rig(bench, arm.arm_model, joints.tolist())
     print(f"ready {rig.robot.hostname}", flush=True)
     rig.run()
 

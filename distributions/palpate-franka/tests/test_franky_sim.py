@@ -3,16 +3,21 @@
 By the wall clock, so limits and E are judged, never times.
 """
 
+import dataclasses
 import json
+import math
 import os
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
+import numpy as np
 import pytest
-from conftest import PALPATE, TRUTH
+from conftest import PALPATE, PIPELINES, TRUTH
 from palpate import to_si
 from palpate_engine import load_pipeline
 
@@ -63,6 +68,20 @@ def pressing(rig, *arguments):
 def stands(rig):
     """What the arm did until it has come to rest, and stays there."""
     return wait_for(rig, lambda truth: truth["stands"] > 0.5)
+
+
+def test_the_rig_sends_the_bytes_of_the_simulator():
+    states = pytest.importorskip("franky_sim.franka_robot_state")
+    from light_simulator import packed, replaced
+
+    numbers, plain = iter(range(1000)), states.FrankaRobotState()
+    fields = {field.name: getattr(plain, field.name) for field in dataclasses.fields(plain)}
+    values = {name: tuple(next(numbers) for _ in value) for name, value in fields.items() if isinstance(value, tuple)}
+    values |= {name: tuple(number % 3 == 0 for number in values[name]) for name in ("errors", "reflex_reason")}
+    values |= {"m_ee": 0.7, "m_load": 0.3, "robot_mode": states.RobotMode.kMove, "control_command_success_rate": 0.9}
+    state = replaced(plain, **values)
+    assert state == dataclasses.replace(plain, **values)
+    assert packed(state) == state.pack_state()
 
 
 @pytest.mark.parametrize(("file", "track"), [("point.toml", "dr/kinematic"), ("raster.toml", "dr/smoother")])
@@ -182,3 +201,35 @@ def test_the_doctor_moves_nothing(rig_of):
     truth = rig.ask()
     assert truth["mode"] == "kIdle"
     assert truth["fastest"] < STANDS
+
+
+def prompted(process):
+    """What a process prints until it waits for a person."""
+    text = ""
+    while not text.endswith("press Enter"):
+        text += (read := process.stderr.read(1))
+        assert read, text
+    return text
+
+
+def test_a_hand_that_leads_it_shows_where_surface_and_tip_are(rig_of, tmp_path):
+    rig = rig_of("point.toml")
+    rig.file = Path(shutil.copy(rig.file, tmp_path))
+    process = rig.start("calibrate teach", stdin=subprocess.PIPE)
+    across, up = 5.0 * math.sin(math.radians(10.0)), 10.0 - 5.0 * math.cos(math.radians(10.0))
+    # The tool turns about the centre of its ball; then the tip touches a surface that rises by 1 mm in 40.
+    places = [(0, 0, 5, 0, 0, 0), (0, across, up, 10, 0, 0), (0, -across, up, -10, 0, 0)]
+    places += [(across, 0, up, 0, 10, 0), (-across, 0, up, 0, -10, 0)]
+    places += [(-20, -20, 4.5, 0, 0, 0), (20, -20, 5.5, 0, 0, 0), (0, 20, 5.0, 0, 0, 0), (2, 1, 5.05, 0, 0, 0)]
+    for place in places:
+        assert "once more" not in prompted(process)
+        rig.ask("lead", *place)
+        wait_for(rig, lambda truth: truth["stands"] > 0.5)
+        process.stdin.write("\n")
+        process.stdin.flush()
+    code, text = finished(process)
+    assert code == 0, text
+    taught, before = (load_pipeline(file).devices["arm"].work for file in (rig.file, PIPELINES / "point.toml"))
+    axes = before.matrix[:3, :3].T
+    assert axes @ (taught.matrix[:3, 3] - before.matrix[:3, 3]) == pytest.approx(rig.ask()["place"], abs=0.1e-3)
+    assert axes @ taught.matrix[:3, 2] == pytest.approx(np.array([-1.0, 0.0, 40.0]) / math.hypot(1.0, 40.0), abs=2e-3)
