@@ -183,6 +183,7 @@ def test_a_robot_goes_on_only_once_somebody_says_that_specimen_and_tool_are_the_
 
 @pytest.mark.slow
 def test_a_rehearsal_that_was_stopped_is_continued_to_its_end_without_the_laboratory(palpate, root, tmp_path):
+    """Over 20 s, for a raster in two parts and its replay: the door by which a rehearsal once moved a real arm."""
     sets = [word for entry in SMALL for word in ("--set", entry)]
     with use_host(found := Laboratory()):
         words = ("--out", "r", "--fault", "protective-stop@5 s", "--hold-up", "main 2 ms every 1 s")

@@ -73,6 +73,7 @@ def curves(tmp_path, monkeypatch):
 
 
 def test_a_laboratory_walks_through(curves):
+    """Over 20 s: 30 curves are fitted again and again, as a laboratory does it, and a real browser shows each step."""
     fits = Path("fits")
     with served("curves", *_TIP, "--out", fits, "--groups", "samples.csv") as process, browser(1280, 800) as chromium:
         tab = chromium.open(process.address)

@@ -162,6 +162,7 @@ def test_strokes_at_one_speed_or_in_the_air_show_no_delay():
 
 @pytest.mark.slow
 def test_a_delay_from_the_start_is_measured_and_fails_a_rig_that_does_not_declare_it(simulated, tmp_path):
+    """Over 20 s: a delay shows only by strokes of several speeds into foam, each by a whole run."""
     twin = simulated(*SHORT, "twin.bench.height=10 mm", "twin.bench.force_delay=100 ms")
     found, _ = go_through(twin, tmp_path / "a", ["foam/delay"])
     outcome = found["foam/delay"]

@@ -19,6 +19,7 @@ RASTER = (
 
 @pytest.mark.slow
 def test_a_raster_stays_by_the_planned_depth_and_keeps_every_limit_at_every_tick(simulated):
+    """Over 20 s for two lines of a raster: the tool turns with a mesh at every tick, which no shorter motion asks."""
     twin = simulated(*RASTER, pipeline=PIPELINE)
     world, ticks = twin.world, []
     tick = world._tick

@@ -134,6 +134,7 @@ def test_a_row_is_what_fit_says_of_the_curve_alone(folder, palpate):
 
 @pytest.mark.slow
 def test_two_hundred_curves_are_one_number_in_the_table_in_a_run_and_in_python(tmp_path, monkeypatch):
+    """Over 20 s for 420 fits: what curves that share a compiled law do to one another shows in few of them."""
     monkeypatch.chdir(tmp_path)
     random = np.random.default_rng(36)
     curves = []

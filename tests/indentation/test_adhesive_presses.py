@@ -101,7 +101,10 @@ def test_what_sticks_on_the_way_out_only_is_no_adhesion_on_the_way_in():
     [("jkr", 5e3, 1e-5), ("jkr", 5e3, 5e-5), ("jkr", 20e3, 2e-4), ("dmt", 5e3, 1e-5), ("dmt", 20e3, 1e-4)],
 )
 def test_the_truth_is_within_the_uncertainty(theory, modulus, work):
-    """20 seeds: within two standard uncertainties in 16 at least, which chance leaves below once in 500 times."""
+    """20 seeds: within two standard uncertainties in 16 at least, which chance leaves below once in 500 times.
+
+    Some 40 CPU s each, for 20 whole presses: whether an uncertainty is right shows by a share of many only.
+    """
     within = 0
     for seed in range(20):
         found = looked_at(press(theory, modulus, work, seed))

@@ -41,6 +41,7 @@ def test_a_few_of_them_are_right(tmp_path):
 
 @pytest.mark.slow
 def test_nothing_is_wrong_without_a_flag(result):
+    """Some 20 s, with its fixture, for 27 tracks of one record: each kind of model meets each kind of estimator."""
     assert len(result.tracks) == len(TRACKS)
     assert benchmark.nonsense(result) == []
 
