@@ -86,6 +86,19 @@ def test_ctrl_c_within_the_first_second_ends_without_a_traceback(point_pipeline,
     assert "Traceback" not in errors
 
 
+def test_ctrl_c_while_pydantic_makes_a_class_is_ctrl_c(palpate, point_pipeline, tmp_path):
+    """It makes an error of its own of it, which was once told as a part that cannot be imported."""
+    (tmp_path / "own.py").write_text(
+        "from pydantic_core import SchemaValidator, core_schema\n"
+        "class Pressed:\n    def __repr__(self):\n        raise KeyboardInterrupt\n"
+        "SchemaValidator(core_schema.nullable_schema(core_schema.literal_schema([Pressed()])))\n"
+    )
+    done = palpate("check", point_pipeline, "--plugin", "own.py")
+    assert done.returncode == 130, done.stderr
+    assert done.stderr.endswith("palpate: stopped\n")
+    assert "SchemaError" not in done.stderr
+
+
 def test_a_table_too_wide_is_printed_row_by_row(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "30")
     table = Table(title="results")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -33,6 +34,8 @@ from palpate_engine.terminal_escape import harmless_output
 # One thread of linear algebra, set before numpy is imported: on small matrices more threads only wait for one another,
 # work is spread over processes, and sums have the same bits on any number of cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Where Ctrl-C comes while pydantic makes a class, of a part that is imported, it makes an error of its own of it.
+_CTRL_C = re.compile(r"SchemaError: .*\bKeyboardInterrupt: ", re.DOTALL)
 
 
 def main(arguments: Sequence[str] | None = None, approved: Sequence[str] | None = None) -> None:
@@ -60,22 +63,27 @@ def _main(arguments: Sequence[str]) -> None:
                 sys.stdout.flush()  # a full disk is reported here, not by the interpreter
                 raise
             sys.stdout.flush()
-    except PalpateError as error:
-        with contextlib.suppress(OSError):  # a terminal that has gone
-            print(f"palpate: {printable(str(error), lines=True)}", file=sys.stderr)
-        sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        print("palpate: stopped", file=sys.stderr)
-        sys.exit(130)
     except BrokenPipeError:  # the reader of a pipe, such as head, has gone
         sys.stderr.close()
         sys.exit(1)
-    except Exception:
-        import traceback
+    except (KeyboardInterrupt, Exception) as error:
+        sys.exit(_told(error))
 
-        traceback.print_exc()
-        print("palpate: this is a bug in palpate or in a plugin of yours, not in your pipeline", file=sys.stderr)
-        sys.exit(1)
+
+def _told(error: BaseException) -> int:
+    """The exit code of an error that is being handled, once it is told."""
+    if isinstance(error, KeyboardInterrupt) or _CTRL_C.search(f"{type(error).__name__}: {error}"):
+        print("palpate: stopped", file=sys.stderr)
+        return 130
+    if isinstance(error, PalpateError):
+        with contextlib.suppress(OSError):  # a terminal that has gone
+            print(f"palpate: {printable(str(error), lines=True)}", file=sys.stderr)
+        return error.exit_code
+    import traceback
+
+    traceback.print_exc()
+    print("palpate: this is a bug in palpate or in a plugin of yours, not in your pipeline", file=sys.stderr)
+    return 1
 
 
 def call(arguments: Sequence[str], ends: bool = False) -> None:
