@@ -67,11 +67,11 @@ def _main(arguments: Sequence[str]) -> None:
         sys.stderr.close()
         sys.exit(1)
     except (KeyboardInterrupt, Exception) as error:
-        sys.exit(_told(error))
+        sys.exit(_report(error))
 
 
-def _told(error: BaseException) -> int:
-    """The exit code of an error that is being handled, once it is told."""
+def _report(error: BaseException) -> int:
+    """Print an error that is being handled; its exit code."""
     if isinstance(error, KeyboardInterrupt) or _CTRL_C.search(f"{type(error).__name__}: {error}"):
         print("palpate: stopped", file=sys.stderr)
         return 130
