@@ -38,7 +38,7 @@ sys.modules["IPython.display"] = display
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WALKS.values(), ids=WALKS)
 def test_a_page_leads_from_its_first_line_to_its_last(page, tmp_path):
-    """Over 20 s for most: they are what a reader does, command by command, and no shorter page teaches it."""
+    """Over 20 s for some: they are what a reader does, command by command, and no shorter page teaches it."""
     text = (ROOT / "docs" / "tutorials" / f"{page}.md").read_text()
     cells = [OPTION.sub("", cell) for cell in CELL.findall(text)]
     script = tmp_path / "cells.py"

@@ -124,7 +124,6 @@ def all_that_a_page_does(folder):
 @pytest.mark.slow
 @pytest.mark.parametrize("way", _WAYS)
 def test_nothing_that_a_page_does_executes_a_file_of_the_folder(evil, way, tmp_path):
-    """Over 20 s where little is refused: most deeds of a page fit the folder again, and any could execute a file."""
     way(evil)
     all_that_a_page_does(evil.parent)
     script = evil.parent / "history.sh"

@@ -73,6 +73,7 @@ def test_a_force_that_is_never_reached_is_missed():
 @pytest.mark.gate
 @pytest.mark.slow
 def test_a_sound_rig_passes(simulated, tmp_path):
+    """Over 20 s, for four ways to stop: each needs strokes of its own."""
     names = ["free-air/estop", "free-air/safeguard", "free-air/cable", "foam/force"]
     found, said = go_through(simulated(*SHORT, "twin.bench.height=10 mm"), tmp_path / "a", names)
     assert {name: outcome.problems for name, outcome in found.items()} == dict.fromkeys(names, ())

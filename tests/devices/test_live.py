@@ -65,7 +65,7 @@ def test_a_short_run_and_its_replay(rig):
 
 @pytest.mark.slow
 def test_the_example_as_it_stands(simulated):
-    """Some 20 s: the whole of what the first page has its reader do, at its own length."""
+    """Over 20 s: the whole of what the first page has its reader do, at its own length."""
     twin = simulated()
     result = twin.run()
     for track in ("dr/ekf", "dr/kinematic"):

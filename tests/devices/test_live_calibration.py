@@ -35,7 +35,10 @@ def plan_for(twin, *overrides):
 
 @pytest.mark.slow
 def test_what_is_hidden_in_the_twins_is_found(simulated):
-    """Timing within what the drivers' clocks leave open, 0.3 ms; the rest within three standard uncertainties."""
+    """Timing within what the drivers' clocks leave open, 0.3 ms; the rest within three standard uncertainties.
+
+    Over 20 s, for all steps of the guide.
+    """
     twin = simulated(*HIDDEN)
     said = []
 

@@ -159,7 +159,7 @@ def test_the_arm_presses_along_the_normals_and_keeps_every_limit_at_every_tick(d
 def test_the_limits_hold_at_every_tick_over_domes_drawn_at_random(dome, seed):
     """Radius, places, where the person has left the tool, and the sine.
 
-    Over 20 s each, for two presses on a dome in simulated time: what is drawn is what no other test has thought of.
+    Up to 20 s each, for two presses on a dome in simulated time: what is drawn is what no other test has thought of.
     """
     random = np.random.default_rng(400 + seed)
     radius = random.uniform(0.035, 0.09)

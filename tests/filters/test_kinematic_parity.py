@@ -149,7 +149,6 @@ def apart(found: Floats, expected: Floats) -> float:
 def test_the_kinematic_filter_is_filterpys(
     name: str, speed: float, count: int, contact_models: dict[str, tuple[ContactModel, list[float]]]
 ) -> None:
-    """20 000 samples take filterpy 20 s: what adds up slowly does not show in 1000."""
     own = {"sphere": (SPHERE, [1.1e5, 360.0]), "quartic": (QUARTIC, [1.1e5, 360.0])}
     model, theta = (own | contact_models)[name]
     samples, settings = jittered(model, theta, count), KinematicFilter(sweep_speed=speed)

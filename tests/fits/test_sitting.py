@@ -96,7 +96,6 @@ def on_a_terminal(*words):
 def test_forty_files_in_nine_dialects_are_right_after_one_sitting_and_a_second_folder_asks_nothing(
     tmp_path, monkeypatch, palpate
 ):
-    """Over 20 s for 80 files: each dialect is read, asked for and fitted as its laboratory would have it, in one go."""
     monkeypatch.chdir(tmp_path)
     folder_of_dialects(tmp_path / "first")
     code, said, asked = on_a_terminal("fit", "first", "--out", "fits")

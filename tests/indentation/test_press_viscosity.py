@@ -211,10 +211,7 @@ def run(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_press_of_the_readmes_run_has_the_truth(seed, tmp_path):
-    """112.5 kPa within two uncertainties, the true tip first, no flag; by the run's viscosity and the press's.
-
-    Over 20 s for a whole run of the README's example with all its tracks, and two analyses.
-    """
+    """112.5 kPa within two uncertainties, the true tip first, no flag; by the run's viscosity and the press's."""
     folder = tmp_path / "point"
     call(["run", "pipelines/filters.toml", "--set", f"run.seed={seed}", "--out", str(folder)])
     call(["fit", "indentation", str(folder), "--out", str(tmp_path / "of_run")])

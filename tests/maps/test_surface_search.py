@@ -152,7 +152,6 @@ def test_the_lumps_of_the_half_ellipsoid_are_found_by_search(root, tmp_path, pal
     """Three lines, then lines and points until no patch of 10 % remains with more than 5 %.
 
     Seeds 1 to 3 find the three, to within 2 mm; the fourth finds one more, 4.6 ± 3.5 % stiffer at p = 0.00015.
-    Over 20 s, for all of its rounds: it is the search that goes on to its own end.
     """
     text = (root / "pipelines" / "breast.toml").read_text().replace("seed = 1\n", "seed = 2\n")
     text = text[: text.index("[trajectory.points]")] + RASTER + text[text.index("[alignment]") :]

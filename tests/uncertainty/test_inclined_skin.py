@@ -111,7 +111,6 @@ def test_what_is_not_stated_is_assumed_with_its_size():
 
 @pytest.mark.slow
 def test_e_is_within_its_95_per_cent_where_the_skin_is_stated_and_a_tilt_is_told_where_it_is_not(root):
-    """Over 20 s for 8 draws: tilt, tip and what is stated of them vary together only there."""
     benchmark = module("inclined_skins", root / "benchmarks" / "inclined_skins.py")
     draws = [benchmark.draw(seed) for seed in range(8)]
     assert [seed for seed, one in enumerate(draws) if not one.stated.right] == []

@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import pytest
@@ -41,7 +40,7 @@ class Rig:
     """The simulator's process, and what MuJoCo's arm did."""
 
     def __init__(self, folder, file, *more):
-        self.folder, self.file, self.talk = folder, file, threading.Lock()
+        self.folder, self.file = folder, file
         self.port = f'device.sensor.port="{folder / "sensor"}"'
         specimen = [f'twin.bench.specimen.{key}="{value}"' for key, value in TRUTH.items()]
         command = [sys.executable, HERE / "franka_rig.py", file, self.port, *specimen, *more]
@@ -52,11 +51,10 @@ class Rig:
         self.address = words[1]
 
     def ask(self, *words):
-        """What the arm did since the last `mark`, to any thread; the words may change something before."""
-        with self.talk:
-            self.process.stdin.write(" ".join(map(str, words or ("truth",))) + "\n")
-            self.process.stdin.flush()
-            return json.loads(self.process.stdout.readline())
+        """What the arm did since the last `mark`; the words may change something before."""
+        self.process.stdin.write(" ".join(map(str, words or ("truth",))) + "\n")
+        self.process.stdin.flush()
+        return json.loads(self.process.stdout.readline())
 
     def start(self, command, *arguments, stdin=subprocess.DEVNULL):
         """palpate, in a process of its own."""

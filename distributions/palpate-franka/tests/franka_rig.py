@@ -1,7 +1,7 @@
 """franky-sim's arm over palpate's specimen, with palpate's SensONE at the flange: a program of its own, for the tests.
 
 Its arguments are a pipeline file and settings. It says `ready ADDRESS` once it serves, and then obeys one word to a
-line with what the arm did: `truth`, `mark`, `silent`, `talks`, `mode NAME ERRORS`, `lead X Y Z A B C`, `quit`.
+line with what the arm did: `truth`, `mark`, `silent`, `mode NAME ERRORS`, `lead X Y Z A B C`, `quit`.
 """
 
 import json
@@ -190,8 +190,6 @@ class Rig:
             self.mark()
         elif words == ["silent"]:
             self.held = self.sim.data.qpos[:7].copy()
-        elif words == ["talks"]:
-            self.held = None
         elif words[0] == "lead":
             self.lead(*map(float, words[1:]))
         elif words[0] == "mode":
@@ -201,11 +199,8 @@ class Rig:
 
     def lead(self, x, y, z, *turn):
         """A hand leads the tip to a place [mm] in the work frame, the tool turned from its by a vector [deg]."""
-        pose = self.bench.work.tool_pose(np.array([x, y, z]) / 1e3)
-        pose[:3, :3] = pose[:3, :3] @ rotation_matrix(np.radians(turn).tolist())
-        now = self.sim.data.qpos[:7].copy()
-        tool = matrix_of([*self.bench.tcp, *self.bench.tcp_rotation])
-        self.hand, self.stands = (now, self.model.joints_at(pose, tool, now, steps=200)), 0.0
+        now, place = self.sim.data.qpos[:7].copy(), np.array([x, y, z]) / 1e3
+        self.hand, self.stands = (now, joints_of(self.bench, self.model, place, now, np.radians(turn).tolist())), 0.0
 
     def follow_hand(self):
         """A step towards where a hand leads the arm."""
@@ -239,6 +234,13 @@ def recover(command, server):
 AutomaticErrorRecoveryCommand.handle = recover
 
 
+def joints_of(bench, model, place, near, turn=(0.0, 0.0, 0.0)):
+    """Joints for the tip at a place (3,) [m] in the work frame, the tool turned from its by a vector (3,) [rad]."""
+    pose = bench.work.tool_pose(place)
+    pose[:3, :3] = pose[:3, :3] @ rotation_matrix(turn)
+    return model.joints_at(pose, matrix_of([*bench.tcp, *bench.tcp_rotation]), near, steps=200)
+
+
 def bench_of(device, sensor, file, overrides):
     """The settings of palpate's bench of twins for a pipeline's arm and sensor."""
     table = {**device.work_settings, **sensor.twin_settings, "port": f'"{sensor.port}"'}
@@ -253,9 +255,7 @@ def main(file, *overrides):
     devices = load_pipeline(Path(file), stated).devices
     arm = devices["arm"]
     bench = bench_of(arm, devices["sensor"], Path(file), overrides)
-    tool = matrix_of([*bench.tcp, *bench.tcp_rotation])
-    start = bench.work.tool_pose(np.array([*bench.place, bench.height]))
-    joints = arm.arm_model.joints_at(start, tool, np.array(arm.posture), steps=200)
+    joints = joints_of(bench, arm.arm_model, np.array([*bench.place, bench.height]), np.array(arm.posture))
     rig = Rig(bench, arm.arm_model, joints.tolist())
     print(f"ready {rig.robot.hostname}", flush=True)
     rig.run()
