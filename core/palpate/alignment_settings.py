@@ -165,6 +165,11 @@ class AlignmentSettings(Settings):
         return None if force is None and motion is None else math.hypot(force or 0.0, motion or 0.0)
 
     @property
+    def zero_uncertainty(self) -> float | None:
+        """Standard uncertainty [N] that is stated of the zero of the force; None where free air determines it."""
+        return None if self.tare == "free-air" else self.tare_uncertainty
+
+    @property
     def orientation_uncertainties(self) -> dict[str, tuple[float, bool]]:
         """Standard uncertainty [rad] of mounting and normal, as far as they are used, and whether it is declared."""
         stated = {"mounting": self.mounting_uncertainty} if self.is_oriented else {}

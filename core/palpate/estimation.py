@@ -126,6 +126,7 @@ class Problem:
         None  # [s] at the beginning of the record that the tip hangs still in free air; None: unknown
     )
     others: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # parameters of the other models, by their name
+    zero_uncertainty: float | None = None  # [N] standard uncertainty that is stated of the zero of the force
 
 
 class Tracker(Protocol):

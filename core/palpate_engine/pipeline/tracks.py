@@ -182,9 +182,10 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
     running = []
     for track in pipeline.tracks:
         part_failure = PartFailure(track, pipeline.registry)
-        timing = pipeline.alignment.timing_uncertainty
+        settings = pipeline.alignment
+        others = _others(pipeline, track.name.model)
         problem = Problem(
-            track.model, pipeline.alignment.tip_mass, timing, standstill, _others(pipeline, track.name.model)
+            track.model, settings.tip_mass, settings.timing_uncertainty, standstill, others, settings.zero_uncertainty
         )
         try:
             tracker = track.estimator.start(problem)

@@ -53,7 +53,9 @@ def _force(alignment: AlignmentSettings) -> Iterator[str]:
     if isinstance(tare, str):
         yield _TARES[tare]
     else:
-        yield f"zero of the force {tare:g} N" if tare else "force zeroed before contact"
+        std = alignment.zero_uncertainty
+        stated = f"zero of the force {tare:g}{f' ± {std:.2g}' if std else ''} N"
+        yield stated if tare or std else "force zeroed before contact"
     if alignment.timing_uncertainty is not None:
         late, std = 1e3 * (alignment.force.delay - alignment.position.delay), 1e3 * alignment.timing_uncertainty
         yield f"{late:g} ± {std:.2g} ms late"

@@ -160,11 +160,17 @@ def _budget(fit: FitOutcome, found: FitSensitivity, random: Floats) -> tuple[lis
 
 
 def _implied(fit: FitOutcome) -> Iterator[tuple[str, str, float, str]]:
-    """Sources that the record itself declares: the tare, and a contact point that is not fitted."""
+    """Sources that the fit does not have in its settings: the zero of the force, and a contact point that is not fitted.
+
+    The zero is as uncertain as is stated; where nobody states it, as the mean of the air before the contact.
+    """
     names = {fit.unknowns.names[place] for place in fit.residual.free}
     declared = {source.name for source in fit.sources}
-    if not {"bias"} & (names | declared | set(fit.settings.fixed)) and fit.by_force.approach is not None:
-        yield "tare", "bias", mean_uncertainty(fit.by_force.approach.force[: fit.by_force.approach.air]), "N"
+    if not {"bias"} & (names | declared | set(fit.settings.fixed)):
+        if stated := fit.problem.zero_uncertainty:
+            yield "tare", "bias", stated, "N"
+        elif (approach := fit.by_force.approach) is not None:
+            yield "tare", "bias", mean_uncertainty(approach.force[: approach.air]), "N"
     if fit.settings.contact_point != "free":
         yield "contact point", "surface", fit.by_force.points[fit.settings.contact_point].std, "m"
 

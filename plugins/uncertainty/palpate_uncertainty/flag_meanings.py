@@ -107,6 +107,9 @@ _RIG = {
         "cable or drift that it names.",
     ),
     "untared": FlagMeaning.sign("tare-unclear", "Before the first touch the force is not zero."),
+    "zeroed-in-contact": FlagMeaning.sign(
+        "tare-unclear", "The force was zeroed where the tip was below the estimated surface."
+    ),
     "force-in-air": FlagMeaning.sign(
         "tare-unclear", "In air the force follows the motion, has its frequency, or is not zero after the contact."
     ),

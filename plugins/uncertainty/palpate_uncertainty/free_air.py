@@ -14,6 +14,7 @@ from palpate_kit.budget.systematic_terms import per_newton
 from palpate_uncertainty.refit import sweeps
 from palpate_uncertainty.refitted_model import standstill
 from palpate_uncertainty.whiteness import oscillation
+from palpate_uncertainty.zeroed_in_contact import zeroed_in_contact
 
 _SURE = 5.0  # standard deviations
 _ENOUGH = 100  # samples
@@ -46,6 +47,8 @@ def free_air(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         if course is not None:
             by_motion = _Motion.of(track)
             flags = (*_tone(track, course), *_moved_zero(track, end, course))
+            if not _estimates_zero(track, end):
+                flags = (*flags, *zeroed_in_contact(track, end))
             if not track.model.adhesive:  # what pulls the tip near the surface is the model's
                 flags = (*flags, *_with_motion(track, by_motion, course))
             flags = (*flags, *_adhesion(track, by_motion, course))

@@ -19,10 +19,10 @@ from palpate_uncertainty.directed_tests import DirectedTest, directed_tests, nea
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.refit import Course, make_course, sweeps
 from palpate_uncertainty.residual_tests import LEVEL
+from palpate_uncertainty.residual_null import standstill_count
 from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
 ENOUGH = 300  # samples
-_STILL = 1e-4  # [m]
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
 _FAINT = 0.01  # the same, of the variance of the noise
 _DRIFTS = 1.5  # times the drift that is allowed, as one of the record is known to some half of it
@@ -164,11 +164,7 @@ def left_by(track: TrackEvidence) -> Floats:
 
 def standstill(track: TrackEvidence) -> Floats:
     """Force (n,) [N] before the tip began to move; empty where the record has none."""
-    place = track.air_position
-    if not len(place):
-        return np.zeros(0)
-    moving = np.abs(place - place[0]) > _STILL
-    return track.air_force[: int(np.argmax(moving)) if moving.any() else len(place)]
+    return track.air_force[: standstill_count(track.air_time, track.air_position)]
 
 
 def _null(track: TrackEvidence, residual: Floats, phase: Floats | None) -> Null:

@@ -15,7 +15,7 @@ from palpate_uncertainty.channel_noise import null_of
 from palpate_uncertainty.refit import Course
 
 AIR, READINGS = 0.2, 100  # [s] and readings without contact that determine the noise
-_STILL = 1e-4  # [m]
+_REST = 6.0  # standard deviations of the height at rest, that a tip which moves is off
 _NEAR = 0.05  # of the way in contact, above which the air before it is air
 _LOWEST = 0.125  # of the band, from which on what a model leaves is noise
 _FLAT, _CHANCE = 1.5, 3.8  # by which parts of a flat band differ: a factor, or standard deviations of few readings
@@ -64,8 +64,7 @@ def air_readings(track: TrackEvidence) -> Floats | None:
     time, force, place = track.air_time[known], track.air_force[known], track.air_position[known]
     if len(time) < READINGS:
         return None
-    moving = np.abs(place - place[0]) > _STILL
-    until = int(np.argmax(moving)) if moving.any() else len(place)
+    until = standstill_count(time, place)
     if until < READINGS or time[until - 1] - time[0] < AIR:
         kept = track.kept.position
         way = track.surface - float(np.nanmin(kept)) if len(kept) else 0.0
@@ -74,6 +73,26 @@ def air_readings(track: TrackEvidence) -> Floats | None:
     if until < READINGS or time[until - 1] - time[0] < AIR:
         return None
     return np.asarray(force[:until])
+
+
+def standstill_count(time: Floats, place: Floats) -> int:
+    """Return how many of the first readings, at times (n,) [s] and heights (n,) [m], are of a tip at rest.
+
+    A tip moves where it is off the mean of the first moments by more than heights scatter there about a line, and by
+    more than their resolution. It does not begin at rest where that line rises by as much.
+    """
+    if not len(place):
+        return 0
+    first = slice(max(min(READINGS, len(place)), int(np.searchsorted(time, time[0] + AIR))))
+    centred, level = time[first] - np.mean(time[first]), float(np.mean(place[first]))
+    slope = float(centred @ place[first]) / max(float(centred @ centred), 1e-300)
+    scatter = float(np.std(place[first] - level - slope * centred))
+    steps = np.abs(np.diff(place))
+    limit = _REST * scatter + float(np.min(steps, where=steps > 0, initial=np.inf) if (steps > 0).any() else 0.0)
+    if abs(slope) * float(np.ptp(centred)) > limit:
+        return 0
+    moving = np.abs(place - level) > limit
+    return int(np.argmax(moving)) if moving.any() else len(place)
 
 
 def upper_band(left: Floats, readings: Floats) -> ForceNoise | None:

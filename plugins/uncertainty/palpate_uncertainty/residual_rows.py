@@ -183,7 +183,7 @@ class JudgedRows:
         yield "force at its limit", 1.0, -np.maximum(self.force - _LIMIT * most, 0.0)
         if self._bends:
             yield "command", _AHEAD**2, self.by_depth * self.acceleration
-        if end is not None and (end.report.tare is None or end.report.tare.offset_std is None):
+        if end is not None and not self._tells_zero:
             # A force that was zeroed in contact lacks what the tip already bore.
             yield "zero of the force", (0.05 if self._has_air else 0.5) * most, np.ones(len(self.time))
         yield "drift", 0.05 * most, self._since

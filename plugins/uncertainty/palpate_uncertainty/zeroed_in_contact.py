@@ -1,0 +1,82 @@
+"""A force that was zeroed in contact: the air that gave the zero lies below the surface that a track finds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from palpate import Flag, Floats, TrackEnd, TrackEvidence, contact_force
+from palpate_kit.budget.influence import effects_by_name
+
+from palpate_uncertainty.model_alternatives import Refit, refit
+from palpate_uncertainty.refit import Course, make_course, possible
+from palpate_uncertainty.refitted_model import judged_rows
+
+SIGNIFICANT = 5.0  # standard uncertainties of the force that is missing where the zero was taken
+FEWEST_READINGS = 10  # of the tare
+DEPTH_STEP = 1e-6  # [m] for a slope
+MAX_REFITS = 8
+SETTLED = 0.02  # of the zero, by which it changes from one refit to the next
+
+
+def zeroed_in_contact(track: TrackEvidence, end: TrackEnd) -> Iterator[Flag]:
+    """Yield the flag of a zero that was taken where the model has a force.
+
+    A tip that is at depth d when the force is zeroed reads F(d) too little ever after; the fitted surface is below the
+    real one and still above the tip.
+    """
+    tare = end.report.tare
+    if tare is None or tare.until is None or track.model.adhesive or track.model.memory or not possible(track):
+        return
+    rows = (track.air_time <= tare.until) & np.isfinite(track.air_force) & np.isfinite(track.air_position)
+    if np.count_nonzero(rows) < FEWEST_READINGS:
+        return
+    height = float(np.median(track.air_position[rows]))
+    missing = _force_at(track, track.values, track.surface - height) - float(np.mean(track.air_force[rows]))
+    deeper = _force_at(track, track.values, track.surface - height + DEPTH_STEP)
+    slope = (deeper - _force_at(track, track.values, track.surface - height)) / DEPTH_STEP
+    error = float(np.hypot(tare.offset_std or 0.0, slope * float(end.last.surface_std[-1])))
+    if height >= track.surface or not missing > SIGNIFICANT * error:
+        return
+    text = (
+        f"the force was zeroed {1e3 * (track.surface - height):.2g} mm below the estimated surface, where the model has "
+        f"{missing:.2g} +- {error:.1g} N"
+    )
+    shifts = _shifts_without(track, height)
+    yield Flag("zeroed-in-contact", text, effects=effects_by_name(track.model, shifts))
+
+
+def _shifts_without(track: TrackEvidence, height: float) -> Floats | None:
+    """Return what the values (k,) change by once the force at a height [m] is in the zero; None where that is unknown.
+
+    The zero is the model's force there, and the model is fitted to the force with that zero: a fixed point, by secants.
+    """
+    course = make_course(track, judged_rows(track))
+    if not course.used.any():
+        return None
+    zeros, forces = [0.0], list[float]()
+    for _ in range(MAX_REFITS):
+        fit = _refit_with_zero(track, course, zeros[-1])
+        forces.append(_force_at(track, fit.theta, fit.surface - height))
+        if abs(forces[-1] - zeros[-1]) <= SETTLED * abs(forces[-1]):
+            return np.asarray(fit.theta - track.values)
+        zeros.append(_next_zero(zeros, forces))
+    return None
+
+
+def _next_zero(zeros: list[float], forces: list[float]) -> float:
+    """Return the zero [N] at which the line through the last two forces meets it; the last force before that."""
+    if len(forces) < 2:
+        return forces[-1]
+    gain = (forces[-1] - forces[-2]) / (zeros[-1] - zeros[-2])
+    return zeros[-1] + (forces[-1] - zeros[-1]) / (1.0 - gain) if gain < 1.0 else forces[-1]
+
+
+def _refit_with_zero(track: TrackEvidence, course: Course, zero: float) -> Refit:
+    return refit(replace(course, force=course.force + zero), track.values, track.surface)
+
+
+def _force_at(track: TrackEvidence, theta: Floats, depth: float) -> float:
+    """Force [N] of the model at rest at a depth [m]; none above the surface."""
+    return float(np.ravel(contact_force(track.model, np.array([max(depth, 0.0)]), 0.0, theta.tolist()))[0])
