@@ -160,7 +160,7 @@ def _budget(fit: FitOutcome, found: FitSensitivity, random: Floats) -> tuple[lis
 
 
 def _implied(fit: FitOutcome) -> Iterator[tuple[str, str, float, str]]:
-    """Sources that the fit does not have in its settings: the zero of the force, and a contact point that is not fitted.
+    """Sources that the settings do not name: the zero of the force, and a contact point that is not fitted.
 
     The zero is as uncertain as is stated; where nobody states it, as the mean of the air before the contact.
     """

@@ -18,8 +18,8 @@ from palpate_uncertainty.directed_scores import SUSPICIOUS, scores
 from palpate_uncertainty.directed_tests import DirectedTest, directed_tests, near_best
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.refit import Course, make_course, sweeps
-from palpate_uncertainty.residual_tests import LEVEL
 from palpate_uncertainty.residual_null import standstill_count
+from palpate_uncertainty.residual_tests import LEVEL
 from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
 ENOUGH = 300  # samples

@@ -15,7 +15,7 @@ from palpate_uncertainty.channel_noise import null_of
 from palpate_uncertainty.refit import Course
 
 AIR, READINGS = 0.2, 100  # [s] and readings without contact that determine the noise
-_REST = 6.0  # standard deviations of the height at rest, that a tip which moves is off
+REST = 6.0  # standard deviations of the height at rest; a tip that is farther off moves
 _NEAR = 0.05  # of the way in contact, above which the air before it is air
 _LOWEST = 0.125  # of the band, from which on what a model leaves is noise
 _FLAT, _CHANCE = 1.5, 3.8  # by which parts of a flat band differ: a factor, or standard deviations of few readings
@@ -81,14 +81,16 @@ def standstill_count(time: Floats, place: Floats) -> int:
     A tip moves where it is off the mean of the first moments by more than heights scatter there about a line, and by
     more than their resolution. It does not begin at rest where that line rises by as much.
     """
-    if not len(place):
-        return 0
-    first = slice(max(min(READINGS, len(place)), int(np.searchsorted(time, time[0] + AIR))))
-    centred, level = time[first] - np.mean(time[first]), float(np.mean(place[first]))
-    slope = float(centred @ place[first]) / max(float(centred @ centred), 1e-300)
-    scatter = float(np.std(place[first] - level - slope * centred))
-    steps = np.abs(np.diff(place))
-    limit = _REST * scatter + float(np.min(steps, where=steps > 0, initial=np.inf) if (steps > 0).any() else 0.0)
+    known = np.isfinite(place)
+    if not known.any():
+        return len(place)
+    # The first moments: as long as is needed to determine a noise.
+    window = known & (np.arange(len(place)) < READINGS) | known & (time <= time[0] + AIR)
+    centred, level = time[window] - np.mean(time[window]), float(np.mean(place[window]))
+    slope = float(centred @ place[window]) / max(float(centred @ centred), 1e-300)
+    scatter = float(np.std(place[window] - level - slope * centred))
+    steps = np.abs(np.diff(place[known]))
+    limit = REST * scatter + float(np.min(steps[steps > 0], initial=np.inf) if (steps > 0).any() else 0.0)
     if abs(slope) * float(np.ptp(centred)) > limit:
         return 0
     moving = np.abs(place - level) > limit

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from palpate import Flag, Floats, TrackEnd, TrackEvidence, contact_force
 from palpate_kit.budget.influence import effects_by_name
+from palpate_kit.terminal.fact_line import quantity_text
 
 from palpate_uncertainty.model_alternatives import Refit, refit
 from palpate_uncertainty.refit import Course, make_course, possible
@@ -33,18 +34,18 @@ def zeroed_in_contact(track: TrackEvidence, end: TrackEnd) -> Iterator[Flag]:
     if np.count_nonzero(rows) < FEWEST_READINGS:
         return
     height = float(np.median(track.air_position[rows]))
-    missing = _force_at(track, track.values, track.surface - height) - float(np.mean(track.air_force[rows]))
-    deeper = _force_at(track, track.values, track.surface - height + DEPTH_STEP)
-    slope = (deeper - _force_at(track, track.values, track.surface - height)) / DEPTH_STEP
+    depth = track.surface - height
+    force = _force_at(track, track.values, depth)
+    slope = (_force_at(track, track.values, depth + DEPTH_STEP) - force) / DEPTH_STEP
     error = float(np.hypot(tare.offset_std or 0.0, slope * float(end.last.surface_std[-1])))
-    if height >= track.surface or not missing > SIGNIFICANT * error:
+    missing = force - float(np.mean(track.air_force[rows]))
+    if depth <= 0 or not missing > SIGNIFICANT * error:
         return
+    place = quantity_text(float(f"{depth:.2g}"), "m")
     text = (
-        f"the force was zeroed {1e3 * (track.surface - height):.2g} mm below the estimated surface, where the model has "
-        f"{missing:.2g} +- {error:.1g} N"
+        f"the force was zeroed {place} below the estimated surface, where the model has {missing:.2g} +- {error:.1g} N"
     )
-    shifts = _shifts_without(track, height)
-    yield Flag("zeroed-in-contact", text, effects=effects_by_name(track.model, shifts))
+    yield Flag("zeroed-in-contact", text, effects=effects_by_name(track.model, _shifts_without(track, height)))
 
 
 def _shifts_without(track: TrackEvidence, height: float) -> Floats | None:
