@@ -6,7 +6,8 @@ ELASTICITY, VISCOSITY, RADIUS = 25e3, 60.0, 6.35e-3  # [Pa], [Pa s], [m]
 NOISE, HEIGHT_NOISE = 2.8e-3, 0.5e-6  # [N], [m]
 RIG = {
     "tip": "paraboloid 6.35 mm", "thickness": "half-space", "delay": "0 ms +- 0.2 ms", "tip-mass": "0 g",
-    "tare": "free-air 0.9 s", "poisson": "0.5 +- 0.0001", "inclination": "0 deg", "mount": "100 kN/mm", "position-of": "tip",
+    "tare": "free-air 0.9 s", "poisson": "0.5 +- 0.0001", "inclination": "0 deg", "mount": "100 kN/mm",
+    "position-of": "tip",
 }  # fmt: skip
 
 

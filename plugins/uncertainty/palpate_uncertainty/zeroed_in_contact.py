@@ -42,9 +42,7 @@ def zeroed_in_contact(track: TrackEvidence, end: TrackEnd) -> Iterator[Flag]:
     if depth <= 0 or not missing > SIGNIFICANT * error:
         return
     place = quantity_text(float(f"{depth:.2g}"), "m")
-    text = (
-        f"the force was zeroed {place} below the estimated surface, where the model has {missing:.2g} +- {error:.1g} N"
-    )
+    text = f"the zero was taken {place} below the estimated surface, where the model has {missing:.2g} +- {error:.1g} N"
     yield Flag("zeroed-in-contact", text, effects=effects_by_name(track.model, _shifts_without(track, height)))
 
 
