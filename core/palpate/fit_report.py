@@ -10,7 +10,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Unknown:
-    """One unknown of a fit, SI; without uncertainties where it was held fixed."""
+    """One unknown of a fit, SI; where it was held fixed, with at most a `std` that was stated."""
 
     value: float
     unit: str

@@ -70,10 +70,13 @@ def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) ->
 
 
 def with_findings(result: TrackResult, model: ContactModel, name: str, finding: Diagnosed) -> TrackResult:
-    """A result with the flags, uncertainties and numbers of a finding; derived values take them over."""
+    """A result with the flags, uncertainties and numbers of a finding; derived values take them over.
+
+    A parameter that was held fixed keeps what was stated of it.
+    """
     cause = name.replace("-", "_")
     names = [parameter.name for parameter in model.parameters]
-    parameters = {
+    parameters = dict(result.parameters) | {
         key: _caused(
             result.parameters[key], finding, key, [abs(float(term.shifts[i])) for term in finding.sources]
         ).diagnosed(
@@ -84,6 +87,7 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
             finding.left.get(key),
         )
         for i, key in enumerate(names)
+        if key in result.free
     }
     return replace(
         result,
@@ -130,7 +134,7 @@ def _rows(result: TrackResult, names: Sequence[str], name: str, finding: Diagnos
     terms = dict(finding.terms)
     for key, bias in finding.biases.items():
         terms[key] = math.hypot(terms.get(key, 0.0), bias.shift)
-    shares = {key: share for key, share in terms.items() if share > 0 and key in result.parameters}
+    shares = {key: share for key, share in terms.items() if share > 0 and key in result.free}
     if shares:
         yield BudgetRow(name, None, "", {key: result.parameters[key].effect(share) for key, share in shares.items()})
 

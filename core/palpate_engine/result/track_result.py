@@ -47,7 +47,7 @@ class TrackResult:
 
     def judged(self, registry: Registry, of_record: Sequence[Flag]) -> TrackResult:
         """The result with the flags that matter, and its verdicts; flags of the record (judged) concern every track."""
-        free = self._free
+        free = self.free
         flags = [*self.flags, *self._without_value(registry)]
         weighed = weigh(flags, free, registry, self.conditions)
         every = verdict(of_record)
@@ -72,7 +72,7 @@ class TrackResult:
         )
 
     @property
-    def _free(self) -> Mapping[str, UncertainValue]:
+    def free(self) -> Mapping[str, UncertainValue]:
         """The parameters that were estimated, and not held fixed."""
         unknowns = self.report.unknowns if self.report else {}
         return {n: value for n, value in self.parameters.items() if n not in unknowns or unknowns[n].free}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary
@@ -59,6 +59,7 @@ class Along:
     stretched: Floats | None  # [N] dF/dd d + dF/dd' d'; the same
     by_rate: Floats | None  # [N s/m] dF/dd'; the same
     _motion: tuple[Floats, Floats, Floats, NDArray[np.bool_]]  # time, depth, rate, rows that count
+    held: frozenset[str] = frozenset()  # of the parameters and "surface": what is fixed answers to nothing
 
     @property
     def time(self) -> Floats:
@@ -81,7 +82,22 @@ class Along:
 
     @cached_property
     def _influence(self) -> Callable[[Floats], Floats] | None:
-        return influence(self.jacobian)
+        free = self.free
+        by_error = influence(self.jacobian[:, free])
+        if by_error is None or free.all():
+            return by_error
+
+        def shifts(error: Floats) -> Floats:
+            moved = np.zeros(len(free))
+            moved[free] = by_error(error)
+            return moved
+
+        return shifts
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """(k + 1,) parameters and surface that are not held fixed."""
+        return free_columns(self.model, self.held)
 
     def shifts(self, error: Floats) -> Floats | None:
         """Shift (k,) of the parameters by an error (n,) of the force [N]; None where indistinct from the surface."""
@@ -127,17 +143,25 @@ class Along:
         return np.asarray(contact_force(model, depth[rows], rate[rows], self.values.tolist()))
 
 
-def along(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> Along | None:
+def free_columns(model: ContactModel, held: Collection[str]) -> NDArray[np.bool_]:
+    """Return (k + 1,) which of a model's parameters, and last the surface, are not held fixed."""
+    return np.array([name not in held for name in (*(parameter.name for parameter in model.parameters), "surface")])
+
+
+def along(
+    model: ContactModel, tail: Tail, last: Tail, values: Floats, held: frozenset[str] = frozenset()
+) -> Along | None:
     """The model at parameter values (k,) along the `last` samples; None where these determine nothing.
 
-    The memory of a model comes from the whole `tail`. Half of the diagnoses of a track ask for it: it is found once.
+    What is `held` fixed, by name, has no shift. The memory of a model comes from the whole `tail`. Half of the
+    diagnoses of a track ask for it: it is found once.
     """
     if not np.isfinite(values).all():
         return None
     known = _latest.get(last)
     if known is None or known[0] is not model or not np.array_equal(known[1], values):
         found = _remembered(model, tail, last, values) if model.memory else _instantaneous(model, last, values)
-        known = _latest[last] = model, values, found
+        known = _latest[last] = model, values, found and replace(found, held=held)
     return known[2]
 
 

@@ -12,6 +12,8 @@ from typing import Any, Literal
 import typer
 from palpate import is_unit
 
+from palpate_kit.terminal.quantities import FIXED
+
 Layout = Literal["table", "csv", "latex"]
 
 _ESCAPED = {c: f"\\{c}" for c in "&%$#_{}"} | {"~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
@@ -76,12 +78,12 @@ def _csv(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 def _pair(cell: str) -> tuple[str, str]:
     """Value and uncertainty of a cell that holds nothing else; any other text whole.
 
-    >>> _pair("112.8 ± 1.8"), _pair("(6.7 ± 3.4)e6"), _pair("5 ± ?"), _pair("E 112.8 ± 1.8 kPa")
-    (('112.8', '1.8'), ('6.7e6', '3.4e6'), ('5', '?'), ('E 112.8 ± 1.8 kPa', ''))
+    >>> _pair("112.8 ± 1.8"), _pair("(6.7 ± 3.4)e6"), _pair("5 ± ?"), _pair("E 112.8 ± 1.8 kPa"), _pair("0 (fixed)")
+    (('112.8', '1.8'), ('6.7e6', '3.4e6'), ('5', '?'), ('E 112.8 ± 1.8 kPa', ''), ('0', ''))
     """
     match = _QUANTITY.fullmatch(cell)
     if match is None:
-        return cell, ""
+        return cell.removesuffix(FIXED), ""
     power = match["power"] or ""
     return match["value"] + power, match["std"] + power
 

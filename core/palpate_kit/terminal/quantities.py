@@ -6,6 +6,7 @@ import math
 
 _LARGE, _SMALL = 6, -4  # powers of ten, from and below which a number is written with its power
 _MANY = 1e3  # times a value; an uncertainty beyond that shares no power with it
+FIXED = " (fixed)"
 _ROUNDING = 1e-12  # of a value; less is not an uncertainty
 
 
@@ -31,6 +32,20 @@ def value_with_uncertainty(value: float, std: float) -> str:
     if size >= _LARGE or size < _SMALL:
         return f"({_plain(value / 10.0**size, std / 10.0**size)})e{size}"
     return _plain(value, std)
+
+
+def value_or_fixed(value: float, std: float) -> str:
+    """A value and its uncertainty; one that was fixed without any says so.
+
+    >>> value_or_fixed(126.5312, 0.2134), value_or_fixed(0.0, 0.0)
+    ('126.53 ± 0.21', '0 (fixed)')
+    """
+    return f"{value_with_uncertainty(value, std)}{FIXED if is_fixed(value, std) else ''}"
+
+
+def is_fixed(value: float, std: float | None) -> bool:
+    """Return True for a value without any uncertainty, as only one that was fixed has."""
+    return std == 0.0 and math.isfinite(value)
 
 
 def _plain(value: float, std: float) -> str:

@@ -10,7 +10,7 @@ from palpate import Flag, ReportSection
 from palpate_engine import Result, TrackResult, UncertainValue, display_unit, function_of, has_no_number, verdict_word
 
 from palpate_kit.terminal.flag_summary import summary_lines
-from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
+from palpate_kit.terminal.quantities import round_number, value_or_fixed
 from palpate_kit.terminal.table import Table as Cells
 
 _MILLINEWTON = 1e-3  # [N]
@@ -216,7 +216,7 @@ def _shown(found: UncertainValue) -> str:
         return "none"
     if found.verdict is not None and has_no_number(found.verdict):
         return found.verdict
-    return value_with_uncertainty(_scaled(found.value, found.unit), _scaled(found.combined, found.unit))
+    return value_or_fixed(_scaled(found.value, found.unit), _scaled(found.combined, found.unit))
 
 
 def _cells(track: TrackResult, names: list[str]) -> list[str]:

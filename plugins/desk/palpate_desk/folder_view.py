@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import shlex
 import sys
 import tomllib
@@ -15,7 +16,7 @@ from palpate import ConfigurationError
 from palpate_engine import display_unit, registry, write_whole
 from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
-from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.quantities import value_or_fixed
 
 from palpate_desk import page_messages as asked
 from palpate_desk.action import OUT, Action, where_curve
@@ -41,9 +42,7 @@ def _row(row: CurveRow, units: dict[str, float]) -> dict[str, Any]:
     for name, factor in units.items():
         value, combined = row.number(name), row.number(f"{name}_combined")
         if value is not None:
-            text = (
-                value_with_uncertainty(value * factor, combined * factor) if combined else f"{value * factor:.4g} ± ?"
-            )
+            text = value_or_fixed(value * factor, math.nan if combined is None else combined * factor)
             values[name] = [value * factor, None if combined is None else combined * factor, text]
     return {
         "curve": row.curve, "track": row.track, "values": values, "rms": row.number("rms"), "verdict": row.verdict,

@@ -19,12 +19,16 @@ from palpate_fits.uncertainty import scaled_inverse
 
 TIMING = "timing of force against motion"  # the row of a delay
 PROBE = 1e-4  # [s], at which the sensitivity to a delay is taken
-_UNKNOWNS = {"tip_mass": "kg", "bias": "N"}  # of the readings, that are unknowns of a fit which are not free
 _SAMPLES = 20_000
 
 
-def stated_sources(model: ContactModel, stated: Mapping[str, Any]) -> tuple[UncertaintySource, ...]:
-    """The sources that `systematic` states; raises ConfigurationError where one does not exist or has a wrong unit."""
+def stated_sources(
+    model: ContactModel, stated: Mapping[str, Any], fixed: Mapping[str, str]
+) -> tuple[UncertaintySource, ...]:
+    """The sources that `systematic` states of the model, the readings, and what is `fixed`, with its units, by name.
+
+    Raises ConfigurationError where one does not exist or has a wrong unit.
+    """
     if {"delay", "timing"} & stated.keys():
         raise ConfigurationError(
             "estimator casadi-fit: systematic: the uncertainty of timing belongs to the signal: set "
@@ -33,7 +37,7 @@ def stated_sources(model: ContactModel, stated: Mapping[str, Any]) -> tuple[Unce
     found = []
     for name, value in stated.items():
         try:
-            found.append(declared_source(model, name, value, _UNKNOWNS))
+            found.append(declared_source(model, name, value, fixed))
         except ValueError as error:
             raise ConfigurationError(f"estimator casadi-fit: systematic: {error}") from error
     return tuple(found)

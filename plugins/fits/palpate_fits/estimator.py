@@ -36,11 +36,13 @@ class CasadiFit(FitSettings):
         if "tip_mass" not in fixed and "tip_mass" not in wanted:
             fixed["tip_mass"] = problem.tip_mass or 0.0
         unknowns = unknowns_of(problem.model, wanted, fixed, self.start_at, self.bounds)
-        sources = stated_sources(problem.model, self.systematic)
-        for source in sources:
-            if source.name in wanted:
-                known = f"systematic: {source.name} is an unknown of the fit, which finds its uncertainty itself"
+        free = [unknowns.names[place] for place in unknowns.free]
+        for name in self.systematic:
+            if name in free:
+                known = f"systematic: {name} is an unknown of the fit, which finds its uncertainty itself"
                 raise ConfigurationError(f"estimator casadi-fit: {known}")
+        fixed_units = {item.name: item.unit for item in unknowns.items if not item.free}
+        sources = stated_sources(problem.model, self.systematic, fixed_units)
         return FitTracker(self, problem, windows, unknowns, sources)
 
     def _contradictions(self, problem: Problem) -> Iterator[str]:

@@ -18,7 +18,7 @@ from palpate_engine import (
 )
 from palpate_kit.curves.curve_fits import Row, row_conditions, value_units
 from palpate_kit.curves.curve_table import summary_of
-from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.quantities import value_or_fixed
 from palpate_kit.terminal.table import Table, console
 
 from palpate_fits.fit_tables import each_table
@@ -119,7 +119,7 @@ def _cell(row: Mapping[str, Any], name: str, unit: str) -> str:
     factor = display_unit(unit)[1]
     combined = row.get(f"{name}_combined")
     value = float(row[name]) * factor
-    return value_with_uncertainty(value, float(combined) * factor) if combined else f"{value:.4g} ± ?"
+    return value_or_fixed(value, float(combined) * factor) if combined else f"{value:.4g} ± ?"
 
 
 def _short(name: str) -> str:

@@ -68,8 +68,8 @@ class FitSettings(Estimator):
     seed: int = Field(default=0, ge=0, description="seed of the bootstrap")
     systematic: dict[str, float | str] = Field(
         default={},
-        description='standard uncertainties of what is assumed exact, by key of the model or "tip_mass", "bias", '
-        '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }',
+        description="standard uncertainties of what is assumed exact, by key of the model, name of what is fixed, "
+        '"tip_mass", "bias", "force_scale" or "position_scale": { radius = "20 um", poisson = 0.01, surface = "5 um" }',
     )
 
     @property

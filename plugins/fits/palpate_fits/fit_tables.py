@@ -10,7 +10,7 @@ from palpate import BudgetRow, Effect, FitReport, Flag
 from palpate_engine import Pipeline, Result, TrackResult, UncertainValue, display_unit
 from palpate_kit.curves.curve_fits import value_units
 from palpate_kit.terminal.flag_summary import summary_lines
-from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.quantities import value_or_fixed, value_with_uncertainty
 from palpate_kit.terminal.result_summary import flag_lines, open_facts
 from palpate_kit.terminal.table import Table
 
@@ -74,7 +74,7 @@ def _value(found: UncertainValue | None) -> str:
     if found is None or not math.isfinite(found.value):
         return "-"
     factor = display_unit(found.unit)[1]
-    return value_with_uncertainty(found.value * factor, found.combined * factor)
+    return value_or_fixed(found.value * factor, found.combined * factor)
 
 
 def _verdict(track: TrackResult) -> str:
@@ -169,7 +169,7 @@ def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
         said = "not fitted" if report is None else "not usable"
         return [*([said] * len(names)), *([""] * 8), codes]
     cells = [_value(track.parameters[name]) if name in track.parameters else _unknown(report, name) for name in names]
-    cells.append(value_with_uncertainty(1e3 * track.surface.value, 1e3 * track.surface.combined))
+    cells.append(value_or_fixed(1e3 * track.surface.value, 1e3 * track.surface.combined))
     if report is None:  # an offline estimator that is not a fit, or reports nothing
         return [*cells, "", f"{track.force_rms:.4g}", "", "", "", str(track.samples), "", codes]
     return [

@@ -186,9 +186,12 @@ def _included(fit: FitOutcome) -> Iterator[str]:
 
 
 def _total(judged: _FitWithUncertainty) -> Floats:
-    """Standard uncertainty (P,) of all parameters, timing left out; 0 for those that are fixed."""
+    """Standard uncertainty (P,) of all parameters, timing left out; for those that are fixed what is stated, or 0."""
     fit = judged.fit
     total = np.zeros(len(fit.solution.x))
+    for source in fit.sources:
+        if source.name in fit.unknowns.names:
+            total[fit.unknowns.index(source.name)] = source.std
     total[list(fit.residual.free)] = np.hypot(judged.random, judged.systematic)
     if fit.settings.contact_point != "free":
         total[fit.unknowns.index("surface")] = fit.by_force.points[fit.settings.contact_point].std
@@ -260,6 +263,8 @@ def _table(judged: _FitWithUncertainty, total: Floats) -> dict[str, Any]:
             ends = profile.interval(place, random, judged.quantile) if profile is not None and profiled else None
             known["interval_by"] = "profile" if ends else "normal"
             known["interval"] = list(ends or (value - judged.quantile * random, value + judged.quantile * random))
+        elif total[place]:
+            known["std"] = float(total[place])
         table[item.name] = known
     return table
 

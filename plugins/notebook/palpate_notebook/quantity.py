@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from palpate import ConfigurationError, to_si
 from palpate_engine import display_unit
-from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.quantities import FIXED, is_fixed, value_with_uncertainty
 
 from palpate_notebook.html_table import html_table
 from palpate_notebook.optional_imports import library
@@ -101,7 +101,8 @@ class UncertainQuantity(float):
         return format(f"{value} ± {std} {unit}".removesuffix(" 1"), (match["pad"] or ">") + match["width"])
 
     def __str__(self) -> str:
-        return f"{self.number} {display_unit(self.unit)[0]}".removesuffix(" 1")
+        text = f"{self.number} {display_unit(self.unit)[0]}".removesuffix(" 1")
+        return f"{text}{FIXED}" if is_fixed(float(self), self.combined) else text
 
     def __repr__(self) -> str:
         return str(self)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from palpate_engine import display_unit, has_no_number
-from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.quantities import FIXED, is_fixed, value_with_uncertainty
 
 
 def number_text(value: float, unit: str) -> str:
@@ -33,7 +33,7 @@ def value_of(found: Mapping[str, Any]) -> str:
     word, factor = display_unit(found["unit"])
     combined = found.get("combined")
     number = value_with_uncertainty(found["value"] * factor, math.nan if combined is None else combined * factor)
-    return f"{number} {word}".removesuffix(" 1")
+    return f"{number} {word}".removesuffix(" 1") + (FIXED if is_fixed(found["value"], combined) else "")
 
 
 def parts_of(found: Mapping[str, Any]) -> str:

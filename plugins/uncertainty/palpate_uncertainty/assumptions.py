@@ -32,7 +32,7 @@ def assumptions(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _of(track: TrackEvidence, end: TrackEnd) -> dict[str, Any]:
-    found = along(track.model, end.tail, end.last, track.values)
+    found = along(track.model, end.tail, end.last, track.values, end.held)
     if found is None:
         return {}
     percent = {

@@ -43,7 +43,7 @@ def free_air(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         end = track.ending
         if end is None or sweeps(track) or not np.isfinite(track.values).all():
             continue
-        course = along(track.model, end.tail, end.last, track.values)
+        course = along(track.model, end.tail, end.last, track.values, end.held)
         if course is not None:
             by_motion = _Motion.of(track)
             flags = (*_tone(track, course), *_moved_zero(track, end, course))

@@ -70,7 +70,7 @@ def open_facts(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         end = evidence.ending
         if end is None:
             continue
-        track = _OpenTrack(evidence, end, along(evidence.model, end.tail, end.last, evidence.values))
+        track = _OpenTrack(evidence, end, along(evidence.model, end.tail, end.last, evidence.values, end.held))
         conditions = tuple(one for fact in _FACTS for one in fact(track))
         found[evidence.name] = Diagnosed(conditions=conditions)
     return found

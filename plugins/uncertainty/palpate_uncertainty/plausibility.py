@@ -167,7 +167,7 @@ def _surface_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
         text = f"the estimated surface is {1e3 * apart:+.2f} mm from where the tip touched"
         if apart < 0:  # below it: something else moves the force in air
             text = f"{text}, so that the force changes in air"
-        course = along(model, end.tail, last, theta)
+        course = along(model, end.tail, last, theta, end.held)
         moved = None if course is None else answer(course.jacobian[:, :-1], apart * course.jacobian[:, -1])
         names = [parameter.name for parameter in model.parameters]
         effects = None if moved is None else dict(zip(names, np.abs(moved).tolist(), strict=True))

@@ -22,7 +22,7 @@ def reading_faults(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     found = {}
     for track in tracks:
         if (end := track.ending) is not None:
-            course = along(track.model, end.tail, end.last, track.values)
+            course = along(track.model, end.tail, end.last, track.values, end.held)
             flags = (*velocity_flags(track, end, course), *air_force_flags(track.model, end, course))
             if flags:
                 found[track.name] = Diagnosed(flags)

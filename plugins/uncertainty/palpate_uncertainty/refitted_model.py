@@ -19,6 +19,7 @@ from palpate_uncertainty.directed_tests import DirectedTest, directed_tests, nea
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.refit import Course, make_course, sweeps
 from palpate_uncertainty.residual_null import standstill_count
+from palpate_uncertainty.residual_rows import FIXED
 from palpate_uncertainty.residual_tests import LEVEL
 from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
@@ -68,8 +69,13 @@ class RefittedModel:
         return [self._refits[reason] for reason in reasons]
 
     def shifts_to(self, reasons: Iterable[str], values: Floats) -> Floats:
-        """How far (k,) values are from those of the refits that there are for some reasons."""
-        found = self._refitted([reason for reason in dict.fromkeys(reasons) if reason in self._alternatives])
+        """How far (k,) values are from those of the refits that there are for some reasons.
+
+        That of the model itself has everything free that a fit held fixed.
+        """
+        names = dict.fromkeys(reasons)
+        found = self._refitted([reason for reason in names if reason in self._alternatives])
+        found += [self.fit] if FIXED in names else []
         away = [np.zeros(len(values)), *(np.max(np.abs(other.candidates - values), axis=0) for other in found)]
         return np.asarray(np.max(away, axis=0))
 

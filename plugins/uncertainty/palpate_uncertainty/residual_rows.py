@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, TrackEvidence
+from palpate_kit.budget.force_sensitivity import free_columns
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 from palpate_kit.numerics.tip_travel import noise_of
 
@@ -20,6 +21,7 @@ from palpate_uncertainty.residual_null import slopes_of
 
 # Alternatives that only add to the force what their derivative says: a negative size is not one of them.
 ONE_SIDED = ("memory", "compliance", "force at its limit", "drag", "friction", "adhesion", "unloading that is softer")
+FIXED = "a fixed value"  # the cause that is tested by freeing what is fixed
 _BINS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
 _STEPS = 8  # bins of what moves in time
 _LIMIT = 0.95  # of the largest force, above which a sensor may give less
@@ -51,6 +53,7 @@ class JudgedRows:
     by_rate: Floats  # (n,) [N s/m]
     air_force: Floats  # (a,) [N] less the inertia
     count: int  # in contact
+    free: NDArray[np.bool_]  # (k + 1,) parameters and surface that the fit determines
 
     @classmethod
     def of(cls, track: TrackEvidence, course: Course) -> JudgedRows:
@@ -66,6 +69,7 @@ class JudgedRows:
             track, course, whole(course.time[used], time), whole(course.depth(track.surface)[used], depth),
             whole(course.rate[used], rate), whole(slow_acceleration(course)[used], bend), whole(force), whole(jacobian),
             whole(by_depth), whole(by_rate), read - (track.tip_mass or 0.0) * bend, int(np.count_nonzero(used)),
+            free_columns(track.model, track.ending.held if track.ending is not None else ()),
         )  # fmt: skip
 
     @property
@@ -83,8 +87,17 @@ class JudgedRows:
         """Whether the tip is not that of a robot, which has another zero and hardly a mass."""
         return bool(getattr(getattr(self.track.model, "indenter", None), "radius", _SMALL) < _SMALL)
 
+    def _fixed(self) -> Iterator[tuple[str, Floats, float]]:
+        """Name, derivative (n,) of the force, and stated standard uncertainty of each number that is held fixed."""
+        unknowns = self.track.report.unknowns if self.track.report is not None else {}
+        names = [*(parameter.name for parameter in self.track.model.parameters), "surface"]
+        for name, column, free in zip(names, self.jacobian.T, self.free, strict=True):
+            if not free and column.any():
+                yield name, column, (unknowns[name].std or 0.0) if name in unknowns else 0.0
+
     def stated(self) -> Iterator[Floats]:
         """(n,) [N] of each quantity that is not exactly known, one standard uncertainty of it."""
+        yield from (std * column for _, column, std in self._fixed() if std)
         end, mass = self.track.ending, self.track.tip_mass
         if end is None:
             return
@@ -142,7 +155,8 @@ class JudgedRows:
 
     def patterns(self) -> Iterator[tuple[str, Floats, float]]:
         """Cause, derivatives (n, m) of the force by an alternative, and the size of one that is typical."""
-        for cause, typical, *columns in (*self._of_the_material(), *self._of_the_rig(), *self._of_the_air()):
+        freed = ((f"{FIXED} of {name}", math.inf, column) for name, column, _ in self._fixed())
+        for cause, typical, *columns in (*freed, *self._of_the_material(), *self._of_the_rig(), *self._of_the_air()):
             yield cause, np.nan_to_num(np.column_stack(columns)), typical
 
     @cached_property

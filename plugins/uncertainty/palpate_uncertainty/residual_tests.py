@@ -16,7 +16,7 @@ from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.model_alternatives import refit
 from palpate_uncertainty.refit import Course, make_course
 from palpate_uncertainty.residual_null import ForceNoise, ResidualNull, motion_noise
-from palpate_uncertainty.residual_rows import ONE_SIDED, JudgedRows, slow_acceleration
+from palpate_uncertainty.residual_rows import FIXED, ONE_SIDED, JudgedRows, slow_acceleration
 
 LEVEL = 1e-3  # of a record
 _NOTHING = 10.0 * LEVEL  # a chance from which on a test says nothing
@@ -118,7 +118,25 @@ def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> Residual
     own = -scale * kept.innovation  # measured less model
     residual = np.where(kept.used & np.isfinite(own), own, _left(track, course))[course.used]
     force = ForceNoise.of(track, residual)
-    return None if force is None else _tests(track, course, residual, force)
+    if force is None:
+        return None
+    tests = _tests(track, course, residual, force)
+    return tests if tests.is_right else _by_what_is_fixed(track, course, residual, force, tests)
+
+
+def _by_what_is_fixed(
+    track: TrackEvidence, course: Course, residual: Floats, force: ForceNoise, tests: ResidualTests
+) -> ResidualTests:
+    """Return failed tests with the fixed numbers as their only causes where the model is right once they are free.
+
+    Then nothing is left whose size is not known.
+    """
+    fixed = {cause: score for cause, score in tests.scores.items() if cause.startswith(FIXED)}
+    if not fixed or track.ending is None:
+        return tests
+    free = replace(track, ending=replace(track.ending, held=frozenset()))
+    others = _tests(free, course, residual, force)
+    return replace(tests, scores=fixed, floor=others.floor, by_size=others.by_size) if others.is_right else tests
 
 
 def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTests | None:
@@ -164,7 +182,7 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     rows = JudgedRows.of(track, course)
     height, speed, kernels = motion_noise(track)
     null = ResidualNull(noise, rows.by_depth, rows.by_rate, track.tip_mass or 0.0, height, speed, kernels)
-    space = _Space.of(null.std, rows.jacobian, [*rows.open()], [*rows.stated()])
+    space = _Space.of(null.std, rows.jacobian, rows.free, [*rows.open()], [*rows.stated()])
     null = replace(null, stated=space.stated * space.std[:, None])
     residual = space.beside(np.concatenate([residual, rows.air_force]) / space.std) * space.std
     limit = _OUTLIER * np.maximum(null.std, 1.4826 * float(np.median(np.abs(residual))))
@@ -192,8 +210,9 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     elastic = [i for i, parameter in enumerate(track.model.parameters) if parameter.role == "elastic"]
     least = min((track.combined[i] / max(abs(track.values[i]), 1e-300) for i in elastic), default=math.inf)
     floor = found > _LOUD * usual and excess > _MATTERS * least
-    by_size = _by_size(rows.jacobian[inside], tested.residual[inside], usual)[: len(track.values)]
-    return ResidualTests(p, bins, scores, found / usual, floor, by_size)
+    by_size = np.zeros(len(rows.free))
+    by_size[rows.free] = _by_size(rows.jacobian[inside][:, rows.free], tested.residual[inside], usual)
+    return ResidualTests(p, bins, scores, found / usual, floor, by_size[: len(track.values)])
 
 
 @dataclass(frozen=True)
@@ -280,14 +299,23 @@ class _Space:
 
     std: Floats  # (n,) [N]
     basis: Floats  # (n, b) orthonormal
-    fitted: Floats  # (n, k + 1) what the fit takes
+    fitted: Floats  # (n, f) what the fit takes
+    free: NDArray[np.bool_]  # (k + 1,) parameters and surface that it determines
     stated: Floats  # (n, s) what each stated quantity takes in addition
 
     @classmethod
-    def of(cls, std: Floats, jacobian: Floats, open_facts: list[Floats], stated: list[Floats]) -> _Space:
-        columns = np.column_stack([jacobian, *open_facts]) / std[:, None]
+    def of(
+        cls,
+        std: Floats,
+        jacobian: Floats,
+        free: NDArray[np.bool_],
+        open_facts: list[Floats],
+        stated: list[Floats],
+    ) -> _Space:
+        fitted = jacobian[:, free]
+        columns = np.column_stack([fitted, *open_facts]) / std[:, None]
         basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
-        alone = cls(std, basis, jacobian / std[:, None], np.zeros((len(std), 0)))
+        alone = cls(std, basis, fitted / std[:, None], free, np.zeros((len(std), 0)))
         return replace(alone, stated=np.column_stack([np.zeros(len(std)), *(alone.beside(s / std) for s in stated)]))
 
     def beside(self, values: Floats) -> Floats:
@@ -295,9 +323,11 @@ class _Space:
         return np.asarray(values - self.basis @ (self.basis.T @ values))
 
     def taken_by(self, values: Floats) -> Floats:
-        """Shifts (k + 1,) of the parameters and the surface by which a fit follows values (n,)."""
+        """Shifts (k + 1,) of parameters and surface by which a fit follows values (n,); none of what is fixed."""
         sizes = np.maximum(np.linalg.norm(self.fitted, axis=0), 1e-300)
-        return np.asarray(np.linalg.lstsq(self.fitted / sizes, values, rcond=None)[0] / sizes)
+        moved = np.zeros(len(self.free))
+        moved[self.free] = np.linalg.lstsq(self.fitted / sizes, values, rcond=None)[0] / sizes
+        return moved
 
     def sharpest(self, values: Floats) -> Floats:
         """Direction (n, ...) in which values stand out most from the noise and what is stated."""

@@ -25,7 +25,7 @@ def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
     model, values, settings, report = track.model, track.values, end.settings, end.report
     if end.is_sweep and report.turned is not None:  # whose motion along the skin is meant to be
         report = replace(report, turned=replace(report.turned, slope=0.0))
-    found = along(model, end.tail, end.last, values)
+    found = along(model, end.tail, end.last, values, end.held)
     shifts, timing = delay_shifts(model, found, values), settings.timing_uncertainty
     sources = sources_of(model, end.uncertainties)
     across = AcrossForce.of(track, end)

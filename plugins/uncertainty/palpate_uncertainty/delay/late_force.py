@@ -29,7 +29,7 @@ def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
             said += ", which is likely why the estimates diverged: the viscosity would be negative"
             found[track.name] = Diagnosed((Flag("force-late", said),))
             continue
-        shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values), track.values)
+        shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values, end.held), track.values)
         parts = list(zip(track.model.parameters, np.abs(late * shifts).tolist(), strict=True))
         viscous = frozenset(parameter.name for parameter, _ in parts if is_viscous(parameter))
         terms = {parameter.name: shift for parameter, shift in parts if parameter.name not in viscous and shift > 0}

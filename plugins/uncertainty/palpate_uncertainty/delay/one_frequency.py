@@ -52,7 +52,7 @@ def _of(track: TrackEvidence) -> Mapping[str, Any]:
     if rhythm is None:
         return {}
     pace = 2.0 * np.pi * rhythm[0]
-    shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values), track.values)
+    shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values, end.held), track.values)
     like = {
         parameter.name: {"value": abs(float(shift)) * FADING / (2.0 * pace), "unit": parameter.unit}
         for parameter, shift in zip(track.model.parameters, shifts, strict=True)

@@ -12,11 +12,13 @@ def delay_shifts(model: ContactModel, found: Along | None, values: Floats) -> Fl
 
     By least squares along the last samples: a force that is late by tau is F - tau dF/dt, which shifts parameters and
     the unknown surface by -tau (J^T J)^-1 J^T dF/dt. Where the model has a `delay_shift` of its own, that one applies
-    to the parameters that it names.
+    to the parameters that it names. What is held fixed has no shift.
     """
     closed = np.array(model.delay_shift(values.tolist()), float)
     slopes = found.answer(-found.change) if found is not None else None
-    return closed if slopes is None else np.where(closed != 0.0, closed, slopes[: len(values)])
+    if found is None or slopes is None:
+        return closed
+    return np.where(closed != 0.0, closed * found.free[:-1], slopes[: len(values)])
 
 
 def is_viscous(parameter: Parameter) -> bool:
