@@ -171,11 +171,17 @@ def _instantaneous(model: ContactModel, last: Tail, values: Floats) -> Along | N
 
 
 def at_samples(
-    model: ContactModel, motion: tuple[Floats, Floats, Floats, Floats], values: Floats, *, air: bool = False
+    model: ContactModel,
+    motion: tuple[Floats, Floats, Floats, Floats],
+    values: Floats,
+    *,
+    air: bool = False,
+    held: frozenset[str] = frozenset(),
 ) -> Along | None:
     """A model without memory along a motion: time [s], depth [m], its rate [m/s] and z'' [m/s^2], (n,) each.
 
-    None where nothing of it is in contact. What is in the air is left out, or with `air` has no force.
+    None where nothing of it is in contact. What is in the air is left out, or with `air` has no force. What is `held`
+    fixed, by name, has no shift.
     """
     time, depth, rate, second = motion
     inside = np.isfinite(depth) & np.isfinite(rate) & np.isfinite(second) & (depth > 0)
@@ -201,6 +207,7 @@ def at_samples(
         filled(by_depth * depth[inside] + by_rate * rate[inside]),
         filled(by_rate),
         (time, depth, rate, rows),
+        held,
     )
 
 
