@@ -2,7 +2,7 @@
 
 Run it with: python benchmarks/first_table.py [FILES]. The walk is that of the documents: a new environment, the
 installation from this folder (packages from the index or its cache), and `palpate fit curves
---tip "sphere 3 mm"` on files in three dialects. It prints the time of each step by the clock, and the table.
+--tip "paraboloid 3 mm"` on files in three dialects. It prints the time of each step by the clock, and the table.
 """
 
 import subprocess
@@ -49,7 +49,7 @@ def main() -> None:
         steps = {
             "a new environment": [sys.executable, "-m", "venv", str(place / "venv")],
             "the installation": [str(scripts / "pip"), "install", "-q", str(ROOT)],
-            f"{count} files to a table": [str(scripts / "palpate"), "fit", "curves", "--tip", "sphere 3 mm"],
+            f"{count} files to a table": [str(scripts / "palpate"), "fit", "curves", "--tip", "paraboloid 3 mm"],
         }
         total = 0.0
         for step, command in steps.items():

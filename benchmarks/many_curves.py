@@ -73,7 +73,7 @@ def by_hand(name):
 def look_at(name, known):
     """How a curve is read, found out from its file."""
     for part in specimens_of(Path(name), known):
-        suggestion_of(part.path, {**part.choices, "tip": "sphere 5 mm"}, known)
+        suggestion_of(part.path, {**part.choices, "tip": "paraboloid 5 mm"}, known)
 
 
 def main() -> None:

@@ -10,7 +10,6 @@ import numpy as np
 from verdict_records.rigs import AIR, Column, Rig
 
 FINE = 4  # steps of the calculation for each reading
-_POWERS = {"sphere": 1.5, "flat": 1.0, "cone": 2.0}  # of the depth, in the elastic force
 
 
 @dataclass(frozen=True)
@@ -44,17 +43,23 @@ class Specimen:
     def elastic(self, depth: Column) -> Column:
         """Force (m,) [N] at rest, 2 E* A(d) with nu = 0.5."""
         d, e, size = np.maximum(depth, 0.0), self.elasticity, self.rig.size
-        if self.rig.tip == "sphere":  # Hertz 1882
+        if self.rig.tip == "paraboloid":  # Hertz 1882
             return np.asarray(16 / 9 * e * np.sqrt(size) * d**1.5)
         if self.rig.tip == "flat":  # Boussinesq 1885
             return np.asarray(8 / 3 * e * size * d)
+        if self.rig.tip == "sphere":  # Sneddon 1965, with ln((R + a)/(R - a)) = 2 d/a
+            a = self.radius(depth)
+            in_contact = np.where(a > 0, a, np.inf)
+            return np.asarray(4 / 3 * e * ((a**2 + size**2) * d / in_contact - a * size))
         return np.asarray(8 / 3 * e * d**2 / (np.pi * np.tan(size)))  # Love 1939
 
     def radius(self, depth: Column) -> Column:
         """Contact radius (m,) [m]."""
         d, size = np.maximum(depth, 0.0), self.rig.size
-        if self.rig.tip == "sphere":
+        if self.rig.tip == "paraboloid":
             return np.asarray(np.sqrt(size * d))
+        if self.rig.tip == "sphere":
+            return _ball_radius(d, size)
         if self.rig.tip == "flat":
             return np.where(d > 0, size, 0.0)
         return np.asarray(2 * d / (np.pi * np.tan(size)))
@@ -69,10 +74,15 @@ class Specimen:
         whole = elastic + self.viscous(depth, self.rate_of(depth))
         return np.where(depth > 0, np.maximum(whole, 0.0), 0.0)
 
-    @property
-    def power(self) -> float:
-        """Of the depth, in the elastic force."""
-        return _POWERS[self.rig.tip]
+
+def _ball_radius(depth: Column, radius: float) -> Column:
+    """Contact radius (m,) [m] of a ball at depths (m,) [m], by bisection of d = (a/2) ln((R + a)/(R - a))."""
+    low, high = np.zeros(len(depth)), np.full(len(depth), radius)
+    for _ in range(60):
+        a = (low + high) / 2
+        is_deeper = a / 2 * np.log((radius + a) / np.maximum(radius - a, 1e-300)) > depth
+        low, high = np.where(is_deeper, low, a), np.where(is_deeper, a, high)
+    return np.where(depth > 0, low, 0.0)
 
 
 def _duration(rig: Rig) -> float:

@@ -50,10 +50,15 @@ def judged(path: Path, rig: Rig, stated: bool) -> dict[str, Any]:
 
 
 def _model(rig: Rig) -> Any:
-    from palpate_models import Cone, DimensionalityReduction, Flat, Sphere
+    from palpate_models import Cone, DimensionalityReduction, ExactSphere, Flat, Paraboloid
 
-    tip: Any = Cone(angle=rig.size) if rig.tip == "cone" else {"sphere": Sphere, "flat": Flat}[rig.tip](radius=rig.size)
-    return DimensionalityReduction(indenter=tip, thickness="half-space")
+    tips: dict[str, Any] = {
+        "paraboloid": lambda: Paraboloid(curvature_radius=rig.size),
+        "sphere": lambda: ExactSphere(radius=rig.size),
+        "flat": lambda: Flat(radius=rig.size),
+        "cone": lambda: Cone(angle=rig.size),
+    }
+    return DimensionalityReduction(indenter=tips[rig.tip](), thickness="half-space")
 
 
 def told_by(track: Mapping[str, Any]) -> dict[str, Any]:

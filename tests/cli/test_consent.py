@@ -511,7 +511,7 @@ def test_a_file_that_a_pattern_of_the_shell_finds_is_no_option(palpate, tmp_path
     """`palpate fit *` in a stranger's folder."""
     canary(tmp_path, "evil.py")
     (tmp_path / words[0]).write_text("")
-    done = palpate("fit", *words, "--tip", "sphere 3 mm")
+    done = palpate("fit", *words, "--tip", "paraboloid 3 mm")
     assert done.returncode == 2
     assert f"write ./{words[0]} to name it" in done.stderr
     assert not (tmp_path / "trace").exists()

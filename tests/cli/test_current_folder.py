@@ -61,7 +61,7 @@ def test_a_robot_and_its_sensor(traps, palpate, root):
 @pytest.mark.slow
 def test_the_pools_of_fit(folder, traps, palpate):  # noqa: F811
     """Also that of a folder of fits."""
-    done = palpate("fit", "curves", "--tip", "sphere 3 mm", "--out", "more", "--jobs", "2")
+    done = palpate("fit", "curves", "--tip", "paraboloid 3 mm", "--out", "more", "--jobs", "2")
     assert done.returncode == 0, done.stderr
     done = palpate("fit", "more", "--set", "estimator.fit.segment=load", "--jobs", "2")
     assert done.returncode == 0, done.stderr

@@ -18,7 +18,7 @@ from tests.records import damage
 from tests.records.bags import array_message, write_bag
 from tests.surfaces import bodies
 
-TIP = ("--tip", "sphere 3 mm")
+TIP = ("--tip", "paraboloid 3 mm")
 BODY = """
 [surface.body]
 type = "mesh"

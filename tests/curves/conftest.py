@@ -7,7 +7,7 @@ import pytest
 
 from tests.command import call
 
-TIP = ["--tip", "sphere 3 mm", "--set", "alignment.force.uncertainty=1 ms"]
+TIP = ["--tip", "paraboloid 3 mm", "--set", "alignment.force.uncertainty=1 ms"]
 NAMES = [f"curves/S{1 + i % 2}_{i}.csv" for i in range(8)]
 
 

@@ -74,7 +74,7 @@ def test_a_recording_in_parts_is_fitted_as_a_whole(palpate, tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     parts(tmp_path / "in" / "press", metadata=True)
     keys = ["--set", "device.log.signals.force.unit=N"] * 0
-    told = palpate("fit", "in", "--tip", "sphere 5 mm", "--json", "-o", "fits", *keys)
+    told = palpate("fit", "in", "--tip", "paraboloid 5 mm", "--json", "-o", "fits", *keys)
     (row,) = json.loads(told.stdout)["files"]
     assert row["curve"] == "in/press"
     assert row["verdict"] in ("good", "doubtful"), told.stderr

@@ -20,7 +20,7 @@ def elasticity(folder):
 @pytest.mark.slow
 def test_another_tip_makes_rows_stale_and_they_are_fitted_anew_one_or_all(folder, palpate):
     before = elasticity(folder)
-    said = palpate("fit", "fits", "--tip", "sphere 12 mm", "--no-refit")
+    said = palpate("fit", "fits", "--tip", "paraboloid 12 mm", "--no-refit")
     assert "8 of 8 curves are to be fitted" in said.stdout
     assert {row.state for row in FitFolder(folder / "fits").rows} == {"stale"}
     assert palpate("fit", "fits", "--where", f"curve={NAMES[2]}").returncode == 0
@@ -171,7 +171,7 @@ def test_a_setting_of_one_curve_that_cannot_be_is_told_with_its_file(folder, pal
         (["--where", "S1", "--set", "estimator.fit.segment=laod"], "segment 'laod'"),
         (["--tip", "spher 3 mm"], "did you mean 'sphere'"),
         (["--model", "hrtz"], "no model 'hrtz'"),
-        (["--where", "S1", "--tip", "sphere 3 mm"], "one for all curves"),
+        (["--where", "S1", "--tip", "paraboloid 3 mm"], "one for all curves"),
         (["--unset", "estimator.fit.segment"], "of single curves"),
         (["--pipeline", "x.toml"], "has its pipeline"),
         (["--groups", "none.csv"], "no such file"),

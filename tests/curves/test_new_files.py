@@ -32,7 +32,7 @@ def fitted_once(tmp_path_factory):
     curve(place / "in" / "b.csv", 1)
     curve(place / "in" / "c.csv", 2, "t;F;z", ";", (1.0, 1e3, 1.0))
     facts = ("--set", "device.log.columns.force.unit=mN", "--thickness", "30 mm")
-    (place / "rig.toml").write_text('tip = "sphere 3 mm"\n[units]\nF = "mN"\nz = "mm"\n')
+    (place / "rig.toml").write_text('tip = "paraboloid 3 mm"\n[units]\nF = "mN"\nz = "mm"\n')
     done = call("fit", "in", "--rig", "rig.toml", *facts[2:], "-o", "fits", cwd=place)
     assert done.returncode == 0, done.stderr
     return place
@@ -103,7 +103,7 @@ def test_one_key_says_where_the_curves_are(palpate, place, tmp_path_factory):
 def test_a_new_bag_is_one_more_of_its_kind(palpate, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     parts(tmp_path / "in" / "one", metadata=True)
-    assert palpate("fit", "in", "--tip", "sphere 5 mm", "-o", "fits").returncode in (0, 1)
+    assert palpate("fit", "in", "--tip", "paraboloid 5 mm", "-o", "fits").returncode in (0, 1)
     parts(tmp_path / "in" / "two", metadata=True)
     told = palpate("fit", "fits")
     assert "1 curve fitted again" in told.stdout, told.stderr

@@ -12,7 +12,7 @@ from palpate_kit.curves.fit_provenance import add_provenance, read_provenance
 
 def test_a_folder_says_what_made_its_rows(folder):
     (entry,) = read_provenance(folder / "fits")
-    assert entry.command.startswith("palpate fit ../curves --tip 'sphere 3 mm'")
+    assert entry.command.startswith("palpate fit ../curves --tip 'paraboloid 3 mm'")
     assert entry.command.endswith("--out . --jobs 1")
     assert {"palpate", "python", "casadi", "numpy", "scipy"} <= set(entry.versions)
 
@@ -45,7 +45,7 @@ def test_an_error_of_a_curve_names_it_as_its_row_does(folder):
 
 @pytest.mark.slow
 def test_the_file_of_facts_goes_along_with_the_fits(folder, palpate):
-    (folder / "curves" / "rig.toml").write_text('tip = "sphere 3 mm"\ninstrument = "a press"\n')
+    (folder / "curves" / "rig.toml").write_text('tip = "paraboloid 3 mm"\ninstrument = "a press"\n')
     done = palpate("fit", "curves", "--out", "mine", "--jobs", "1")
     assert done.returncode == 0, done.stderr
     assert (folder / "mine" / "rig.toml").read_bytes() == (folder / "curves" / "rig.toml").read_bytes()

@@ -150,7 +150,7 @@ def test_each_record_is_a_row_and_a_place_on_the_map(palpate, tmp_path, monkeypa
         [*row, 5 * (k % 2), 5 * (k // 2), k] for k, table in enumerate([*presses(), *presses()][:4]) for row in table
     ]
     written(tmp_path / "grid.csv", [[*COLUMNS, "x_mm", "y_mm", "point"], *rows])
-    told = palpate("fit", "grid.csv", "--tip", "sphere 3 mm", "--json", "-o", "fits")
+    told = palpate("fit", "grid.csv", "--tip", "paraboloid 3 mm", "--json", "-o", "fits")
     found = json.loads(told.stdout)["files"]
     assert [row["curve"] for row in found] == [f"grid.csv:{k}" for k in range(4)]
     np.testing.assert_allclose([float(row["elasticity"]) for row in found], [30e3, 60e3, 90e3, 30e3], rtol=0.02)
@@ -159,6 +159,6 @@ def test_each_record_is_a_row_and_a_place_on_the_map(palpate, tmp_path, monkeypa
     again = palpate("fit", "fits", "--thickness", "22 mm")
     assert "4 curves fitted" in again.stdout, again.stderr
     page = next(
-        line for line in palpate("fit", "grid.csv", "--tip", "sphere 3 mm").stdout.splitlines() if "a page" in line
+        line for line in palpate("fit", "grid.csv", "--tip", "paraboloid 3 mm").stdout.splitlines() if "a page" in line
     )
     assert "device.log.record" in page

@@ -36,13 +36,13 @@ def test_each_sheet_is_a_row(palpate, tmp_path, monkeypatch, results):
     """The first sheet was fitted, and "all 1 usable"; a sheet of results before it was asked for its rate."""
     monkeypatch.chdir(tmp_path)
     workbook(tmp_path / "gels.xlsx", {"soft": 30.0, "stiff": 90.0}, results)
-    told = palpate("fit", "gels.xlsx", "--tip", "sphere 3 mm", "--json")
+    told = palpate("fit", "gels.xlsx", "--tip", "paraboloid 3 mm", "--json")
     rows = json.loads(told.stdout)["files"]
     assert [row["curve"] for row in rows] == ["gels.xlsx:soft", "gels.xlsx:stiff"]
     found = [next(float(v) for k, v in row.items() if k.endswith("elasticity")) for row in rows]
     np.testing.assert_allclose(found, [30e3, 90e3], rtol=0.02)
     assert ("gels.xlsx:Results is not a record" in told.stderr) == results
-    assert palpate("fit", "gels.xlsx", "--tip", "sphere 3 mm", "--set", "device.log.sheet=stiff").returncode == 0
+    assert palpate("fit", "gels.xlsx", "--tip", "paraboloid 3 mm", "--set", "device.log.sheet=stiff").returncode == 0
 
 
 def test_the_sheets_of_a_workbook_are_specimens(tmp_path):

@@ -42,7 +42,7 @@ def test_a_text_within_a_table_is_still_refused(palpate, tmp_path):
     path = stacked(tmp_path / "broken.csv", (30.0,))
     lines = path.read_text().splitlines(keepends=True)
     path.write_text("".join([*lines[:150], "lost connection\n", *lines[150:]]))
-    found = palpate("fit", str(path), "--tip", "sphere 3 mm", "-o", str(tmp_path / "fit"))
+    found = palpate("fit", str(path), "--tip", "paraboloid 3 mm", "-o", str(tmp_path / "fit"))
     assert found.returncode
     assert "'lost connection' is not a row of numbers" in found.stderr
 
@@ -51,7 +51,7 @@ def test_a_text_within_a_table_is_still_refused(palpate, tmp_path):
 def test_each_table_is_a_row(palpate, tmp_path):
     """It was refused at the title of the second, with no way on."""
     path = stacked(tmp_path / "two.csv", (30.0, 60.0))
-    told = palpate("fit", str(path), "--tip", "sphere 3 mm", "--json", "-o", str(tmp_path / "fit"))
+    told = palpate("fit", str(path), "--tip", "paraboloid 3 mm", "--json", "-o", str(tmp_path / "fit"))
     rows = json.loads(told.stdout)["files"]
     assert [row["curve"] for row in rows] == [f"{path}:Specimen 1", f"{path}:Specimen 2"]
     found = [next(float(v) for k, v in row.items() if k.endswith("elasticity")) for row in rows]

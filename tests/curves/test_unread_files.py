@@ -24,7 +24,7 @@ def test_a_file_that_cannot_be_read_is_a_row(palpate, tmp_path):
     force = 0.5 * np.maximum(-height, 0.0) ** 1.5 + 1e-3 * np.random.default_rng(0).standard_normal(200)
     rows = "".join(f"{t:.3f},{z:.5f},{f:.5f}\n" for t, z, f in zip(time, height, force, strict=True))
     (tmp_path / "press.csv").write_text("time (s),height (mm),force (N)\n" + rows)
-    found = palpate("fit", str(tmp_path), "--tip", "sphere 3 mm", "--json", "-o", str(tmp_path / "fit"))
+    found = palpate("fit", str(tmp_path), "--tip", "paraboloid 3 mm", "--json", "-o", str(tmp_path / "fit"))
     rows = {row["curve"].rpartition("/")[2]: row for row in json.loads(found.stdout)["files"]}
     assert set(rows) == {"old.xls", "press.csv"}
     assert "save it as .xlsx" in rows["old.xls"]["error"]

@@ -22,7 +22,7 @@ pytestmark = [
 ]
 _PICTURES = Path(os.environ["PICTURES"]).resolve() if os.environ.get("PICTURES") else None
 _PATIENCE = 120.0  # [s] on a busy machine
-_TIP = ["--tip", "sphere 3 mm", "--set", "alignment.force.uncertainty=1 ms"]
+_TIP = ["--tip", "paraboloid 3 mm", "--set", "alignment.force.uncertainty=1 ms"]
 _NAMELESS = """Array.from(document.querySelectorAll('button, input, select, [role=grid]')).filter((e) =>
   !(e.innerText?.trim() || e.getAttribute('aria-label') || e.labels?.length)).map((e) => e.id || e.outerHTML)"""
 
@@ -188,11 +188,11 @@ def _reject_three(walk):
 
 def _refit_with_another_tip(walk, fits):
     before = {row.curve: row.number("elasticity") for row in FitFolder(fits).rows}
-    walk.type("tip", "sphere 12 mm")
+    walk.type("tip", "paraboloid 12 mm")
     walk.tab.click("apply-all")
     walk.shows("counts", "30 to fit")
     walk.shows("command", "palpate fit")
-    assert "--tip 'sphere 12 mm'" in walk.text("command")
+    assert "--tip 'paraboloid 12 mm'" in walk.text("command")
     walk.picture("stale")
     walk.key("r")
     walk.shows("counts", "29 to fit")

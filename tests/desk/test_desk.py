@@ -66,9 +66,9 @@ def test_the_history_in_another_folder_gives_the_same_bytes(desk, tmp_path, palp
     desk.state_facts({"thickness": "8 mm"})
     desk.state_facts({"poisson": "0.5 +- 0.01"})
     desk.undo()
-    desk.set_part("tip", "sphere 4 mm")
+    desk.set_part("tip", "paraboloid 4 mm")
     desk.undo()
-    desk.set_part("tip", "sphere 5 mm")
+    desk.set_part("tip", "paraboloid 5 mm")
     desk.take_rows(curve_answer(desk.reader(NAMES[0]), desk.curve(NAMES[0]), True).rows)
     desk.note(one_curve(NAMES[0]))
     desk.compact()
@@ -87,7 +87,7 @@ def test_the_history_in_another_folder_gives_the_same_bytes(desk, tmp_path, palp
         Action("fit"),
         Action("repeat review", (("--reject", "--plugin=evil.py"), ("--reason", ""))),
         Action("repeat review", (("--accept", "$out"),)),
-        Action("fit", (("--tip", "sphere 3 mm"), ("--no-refit", ""), ("--out", "$out")), "a folder; rm -rf ~"),
+        Action("fit", (("--tip", "paraboloid 3 mm"), ("--no-refit", ""), ("--out", "$out")), "a folder; rm -rf ~"),
         Action("fit", (("--pipeline", "$out/pipeline-2.toml"), ("--out", "$out/figures/a b")), "/curves/a b.csv"),
     ],
 )
@@ -256,10 +256,10 @@ def test_what_another_program_writes_is_seen(desk):
     [
         (["curves"], 'give the tip of its curves: --tip "sphere 3 mm"'),
         (["none"], "no such file or folder"),
-        (["fits", "--tip", "sphere 3 mm"], "has its settings"),
+        (["fits", "--tip", "paraboloid 3 mm"], "has its settings"),
         (["curves", "--history"], "has no fits.csv"),
         (["fits", "--history"], "has no history"),
-        (["curves", "--tip", "sphere 3 mm", "--read-only"], "makes none"),
+        (["curves", "--tip", "paraboloid 3 mm", "--read-only"], "makes none"),
         (["fits", "--groups", "none.csv"], "no such file"),
     ],
 )

@@ -52,7 +52,7 @@ def test_facts_that_do_not_go_together_are_not_written(desk, folder):
 @pytest.mark.parametrize(
     "option",
     [
-        ("--set", 'rig.tip="sphere 3 mm"'),
+        ("--set", 'rig.tip="paraboloid 3 mm"'),
         ("--set", 'rig.columns={force = "x"}'),
         ("--set", "rig.measured={delay = 1}"),
         ("--set", "rig.thickness={file = 1}"),

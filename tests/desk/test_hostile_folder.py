@@ -100,7 +100,7 @@ def all_that_a_page_does(folder):
         lambda: desk.set("estimator.fit.solver=trf", None),
         lambda: desk.set("estimator.fit.segment=load", None),
         lambda: desk.set("estimator.fit.segment=load", f"curve='{first}'"),
-        lambda: desk.set_part("tip", "sphere 4 mm"),
+        lambda: desk.set_part("tip", "paraboloid 4 mm"),
         lambda: desk.set_part("model", "hunt-crossley"),
         lambda: desk.state_facts({"thickness": "8 mm"}),
         *[desk.undo] * 7,
@@ -174,7 +174,7 @@ def test_no_command_on_the_folder_does(evil, way, command, palpate):
         'palpate fit /stranger --pipeline /stranger/evil.toml --each --no-refit --out "$out"',
         'palpate fit c.csv --pipeline "$out"/pipeline.toml --out "$out"/figures/c',
         'palpate fit c.csv --each --pipeline "$out"/pipeline.toml --no-refit --out "$out"',
-        'palpate fit c.csv --tip "sphere 3 mm" --pipeline "$out"/pipeline.toml --no-refit --out "$out"',
+        'palpate fit c.csv --tip "paraboloid 3 mm" --pipeline "$out"/pipeline.toml --no-refit --out "$out"',
         'palpate fit /stranger/evil.toml --each --no-refit --out "$out"',
         'palpate report "$out" --by sample',
         "touch trace",
@@ -289,7 +289,7 @@ def test_a_folder_that_vanishes_is_a_message_and_not_the_end_of_the_connection(f
             {"do": "curve", "curve": NAMES[1], "number": 1},
             {"do": "undo"},
             {"do": "export", "what": "history"},
-            {"do": "tip", "value": "sphere 4 mm"},
+            {"do": "tip", "value": "paraboloid 4 mm"},
             {"do": "refit-all"},
         ):
             page.ask(**message)

@@ -25,7 +25,7 @@ def test_open_look_mark_refit_and_both_pages_have_it(folder):
     ):
         found = page.read("folder")
         assert [row["curve"] for row in found["rows"]] == sorted(NAMES)
-        assert found["tip"] == "sphere radius 3 mm"
+        assert found["tip"] == "paraboloid curvature_radius 3 mm"
         other.read("folder")
         page.ask(do="curve", curve=NAMES[1], number=7)
         header, (time, columns) = page.read("curve")
@@ -37,7 +37,7 @@ def test_open_look_mark_refit_and_both_pages_have_it(folder):
         assert len(time) * 20 + 6000 > 8 * len(time) + columns.nbytes  # the numbers of a point are 20 bytes
         page.ask(do="mark", curve=NAMES[1], mark="bad", reason="slipped")
         assert other.read("rows")["rows"][0]["reason"] == "slipped"
-        page.ask(do="tip", value="sphere 12 mm")
+        page.ask(do="tip", value="paraboloid 12 mm")
         assert {row["state"] for row in other.read("folder")["rows"]} == {"stale"}
         page.ask(do="curve", curve=NAMES[2], number=8)
         header, _ = page.read("curve")
@@ -51,7 +51,7 @@ def test_open_look_mark_refit_and_both_pages_have_it(folder):
         page.ask(do="refit-all")
         assert "every curve is fitted" in page.read("error")["text"]
         page.ask(do="undo")
-        assert other.read("folder")["tip"] == "sphere radius 3 mm"
+        assert other.read("folder")["tip"] == "paraboloid curvature_radius 3 mm"
         page.ask(do="filter", words="mark:bad")
         assert page.read("filter")["names"] == [NAMES[1]]
         for words in ("flg:x", "'"):
@@ -143,7 +143,7 @@ def test_a_kill_keeps_what_was_said(folder, moment):
         with opened(process.address) as page:
             page.read("folder")
             told = set()
-            page.ask(do="tip", value="sphere 4 mm")
+            page.ask(do="tip", value="paraboloid 4 mm")
             page.read("done")
             page.ask(do="refit-all")
             for name in NAMES[: moment + 1]:
@@ -161,7 +161,7 @@ def test_a_kill_keeps_what_was_said(folder, moment):
 
 
 def test_a_folder_of_curves_is_begun_and_fitted(folder):
-    options = ["--tip", "sphere 3 mm", "--out", folder / "new"]
+    options = ["--tip", "paraboloid 3 mm", "--out", folder / "new"]
     with served(folder / "curves", *options) as process, opened(process.address) as page:
         assert {row["state"] for row in page.read("folder")["rows"]} == {"missing"}
         page.ask(do="refit-all")

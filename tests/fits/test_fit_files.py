@@ -12,7 +12,7 @@ import pytest
 
 from tests.logs import table_kinds as kinds
 
-TIP = ["--tip", "sphere 3 mm"]
+TIP = ["--tip", "paraboloid 3 mm"]
 
 
 def press(seed, n=700):
@@ -72,7 +72,7 @@ def test_a_folder_in_two_dialects_is_one_table_and_what_was_done_stands_beside_i
 @pytest.mark.slow
 def test_python_says_the_same_in_three_lines(files, palpate):
     palpate("fit", "curves/0.csv", *TIP, "--out", "out")
-    found = python.fit(python.read("curves/0.csv"), tip="sphere 3 mm", model="dr")
+    found = python.fit(python.read("curves/0.csv"), tip="paraboloid 3 mm", model="dr")
     with (files / "out" / "fits.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
     assert row["elasticity"] == repr(found.elasticity.value)
@@ -235,7 +235,7 @@ def test_one_of_several_forces_over_one_height_is_asked_for(tmp_path, palpate):
 @pytest.mark.parametrize(
     ("stated", "words"),
     [
-        ([], "--tip 'sphere 3 mm' --delay \"0 ms +- 1 ms\""),
+        ([], "--tip 'paraboloid 3 mm' --delay \"0 ms +- 1 ms\""),
         (["force"], "position"),
     ],
 )

@@ -7,7 +7,7 @@ import pytest
 
 from tests.curves.conftest import press
 
-TIP = ("--tip", "sphere 3 mm")
+TIP = ("--tip", "paraboloid 3 mm")
 
 
 def folder(path, names):

@@ -28,16 +28,18 @@ force = "log.force"
 position = "log.position"
 STATED
 
-[indenter.tip]
-type = "sphere"
-radius = "3 mm"
-
+TIP
 [model.dr]
 type = "dimensionality-reduction"
 indenter = "tip"
 
 [estimator.fit]
 type = "casadi-fit"
+"""
+TIP = """
+[indenter.tip]
+type = "sphere"
+radius = "3 mm"
 """
 EVERY = """
 tip = "sphere 3 mm"
@@ -64,9 +66,9 @@ def curves(tmp_path, monkeypatch):
     return tmp_path
 
 
-def loaded(folder, rig, stated="", overrides=()):
+def loaded(folder, rig, stated="", overrides=(), tip=TIP):
     (folder / "rig.toml").write_text(rig)
-    (folder / "p.toml").write_text(PIPELINE.replace("STATED", stated))
+    (folder / "p.toml").write_text(PIPELINE.replace("STATED", stated).replace("TIP", tip))
     return engine.load_pipeline(folder / "p.toml", overrides)
 
 
@@ -83,6 +85,12 @@ def test_every_fact_of_the_file_is_a_setting_of_the_pipeline(curves):
     again = engine.build_pipeline(engine.Source(engine.resolved_text(pipeline), curves / "resolved.toml"))
     assert again.alignment == alignment  # what was used stands in the resolved pipeline, without the file
     assert again.models["dr"] == model
+
+
+def test_the_uncertainty_of_a_paraboloid_is_that_of_its_radius_of_curvature(curves):
+    rig = 'tip = "paraboloid 3 mm"\ntip_uncertainty = "20 um"'
+    pipeline = loaded(curves, rig, tip='[indenter.tip]\ntype = "paraboloid"\ncurvature_radius = "3 mm"')
+    assert dict(pipeline.run.uncertainties) == {"curvature_radius": "20 um"}
 
 
 @pytest.mark.parametrize(
@@ -150,13 +158,13 @@ def test_every_fact_of_a_condition_has_a_key_an_option_and_a_question():
 
 @pytest.mark.slow
 def test_the_file_beside_the_curves_is_found_and_said_and_one_command_is_enough(curves, palpate):
-    (curves / "curves" / "rig.toml").write_text('tip = "sphere 3 mm"\ndelay = "0 ms +- 0.1 ms"\ntip_mass = "0 g"\n')
+    (curves / "curves" / "rig.toml").write_text('tip = "paraboloid 3 mm"\ndelay = "0 ms +- 0.1 ms"\ntip_mass = "0 g"\n')
     (curves / "curves" / "curves.csv").write_text("curve,thickness,batch\n1.csv,5 mm,b\n")
     done = palpate("fit", "curves", "--out", "out")
     assert done.returncode == 0, done.stderr
     assert "facts of the rig: curves/rig.toml" in done.stderr
     assert "curves.csv states thickness of 1 of 2 curves" in done.stderr
-    assert done.stdout.startswith("tip: sphere, radius 3 mm (diameter 6 mm); dr, nu 0.5, thick; force ")
+    assert done.stdout.startswith("tip: paraboloid, curvature radius 3 mm; dr, nu 0.5, thick; force ")
     rows = rows_of(curves / "out")
     assert float(rows["0"]["elasticity"]) == pytest.approx(1e5, rel=0.01)
     assert rows["1"]["verdict"] == "not determined"  # its record is of no layer of 5 mm
@@ -172,7 +180,7 @@ def test_the_file_beside_the_curves_is_found_and_said_and_one_command_is_enough(
 @pytest.mark.slow
 def test_run_and_indentation_read_the_same_file(curves, palpate):
     (curves / "rig.toml").write_text('thickness = "20 mm"\ntare = "none"\n')
-    (curves / "p.toml").write_text(PIPELINE.replace("STATED", ""))
+    (curves / "p.toml").write_text(PIPELINE.replace("STATED", "").replace("TIP", TIP))
     ran = palpate("run", "p.toml", "--json", "--out", "run")
     assert ran.returncode == 0, ran.stderr
     track = json.loads(ran.stdout)["tracks"]["dr/fit"]
@@ -185,13 +193,13 @@ def test_run_and_indentation_read_the_same_file(curves, palpate):
 
 @pytest.mark.slow
 def test_python_reads_the_same_file_and_refuses_what_contradicts_the_record(curves):
-    (curves / "rig.toml").write_text('tip = "sphere 3 mm"\nthickness = "20 mm"\ntip_mass = "0 g"\n')
+    (curves / "rig.toml").write_text('tip = "paraboloid 3 mm"\nthickness = "20 mm"\ntip_mass = "0 g"\n')
     record = python.read("curves/0.csv", timing="0.1 ms")
     thin = python.fit(record, rig="rig.toml")
     assert thin.elasticity.value < 0.95e5
-    keys = python.fit(record, rig={"tip": "sphere 3 mm", "thickness": "20 mm", "tip_mass": "0 g"})
+    keys = python.fit(record, rig={"tip": "paraboloid 3 mm", "thickness": "20 mm", "tip_mass": "0 g"})
     assert keys.elasticity.value == thin.elasticity.value
-    (curves / "rig.toml").write_text('tip = "sphere 3 mm"\nthickness = "half-space"\ntip_mass = "0 g"\n')
+    (curves / "rig.toml").write_text('tip = "paraboloid 3 mm"\nthickness = "half-space"\ntip_mass = "0 g"\n')
     thick = python.fit(record, rig="rig.toml")  # another content is another fit
     assert thick.elasticity.value == pytest.approx(1e5, rel=0.01)
     weighed = python.read("curves/0.csv", tip_mass="140 g")

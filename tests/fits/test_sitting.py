@@ -18,7 +18,7 @@ from tests.fits.test_fit_files import rows_of
 
 COUNT = 40
 ANSWERS = {
-    "Which tip": "sphere 3 mm",
+    "Which tip": "paraboloid 3 mm",
     "rows per second": "250 Hz",
     "can be F1": "F1 (N)",
     "one V of": "10 N",
@@ -127,11 +127,14 @@ def test_forty_files_in_nine_dialects_are_right_after_one_sitting_and_a_second_f
 def test_without_a_terminal_what_can_be_fitted_is_and_one_line_is_there_to_copy(tmp_path, monkeypatch, palpate):
     monkeypatch.chdir(tmp_path)
     folder_of_dialects(tmp_path / "first", 5)
-    done = palpate("fit", "first", "--tip", "sphere 3 mm", "--out", "fits")
+    done = palpate("fit", "first", "--tip", "paraboloid 3 mm", "--out", "fits")
     assert done.returncode == 1
     assert not (tmp_path / "first" / "rig.toml").exists()
     assert "first/c1.txt: rate: rows per second" in done.stderr
-    assert "state them, with your values: palpate fit first --tip 'sphere 3 mm' --delay \"0 ms +- 1 ms\"" in done.stdout
+    assert (
+        "state them, with your values: palpate fit first --tip 'paraboloid 3 mm' --delay \"0 ms +- 1 ms\""
+        in done.stdout
+    )
 
 
 class Person:
@@ -161,7 +164,7 @@ def test_one_question_stands_for_all_files_that_it_concerns_and_the_answers_are_
     guess = FileQuestion("units", "z", "unit of the position: mm is a guess", "", False, (), "mm")
     questions = {"a.csv": volts, "b.csv": volts, "c.csv": two, "d.csv": guess}
     person = Person("10 N", "F3", "F2", "")
-    found = ask_of_files(stated_facts([tmp_path], ["rig.tip=sphere 3 mm"]), questions, person)
+    found = ask_of_files(stated_facts([tmp_path], ["rig.tip=paraboloid 3 mm"]), questions, person)
     assert len(person.asked) == 4
     assert person.asked[0].startswith("a.csv and 1 more: how many N")
     assert "[Enter: they are not read]" in person.asked[0]
@@ -170,15 +173,15 @@ def test_one_question_stands_for_all_files_that_it_concerns_and_the_answers_are_
     facts = read_rig(tmp_path / "rig.toml")
     assert facts.units == {"bridge [V]": "10 N", "z": "mm"}
     assert facts.columns == {"force": ("F2",)}
-    assert facts.tip == "sphere 3 mm"
+    assert facts.tip == "paraboloid 3 mm"
 
 
 def test_comments_of_a_person_stay_where_answers_are_added(tmp_path):
     rig = tmp_path / "rig.toml"
-    rig.write_text('# the blue stand\ntip = "sphere 3 mm" # new\n\n[measured.mass]\nvalue = 0.1\n')
+    rig.write_text('# the blue stand\ntip = "paraboloid 3 mm" # new\n\n[measured.mass]\nvalue = 0.1\n')
     keep_answers(stated_facts([tmp_path], ()).answered(delay="0 ms +- 1 ms"))
     text = rig.read_text()
-    assert text.startswith('# the blue stand\ntip = "sphere 3 mm" # new\n')
+    assert text.startswith('# the blue stand\ntip = "paraboloid 3 mm" # new\n')
     assert read_rig(rig).delay == "0 ms +- 1 ms"
     assert read_rig(rig).measured == {"mass": {"value": 0.1}}
 

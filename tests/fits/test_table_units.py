@@ -52,13 +52,13 @@ SCALES = {"m": 1, "mm": 1e3, "um": 1e6, "nm": 1e9, "N": 1, "mN": 1e3, "uN": 1e6,
 )
 def test_units_that_nothing_states_are_those_that_fit_the_tip(tmp_path, radius, modulus, deepest, lengths, forces):
     time, height, force = press(radius, modulus, deepest)
-    tip = tip_of({"tip": f"sphere {1e6 * radius:g} um"})
+    tip = tip_of({"tip": f"paraboloid {1e6 * radius:g} um"})
     for length in lengths:
         assert length_unit(float(np.ptp(height)) * SCALES[length], tip) == length
     plausible = {unit: force_unit(float(np.ptp(force)) * SCALES[unit], float(np.ptp(height)), tip) for unit in forces}
     assert all(50 <= pascal <= 5e7 for _, pascal in plausible.values())
     text = table("time,force,height", time, force, height)
-    columns, questions = read_as(tmp_path, text, f"sphere {1e6 * radius:g} um")
+    columns, questions = read_as(tmp_path, text, f"paraboloid {1e6 * radius:g} um")
     assert columns["position"] == ("m", 1.0)
     assert next(iter(questions.values())).guess in ("m", "N", "mN", "uN", "nN")  # a guess is a question
 
@@ -69,7 +69,7 @@ def test_a_tip_of_five_micrometres_measures_five_kilopascals(tmp_path, monkeypat
     time, height, force = press(5e-6, 5e3, 1e-6)
     head = "# segment: extend\n# columns: tip deflection seriesTime\n# units: m N s\n#"
     (tmp_path / "a.txt").write_text(table(head, height, force, time, separator=" "))
-    done = palpate("fit", "a.txt", "--tip", "sphere 5 um", "--tip-mass", "0 g", "--out", "out")
+    done = palpate("fit", "a.txt", "--tip", "paraboloid 5 um", "--tip-mass", "0 g", "--out", "out")
     assert done.returncode == 0, done.stderr
     assert float(rows_of(tmp_path / "out")["a"]["elasticity"]) == pytest.approx(5e3, rel=0.03)
     assert "a guess" not in done.stderr
@@ -90,7 +90,7 @@ def test_a_tip_of_five_micrometres_measures_five_kilopascals(tmp_path, monkeypat
 )
 def test_units_above_a_table_are_read_in_every_form(tmp_path, head):
     time, height, force = press(3e-3, 5e4, 1.5e-3)
-    columns, questions = read_as(tmp_path, table(head, time, 1e3 * force, 1e6 * height), "sphere 3 mm")
+    columns, questions = read_as(tmp_path, table(head, time, 1e3 * force, 1e6 * height), "paraboloid 3 mm")
     assert (columns["force"], columns["position"]) == (("mN", 1.0), ("um", 1.0))
     assert not questions
 
@@ -98,11 +98,11 @@ def test_units_above_a_table_are_read_in_every_form(tmp_path, head):
 def test_a_person_states_the_unit_of_a_column_that_states_none_and_no_other(tmp_path):
     time, height, force = press(3e-3, 5e4, 1.5e-3)
     text = table("time,bridge [V],z", time, force / 10, 1e3 * height)
-    columns, questions = read_as(tmp_path, text, "sphere 3 mm", units={"bridge [V]": "10 N", "z": "mm"})
+    columns, questions = read_as(tmp_path, text, "paraboloid 3 mm", units={"bridge [V]": "10 N", "z": "mm"})
     assert (columns["force"], columns["position"]) == (("N", 10.0), ("mm", 1.0))
     assert not questions
     text = table("time,force [mN],z [um]", time, 1e3 * force, 1e6 * height)
-    columns, _ = read_as(tmp_path, text, "sphere 3 mm", units={"force [mN]": "N", "z [um]": "mm"})
+    columns, _ = read_as(tmp_path, text, "paraboloid 3 mm", units={"force [mN]": "N", "z [um]": "mm"})
     assert (columns["force"], columns["position"]) == (("mN", 1.0), ("um", 1.0))  # the file's own word
     with pytest.raises(ConfigurationError, match="must be a text"):
         stated_facts([tmp_path], ()).with_facts(units={"z": 3})

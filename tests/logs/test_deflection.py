@@ -71,7 +71,7 @@ def test_one_length_alone_is_the_position_however_linear(tmp_path):
 def test_what_the_beam_yields_is_taken_off(palpate, tmp_path, columns, options):
     """A half-space of 55 kPa, which the stage alone takes for 15."""
     path = table(tmp_path / "beam.csv", *columns)
-    told = palpate("fit", str(path), "--tip", "sphere 3 mm", "--json", "-o", str(tmp_path / "fit"), *options)
+    told = palpate("fit", str(path), "--tip", "paraboloid 3 mm", "--json", "-o", str(tmp_path / "fit"), *options)
     (row,) = json.loads(told.stdout)["files"]
     right = 0.3 / (16 / 9 * np.sqrt(3e-3) * 1.5e-3**1.5)
     assert float(row["elasticity"]) == pytest.approx(right, rel=0.02)
@@ -87,7 +87,7 @@ def test_what_the_beam_yields_is_taken_off(palpate, tmp_path, columns, options):
 )
 def test_a_beam_that_is_stated_by_half_is_refused(palpate, tmp_path, options, words):
     path = table(tmp_path / "beam.csv", STAGE, FORCE)
-    refused = palpate("fit", str(path), "--tip", "sphere 3 mm", *options)
+    refused = palpate("fit", str(path), "--tip", "paraboloid 3 mm", *options)
     assert refused.returncode == 2
     assert words in refused.stderr
 
@@ -136,7 +136,7 @@ def test_the_stiffness_of_the_beam_is_a_row_of_the_budget_as_large_as_by_another
     path = table(tmp_path / "beam.csv", STAGE, FORCE)
 
     def fitted(name, beam):
-        options = ("--tip", "sphere 3 mm", "--delay", "0 s +- 1 us", "--beam", beam)
+        options = ("--tip", "paraboloid 3 mm", "--delay", "0 s +- 1 us", "--beam", beam)
         done = palpate("fit", str(path), *options, "-o", str(tmp_path / name))
         assert done.returncode in (0, 1), done.stderr
         pipeline = str(tmp_path / name / "pipeline.toml")
@@ -179,7 +179,7 @@ def test_of_a_mixed_folder_each_file_says_what_its_position_is_of(palpate, tmp_p
     )
     if rig:
         (folder / "rig.toml").write_text(rig + "\n")
-    told = palpate("fit", str(folder), "--tip", "sphere 3 mm", "--json", "-o", str(tmp_path / "fits"))
+    told = palpate("fit", str(folder), "--tip", "paraboloid 3 mm", "--json", "-o", str(tmp_path / "fits"))
     assert told.returncode == 0, told.stderr
     right = 0.3 / (16 / 9 * np.sqrt(3e-3) * 1.5e-3**1.5)
     for row in json.loads(told.stdout)["files"]:
@@ -195,7 +195,7 @@ def test_two_files_with_a_deflection_are_read_as_curves_csv_states(palpate, tmp_
     corrected = table(folder / "b.csv", DEPTH, BEAM, FORCE)
     corrected.write_text(corrected.read_text().replace(DEPTH, STAGE))
     (folder / "curves.csv").write_text("curve,position_of\na.csv,stage\nb.csv,tip\n")
-    told = palpate("fit", str(folder), "--tip", "sphere 3 mm", "--json", "-o", str(tmp_path / "fits"))
+    told = palpate("fit", str(folder), "--tip", "paraboloid 3 mm", "--json", "-o", str(tmp_path / "fits"))
     right = 0.3 / (16 / 9 * np.sqrt(3e-3) * 1.5e-3**1.5)
     for row in json.loads(told.stdout)["files"]:
         assert float(row["elasticity"]) == pytest.approx(right, rel=0.05), row["curve"]

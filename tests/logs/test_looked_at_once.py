@@ -31,7 +31,7 @@ def curve(tmp_path):
 
 def test_neither_layout_nor_plugins_are_found_twice(curve, monkeypatch):
     known, sheets, loads = registry.load(), [], []
-    suggestion_of(curve, {"tip": "sphere 5 mm"}, known)  # the tip is built
+    suggestion_of(curve, {"tip": "paraboloid 5 mm"}, known)  # the tip is built
     files = [curve.with_name(f"{k}.csv") for k in range(10)]
     for file in files:
         file.write_text(curve.read_text())
@@ -40,7 +40,7 @@ def test_neither_layout_nor_plugins_are_found_twice(curve, monkeypatch):
     monkeypatch.setattr(registry, "load", lambda *given: loads.append(given) or load(*given))
     parts = [part for file in files for part in specimens_of(file, known)]
     for part in parts:
-        suggestion_of(part.path, {"tip": "sphere 5 mm"}, known)
+        suggestion_of(part.path, {"tip": "paraboloid 5 mm"}, known)
     assert len(parts) == len(sheets) == len(files)
     assert not loads
 

@@ -77,7 +77,7 @@ def test_the_readings_of_a_slow_record_are_no_gaps(tmp_path, rate, gap):
 @pytest.mark.slow
 def test_a_slow_press_has_a_whole_uncertainty(palpate, tmp_path):
     path = table(tmp_path / "slow.csv", {"time (s)": [f"{t / 10.0:.4f}" for t in range(COUNT)]})
-    told = palpate("fit", str(path), "--tip", "sphere 3 mm", "--json", "-o", str(tmp_path / "fit"))
+    told = palpate("fit", str(path), "--tip", "paraboloid 3 mm", "--json", "-o", str(tmp_path / "fit"))
     (row,) = json.loads(told.stdout)["files"]
     assert "gaps" not in row["flags"]
     assert "diagnosis-failed" not in row["flags"]

@@ -30,7 +30,7 @@ RIG = {"delay": "0 ms +- 1 ms", "thickness": "half-space", "tip_mass": "0 g", "t
 
 @pytest.mark.slow
 def test_a_folder_is_a_table_with_units(curves, tmp_path):
-    frame = palpate.fit_folder(curves, tip="sphere 3 mm", rig=RIG, out=tmp_path / "fits")
+    frame = palpate.fit_folder(curves, tip="paraboloid 3 mm", rig=RIG, out=tmp_path / "fits")
     assert list(frame.index) == [f"{curves}/c{i}.csv" for i in range(2)]
     written = pd.read_csv(tmp_path / "fits" / "fits.csv").set_index("curve")
     assert (frame["elasticity"] == written["elasticity"]).all()
@@ -46,20 +46,20 @@ def test_a_folder_is_a_table_with_units(curves, tmp_path):
 @pytest.mark.slow
 def test_a_table_and_a_path_are_fitted_as_the_file_is(curves):
     path = curves / "c0.csv"
-    of_path = palpate.fit(path, tip="sphere 3 mm", rig=RIG)
-    of_table = palpate.fit(pd.read_csv(path), tip="sphere 3 mm", rig=RIG)
+    of_path = palpate.fit(path, tip="paraboloid 3 mm", rig=RIG)
+    of_table = palpate.fit(pd.read_csv(path), tip="paraboloid 3 mm", rig=RIG)
     assert of_table.elasticity == of_path.elasticity
     plain = pd.read_csv(path).rename(columns={"time_s": "time", "force_N": "force", "height_mm": "height"})
     plain.attrs["units"] = {"time": "s", "force": "N", "height": "mm"}
-    assert palpate.fit(plain, tip="sphere 3 mm", rig=RIG).elasticity == of_path.elasticity
+    assert palpate.fit(plain, tip="paraboloid 3 mm", rig=RIG).elasticity == of_path.elasticity
     with pytest.raises(LogError, match=r"^table: no two columns can be force and position"):
-        palpate.fit(plain[["time", "height"]], tip="sphere 3 mm")
+        palpate.fit(plain[["time", "height"]], tip="paraboloid 3 mm")
 
 
 def test_what_is_no_record_is_named(curves, tmp_path):
     with pytest.raises(ConfigurationError, match="a list is not a record"):
-        palpate.fit([1, 2], tip="sphere 3 mm")
+        palpate.fit([1, 2], tip="paraboloid 3 mm")
     with pytest.raises(ConfigurationError, match="no such file or folder"):
-        palpate.fit_folder(tmp_path / "nothing", tip="sphere 3 mm")
+        palpate.fit_folder(tmp_path / "nothing", tip="paraboloid 3 mm")
     with pytest.raises(ConfigurationError, match="no tip 'spere'; did you mean 'sphere'"):
         palpate.fit_folder(curves, tip="spere 3 mm")

@@ -77,7 +77,7 @@ def test_the_same_study_is_the_same_bytes_wherever_it_is(study, tmp_path):
 
 
 def test_names_of_curves_that_are_paths_lose_their_folders(study, palpate):
-    done = palpate("fit", study / "control", "--tip", "sphere 3 mm", "--out", "mine", "--jobs", "1")
+    done = palpate("fit", study / "control", "--tip", "paraboloid 3 mm", "--out", "mine", "--jobs", "1")
     assert done.returncode == 0, done.stderr
     assert f"\n{study}/control/a_0.csv," in (study / "mine" / "fits.csv").read_text()
     done = palpate("pack", "mine", "-o", "mine.zip")

@@ -15,7 +15,7 @@ from tests.curves.conftest import press
 pytestmark = pytest.mark.slow
 FACTS = """
 instrument = "a press"
-tip = "sphere 3 mm"
+tip = "paraboloid 3 mm"
 thickness = "half-space"
 delay = "0 ms +- 1 ms"
 tip_mass = "0 g"

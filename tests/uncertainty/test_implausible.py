@@ -82,7 +82,7 @@ def test_an_implausible_value_is_in_no_mean(tmp_path, palpate):
         columns = np.column_stack([time, force, 1e3 * height])[:1000]
         header = f"time_s,force_N,height_{'m' if number == 3 else 'mm'}"
         np.savetxt(tmp_path / f"{number}.csv", columns, delimiter=",", header=header, comments="")
-    done = palpate("fit", ".", "--tip", "sphere 5 mm", "--out", "out")
+    done = palpate("fit", ".", "--tip", "paraboloid 5 mm", "--out", "out")
     assert done.returncode == 1, done.stderr  # a file has no value
     with (tmp_path / "out" / "fits.csv").open(newline="") as file:
         rows = {row["curve"]: row for row in csv.DictReader(file)}

@@ -18,7 +18,7 @@ def fitted(palpate, tmp_path, monkeypatch):
         np.savetxt(
             "curve.csv", columns, delimiter=",", header="time (s),height (mm),force (N)", comments="", fmt="%.6g"
         )
-        done = palpate("fit", "curve.csv", "--tip", "sphere 5 mm", "--out", "out")
+        done = palpate("fit", "curve.csv", "--tip", "paraboloid 5 mm", "--out", "out")
         done = palpate("fit", "curve.csv", "--pipeline", "out/pipeline.toml", "--json", "--out", "one")
         assert done.stdout, done.stderr
         return next(iter(json.loads(done.stdout)["logs"]["curve"]["tracks"].values()))

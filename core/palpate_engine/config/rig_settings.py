@@ -34,6 +34,7 @@ from palpate_engine.config.tip_words import tip_table
 TABLE = "rig"  # of a source: facts of the command line, as in ``--set rig.thickness="22 mm"``
 _NUMBER = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)")
 _ALIGNMENT = ("alignment",)
+_RADII = ("radius", "curvature_radius")  # keys of a tip for its radius
 _LAW = "garcia"  # of a layer on its base, for spheres, flats and cones
 
 
@@ -152,7 +153,8 @@ def _settings(facts: RigFacts, tables: Mapping[str, Any], known: Registry) -> It
         for at in _tips(models, known):
             yield "tip", at, tip_table(facts.tip, known, "tip")
     if facts.tip_uncertainty is not None:
-        yield "tip_uncertainty", ("run", "uncertainties", "radius"), facts.tip_uncertainty
+        for key in _radius_keys(facts, models, tables, known):
+            yield "tip_uncertainty", ("run", "uncertainties", key), facts.tip_uncertainty
     if facts.thickness is not None:
         value, std = (HALF_SPACE, None) if facts.thickness == HALF_SPACE else value_and_std(facts.thickness, "m")
         for name in _with_key(models, "thickness", known):
@@ -234,6 +236,26 @@ def _tips(models: Mapping[str, Mapping[str, Any]], known: Registry) -> Iterator[
         given = models[name].get("indenter")
         found[("indenter", given) if isinstance(given, str) else ("model", name, "indenter")] = None
     yield from found
+
+
+def _radius_keys(
+    facts: RigFacts, models: Mapping[str, Mapping[str, Any]], tables: Mapping[str, Any], known: Registry
+) -> list[str]:
+    """Return the keys that the tips have for their radius, each once; `radius` where no tip has one."""
+    types = [str(_at(tables, at).get("type")) for at in _tips(models, known)]
+    if facts.tip is not None:
+        types = [tip_table(facts.tip, known, "tip")["type"]]
+    entries = [entry for name in types if (entry := known.parts["indenter"].get(name)) is not None]
+    keys = [key for entry in entries for key in _RADII if entry.problem is None and key in entry.part.model_fields]
+    return list(dict.fromkeys(keys)) or [_RADII[0]]
+
+
+def _at(tables: Mapping[str, Any], at: Location) -> Mapping[str, Any]:
+    """Return the table at a place; an empty one where none is."""
+    table: Any = tables
+    for key in at:
+        table = table.get(key) if isinstance(table, Mapping) else None
+    return table if isinstance(table, Mapping) else {}
 
 
 def _with_key(models: Mapping[str, Mapping[str, Any]], key: str, known: Registry) -> list[str]:

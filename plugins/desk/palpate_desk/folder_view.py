@@ -74,7 +74,7 @@ def folder_message(desk: Desk) -> dict[str, Any]:
 def _tip(tables: dict[str, Any]) -> str:
     """The tip as ``--tip`` takes it."""
     tip: dict[str, Any] = next(iter(tables.get("indenter", {}).values()), {})
-    texts = [f"{key} {1e3 * value:.6g} mm" if key in ("radius", "tip_radius") else f"{key} {value}"
+    texts = [f"{key} {1e3 * value:.6g} mm" if key in ("radius", "curvature_radius", "tip_radius") else f"{key} {value}"
              for key, value in tip.items() if key != "type"]  # fmt: skip
     return " ".join([str(tip.get("type", "")), *texts])
 

@@ -58,6 +58,11 @@ class Paraboloid(Indenter):
 
     curvature_radius: Depth = Field(gt=0, description="radius of curvature R at the apex")
 
+    @property
+    def radius(self) -> float:
+        """R [m], the size of the tip as that of a sphere."""
+        return self.curvature_radius
+
     def contact_radius(self, depth: Any) -> Any:
         """sqrt(R d) [m]."""
         return (self.curvature_radius * depth) ** 0.5
