@@ -67,7 +67,12 @@ from .config.rig_settings import (
     plain_facts as plain_facts,
     rig_assignments as rig_assignments,
 )
-from .config.tip_words import tip_table as tip_table, tip_values as tip_values
+from .config.tip_words import (
+    SPHERE as SPHERE,
+    is_same_tip as is_same_tip,
+    tip_table as tip_table,
+    tip_values as tip_values,
+)
 from .config.unit_plausibility import UNCHECKED as UNCHECKED
 from .core_names import (
     FORMER_FLAGS as FORMER_FLAGS,

@@ -30,7 +30,7 @@ def test_another_tip_makes_rows_stale_and_they_are_fitted_anew_one_or_all(folder
     assert list(after) == list(before)
     for name in NAMES:  # E goes with one over the root of the radius
         assert after[name] == pytest.approx(before[name] / 2, rel=1e-3)
-    assert palpate("fit", "fits", "--set", "indenter.tip.radius=3 mm").returncode == 0
+    assert palpate("fit", "fits", "--set", "indenter.tip.curvature_radius=3 mm").returncode == 0
     assert elasticity(folder) == before  # what was refitted is to the digit what was fitted first
 
 
@@ -39,12 +39,12 @@ def test_another_tip_makes_rows_stale_and_they_are_fitted_anew_one_or_all(folder
 def test_a_curve_has_settings_of_its_own_and_loses_them(folder, palpate):
     before = elasticity(folder)
     one = f"curve={NAMES[1]}"
-    assert palpate("fit", "fits", "--where", one, "--set", "indenter.tip.radius=12 mm").returncode == 0
-    assert 'set = [\n    "indenter.tip.radius=12 mm",\n]' in (folder / "fits" / "own.toml").read_text()
+    assert palpate("fit", "fits", "--where", one, "--set", "indenter.tip.curvature_radius=12 mm").returncode == 0
+    assert 'set = [\n    "indenter.tip.curvature_radius=12 mm",\n]' in (folder / "fits" / "own.toml").read_text()
     after = elasticity(folder)
     assert after[NAMES[1]] == pytest.approx(before[NAMES[1]] / 2, rel=1e-3)
     assert {name for name in NAMES if after[name] != before[name]} == {NAMES[1]}
-    assert palpate("fit", "fits", "--where", one, "--unset", "indenter.tip.radius").returncode == 0
+    assert palpate("fit", "fits", "--where", one, "--unset", "indenter.tip.curvature_radius").returncode == 0
     assert elasticity(folder) == before
 
 

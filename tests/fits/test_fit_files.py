@@ -85,7 +85,7 @@ def test_python_says_the_same_in_three_lines(files, palpate):
     [
         (["--tip", "spher 3 mm"], "did you mean 'sphere'"),
         (["--tip", "sphere"], "needs its radius"),
-        (["--tip", "sphere 3"], "--tip 'sphere 3': Sphere: radius: '3' has no unit"),
+        (["--tip", "sphere 3"], "--tip 'sphere 3': ExactSphere: radius: '3' has no unit"),
         (["--tip", "3 mm"], 'write it as in "sphere 3 mm"'),
         ([*TIP, "--model", "drr"], "did you mean 'dr'"),
         ([], "say its tip, as in palpate fit curves/0.csv --tip 'sphere 3 mm'"),

@@ -29,7 +29,7 @@ from palpate_engine.config.rig_facts import (
     read_rig,
     value_and_std,
 )
-from palpate_engine.config.tip_words import tip_table
+from palpate_engine.config.tip_words import tip_table, with_stated_law
 
 TABLE = "rig"  # of a source: facts of the command line, as in ``--set rig.thickness="22 mm"``
 _NUMBER = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)")
@@ -151,7 +151,7 @@ def _settings(facts: RigFacts, tables: Mapping[str, Any], known: Registry) -> It
     models = {name: table for name, table in _tables(tables, "model").items() if isinstance(table, dict)}
     if facts.tip is not None:
         for at in _tips(models, known):
-            yield "tip", at, tip_table(facts.tip, known, "tip")
+            yield "tip", at, with_stated_law(facts.tip, _at(tables, at), known)
     if facts.tip_uncertainty is not None:
         for key in _radius_keys(facts, models, tables, known):
             yield "tip_uncertainty", ("run", "uncertainties", key), facts.tip_uncertainty

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+from palpate.contact import Indenter
 from palpate.errors import ConfigurationError, suggest
 from palpate.registry import Registry
 from palpate.units import to_si
+
+SPHERE, BALL = "sphere", "exact-sphere"  # in words, and its type: type = "sphere" is the paper's paraboloid (0435)
 
 
 def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     """The table of a tip such as "sphere 3 mm", "sphere diameter 6 mm" or "blunt-cone angle 30 deg tip_radius 1 mm".
 
-    A single value is that of the one key that the tip needs, the radius of a sphere; messages call the whole `said`.
-    Raises ConfigurationError.
+    A sphere in words is a ball, `exact-sphere`. A single value is that of the one key that the tip needs, the radius of
+    a sphere; messages call the whole `said`. Raises ConfigurationError.
     """
     table = tip_values(text, known, said)
     name, values = table["type"], {key: value for key, value in table.items() if key != "type"}
@@ -28,10 +32,11 @@ def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     """The table of a tip as `tip_table` reads it, its values not yet checked; raises ConfigurationError."""
     name, *words = text.split() or [""]
     tips = known.parts["indenter"]
-    if name not in tips:
+    kind = BALL if name == SPHERE else name
+    if kind not in tips:
         hint = '; write it as in "sphere 3 mm"' if not name[:1].isalpha() else suggest(name, list(tips))
         raise ConfigurationError(f"{said} {text!r}: no tip {name!r}{hint}")
-    fields = known.find("indenter", name).model_fields
+    fields = known.find("indenter", kind).model_fields
     keys = [*fields, "diameter"] if "radius" in fields else list(fields)
     needed = [key for key, about in fields.items() if about.is_required()]
     table: dict[str, list[str]] = {}
@@ -53,4 +58,29 @@ def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
             raise ConfigurationError(f"{said} {text!r}: diameter: {error}") from error
     if missing := [key for key in needed if not values.get(key)]:
         raise ConfigurationError(f'{said} {text!r}: {name} needs its {missing[0]}, as in "{name} 3 mm"')
-    return {"type": name, **values}
+    return {"type": kind, **values}
+
+
+def with_stated_law(text: str, stated: Mapping[str, Any], known: Registry, said: str = "tip") -> dict[str, Any]:
+    """Return the table of a tip in words; a `sphere` has the law of a ball that a `stated` table of a tip has chosen.
+
+    Raises ConfigurationError.
+    """
+    table = tip_table(text, known, said)
+    if text.split()[0] != SPHERE or not is_ball(stated, known):
+        return table
+    return {**stated, "radius": table["radius"]}
+
+
+def is_same_tip(one: Mapping[str, Any], other: Mapping[str, Any], known: Registry) -> bool:
+    """Return True if two tables, in SI, are of one tip: the law by which a ball is computed is none of its shape."""
+    sizes = [{key: value for key, value in table.items() if key != "type"} for table in (one, other)]
+    return one == other or (sizes[0] == sizes[1] and is_ball(one, known) and is_ball(other, known))
+
+
+def is_ball(table: Mapping[str, Any], known: Registry) -> bool:
+    """Return True if the table of a tip names one of the laws of a sphere, its paraboloid included."""
+    entry = known.parts["indenter"].get(str(table.get("type")))
+    if entry is None or entry.problem is not None or "radius" not in entry.part.model_fields:
+        return False
+    return getattr(entry.part, "sphere_radius", None) is not Indenter.sphere_radius

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from palpate import Device, Flag
-from palpate_engine import AlignmentSettings, Pipeline, Signal, plain_settings
+from palpate_engine import AlignmentSettings, Pipeline, Signal, is_same_tip, plain_settings
 from palpate_kit.runs.calibration_file import CalibratedValue, Calibration, read_calibration
 from palpate_kit.runs.device_identity import is_identity, other_identity
 
@@ -155,7 +155,7 @@ class AppliedCalibration:
         }
         yield from self._too_old(datetime.now(UTC))
         yield from self._other_devices(pipeline.stated, devices)
-        yield from self._other_tip([plain_settings(tip, pipeline.registry) for tip in pipeline.indenters.values()])
+        yield from self._other_tip(pipeline)
         yield from self._conflicts(pipeline.stated)
         yield from (Flag("payload", f"{name} {text}") for name, facts in live.items() for text in self._loads(facts))
         if pipeline.stated.tare == "calibrated" and live:
@@ -171,8 +171,10 @@ class AppliedCalibration:
         if age < -86400:
             yield Flag("calibration-old", f"{self.path} is from the future: a clock is wrong")
 
-    def _other_tip(self, mounted: Sequence[Any]) -> Iterator[Flag]:
-        if self.calibration.tip is not None and mounted and self.calibration.tip not in mounted:
+    def _other_tip(self, pipeline: Pipeline) -> Iterator[Flag]:
+        known, tip = pipeline.registry, self.calibration.tip
+        mounted = [plain_settings(one, known) for one in pipeline.indenters.values()]
+        if tip is not None and mounted and not any(is_same_tip(tip, one, known) for one in mounted):
             yield Flag("calibration-tip", f"{self.path} was made with another tip: {_shown(self.calibration.tip)}")
 
     def _other_devices(self, stated: AlignmentSettings, devices: Mapping[str, Mapping[str, str]]) -> Iterator[Flag]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, Flag
-from palpate_engine import Pipeline, plain_settings
+from palpate_engine import Pipeline, is_same_tip, plain_settings
 from palpate_kit.runs.device_identity import other_identity
 
 from palpate_control.chart_file import ControlChart, read_chart
@@ -45,7 +45,7 @@ class ChartUse:
         """That the check is out of control, or was one of another tip, sensor or robot."""
         against = list(self.state.reasons)
         tips = [plain_settings(tip, pipeline.registry) for tip in pipeline.indenters.values()]
-        if self.chart.tip and tips and self.chart.tip not in tips:
+        if self.chart.tip and tips and not any(is_same_tip(self.chart.tip, one, pipeline.registry) for one in tips):
             against.append(f"the check was made with another tip: {settings_text(self.chart.tip)}")
         signals = {"sensor": pipeline.alignment.force, "robot": pipeline.alignment.position}
         for word, signal in signals.items():

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate_engine import display_unit
+from palpate_engine import display_unit, is_same_tip, registry
 from palpate_kit.runs.device_identity import other_identity
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import FormatOption, JsonOption, TrackOption
@@ -90,17 +90,18 @@ def _with_run(run: Path, reference: Reference, path: Path, track: str | None) ->
     """The chart with a run appended; raises UserError where the run does not belong there."""
     before = read_chart(path) if path.exists() else None
     checked = check_of_run(run, reference, track or (before.track if before else None))
-    if reference.tip is not None and checked.tip and reference.tip != checked.tip:
+    known = registry.load()
+    if reference.tip is not None and checked.tip and not is_same_tip(reference.tip, checked.tip, known):
         raise ConfigurationError(
             f"{run}: its tip is {settings_text(checked.tip)}; the reference is for {settings_text(reference.tip)}"
         )
     if before is not None:
         _demand_same(before, checked, reference, run, path)
-    known = ChartReference(name=reference.name, value=reference.value, unit=reference.unit, std=reference.std)
+    of_chart = ChartReference(name=reference.name, value=reference.value, unit=reference.unit, std=reference.std)
     new = ControlChart(
         quantity=reference.quantity,
         track=checked.track,
-        reference=known,
+        reference=of_chart,
         tip=checked.tip,
         sensor=checked.sensor,
         robot=checked.robot,
@@ -117,7 +118,7 @@ def _demand_same(chart: ControlChart, checked: RunCheck, reference: Reference, r
         raise ConfigurationError(f"{path}: is the chart of another reference, {is_of}; {other}")
     if chart.track != checked.track:
         raise ConfigurationError(f"{run}: the chart {path} is of the track {chart.track}, not {checked.track}; {other}")
-    if chart.tip != checked.tip:
+    if chart.tip != checked.tip:  # by another law of the same ball the values are others
         tips = f"{settings_text(checked.tip)}, in the chart {path} {settings_text(chart.tip)}"
         raise ConfigurationError(f"{run}: another tip than the chart's: {tips}; {other}")
     for word in ("sensor", "robot"):

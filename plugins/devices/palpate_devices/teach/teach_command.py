@@ -185,12 +185,7 @@ def _robot(pipeline: Pipeline) -> tuple[str, ArmDevice]:
 def _ball(pipeline: Pipeline) -> float:
     """Radius [m] of the tip where it is a ball, about whose centre it turns in a hole; 0 of any other."""
     tips = list(pipeline.indenters.values())
-    radius = getattr(tips[0], "radius", 0.0) if len(tips) == 1 and _is_ball(pipeline) else 0.0
-    return float(radius)
-
-
-def _is_ball(pipeline: Pipeline) -> bool:
-    return pipeline.registry.name_of(type(next(iter(pipeline.indenters.values())))) == "sphere"
+    return (tips[0].sphere_radius or 0.0) if len(tips) == 1 else 0.0
 
 
 def _steps(names: Sequence[str], device: str, arm: ArmDevice) -> tuple[str, ...]:
