@@ -163,6 +163,11 @@ class Device(Part, ABC):
         return ()
 
     @property
+    def simulated(self) -> bool:
+        """Whether its readings are those of a simulation, computed by the formulas of a model."""
+        return isinstance(self, KnowsTruth)
+
+    @property
     def duration(self) -> float | None:
         """How long a recorded log is [s], for progress bars; None where that is not known."""
         return None

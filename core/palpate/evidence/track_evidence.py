@@ -37,6 +37,7 @@ class TrackEnd:
     tracked: float  # [s] in all
     samples: int  # tracked in all
     is_sweep: bool  # the tip went along the surface
+    is_simulated: bool = False  # the force is that of a model, and not of a real contact
 
 
 @dataclass(frozen=True)

@@ -152,12 +152,13 @@ class Tracks:
             if r.track.name in found and r.record.failure is None
         }
         run = pipeline.run
+        is_simulated = run.rehearsal is not None or any(device.simulated for device in pipeline.devices.values())
         return {
             **found,
             **apply_diagnoses(
                 whole,
                 diagnoses,
-                RunEvidence(pipeline.alignment, report, run.average, run.uncertainties, pipeline.tables),
+                RunEvidence(pipeline.alignment, report, run.average, run.uncertainties, pipeline.tables, is_simulated),
             ),
         }
 

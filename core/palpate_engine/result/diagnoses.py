@@ -42,6 +42,7 @@ class RunEvidence:
     average: float  # [s] that results are means over
     uncertainties: Mapping[str, Any] = field(default_factory=dict)  # that the pipeline declares
     tables: Mapping[str, Settings] = field(default_factory=dict)
+    is_simulated: bool = False
 
 
 def apply_diagnoses(
@@ -194,5 +195,5 @@ def _ending(track: Diagnosable, of_run: RunEvidence) -> TrackEnd | None:
     record, run = track.record, of_run
     return TrackEnd(
         tail, tail.last(average), run.settings, run.report, run.uncertainties, record.held,
-        frozenset(included), run.average, record.tracked, record.samples, record.is_sweep,
+        frozenset(included), run.average, record.tracked, record.samples, record.is_sweep, run.is_simulated,
     )  # fmt: skip

@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any, Self
 
 from palpate import Batch, Channel, File, Link, LogError, Stream, Time
+from palpate_engine import registry, toml_tables
 from palpate_kit.logs.joint_kinematics import Kinematics, joint_feeds
 from palpate_kit.logs.log_link import LogLink, described_feeds, distinct, file_facts, window
 from palpate_kit.logs.topic_suggestion import suggestion_for
+from palpate_kit.runs.run_folder import pipeline_among
 from palpate_kit.terminal.progress import report_progress
 from palpate_records.log_tables import tables_of, texts_of
 from palpate_records.mcap.mcap_attachments import attached_to
@@ -105,6 +107,13 @@ class McapReplay(Recording):
     def provenance(self) -> Mapping[str, str]:
         """The file and its SHA-256."""
         return file_facts(self.file, [self.file])
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the run that recorded it had a simulated device, by the pipeline that the log carries."""
+        documents = self.attached(self.file).documents
+        name = pipeline_among(documents)
+        return name is not None and _has_simulation(documents[name])
 
     @property
     def duration(self) -> float | None:
@@ -239,3 +248,15 @@ def _stream(topic: Topic, kind: MessageType, facts: Mapping[str, Any]) -> Stream
     )
     name = facts.get("stream", topic.name.rsplit("/", 1)[-1])
     return Stream(name, channels, facts.get("rate"), facts.get("layout", "columns"), "log", facts.get("frame", ""))
+
+
+def _has_simulation(pipeline: str) -> bool:
+    """Return True if a device of a pipeline, as TOML, knows the truth; False for a text that is not one."""
+    try:
+        tables = toml_tables(pipeline).get("device")
+    except ValueError:
+        return False
+    devices = tables.values() if isinstance(tables, dict) else ()
+    types = [table.get("type") for table in devices if isinstance(table, dict)]
+    entries = [entry for kind in types if (entry := registry.load().parts["device"].get(str(kind))) is not None]
+    return any(entry.problem is None and hasattr(entry.part, "truth") for entry in entries)

@@ -187,8 +187,11 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_diagnoses() -> dict[str, Diagnosis]:
-    """What a record determines of a relaxing material."""
-    return {"at-rest": Diagnosis("palpate_models.modulus_at_rest:at_rest", quick=True)}
+    """What a record determines of a relaxing material, and what a ball would give."""
+    return {
+        "at-rest": Diagnosis("palpate_models.modulus_at_rest:at_rest", quick=True),
+        "ball": Diagnosis("palpate_models.ball_alternative:ball_alternative", quick=True),
+    }
 
 
 @plugin
