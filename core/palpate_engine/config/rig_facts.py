@@ -111,7 +111,7 @@ class RigFacts(Settings):
     """What a person states of a rig and its specimens; what is left out is not known."""
 
     tip: str | None = _fact(
-        'the tip: "sphere 3 mm" (its radius), "sphere diameter 6 mm", "flat 2 mm", "cone 45 deg"',
+        'the tip: "sphere 3 mm" (a ball, its radius), "sphere diameter 6 mm", "flat 2 mm", "cone 45 deg"',
         question="Which tip, a sphere by its radius?", example="sphere 3 mm",
     )  # fmt: skip
     tip_uncertainty: _Length | None = _fact('standard uncertainty of the tip\'s radius, as in "20 um"')

@@ -22,7 +22,8 @@ class Sphere(Indenter):
 
     a(d) = sqrt(R d), A(d) = (2/3) sqrt(R) d^1.5, so that the elastic force is (4/3) E* sqrt(R) d^1.5.
     Valid for a contact radius small against R: the force of the real sphere (`exact-sphere`) is lower by the part
-    d/(10 R), which is 10 % at d = R.
+    d/(10 R), which is 10 % at d = R; beyond a tenth of R a condition says so. In words, as in --tip "sphere 3 mm", a
+    sphere is the real one.
     Source: paper, eq. TotalForce; Hertz 1882; Popov and Hess 2015, table 2.1.
     """
 
