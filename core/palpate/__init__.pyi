@@ -61,6 +61,7 @@ from .errors import (
     OutputError as OutputError,
     PalpateError as PalpateError,
     PluginError as PluginError,
+    UnstoppedArmError as UnstoppedArmError,
     UserError as UserError,
     suggest as suggest,
 )

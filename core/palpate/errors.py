@@ -4,6 +4,7 @@
 
     PalpateError                exit code 1: not the user's doing
     ├── DeviceError             a robot, sensor or link failed while in use
+    │   └── UnstoppedArmError   exit code 3: an arm was stopped, and no states show that it stands
     ├── StoppedError            exit code 128 + signal: stopped from outside; the result is partial
     └── UserError               exit code 2: something the user can mend
         ├── ConfigurationError  a pipeline file or a command line says something impossible
@@ -31,6 +32,15 @@ class PalpateError(Exception):
 
 class DeviceError(PalpateError):
     """A robot, a sensor or the link to it failed while in use."""
+
+    arm_stands = False  # of an arm: its own process has seen 0.1 s of states that show that its tip stands
+
+
+class UnstoppedArmError(DeviceError):
+    """An arm was stopped, and no states show that it stands: a person has to press the emergency stop."""
+
+    exit_code = 3
+    speed: float | None = None  # [m/s] of its tip, where states show one
 
 
 class StoppedError(PalpateError):

@@ -93,6 +93,7 @@ class GuardState:
     phase: Literal["standstill", "motion", "tripped", "over"]
     reason: str | None = None  # why it tripped
     peak_force: float = 0.0  # [N] largest tared reading until now
+    calls_for_stop: bool = False  # a person has to press the emergency stop; `reason` says why
 
 
 @runtime_checkable

@@ -22,6 +22,10 @@ class ArmFaultError(Exception):
     """Why the arm cannot go on, in words for the person at the robot; the motion ends at once, where it is."""
 
 
+class LinkLostError(ArmFaultError):
+    """The connection to the controller is lost: what is on its way must not be carried out later."""
+
+
 class GarbledStateError(ArmFaultError):
     """A state that makes no sense, so that nobody knows where the arm is."""
 

@@ -22,6 +22,7 @@ from palpate import (
     Setpoint,
     SharedReadings,
     Trajectory,
+    UnstoppedArmError,
     clock,
     epoch_offset,
     surface_of,
@@ -66,6 +67,7 @@ class ArmLink:
         if self._low_rate is not None:
             typer.echo(f"{child.name}: {self._low_rate}", err=True)
         self._lag: float | None = None  # [s] that was seen
+        self._stands = False  # its process has seen 0.1 s of states that show that the tip stands
 
     @property
     def model(self) -> ArmModel:
@@ -161,15 +163,36 @@ class ArmLink:
             for message in self._child.messages():
                 if message["say"] == "done":
                     done, self._lag = True, message["lag"]
-                if message["say"] == "limit":
-                    self._has_stopped(message)
+                self._take(message)
             rows = self._child.ring.read()
             yield from self._states.batches(rows)
             if not len(rows):
-                self._child.check(self._settings.controller_timeout + _BEAT_SLACK)
+                self._check_child()
             clock().sleep(_POLL)
         if self._stopped and self._trip is None:
             raise DeviceError(f"{self._child.name}: {self._stopped['reason']}")
+
+    def _take(self, message: Mapping[str, Any]) -> None:
+        """Take note of a message; raises UnstoppedArmError of an arm that was stopped and does not stand."""
+        match message["say"]:
+            case "limit":
+                self._has_stopped(message)
+            case "failing" if self._trip is not None:  # it is being stopped, which takes its time
+                self._trip(f"{self._child.name}: {message['text']}")
+            case "fault":
+                self._stands = bool(message["stands"])
+            case "astray":
+                error = UnstoppedArmError(f"{self._child.name}: {message['text']}")
+                error.speed = message["speed"]
+                raise error
+
+    def _check_child(self) -> None:
+        """Raise DeviceError where the arm's process has failed; it knows whether the arm has come to rest."""
+        try:
+            self._child.check(self._settings.controller_timeout + _BEAT_SLACK)
+        except DeviceError as error:
+            error.arm_stands = self._stands
+            raise
 
     def _has_stopped(self, message: Mapping[str, Any]) -> None:
         """The servo process has stopped the motion on its own, with the reason."""

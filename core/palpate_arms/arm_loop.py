@@ -8,13 +8,15 @@ from typing import Any, NoReturn
 
 import numpy as np
 from palpate import ForceLaw, clock
+from palpate_engine import EMERGENCY, call_for_stop
 from palpate_kit.acquisition.child import Parent
 from palpate_kit.acquisition.computer import host
 from palpate_kit.acquisition.ring import Ring
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_arms.arm_driver import ArmFaultError
+from palpate_arms.arm_driver import ArmFaultError, GarbledStateError, LinkLostError
 from palpate_arms.arm_lag import LagMeter, deflection
+from palpate_arms.arm_rest import ArmRest, Rest
 from palpate_arms.arm_rows import RETRACT, STOP
 from palpate_arms.arm_state import ArmState
 from palpate_arms.arm_watch import ArmWatch
@@ -34,9 +36,9 @@ _BLIND = 1.15e9  # [ns] without a new state, of a second between two: of more co
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
 _EXPLAIN = 10  # periods
 _LISTEN_EVERY = 5  # periods; stopping uses shared memory and does not wait
+_DISOBEDIENCE = "the arm does not obey: it was stopped, and no states show that its tip stands"
 _MOVING = ("retreat", "stay", "approach", "follow")
-_BRAKES = 1.0  # [s] at most, from a stop to a standstill
-_LOOKS, _STANDS = 25, 0.1e-3  # states, [m] that the tip moves at most meanwhile where it stands
+_SLOW = 0.5e-3  # [m/s] of commands, below which an arm is not commanded to move
 
 
 class ArmLoop:
@@ -54,7 +56,8 @@ class ArmLoop:
         self._setpoint = np.zeros(SETPOINT.size)
         self._offered: MotionOffer | None = None
         self._cycles = 0
-        self._watch = ArmWatch(robot, settings["controller_timeout"], lambda: ring.beat(clock().now_ns()))
+        self._timeout = settings["controller_timeout"]
+        self._watch = ArmWatch(robot, self._timeout)
         self._beat, self._lag = Beat(), LagMeter()
 
     def run(self) -> NoReturn:
@@ -62,9 +65,9 @@ class ArmLoop:
         try:
             Pace(self._ring, self._beat, lambda: self._following).run(self._cycle, self._take_state)
         except ArmFaultError as fault:
-            self._fail(str(fault))
+            self._fail(fault)
         except Exception as error:
-            self._fail(f"its servo loop failed: {type(error).__name__}: {error}")
+            self._fail(ArmFaultError(f"its servo loop failed: {type(error).__name__}: {error}"))
 
     @property
     def _following(self) -> bool:
@@ -103,7 +106,7 @@ class ArmLoop:
                 self._take_state()
                 self._check(clock().now_ns())
                 clock().sleep(PERIOD)
-            self._fail("the robot refuses commands: its program has ended (out of reach, or stopped)")
+            self._fail(ArmFaultError("the robot refuses commands: its program has ended (out of reach, or stopped)"))
 
     def _advance(self, commander: Commander, seen: ArmState) -> None:
         before, leaving = (commander.command, commander.turn), commander.mode == "retract"
@@ -131,7 +134,7 @@ class ArmLoop:
     def _stop_for(self, verdict: Verdict, commander: Commander) -> None:
         """Retract where the arm follows its commands, else stop it where it is."""
         if not verdict.trusted or commander.mode not in _MOVING:
-            self._fail(verdict.text + self._watch.halt_in_doubt())
+            self._fail(GarbledStateError(verdict.text))
         self._parent.tell("limit", text=verdict.text, at=clock().now_ns())
         commander.retract()
 
@@ -147,15 +150,19 @@ class ArmLoop:
             commander.retract()
 
     def _take_state(self) -> None:
-        robot = self._robot
-        if robot.poll():
+        if self._robot.poll():
             self._watch.check_state()
             if self._commander is None:
+                robot = self._robot
                 self._commander = Commander(self._law, robot.look().position, robot.turn())
                 self._setpoint = self._commander.setpoint
-            stamps = round(robot.stamp * 1e9), robot.seen
-            self._beat.saw(*stamps)
-            self._ring.write(stamps, [*robot.row, *robot.reading.status, *self._setpoint])
+            self._record_state()
+
+    def _record_state(self) -> None:
+        robot = self._robot
+        stamps = round(robot.stamp * 1e9), robot.seen
+        self._beat.saw(*stamps)
+        self._ring.write(stamps, [*robot.row, *robot.reading.status, *self._setpoint])
 
     def _check(self, now: int) -> None:
         commander = self._commander
@@ -194,7 +201,7 @@ class ArmLoop:
         match message["say"]:
             case "limits":
                 if not all(np.isfinite(value).all() for key, value in message.items() if key != "say"):
-                    self._fail("a limit is not a finite number")
+                    self._fail(ArmFaultError("a limit is not a finite number"))
                 self._fence.limits = message
                 self._law = self._law.within(message)
                 commander.law = self._law
@@ -206,7 +213,7 @@ class ArmLoop:
             case "retreat":
                 commander.plane = StationPlane(np.array(message["foot"]), np.array(message["normal"]))
                 if not commander.plane.is_one:
-                    self._fail("the plane of the first station is invalid")
+                    self._fail(ArmFaultError("the plane of the first station is invalid"))
                 self._begin(commander)
                 commander.retreat(message["way"], message["speed"])
             case "follow":
@@ -239,9 +246,11 @@ class ArmLoop:
 
     def _finish(self) -> NoReturn:
         """The motion is over, one way or the other."""
-        self._watch.halt()
-        if not self._robot.observed and not self._robot.driver.answers_stop:
-            self._wait_for_standstill()
+        rest = self._come_to_rest(_DISOBEDIENCE, True)
+        if rest.complaint or not rest.is_shown:
+            fault = rest.complaint.removeprefix(" And ").strip() or _DISOBEDIENCE
+            self._parent.tell("fault", text=fault, stands=rest.is_shown)
+            host().leave(1)
         self._parent.tell("done", lag=self._lag.lag)
         while not self._parent.gone:
             self._ring.beat(clock().now_ns())
@@ -252,36 +261,46 @@ class ArmLoop:
         self._close()
         host().leave(0)
 
-    def _wait_for_standstill(self) -> None:
-        """Raise ArmFaultError where the tip goes on, or nothing says that it does not: believe no driver."""
-        deadline, places, far = clock().now() + _BRAKES, list[Any](), math.inf
-        while clock().now() < deadline:
-            self._ring.beat(clock().now_ns())
-            self._take_state()
-            places.append(self._robot.position)
-            far = float(np.ptp(places[-_LOOKS:], axis=0).max())
-            if len(places) >= _LOOKS and far < _STANDS:
-                return
-            clock().sleep(PERIOD)
-        raise ArmFaultError(
-            f"{_BRAKES:g} s after it was stopped its tip still moves, by {1e3 * far:.1f} mm in "
-            f"{_LOOKS * PERIOD:g} s: press the emergency stop"
-        )
+    def _come_to_rest(self, fault: str, at_once: bool) -> Rest:
+        """Stop the arm and see it stand; the main job is warned of one that does not."""
+        robot, commander = self._robot, self._commander
+        if robot.observed:
+            return Rest(True)
+        beat = lambda: self._ring.beat(clock().now_ns())  # noqa: E731
+        warn = lambda speed: self._parent.tell("astray", text=fault, speed=speed)  # noqa: E731
+        rest = ArmRest(robot, self._poll_at_rest, beat, warn)
+        if commander is None or commander.mode == "hold":
+            return rest.stop_once()
+        return rest.come_to_rest(at_once, commander.speed > _SLOW, self._timeout)
+
+    def _poll_at_rest(self) -> bool:
+        """Record a new state of an arm that was stopped, whatever it says."""
+        if not self._robot.poll():
+            return False
+        self._record_state()
+        return True
 
     def _leave(self) -> NoReturn:
-        self._watch.halt_in_doubt()
+        """The main job is gone, or closes: nobody else says where an arm stays in motion."""
+        if not self._come_to_rest("", True).is_shown:
+            call_for_stop(f"{EMERGENCY}: the program has gone, and no states show that the tip stands")
         host().leave(0)
 
     def _close(self) -> None:
         with contextlib.suppress(Exception):  # whatever a driver raises: the arm stands
             self._robot.driver.close()
 
-    def _fail(self, text: str) -> NoReturn:
-        """Say why and go at once: a library's destructors and reconnecting threads are what hangs and crashes.
+    def _fail(self, fault: ArmFaultError) -> NoReturn:
+        """Say why, stop the arm, see it stand, and go: destructors and reconnecting threads of a library hang and crash.
 
-        A controller without a watchdog is stopped first, or tried to.
+        A lost link to a controller with a watchdog is left at once: what is on it must not be carried out later. Other
+        faults of an arm with a watchdog stop it by the lack of commands, where its states can be trusted.
         """
-        if not self._robot.driver.has_watchdog:
-            text += self._watch.halt_in_doubt()
-        self._parent.tell("fault", text=text)
+        text, driver = str(fault), self._robot.driver
+        if isinstance(fault, LinkLostError) and driver.has_watchdog:
+            self._parent.tell("fault", text=text, stands=False)
+            host().leave(1)
+        self._parent.tell("failing", text=text)
+        rest = self._come_to_rest(text, isinstance(fault, GarbledStateError) or not driver.has_watchdog)
+        self._parent.tell("fault", text=text + rest.complaint, stands=rest.is_shown)
         host().leave(1)

@@ -1,31 +1,24 @@
-"""Whether an arm's states let a motion go on, and how it is stopped where they do not."""
+"""Whether an arm's states let a motion go on."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
-from palpate import clock
 from palpate_engine import ReadingAge
 
-from palpate_arms.arm_driver import ArmFaultError, ArmReading, GarbledStateError
+from palpate_arms.arm_driver import ArmFaultError, ArmReading, GarbledStateError, LinkLostError
 from palpate_arms.commanded_arm import CommandedArm
-from palpate_arms.setpoint_buffer import PERIOD
 
 _LOST = 0.1  # [s] without a command taken: the link is lost
-_HEARD = 0.25  # [s] for a stop to be carried out
 _AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
 _LEAP = "no arm does that; was another TCP set meanwhile?"
 
 
 class ArmWatch:
-    """Looks at every state of an arm; while it waits for a stop, `beat` shows the main job that this process lives.
+    """Looks at every state of an arm; one that is only observed is not asked whether it could move."""
 
-    An arm that is only observed is not asked whether it could move.
-    """
-
-    def __init__(self, arm: CommandedArm, timeout: float, beat: Callable[[], object]) -> None:
-        self._arm, self._timeout, self._beat = arm, timeout, beat
+    def __init__(self, arm: CommandedArm, timeout: float) -> None:
+        self._arm, self._timeout = arm, timeout
         self._first: ArmReading | None = None  # at the start of the motion
         self._age = ReadingAge()
         self._ahead = math.inf  # [s] of the time-stamp that was most ahead of its arrival
@@ -75,45 +68,15 @@ class ArmWatch:
         """Raise ArmFaultError where a connection is lost or silent."""
         driver, age = self._arm.driver, (now - self._arm.seen) / 1e9
         if not driver.connected:
-            raise ArmFaultError("the controller has closed the link")
+            raise LinkLostError("the controller has closed the link")
         if not self._arm.observed and (unheard := driver.unheard) > _LOST:
-            raise ArmFaultError(
+            raise LinkLostError(
                 f"the control link is lost: the controller has taken no command for {1e3 * unheard:.0f} ms. What "
                 "was sent meanwhile is dropped, and the controller's watchdog stops the arm. Check cable and switch"
             )
         if age > self._timeout:
-            raise ArmFaultError(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
+            raise LinkLostError(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
 
-    def _garbled(self, text: str) -> ArmFaultError:
-        """Why a state makes no sense, once the arm is stopped."""
-        heard = self.halt_in_doubt()
-        return ArmFaultError((self._arm.driver.explain() or text) + heard)
-
-    def halt(self) -> None:
-        """Stop the arm; this may wait for the controller, who was heard of a moment ago. Raises ArmFaultError."""
-        if self._arm.observed:
-            return
-        try:
-            self._arm.driver.stop()
-        except Exception as error:  # whatever a driver raises
-            raise ArmFaultError(f"it could not be stopped: {type(error).__name__}: {error}") from error
-
-    def halt_in_doubt(self) -> str:
-        """Stop an arm that may not hear, and wait for its answer no longer than it takes; in words, if none comes."""
-        failures: list[str] = []
-
-        def halt() -> None:
-            try:
-                self.halt()
-            except ArmFaultError as fault:
-                failures.append(f" And {fault}.")
-
-        halting = clock().thread(halt, "halt")
-        halting.start()
-        deadline = clock().now() + _HEARD
-        while halting.is_alive() and clock().now() < deadline:
-            self._beat()
-            clock().sleep(PERIOD)
-        if halting.is_alive():
-            return " The control link does not answer: commands do not arrive."
-        return "".join(failures)
+    def _garbled(self, text: str) -> GarbledStateError:
+        """Why a state makes no sense."""
+        return GarbledStateError(self._arm.driver.explain() or text)

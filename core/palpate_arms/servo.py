@@ -52,6 +52,11 @@ class Commander:
             return row[: SETPOINT.size]
         return np.array([*self.command, *self._speed, 0.0])
 
+    @property
+    def speed(self) -> float:
+        """Of the commands [m/s], as of now."""
+        return float(np.linalg.norm(self._speed))
+
     def held_up(self, periods: int) -> None:
         """So many periods had no command: a plan is followed a little faster until that is made up for."""
         if self.mode == "follow":

@@ -160,6 +160,8 @@ from .safety import (
     check_own_motion as check_own_motion,
     demand_safe as demand_safe,
 )
+from .safety.emergency import EMERGENCY as EMERGENCY, call_for_stop as call_for_stop
 from .safety.force_rise import RiseWatch as RiseWatch
 from .safety.reading_age import ReadingAge as ReadingAge
+from .safety.rest_window import RestWindow as RestWindow
 from .track_name import TrackName as TrackName

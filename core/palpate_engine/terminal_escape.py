@@ -15,8 +15,8 @@ from palpate.errors import OutputError
 
 # C0 but tab and newline, DEL, C1, and what turns the direction of writing.
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-# What a terminal is sent on purpose: colours, cursor up, line erased, cursor hidden or shown, carriage return.
-_OWN = re.compile("(\x1b\\[[0-9;]{0,20}[mAK]|\x1b\\[\\?25[lh]|\r)")
+# What a terminal is sent on purpose: colours, cursor up, line erased, cursor hidden or shown, carriage return, bell.
+_OWN = re.compile("(\x1b\\[[0-9;]{0,20}[mAK]|\x1b\\[\\?25[lh]|\r|\a)")
 
 
 # What an encoding may lack, in its place; all else is escaped.

@@ -254,12 +254,12 @@ def moved_into(twin, fault, **changes):
 @pytest.mark.parametrize(
     ("fault", "words", "delay"),
     [
-        ("stuck-pose", "does not change in any digit", 0.032),
-        ("jam", "has moved by|does not follow", 0.068),
-        ("nan-pose", "pose or joints are not numbers", 0.014),
-        ("short-states 200", "^ur at .*: the controller sends states of 1 bytes in place of 17: .*", 0.014),
-        ("short-states 120", "^ur at .*: the controller sends states of 1 bytes in place of 17: .*", 0.014),
-        ("short-states 16", "^ur at .*: the controller sends states of 1 bytes in place of 17: .*", 0.014),
+        ("stuck-pose", "does not change in any digit", 0.026),
+        ("jam", "has moved by|does not follow", 0.062),
+        ("nan-pose", "pose or joints are not numbers", 0.002),
+        ("short-states 200", "^ur at .*: the controller sends states of 1 bytes in place of 17: .*", 0.002),
+        ("short-states 120", "^ur at .*: the controller sends states of 1 bytes in place of 17: .*", 0.002),
+        ("short-states 16", "^ur at .*: the controller sends states of 1 bytes in place of 17: .*", 0.002),
         ("mute-control", "the control link is lost|program was stopped", 0.152),
     ],
 )

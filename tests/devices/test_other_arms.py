@@ -260,7 +260,7 @@ def test_an_arm_that_gives_way_is_judged_by_where_it_is(rehearse):
 )
 def test_what_is_wrong_with_an_arm_is_told_and_its_limits_are_kept(rehearse, arm, fault, words):
     done, _ = rehearse(arm, SHORT, faults=fault)
-    assert done.returncode == 1
+    assert done.returncode == (3 if fault and fault[0].startswith(("freeze", "close")) else 1)  # no states show that it stands
     assert re.search(words, done.stderr)
     assert min(left(done.stdout)) >= 0.0
 
@@ -289,7 +289,7 @@ def test_a_stop_that_does_nothing_is_told(mine, software, monkeypatch):
     monkeypatch.setattr(importlib.import_module(f"{NAME}.driver"), "SoftwareArm", no_stop(software.SoftwareArm))
     with simulated_time():
         (said,) = followed(mine[0].Arm(host="127.0.0.1", work=WORK), 0.1)
-    assert re.search(r"1 s after it was stopped its tip still moves, by [\d.]+ mm in 0.05 s: press the emergency", said)
+    assert said.endswith("the arm does not obey: it was stopped, and no states show that its tip stands")
 
 
 def test_whatever_a_driver_raises_stops_the_arm_and_is_told(mine, software, monkeypatch):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from palpate import Batch, Channel, ConfigurationError, DeviceError, OwnMotion, Setpoint, Stream
+from palpate import Batch, Channel, ConfigurationError, DeviceError, OwnMotion, Setpoint, Stream, UnstoppedArmError
 from palpate_calibration.settings import CalibrationSettings
 from palpate_engine.alignment import AlignmentSettings, Ports
 from palpate_engine.config.safety_wiring import contradictions, wire_safety
@@ -126,8 +126,8 @@ def force(*values):
     return Batch("wrench", stamps, stamps, np.column_stack([np.zeros((n, 2)), values]))
 
 
-def height(z):
-    stamps = np.arange(20, dtype=np.int64)
+def height(z, begin=0.0, period=1e-9):
+    stamps = np.rint(1e9 * (begin + period * np.arange(20))).astype(np.int64)
     return Batch("tip", stamps, stamps, np.full((20, 1), z))
 
 
@@ -554,11 +554,13 @@ def stopped_at(guard, z=-0.002):
 @pytest.mark.parametrize("goes", ["on", "out", "on a little"])
 def test_an_arm_that_goes_on_inwards_after_a_stop_does_not_obey(guard, goes):
     stopped_at(guard)
-    for z in {"on": (-0.004, -0.0065), "out": (-0.003, 0.0), "on a little": (-0.004, -0.0055)}[goes]:
-        guard.check("r", height(z))  # v tau + v^2/2a are 3.2 mm
+    for k, z in enumerate({"on": (-0.004, -0.0065), "out": (-0.003, 0.0), "on a little": (-0.004, -0.0055)}[goes]):
+        guard.check("r", height(z, 0.2 * k))  # v tau + v^2/2a are 3.2 mm
     obeys = goes != "on"
     assert ("does not obey: since it was to stop, the tip has gone 4.5 mm deeper, of 4.2 mm" in guard.reason) != obeys
-    assert ("press the emergency stop" in guard.reason) != obeys
+    assert ("PRESS THE EMERGENCY STOP: the tip moves at" in guard.reason) != obeys
+    assert (guard.calls_for_stop is None) == obeys
+    assert isinstance(guard.error, UnstoppedArmError) != obeys
     assert guard.arm.stopped != obeys
     assert guard.is_stranded != obeys
 
@@ -567,7 +569,7 @@ def test_an_arm_that_fails_while_it_leaves_is_a_second_fault_and_one_that_has_le
     stopped_at(guard)
     guard.failed("s: the sensor is disconnected", "s")
     assert "disconnected" not in guard.reason  # it is not needed to leave
-    guard.check("r", height(-0.0018))
+    guard.check("r", height(-0.0018, period=6e-3))
     guard.failed("r: the robot is in a protective stop; unlock it.", "r")
     assert guard.is_stranded
     assert (
@@ -580,8 +582,22 @@ def test_an_arm_that_never_ends_its_retraction_is_said(guard):
     guard.demand_rest(8.0)
     assert guard.reason is None  # nothing was stopped
     stopped_at(guard)
+    guard.check("r", height(-0.002, period=6e-3))
+    guard.halt_late()
+    assert guard.arm.stopped
     guard.demand_rest(8.0)
     assert "that has failed: r: no end of its motion within 8 s. The tip stands at a height of -2.0 mm" in guard.reason
+    assert guard.calls_for_stop is None
+
+
+def test_an_arm_that_fails_without_states_since_the_stop_is_called_out(guard, capsys):
+    guard.check("r", height(-0.002, period=6e-3))  # it stood, before the stop
+    guard.failed("r: its process ended (killed by SIGKILL).", "r")
+    call = "PRESS THE EMERGENCY STOP: no states show that the tip stands; at last it was at a height of -2.0 mm and felt"
+    assert f"killed by SIGKILL). {call}" in guard.reason
+    assert capsys.readouterr().err.startswith(f"\apalpate: {call}")
+    assert isinstance(guard.error, UnstoppedArmError)
+    assert guard.state.calls_for_stop
 
 
 def with_stamps(batch, ahead):

@@ -94,7 +94,8 @@ class PageFeed:
 
     def guard(self, state: GuardState) -> None:
         """What the guard does."""
-        self._tell({"kind": "guard", "phase": state.phase, "reason": state.reason, "peak": state.peak_force})
+        facts = {"phase": state.phase, "reason": state.reason, "peak": state.peak_force}
+        self._tell({"kind": "guard", **facts, "calls_for_stop": state.calls_for_stop})
 
     def result(self, table: Mapping[str, Any]) -> None:
         """What the run found in the end."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from palpate import Batch, Estimates, Flag, GuardState, Parameter, Samples
-from palpate_engine import Pipeline, display_unit
+from palpate_engine import EMERGENCY, Pipeline, display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_live.row_columns import UNUSABLE, beyond
@@ -48,8 +48,12 @@ def _show_panel(watcher: Watcher, errors: Console, ended: threading.Event) -> No
     from rich.live import Live
 
     with suppress(OSError), Live(console=errors, auto_refresh=False, transient=True) as live:
+        has_rung = False
         while not ended.wait(_PANEL):
             live.update(watcher.view(), refresh=True)
+            if watcher.calls_for_stop and not has_rung:
+                has_rung = True
+                errors.bell()
 
 
 def _print_lines(watcher: Watcher, errors: Console, ended: threading.Event) -> None:
@@ -107,7 +111,14 @@ class Watcher:
         self._guard = state
 
     @property
+    def calls_for_stop(self) -> bool:
+        """Whether a person has to press the emergency stop."""
+        return self._guard is not None and self._guard.calls_for_stop
+
+    @property
     def _state(self) -> str:
+        if self.calls_for_stop:
+            return f"{EMERGENCY}: {self._guard.reason if self._guard else ''}"
         if self._guard is not None:
             return _PHASES[self._guard.phase] + (f": {self._guard.reason}" if self._guard.reason else "")
         return f"{self.now / max(time.monotonic() - self._began, 1e-3):.0f} x real time"
@@ -166,7 +177,8 @@ class Watcher:
         for track, parameters in self._tracks.items():
             cells = {p.name: self._value(track, i) for i, p in enumerate(parameters)}
             table.add_row(Text(track), *(cells.get(name, "") for name in units), Text(self._codes(track), "yellow"))
-        lines = [Text(line) for line in (self._time, self._tip) if line]
+        style = "bold red" if self.calls_for_stop else ""
+        lines = [Text(line, style) for line in (self._time, self._tip) if line]
         if self._codes(None):
             lines.append(Text(f"every track: {self._codes(None)}", "yellow"))
         bar = [ProgressBar(self.total, min(self.now, self.total), width=60)] if self.total else []

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from palpate.clocks import clock
 from palpate.device import Arm, Batch, Retractable
-from palpate.errors import DeviceError
+from palpate.errors import DeviceError, UnstoppedArmError
 from palpate.sink import GuardState
 from palpate.vectors import Floats
 
@@ -22,8 +22,10 @@ from palpate_engine.pipeline.live.signal_watch import AHEAD, SignalWatch, refuse
 from palpate_engine.pipeline.live.standstill import Noise, Standstill, refuse_unsteady
 from palpate_engine.pipeline.live.stopped_tip import StoppedTip
 from palpate_engine.safety import SafetySettings
+from palpate_engine.safety.emergency import call_for_stop
 
 _ENOUGH = 10  # readings
+_BRAKES, _REPEATS = 1.0, 2.0  # [s] at most from a stop to a standstill; for which a stop is repeated
 _PULL = 0.5  # of the force that stops: so much below zero is not adhesion
 _REVERSED = (
     "; it falls while the tip goes deeper: does the sensor count the other way round ([alignment] force sign = -1)?"
@@ -58,7 +60,10 @@ class Guard:
         self._over = clock().event()
         self.reason: str | None = None
         self.tripped: float | None = None  # monotonic [s]
+        self._first_reason = ""
         self.is_stranded = False  # whether an arm was to stop or leave and did not
+        self.calls_for_stop: float | None = None  # monotonic [s] since when a person has to press the emergency stop
+        self._halted: float | None = None  # monotonic [s] since when arms are to stop where they are
         self.peak = PeakForce()
         self._host = HostWatch(limits.held_up if limits is not None else None, self._over, self.trip)
 
@@ -66,7 +71,7 @@ class Guard:
     def state(self) -> GuardState:
         """What it does now."""
         if self.reason is not None:
-            return GuardState("tripped", self.reason, self.peak.tared)
+            return GuardState("tripped", self.reason, self.peak.tared, self.calls_for_stop is not None)
         phase: Literal["standstill", "motion", "over"] = "motion" if self._host.is_watching else "standstill"
         return GuardState("over" if self._over.is_set() else phase, None, self.peak.tared)
 
@@ -114,23 +119,65 @@ class Guard:
         elif self._moving:
             self._ended_early(device)
 
-    def failed(self, text: str, device: str) -> None:
-        """A device has failed: no fault once all arms are done, a second one of an arm that is to leave."""
+    def failed(self, text: str, device: str, error: BaseException | None = None) -> None:
+        """A device has failed: no fault once all arms are done, a second one of an arm that is to leave.
+
+        Of an arm that moves, `error` may say whether it stands; else states since the stop have to show it.
+        """
         if self._over.is_set():
             return
-        if self.reason is None:
-            self.trip(self._tip.standing(text, self.peak.latest) if device in self._moving else text)
-        elif device in self._moving:
-            self._strand(text)
+        self.trip(text)
+        if device not in self._moving:
+            return
+        stands = not isinstance(error, UnstoppedArmError) and (
+            self._tip.shows_rest or (isinstance(error, DeviceError) and error.arm_stands)
+        )
+        speed = error.speed if isinstance(error, UnstoppedArmError) else None
+        rest = self._tip.rest_sentence(self.peak.latest, stands, speed)
+        if not text.startswith(self._first_reason):
+            self._strand(text, stands, rest)
+        elif self.calls_for_stop is None:
+            self._add_sentence(text.removeprefix(self._first_reason) + rest)
+        if not stands:
+            self._call_for_stop(rest)
 
     def demand_rest(self, patience: float) -> None:
         """Take note where arms that were stopped `patience` [s] ago have not ended their motion."""
         if self.tripped is not None and self._moving and not self._over.is_set():
-            self._strand(f"{', '.join(sorted(self._moving))}: no end of its motion within {patience:g} s")
+            stands = self._tip.shows_rest
+            rest = self._tip.rest_sentence(self.peak.latest, stands)
+            late = f"{', '.join(sorted(self._moving))}: no end of its motion within {patience:g} s"
+            self._strand(late, stands, rest)
+            if not stands:
+                self._call_for_stop(rest)
 
-    def _strand(self, text: str) -> None:
+    def _strand(self, text: str, stands: bool, rest: str) -> None:
         self.is_stranded = True
-        self._add(self._tip.stranded(text, self.peak.latest))
+        self._add(self._tip.stranded(text, stands, rest))
+
+    def _call_for_stop(self, rest: str) -> None:
+        """Let a person press the emergency stop, and stop the arms on and on for a while."""
+        if self.calls_for_stop is None:
+            self.is_stranded, self.calls_for_stop = True, clock().now()
+            call_for_stop(f"{rest.strip()} The cause: {self._first_reason}")
+        self.halt()
+
+    def halt_late(self) -> None:
+        """Stop arms that should have ended their motion."""
+        if self.tripped is not None and self._moving and not self._over.is_set():
+            self.halt()
+
+    def halt(self) -> None:
+        """Stop the arms where they are, also those that are leaving."""
+        self._halted = self._halted or clock().now()
+        for arm in self._arms:
+            arm.stop()
+
+    @property
+    def error(self) -> DeviceError:
+        """What the run ends with."""
+        kind = DeviceError if self.calls_for_stop is None else UnstoppedArmError
+        return kind(self.account)
 
     def _ended_early(self, device: str) -> None:
         needed = [watch.name for watch in (self._force, self._position) if watch.port.device == device]
@@ -151,7 +198,8 @@ class Guard:
         with self._lock:
             if self.reason is not None:
                 return
-            self.reason, self.tripped = reason, clock().now()
+            self.reason = self._first_reason = reason
+            self.tripped = clock().now()
             self._tip.stop()
         self._stop_arms()
 
@@ -161,11 +209,18 @@ class Guard:
             if self.reason is not None and not self.reason.endswith(hint):
                 self.reason += hint
 
+    def _add_sentence(self, text: str) -> None:
+        """Append sentences to the reason."""
+        with self._lock:
+            if self.reason is not None:
+                self.reason = f"{self.reason.rstrip('.')}.{text}"
+
     def _stop_arms(self) -> None:
         for arm in self._arms:
             if isinstance(arm, Retractable):
                 arm.retract()
             else:
+                self._halted = clock().now()
                 arm.stop()
 
     def check(self, device: str, batch: Batch, attended: int | None = None) -> None:
@@ -217,7 +272,8 @@ class Guard:
         if not np.isfinite(height).all():
             self.trip(f"a reading of {self._position.name} is invalid")
             return
-        self._deeper, self._tip.height = float(height[-1]) < self._tip.height, float(height[-1])
+        self._deeper = float(height[-1]) < self._tip.height
+        self._tip.note(batch.received, height)
         self.rise.note_tip(batch, self._tip.height)
         if self.reason is not None:
             self._check_obedience(limits)
@@ -225,12 +281,21 @@ class Guard:
             self.trip(f"the tip is at {1e3 * lowest:.2f} mm, below the limit of {1e3 * limits.low[2]:g} mm")
 
     def _check_obedience(self, limits: SafetySettings) -> None:
-        """Stop arms that go on inwards after they were stopped, and say that they do not obey."""
-        if self._moving and (text := self._tip.disobedience(limits)) is not None:
-            self.is_stranded = True
-            for arm in self._arms:
-                arm.stop()
-            self._add(text)
+        """Call for the emergency stop where arms go on inwards after a stop, or do not stand in time."""
+        now = clock().now()
+        if not self._moving:
+            return
+        if self.calls_for_stop is not None:
+            if now - self.calls_for_stop < _REPEATS:
+                self.halt()
+            return
+        text = self._tip.disobedience(limits)
+        if text is None and self._halted is not None and now - self._halted > _BRAKES and not self._tip.shows_rest:
+            text = f"; the arm does not obey: it does not stand {_BRAKES:g} s after it was stopped."
+        if text is not None:
+            rest = self._tip.rest_sentence(self.peak.latest, False)
+            self._add(text + rest)
+            self._call_for_stop(rest)
 
     def _check_force(self, batch: Batch, limits: SafetySettings) -> None:
         if self.contact.tare is None:

@@ -73,7 +73,7 @@ class LiveLinks:
                 if self._ending.is_set():
                     break
         except DeviceError as error:
-            self._guard.failed(str(error), name)
+            self._guard.failed(str(error), name, error)
         except BaseException as error:  # whatever a device's code raises, SystemExit as well: the arms must stop
             self._guard.failed(f"{name}: {type(error).__name__}: {error}", name)
         finally:

@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from palpate.clocks import clock
-from palpate.errors import DeviceError
 from palpate.trajectory import duration_of
 
 from palpate_engine.pipeline.live.guard import Guard
@@ -58,7 +57,7 @@ def run_live(flow: Flow) -> None:
     used = clock().processor_time() - before
     facts.cpu_cores = used / max(clock().now() - began, 1e-9)
     if guard.account is not None and (flow.interrupt.reason is None or guard.is_stranded):
-        raise DeviceError(guard.account)
+        raise guard.error
 
 
 def _pass_states(flow: Flow, live: LiveRun, facts: LiveFacts) -> None:

@@ -18,6 +18,7 @@ from palpate_engine.pipeline.live.stored_offset import Offset, stored_offset
 from palpate_engine.safety import SafetySettings
 
 _TIP = 0.2  # [kg] behind a sensor, where it is not stated: at most so much, as a rule
+_BRAKES = 1.2  # [s] from a stop to a standstill, and until it is reported
 _PATIENCE = 8.0  # [s] for a retraction, or for a device that is slow to begin
 
 
@@ -98,14 +99,22 @@ def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
             live.pass_on(arrivals)
             if live.interrupt.reason is not None:
                 guard.trip(live.interrupt.reason)  # a signal takes note, and trips nothing
+        _demand_rest(live)
         for arrivals in live.links.after_the_end():
             live.pass_on(arrivals)
-        guard.demand_rest(_PATIENCE)
     except BaseException as error:
         guard.trip(error_text(error))
         for arrivals in live.links.to_the_end(_PATIENCE):  # let the arms retract
             live.pass_on(arrivals)
-        guard.demand_rest(_PATIENCE)
+        _demand_rest(live)
         if guard.is_stranded:
-            raise DeviceError(guard.reason) from error
+            raise guard.error from error
         raise
+
+
+def _demand_rest(live: LiveRun) -> None:
+    """Stop arms where they are that have not ended their motion in time after a stop, and see whether they stand."""
+    live.guard.halt_late()
+    for arrivals in live.links.to_the_end(_PATIENCE + _BRAKES):
+        live.pass_on(arrivals)
+    live.guard.demand_rest(_PATIENCE)

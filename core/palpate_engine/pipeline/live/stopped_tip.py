@@ -1,46 +1,73 @@
-"""Where the tip stands once its arm was stopped, and whether the arm obeys."""
+"""A tip whose arm was stopped: whether it stands, by its states, and whether the arm obeys."""
 
 from __future__ import annotations
 
 import math
 
+from palpate.vectors import Floats
+
 from palpate_engine.safety import SafetySettings
+from palpate_engine.safety.emergency import EMERGENCY
+from palpate_engine.safety.rest_window import RestWindow
 
 _MORE = 1e-3  # [m] that a tip may go on beyond what reaction and braking take
+_ADVICE = " Nothing moves it any more: keep the emergency stop within reach, find the cause at the pendant, and"
+_LIFT = " lift the tip in freedrive"
 
 
 class StoppedTip:
-    """Height of the tip by the latest readings, and where it was when its arm was to stop."""
+    """Height of the tip by the latest readings, and what it did since its arm was to stop."""
 
     def __init__(self) -> None:
         self.height = math.inf  # [m]
         self._at_stop = math.inf  # [m]
-        self._is_disobeyed = False
+        self._window: RestWindow | None = None  # since the stop
 
     def stop(self) -> None:
         """The arm is to stop now."""
-        self._at_stop = self.height
+        self._at_stop, self._window = self.height, RestWindow()
 
-    def standing(self, text: str, felt: float) -> str:
-        """The sentence of a failed arm, where the tip is, and the force [N] that it feels."""
-        where = f" The tip stands at a height of {1e3 * self.height:.1f} mm and feels {felt:.1f} N."
-        return text.rstrip(".") + "." + (where if math.isfinite(self.height) else "")
+    def note(self, times: Floats, heights: Floats) -> None:
+        """Times (n,) [ns] and heights (n,) [m] of states."""
+        self.height = float(heights[-1])
+        if self._window is not None:
+            for time, height in zip(times.tolist(), heights.tolist(), strict=True):
+                self._window.add(time, (height,))
 
-    def stranded(self, text: str, felt: float) -> str:
-        """What is added to the reason of a stop after which the arm did not leave, by a second fault; `felt` [N]."""
-        return (
-            f"; the arm was to leave, and that has failed: {self.standing(text, felt)} Nothing moves it any more: keep "
-            "the emergency stop within reach, find the cause at the pendant, and lift the tip in freedrive"
-        )
+    @property
+    def shows_rest(self) -> bool:
+        """Whether states since the stop show that the tip stands."""
+        return self._window is not None and self._window.shows_rest
+
+    def rest_sentence(self, felt: float, stands: bool, speed: float | None = None) -> str:
+        """Where the tip stands and what it feels [N]; of one that does not the call for the emergency stop.
+
+        `speed` [m/s]: as the arm's process has seen it; None: by the heights, if it shows there.
+        """
+        is_known = math.isfinite(self.height)
+        at = f"at a height of {1e3 * self.height:.1f} mm"
+        if stands:
+            return f" The tip stands {at} and feels {felt:.1f} N." if is_known else ""
+        if speed is None and self._window is not None and self._window.is_full:
+            speed = self._window.speed
+        if speed is None:
+            where = f"; at last it was {at} and felt {felt:.1f} N" if is_known else ""
+            return f" {EMERGENCY}: no states show that the tip stands{where}."
+        where = f", is {at}" if is_known else ""
+        return f" {EMERGENCY}: the tip moves at {1e3 * speed:.1f} mm/s{where} and feels {felt:.1f} N."
+
+    def stranded(self, text: str, stands: bool, rest: str) -> str:
+        """What is added to the reason of a stop after which the arm did not leave, by a second fault; `rest` of it."""
+        advice = _ADVICE + _LIFT if stands else " Then" + _LIFT
+        return f"; the arm was to leave, and that has failed: {text.rstrip('.')}.{rest}{advice}"
 
     def disobedience(self, limits: SafetySettings) -> str | None:
-        """The sentence to add, once, if the tip goes deeper than v t + v^2/(2 a) after a stop; None while it obeys."""
+        """The sentence to add where the tip goes deeper than v t + v^2/(2 a) after a stop; None while it obeys."""
         allowed = limits.speed * limits.latency + limits.speed**2 / (2.0 * limits.deceleration) + _MORE
         deeper = self._at_stop - self.height
-        if self._is_disobeyed or not (math.isfinite(deeper) and deeper > allowed):
+        if not (math.isfinite(deeper) and deeper > allowed):
             return None
-        self._is_disobeyed = True
         return (
             f"; the arm does not obey: since it was to stop, the tip has gone {1e3 * deeper:.1f} mm deeper, of "
-            f"{1e3 * allowed:.1f} mm that [safety] latency and deceleration allow: press the emergency stop"
+            f"{1e3 * allowed:.1f} mm that [safety] latency and deceleration allow."
         )

@@ -106,7 +106,10 @@ function say(text, why = "", bad = false) {
 
 function showState(state, t) {
   const { run } = record, duration = run.duration, guard = state.guard;
-  if (over && !run.recorded) say(guard?.phase === "tripped" ? "stopped by the guard" : "the run has ended", `${guard?.reason ?? ""} palpate replay watch ${run.folder} shows it again`, guard?.phase === "tripped");
+  const call = guard?.calls_for_stop && !run.recorded;
+  document.body.classList.toggle("emergency", call);
+  if (call) say("PRESS THE EMERGENCY STOP", guard.reason, true);
+  else if (over && !run.recorded) say(guard?.phase === "tripped" ? "stopped by the guard" : "the run has ended", `${guard?.reason ?? ""} palpate replay watch ${run.folder} shows it again`, guard?.phase === "tripped");
   else if (run.recorded) say("recorded run", guard?.reason ?? "");
   else if (!(record.end > 0) && !asked) say("waiting", "for the first reading: robot and sensors are connecting");
   else if (guard) say(PHASES[guard.phase], guard.reason ?? "", guard.phase === "tripped");
