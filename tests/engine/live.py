@@ -58,6 +58,7 @@ class LiveRig(Device):
 
     pace: float = 1.0  # [s] of the record in one second
     rate: float = 500.0
+    behind: float = 0.0  # [s] of its stamps, of the force alone where it is negative
 
     @property
     def live(self):
@@ -118,8 +119,9 @@ class LiveLink:
             wrench[:, 2] += force
             stamps = epoch + np.rint(times * 1e9).astype(np.int64)
             received = np.full(len(times), time.time_ns())
-            yield Batch("wrench", stamps, received, wrench)
-            yield Batch("tip", stamps, received, np.column_stack([height, speed, measuring]))
+            behind = round(1e9 * self.device.behind)
+            yield Batch("wrench", stamps - abs(behind), received, wrench)
+            yield Batch("tip", stamps - max(behind, 0), received, np.column_stack([height, speed, measuring]))
             if moving and times[-1] > self.begin + self.trajectory.total_duration:
                 return
 

@@ -1,47 +1,71 @@
-"""How old readings are when they arrive: how much later they come than the promptest of the last half minute."""
+"""How old readings are when they arrive: how much later they come than the promptest since the standstill."""
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 
+import numpy as np
+
 DRIFT = 200e-6  # by which two clocks may run apart
-_WINDOW = 30_000_000_000  # [ns]
+_FITTED = 60.0  # [s] from which the drift is determined
+_CHANGE = 20e-6  # of the drift afterwards: a quartz changes by less within a room
 
 
 class ReadingAge:
-    """The age of the newest reading of each batch: its lateness, above the lower envelope of the last 30 s.
+    """The age of the newest reading of each batch: its lateness, above the promptest since the beginning.
 
-    Lateness is the time of arrival less the stamp of the device's clock. The envelope rises by `drift`, so that a
-    device whose clock is slow is followed; what was late from the start, and what grows more slowly than that, is not
-    seen. The newest counts alone: where the computer was held up, the last of many readings is fresh.
+    Lateness is the time of arrival less the stamp of the device's clock. What two clocks run apart by is not lateness:
+    up to `drift` within the first minute. It then is fitted to the least lateness of each second (Theil and Sen: the
+    median of the slopes of all pairs, which hold-ups do not change), within +-`drift`, and may exceed the fit by 20 ppm
+    from then on. What was late from the start, and what grows more slowly, is not seen. The newest counts alone: where
+    the computer was held up, the last of many readings is fresh.
     """
 
     def __init__(self, drift: float = DRIFT) -> None:
-        self._drift = drift
+        self._bound = self._drift = drift
         self._first: tuple[int, int] | None = None  # arrival and lateness [ns]
-        self._least: deque[tuple[int, float]] = deque()  # arrival, and lateness without drift [ns]; both increase
+        self._promptest = 0.0  # [s] least lateness, without drift
+        self._seconds: list[tuple[float, float]] = []  # arrival and lateness [s] of the promptest of each second
+        self._second = -1  # number of the latest
+        self._is_fitted = drift == 0.0
         self._before = self.latest = 0.0  # [s] of the last two batches
 
     def add(self, stamps: Sequence[int], arrivals: Sequence[int]) -> None:
         """A batch: stamps [ns] and arrivals [ns], in their order."""
         if not len(stamps):
             return
-        now = arrivals[-1]
         if self._first is None:
             self._first = arrivals[0], arrivals[0] - stamps[0]
         began, usual = self._first
-        lateness = [
-            arrival - stamp - usual - self._drift * (arrival - began)
-            for stamp, arrival in zip(stamps, arrivals, strict=True)
-        ]
-        least = min(lateness)
-        while self._least and self._least[-1][1] >= least:
-            self._least.pop()
-        self._least.append((now, least))
-        while now - self._least[0][0] > _WINDOW:
-            self._least.popleft()
-        self._before, self.latest = self.latest, (lateness[-1] - self._least[0][1]) / 1e9
+        late = elapsed = 0.0
+        for stamp, arrival in zip(stamps, arrivals, strict=True):
+            elapsed, late = (arrival - began) / 1e9, (arrival - stamp - usual) / 1e9
+            if not self._is_fitted:
+                self._note_second(elapsed, late)
+            without_drift = late - self._drift * elapsed
+            if without_drift < self._promptest:
+                self._promptest = without_drift
+        self._before, self.latest = self.latest, late - self._drift * elapsed - self._promptest
+
+    def _note_second(self, elapsed: float, late: float) -> None:
+        """Keep the least lateness of each second; after a minute the drift is fitted to them."""
+        second = int(elapsed)
+        if second >= _FITTED:
+            self._fit_drift()
+        elif second != self._second:
+            self._second = second
+            self._seconds.append((elapsed, late))
+        elif late < self._seconds[-1][1]:
+            self._seconds[-1] = elapsed, late
+
+    def _fit_drift(self) -> None:
+        times, lateness = np.array(self._seconds).T
+        first, second = np.triu_indices(len(times), 1)
+        slopes = (lateness[second] - lateness[first]) / (times[second] - times[first])
+        slope = float(np.median(slopes)) if len(slopes) else self._bound
+        self._drift = min(max(slope, -self._bound) + _CHANGE, self._bound)
+        self._promptest = float((lateness - self._drift * times).min())
+        self._is_fitted, self._seconds = True, []
 
     def is_over(self, limit: float) -> bool:
         """Whether the newest readings of the last two batches were older than a limit [s]."""
@@ -54,4 +78,25 @@ class ReadingAge:
         return (
             f"{what} come late: the newest is {1e3 * self.latest:.0f} ms old when it arrives, for the second time over "
             f"[safety] reading_age = {1e3 * limit:g} ms; what the tip feels and where it stands now is not known"
+        )
+
+
+class StampAge:
+    """The age of the newest reading of each batch by a stamp of the host's own clock: nothing has to be compared."""
+
+    def __init__(self) -> None:
+        self._before = self._latest = 0.0  # [s] of the last two batches
+
+    def add(self, stamp: int, arrival: int) -> None:
+        """Stamp and arrival [ns] of the newest reading of a batch."""
+        self._before, self._latest = self._latest, (arrival - stamp) / 1e9
+
+    def complaint(self, what: str, delay: float, limit: float) -> str | None:
+        """Why the arm has to stop, in words; None where one of the last two is younger than sensor and link make it."""
+        if min(self._before, self._latest) <= delay + limit:
+            return None
+        return (
+            f"{what} are {1e3 * self._latest:.0f} ms old by their time-stamps when they arrive, for the second time over "
+            f"[safety] sensor_delay + reading_age = {1e3 * (delay + limit):g} ms; what the tip feels and where it stands "
+            "now is not known"
         )

@@ -67,7 +67,7 @@ class SafetySettings(Settings):
         default=0.02,
         gt=0,
         le=1.0,
-        description="a reading or state that comes later than this, beyond the promptest of 30 s, stops the motion",
+        description="a reading or state that comes later than this, beyond the promptest of the run, stops the motion",
     )
     held_up: Time = Field(
         default=0.5, gt=0, description="this program being held up for longer, by others or by itself, stops the motion"

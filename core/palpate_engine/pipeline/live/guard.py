@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Mapping
 from typing import Literal
@@ -132,7 +133,7 @@ class Guard:
         stands = not isinstance(error, UnstoppedArmError) and (
             self._tip.shows_rest or (isinstance(error, DeviceError) and error.arm_stands)
         )
-        speed = error.speed if isinstance(error, UnstoppedArmError) else None
+        speed = error.speed if isinstance(error, UnstoppedArmError) else self._tip.speed
         rest = self._tip.rest_sentence(self.peak.latest, stands, speed)
         if not text.startswith(self._first_reason):
             self._strand(text, stands, rest)
@@ -145,7 +146,7 @@ class Guard:
         """Take note where arms that were stopped `patience` [s] ago have not ended their motion."""
         if self.tripped is not None and self._moving and not self._over.is_set():
             stands = self._tip.shows_rest
-            rest = self._tip.rest_sentence(self.peak.latest, stands)
+            rest = self._tip.rest_sentence(self.peak.latest, stands, self._tip.speed)
             late = f"{', '.join(sorted(self._moving))}: no end of its motion within {patience:g} s"
             self._strand(late, stands, rest)
             if not stands:
@@ -261,11 +262,10 @@ class Guard:
                 continue
             if (leap := watch.leap(batch)) > AHEAD:
                 self.trip(f"a time-stamp of {watch.name} is {leap:.3g} s ahead of its arrival, beyond all before it")
-            watch.age.add(batch.time.tolist(), batch.received.tolist())
-            if watched and self._limits is not None:
-                late = watch.age.complaint(f"readings of {watch.name}", self._limits.reading_age)
-                if late is not None:
-                    self.trip(late)
+            limits = self._limits
+            delay, limit = (0.0, math.inf) if limits is None else (limits.sensor_delay or 0.0, limits.reading_age)
+            if (late := watch.late_fault(batch, delay, limit)) is not None and watched:
+                self.trip(late)
 
     def _check_height(self, batch: Batch, limits: SafetySettings) -> None:
         height = self._position.port.signal.sign * self._position.of(batch)
@@ -293,7 +293,7 @@ class Guard:
         if text is None and self._halted is not None and now - self._halted > _BRAKES and not self._tip.shows_rest:
             text = f"; the arm does not obey: it does not stand {_BRAKES:g} s after it was stopped."
         if text is not None:
-            rest = self._tip.rest_sentence(self.peak.latest, False)
+            rest = self._tip.rest_sentence(self.peak.latest, False, self._tip.speed)
             self._add(text + rest)
             self._call_for_stop(rest)
 

@@ -8,7 +8,7 @@ from palpate.errors import DeviceError
 from palpate.vectors import Floats
 
 from palpate_engine.alignment import Port
-from palpate_engine.safety.reading_age import DRIFT, ReadingAge
+from palpate_engine.safety.reading_age import DRIFT, ReadingAge, StampAge
 
 AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
 
@@ -22,6 +22,7 @@ class SignalWatch:
         self._standstill_times: list[int] = []  # [ns] when they were received: first and last of each batch
         self.heard: int | None = None  # [ns] the latest reading, on the clock of the process that receives it
         self.age = ReadingAge(0.0 if port.stream.clock == "host" else DRIFT)  # a device follows the drift of its clock
+        self.stamp_age = StampAge() if port.stream.clock == "host" else None
         self.ahead: float | None = None  # [s] of the time-stamp that was most ahead of its arrival
         self._looks: dict[str, int] = {}  # by stream of the device: when that process last looked [ns]
 
@@ -35,6 +36,15 @@ class SignalWatch:
         before = ahead if self.ahead is None else self.ahead
         self.ahead = max(ahead, before)
         return ahead - before
+
+    def late_fault(self, batch: Batch, delay: float, limit: float) -> str | None:
+        """Why readings come too late, by age [s] and by stamp, where a sensor has a delay [s]; None in time."""
+        self.age.add(batch.time.tolist(), batch.received.tolist())
+        fault = self.age.complaint(f"readings of {self.name}", limit)
+        if self.stamp_age is not None:
+            self.stamp_age.add(int(batch.time[-1]), int(batch.received[-1]))
+            fault = fault or self.stamp_age.complaint(f"readings of {self.name}", delay, limit)
+        return fault
 
     def silence(self, stream: str, looked: int, news: bool) -> float:
         """How long [s] it has been silent for sure, when its process looked at a stream of the device.

@@ -39,17 +39,20 @@ class StoppedTip:
         """Whether states since the stop show that the tip stands."""
         return self._window is not None and self._window.shows_rest
 
-    def rest_sentence(self, felt: float, stands: bool, speed: float | None = None) -> str:
+    @property
+    def speed(self) -> float | None:
+        """Mean speed [m/s] along the normal over the last 0.1 s since the stop; None where states do not show it."""
+        return self._window.speed if self._window is not None and self._window.is_full else None
+
+    def rest_sentence(self, felt: float, stands: bool, speed: float | None) -> str:
         """Where the tip stands and what it feels [N]; of one that does not the call for the emergency stop.
 
-        `speed` [m/s]: as the arm's process has seen it; None: by the heights, if it shows there.
+        `speed` [m/s] of a tip that moves; None where no states show it.
         """
         is_known = math.isfinite(self.height)
         at = f"at a height of {1e3 * self.height:.1f} mm"
         if stands:
             return f" The tip stands {at} and feels {felt:.1f} N." if is_known else ""
-        if speed is None and self._window is not None and self._window.is_full:
-            speed = self._window.speed
         if speed is None:
             where = f"; at last it was {at} and felt {felt:.1f} N" if is_known else ""
             return f" {EMERGENCY}: no states show that the tip stands{where}."
