@@ -127,6 +127,11 @@ _RECORD = {
         "`palpate run FILE` measures, by the pipeline file of the rig; what starts from this folder stays in simulated "
         "time. The specimen is under run.rehearsal of result.json.",
     ),
+    "lost-periods": _note(
+        "More than 1 % of an arm's periods of 2 ms had no command: its motion is slower than planned.",
+        "Make the driver's calls faster, or use a less busy computer with real-time priority; values are those of the "
+        "motion that was made.",
+    ),
     "device": _note("A device or log has something to say of itself.", "Read the message."),
 }
 

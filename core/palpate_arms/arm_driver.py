@@ -22,7 +22,7 @@ class ArmFaultError(Exception):
     """Why the arm cannot go on, in words for the person at the robot; the motion ends at once, where it is."""
 
 
-class LinkLostError(ArmFaultError):
+class DeadLinkError(ArmFaultError):
     """The connection to the controller is lost: what is on its way must not be carried out later."""
 
 

@@ -37,6 +37,7 @@ from palpate_arms.arm_lag import DELAY, deflection
 from palpate_arms.arm_rows import RETRACT, STOP
 from palpate_arms.arm_settings import ArmSettings
 from palpate_arms.arm_states import ArmStates, low_rate
+from palpate_arms.driver_time import shortfall_text
 from palpate_arms.force_control import refusal
 from palpate_arms.lateness import lateness_table
 from palpate_arms.servo_law import ServoLaw, straight_path
@@ -67,6 +68,7 @@ class ArmLink:
         if self._low_rate is not None:
             typer.echo(f"{child.name}: {self._low_rate}", err=True)
         self._lag: float | None = None  # [s] that was seen
+        self._driver_time = 0.0  # [s] of each period that its driver takes
         self._stands = False  # its process has seen 0.1 s of states that show that the tip stands
 
     @property
@@ -161,8 +163,7 @@ class ArmLink:
         self._states.skip(self._child.ring.early())  # what came while other devices were connected
         while not done:
             for message in self._child.messages():
-                if message["say"] == "done":
-                    done, self._lag = True, message["lag"]
+                done |= message["say"] == "done"
                 self._take(message)
             rows = self._child.ring.read()
             yield from self._states.batches(rows)
@@ -175,6 +176,8 @@ class ArmLink:
     def _take(self, message: Mapping[str, Any]) -> None:
         """Take note of a message; raises UnstoppedArmError of an arm that was stopped and does not stand."""
         match message["say"]:
+            case "done":
+                self._lag, self._driver_time = message["lag"], message["driver_time"]
             case "limit":
                 self._has_stopped(message)
             case "failing" if self._trip is not None:  # it is being stopped, which takes its time
@@ -219,21 +222,28 @@ class ArmLink:
             "limit of its distance from a command was made of that"
         )
 
+    def _flags(self, commands: Mapping[str, Any]) -> dict[str, str]:
+        """Messages by the codes of flags."""
+        lost = shortfall_text(commands["periods_lost"], commands["cycles"], commands.get("rate"), self._driver_time)
+        texts = {"device": self._low_rate or self._late(), "lost-periods": lost}
+        return {code: text for code, text in texts.items() if text is not None}
+
     @property
     def health(self) -> Mapping[str, Any]:
         """What was seen of the robot and of the loop."""
         states, stiffness = self._states, self._settings.controller_stiffness
         turn, _ = agreement(self._settings.work, states.rotation)
+        commands = lateness_table(self._child.ring.head)
         return {
             **self._identity,
-            **({"flags": {"device": text}} if (text := self._low_rate or self._late()) else {}),
+            **({"flags": flags} if (flags := self._flags(commands)) else {}),
             **({} if self._lag is None else {"lag_seen": self._lag}),
             **({} if stiffness is None else {"controller_stiffness": stiffness}),
             **({"own_stop": self._stopped} if self._stopped else {}),
             "tool_off_by_deg": math.degrees(turn),
             "states": states.count,
             "states_unseen": states.unseen,
-            "commands": lateness_table(self._child.ring.head),
+            "commands": commands,
             "clock_wander": states.clock.wander,
             "clock_deviation": states.clock.deviation,
             "kinematics_mismatch": states.mismatch,

@@ -14,7 +14,7 @@ from palpate_kit.acquisition.computer import host
 from palpate_kit.acquisition.ring import Ring
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_arms.arm_driver import ArmFaultError, GarbledStateError, LinkLostError
+from palpate_arms.arm_driver import ArmFaultError, DeadLinkError, GarbledStateError
 from palpate_arms.arm_lag import LagMeter, deflection
 from palpate_arms.arm_rest import ArmRest, Rest
 from palpate_arms.arm_rows import RETRACT, STOP
@@ -74,6 +74,7 @@ class ArmLoop:
         return self._commander is not None and self._commander.mode == "follow"
 
     def _cycle(self, now: int, left_out: int) -> None:
+        self._robot.driver_time.end_cycle()
         if left_out and self._commander is not None:
             self._commander.held_up(left_out)
         self._take_state()
@@ -85,6 +86,8 @@ class ArmLoop:
         if self._offered is not None:
             self._look_over(self._offered, commander)
         self._look_at_force(commander, now)
+        if commander.mode in ("retreat", "stay") and (text := robot.driver_time.refusal) is not None:
+            self._refuse(text, commander)
         if commander.mode == "done":
             self._finish()
         self._setpoint = commander.setpoint
@@ -211,6 +214,7 @@ class ArmLoop:
             case "retreat" | "follow" if self._fence.limits is None:
                 self._refuse("no limits were set: `link.limit` comes before a motion", commander)
             case "retreat":
+                self._robot.driver_time.begin()
                 commander.plane = StationPlane(np.array(message["foot"]), np.array(message["normal"]))
                 if not commander.plane.is_one:
                     self._fail(ArmFaultError("the plane of the first station is invalid"))
@@ -251,7 +255,7 @@ class ArmLoop:
             fault = rest.complaint.removeprefix(" And ").strip() or _DISOBEDIENCE
             self._parent.tell("fault", text=fault, stands=rest.is_shown)
             host().leave(1)
-        self._parent.tell("done", lag=self._lag.lag)
+        self._parent.tell("done", lag=self._lag.lag, driver_time=sum(self._robot.driver_time.mean))
         while not self._parent.gone:
             self._ring.beat(clock().now_ns())
             self._take_state()
@@ -291,13 +295,13 @@ class ArmLoop:
             self._robot.driver.close()
 
     def _fail(self, fault: ArmFaultError) -> NoReturn:
-        """Say why, stop the arm, see it stand, and go: destructors and reconnecting threads of a library hang and crash.
+        """Say why, stop the arm, see it stand, and go: a library's destructors and reconnecting threads hang and crash.
 
         A lost link to a controller with a watchdog is left at once: what is on it must not be carried out later. Other
         faults of an arm with a watchdog stop it by the lack of commands, where its states can be trusted.
         """
         text, driver = str(fault), self._robot.driver
-        if isinstance(fault, LinkLostError) and driver.has_watchdog:
+        if isinstance(fault, DeadLinkError) and driver.has_watchdog:
             self._parent.tell("fault", text=text, stands=False)
             host().leave(1)
         self._parent.tell("failing", text=text)

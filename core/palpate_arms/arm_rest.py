@@ -53,7 +53,7 @@ class ArmRest:
         """Stop the arm until its states show that it stands, for up to 2 s; those older than `timeout` [s] are missing.
 
         `at_once`: the first stop is not left to a watchdog of the controller. Where the arm was commanded to move, a
-        pose that has not changed in any digit since is none.
+        pose that has not changed in any digit since then does not count.
         """
         window, began = self._window, clock().now()
         is_shown = has_warned = False

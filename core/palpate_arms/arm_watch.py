@@ -6,7 +6,7 @@ import math
 
 from palpate_engine import ReadingAge
 
-from palpate_arms.arm_driver import ArmFaultError, ArmReading, GarbledStateError, LinkLostError
+from palpate_arms.arm_driver import ArmFaultError, ArmReading, DeadLinkError, GarbledStateError
 from palpate_arms.commanded_arm import CommandedArm
 
 _LOST = 0.1  # [s] without a command taken: the link is lost
@@ -68,14 +68,14 @@ class ArmWatch:
         """Raise ArmFaultError where a connection is lost or silent."""
         driver, age = self._arm.driver, (now - self._arm.seen) / 1e9
         if not driver.connected:
-            raise LinkLostError("the controller has closed the link")
+            raise DeadLinkError("the controller has closed the link")
         if not self._arm.observed and (unheard := driver.unheard) > _LOST:
-            raise LinkLostError(
+            raise DeadLinkError(
                 f"the control link is lost: the controller has taken no command for {1e3 * unheard:.0f} ms. What "
                 "was sent meanwhile is dropped, and the controller's watchdog stops the arm. Check cable and switch"
             )
         if age > self._timeout:
-            raise LinkLostError(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
+            raise DeadLinkError(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
 
     def _garbled(self, text: str) -> GarbledStateError:
         """Why a state makes no sense."""

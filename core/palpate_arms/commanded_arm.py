@@ -14,6 +14,7 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 from palpate_arms.arm_driver import ArmDriver, ArmFaultError, ArmReading
 from palpate_arms.arm_rows import ArmRows
 from palpate_arms.arm_state import ArmState
+from palpate_arms.driver_time import DriverTime
 from palpate_arms.setpoint_buffer import PERIOD
 from palpate_arms.tool_turns import tool_turn
 
@@ -32,6 +33,7 @@ class CommandedArm:
         self.driver, self.rows, self.observed, self._work = driver, rows, observe, work
         self._out, self._origin = work.matrix[:3, :3], work.matrix[:3, 3]
         self._turned: tuple[Floats, list[float]] | None = None
+        self.driver_time = DriverTime()
         self.state_period = PERIOD  # [s] from one state to the next
         self.stamp, self.seen, self.fresh = -1.0, clock().now_ns(), False
         self.state: list[float] = []
@@ -80,7 +82,9 @@ class CommandedArm:
 
     def poll(self) -> bool:
         """Take over a new state; False if there was no new one. Raises ArmFaultError."""
+        began = clock().now_ns()
         reading = self.driver.read()
+        self.driver_time.add_read(began)
         if reading is None or reading.stamp == self.stamp:
             return False
         now = clock().now_ns() if reading.seen is None else reading.seen
@@ -161,7 +165,10 @@ class CommandedArm:
             rotation = rotation_vector(self._work.tool @ rotation_matrix(turn.tolist()))
             self._turned = turn.copy(), rotation.tolist()
         self.driver.place = position
-        return self.driver.send([*target, *self._turned[1]])
+        began = clock().now_ns()
+        is_sent = self.driver.send([*target, *self._turned[1]])
+        self.driver_time.add_send(began)
+        return is_sent
 
     @property
     def facts(self) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from palpate_engine.pipeline import run_pipeline
 
 from tests import processes
 from tests.devices.simulated_bench import PIPELINE, SHORT, SimulatedBench, Twins, readings
+from tests.devices.software_arms import mine, run_software_arm, software  # noqa: F401  (fixtures)
 
 _ADDRESSES = itertools.count(2)
 SOON = 60.0  # [s] to wait for what must come; how long it takes is measured in benchmarks/, not here

@@ -3,7 +3,6 @@
 import importlib
 import json
 import re
-import sys
 import tomllib
 from types import SimpleNamespace
 
@@ -14,7 +13,6 @@ from palpate import ArmLimits, ConfigurationError, DeviceError, clock
 from palpate_arms.arm_lag import LagMeter
 from palpate_arms.arm_link import ArmLink
 from palpate_arms.arm_states import low_rate
-from palpate_commands.distribution import distribution
 from palpate_engine import trust_plugin
 from palpate_engine.cli import call
 from palpate_simulation.rehearse import _rehearsed
@@ -24,32 +22,10 @@ from palpate_testing import ArmTest, check_device, simulated_time
 from palpate_testing.arm_checks import set_out
 from palpate_trajectories.point import Point
 
-NAME = "palpate_mine"
+from tests.devices.software_arms import NAME, unlike
+
 PRESS = Point(bias=0.003, amplitude=0.001, clearance=0.003, duration=0.5, standstill=0.0)
 WORK = {"origin": (0.45, 0.0, 0.1)}
-
-
-@pytest.fixture(scope="module")
-def mine(tmp_path_factory):
-    """The package that is written, and its driver and arm in software; the folder of the distribution."""
-    folder = tmp_path_factory.mktemp("arm") / "palpate-mine"
-    for path, text in distribution("arm", "palpate-mine").items():
-        (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).write_text(text)
-    (folder / "mine.py").write_text(f"from {NAME} import Arm, palpate_devices\n")
-    sys.path.insert(0, str(folder))
-    yield importlib.import_module(NAME), folder
-    sys.path.remove(str(folder))
-    for name in [name for name in sys.modules if name.partition(".")[0] == NAME]:
-        del sys.modules[name]
-
-
-@pytest.fixture
-def software(mine):
-    """The module of the arm in software."""
-    module = importlib.import_module(f"{NAME}.software_arm")
-    module.SoftwareArm.made.clear()
-    return module
 
 
 def arm_test(software):
@@ -68,11 +44,6 @@ def checked(device, software):
 @pytest.mark.slow
 def test_what_is_written_passes_the_checks(mine, software):
     checked(mine[0].Arm(host="127.0.0.1", work=WORK), software)
-
-
-def unlike(base, **methods):
-    """A class of the arm in software with other methods."""
-    return type("Unlike", (base,), {"made": [], **methods})
 
 
 def no_stop(base):
@@ -260,7 +231,9 @@ def test_an_arm_that_gives_way_is_judged_by_where_it_is(rehearse):
 )
 def test_what_is_wrong_with_an_arm_is_told_and_its_limits_are_kept(rehearse, arm, fault, words):
     done, _ = rehearse(arm, SHORT, faults=fault)
-    assert done.returncode == (3 if fault and fault[0].startswith(("freeze", "close")) else 1)  # no states show that it stands
+    assert done.returncode == (
+        3 if fault and fault[0].startswith(("freeze", "close")) else 1
+    )  # no states show that it stands
     assert re.search(words, done.stderr)
     assert min(left(done.stdout)) >= 0.0
 

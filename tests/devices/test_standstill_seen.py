@@ -7,15 +7,11 @@ import re
 import numpy as np
 import pytest
 from palpate import UnstoppedArmError, clock
-from palpate_engine import RestWindow, trust_plugin
-from palpate_engine.config import load_pipeline
-from palpate_engine.pipeline import run_pipeline
+from palpate_engine import RestWindow
 from palpate_simulation.twins.program import Program
-from palpate_testing import simulated_time
 
-from tests.devices.test_other_arms import NAME, mine, software, unlike  # noqa: F401  (fixtures)
+from tests.devices.software_arms import NAME, unlike
 
-SHORT = ("trajectory.press.duration=1 s", "safety.standstill=0.2 s", "alignment.tare_duration=0.15 s")
 EMERGENCY = "PRESS THE EMERGENCY STOP"
 DEEP, CREEP = -0.0025, 0.010  # m below which an arm obeys no more, m/s at which it goes on down
 ALLOWED = 0.04 * 0.06 + 0.04**2 / 2 + 1e-3  # m after a stop, by the pipeline's speed, latency and deceleration
@@ -57,38 +53,11 @@ class Disobedient:
         self.arm = unlike(base, go_to=go_to, stop=stop, advance=advance)
 
 
-@pytest.fixture
-def run(mine, software, monkeypatch, tmp_path, capfd):  # noqa: F811
-    """Run the pipeline that is written on a software arm: the error, what was printed and when, the arm's way."""
-    module, folder = mine
-    trust_plugin(folder / "mine.py")
-    calls = []
-
-    def go(arm, *overrides):
-        monkeypatch.setattr(importlib.import_module(f"{NAME}.driver"), "SoftwareArm", arm)
-        monkeypatch.setattr(software, "SoftwareArm", arm)
-        text = (folder / "point.toml").read_text()
-        file = tmp_path / "point.toml"
-        file.write_text(text.replace("seed = 1\n", f'seed = 1\nplugins = ["{folder / "mine.py"}"]\n'))
-        error = None
-        with simulated_time():
-            monkeypatch.setattr(
-                "palpate_engine.pipeline.live.guard.call_for_stop", lambda text: calls.append((clock().now(), text))
-            )
-            try:
-                run_pipeline(load_pipeline(file, [*SHORT, *overrides]), tmp_path / "out")
-            except Exception as caught:
-                error = caught
-        return error, calls
-
-    return go
-
-
 @pytest.mark.gate
 @pytest.mark.slow
-def test_a_driver_that_ignores_stop_is_called_out_while_it_moves(run, software, tmp_path):  # noqa: F811
+def test_a_driver_that_ignores_stop_is_called_out_while_it_moves(run_software_arm, software, tmp_path):
     test = Disobedient(software.SoftwareArm)
-    error, calls = run(test.arm)
+    error, calls = run_software_arm(test.arm)
     assert isinstance(error, UnstoppedArmError)
     assert error.exit_code == 3
     assert "stands" not in str(error)
@@ -109,10 +78,10 @@ def test_a_driver_that_ignores_stop_is_called_out_while_it_moves(run, software, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("after", [2, 4])
-def test_an_arm_that_obeys_a_repeated_stop_stands(run, software, after):  # noqa: F811
+def test_an_arm_that_obeys_a_repeated_stop_stands(run_software_arm, software, after):
     """It is said to stand only when it does: 0.1 s after it truly came to rest."""
     test = Disobedient(software.SoftwareArm, after)
-    error, calls = run(test.arm)
+    error, calls = run_software_arm(test.arm)
     assert calls == []
     assert error.exit_code == 1
     assert "The tip stands at a height of" in str(error)
@@ -123,7 +92,7 @@ def test_an_arm_that_obeys_a_repeated_stop_stands(run, software, after):  # noqa
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("watchdog", "repeats"), [(True, False), (False, True)])
-def test_missing_states_call_for_the_emergency_stop_at_once(run, software, monkeypatch, watchdog, repeats):  # noqa: F811
+def test_missing_states_call_for_the_emergency_stop_at_once(run_software_arm, software, monkeypatch, watchdog, repeats):
     """A lost link to a controller with a watchdog is left, so that nothing on it is carried out later."""
     stops, cut = [], []
 
@@ -139,7 +108,7 @@ def test_missing_states_call_for_the_emergency_stop_at_once(run, software, monke
 
     software_arm = software.SoftwareArm
     monkeypatch.setattr(importlib.import_module(f"{NAME}.driver").Driver, "has_watchdog", watchdog)
-    error, calls = run(unlike(software_arm, go_to=go_to, stop=stop))
+    error, calls = run_software_arm(unlike(software_arm, go_to=go_to, stop=stop))
     assert error.exit_code == 3
     ((called, text),) = calls
     assert text.startswith(f"{EMERGENCY}: no states show that the tip stands; at last it was at a height of -2.5 mm")
@@ -148,7 +117,7 @@ def test_missing_states_call_for_the_emergency_stop_at_once(run, software, monke
 
 
 @pytest.mark.slow
-def test_a_pose_that_froze_while_the_arm_moved_shows_no_standstill(run, software):  # noqa: F811
+def test_a_pose_that_froze_while_the_arm_moved_shows_no_standstill(run_software_arm, software):
     """Every state is that of the moment at which it froze: it looks like an arm that stands, and moves."""
     test, frozen = Disobedient(software.SoftwareArm), []
 
@@ -160,7 +129,7 @@ def test_a_pose_that_froze_while_the_arm_moved_shows_no_standstill(run, software
         return found
 
     arm = unlike(test.arm, state=state)
-    error, calls = run(arm)
+    error, calls = run_software_arm(arm)
     assert error.exit_code == 3
     assert calls[0][1].startswith(f"{EMERGENCY}: no states show that the tip stands")
     assert calls[0][0] - test.stops[0] < 0.15
@@ -172,7 +141,8 @@ def test_a_deaf_robot_is_called_out_while_it_moves(rig, monkeypatch):
     """Its program goes on at the speed that it had, whatever is commanded: no watchdog, no stop."""
     step, deaf, calls = Program.step, [], []
     monkeypatch.setattr(
-        "palpate_engine.pipeline.live.guard.call_for_stop", lambda text: calls.append((clock().now(), text, rig.state()))
+        "palpate_engine.pipeline.live.guard.call_for_stop",
+        lambda text: calls.append((clock().now(), text, rig.state())),
     )
 
     def drive_on(self, inputs, now):

@@ -50,7 +50,9 @@ def test_a_hold_up_whose_last_reading_is_fresh_is_none():
     assert not over.any()
 
 
-@pytest.mark.parametrize(("ppm", "seen"), [(0.0, False), (190.0, False), (-500.0, False), (450.0, True), (1500.0, True)])
+@pytest.mark.parametrize(
+    ("ppm", "seen"), [(0.0, False), (190.0, False), (-500.0, False), (450.0, True), (1500.0, True)]
+)
 def test_a_clock_that_runs_apart_by_200_ppm_is_followed(ppm, seen):
     """Over two minutes 190 ppm make 23 ms, and 450 ppm 30 ms more than 200."""
     _, over = ages(np.random.default_rng(0).uniform(0, MS, 60_000), ppm=ppm)

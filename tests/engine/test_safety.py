@@ -593,7 +593,7 @@ def test_an_arm_that_never_ends_its_retraction_is_said(guard):
 def test_an_arm_that_fails_without_states_since_the_stop_is_called_out(guard, capsys):
     guard.check("r", height(-0.002, period=6e-3))  # it stood, before the stop
     guard.failed("r: its process ended (killed by SIGKILL).", "r")
-    call = "PRESS THE EMERGENCY STOP: no states show that the tip stands; at last it was at a height of -2.0 mm and felt"
+    call = "PRESS THE EMERGENCY STOP: no states show that the tip stands; at last it was at a height of -2.0 mm"
     assert f"killed by SIGKILL). {call}" in guard.reason
     assert capsys.readouterr().err.startswith(f"\apalpate: {call}")
     assert isinstance(guard.error, UnstoppedArmError)

@@ -96,7 +96,7 @@ class StampAge:
         if min(self._before, self._latest) <= delay + limit:
             return None
         return (
-            f"{what} are {1e3 * self._latest:.0f} ms old by their time-stamps when they arrive, for the second time over "
-            f"[safety] sensor_delay + reading_age = {1e3 * (delay + limit):g} ms; what the tip feels and where it stands "
-            "now is not known"
+            f"{what} are {1e3 * self._latest:.0f} ms old by their time-stamps when they arrive, for the second time "
+            f"over [safety] sensor_delay + reading_age = {1e3 * (delay + limit):g} ms; what the tip feels and where it "
+            "stands now is not known"
         )

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from palpate import DeviceError, Floats, clock
-from palpate_arms.arm_driver import ArmDriver, ArmFaultError, ArmReading, GarbledStateError, LinkLostError
+from palpate_arms.arm_driver import ArmDriver, ArmFaultError, ArmReading, DeadLinkError, GarbledStateError
 from palpate_arms.setpoint_buffer import PERIOD
 from palpate_kit.acquisition.computer import host
 from palpate_kit.acquisition.device_lock import network_device
@@ -179,11 +179,11 @@ class URDriver(ArmDriver):
         )
 
     def keep_alive(self) -> None:
-        """Feed the watchdog; raises LinkLostError where the link is lost."""
+        """Feed the watchdog; raises DeadLinkError where the link is lost."""
         _sent(self._control.kickWatchdog)
 
     def send(self, pose: Sequence[float]) -> bool:
-        """By `servoL`; raises LinkLostError where the link is lost."""
+        """By `servoL`; raises DeadLinkError where the link is lost."""
         number = self._echo.number(self._stamp, self.place)
         return _sent(self._control.servoL, list(pose), 0.5, number, *self._servo)
 
@@ -242,7 +242,7 @@ def _sent(command: Callable[..., bool], *arguments: Any) -> bool:
     try:
         return bool(command(*arguments))
     except RuntimeError as error:
-        raise LinkLostError(
+        raise DeadLinkError(
             "the control link is lost: the client library can neither send nor connect again "
             f"({' '.join(str(error).split())}), and the controller's watchdog stops the arm. Check cable and switch"
         ) from error
