@@ -71,9 +71,16 @@ class Suggestion:
     template: str = "log-analysis"  # of tip, model and estimators that go with it
     assumed: tuple[str, ...] = ASSUMED  # what is not stated anywhere
     guesses: Mapping[str, str] = field(default_factory=dict)  # keys of the device that are guesses, and what is said
-    rivals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by role: all that could serve as well
+    rivals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by role: all that can be it, one is a guess
     has_time: bool = False  # in the log, so that a rate is of no use
     facts: tuple[tuple[int, str, str], ...] = ()  # line, name and value of what a log states of the experiment
+
+    def rival_words(self, role: str) -> str:
+        """Return which columns can be a role, of which only a person knows the right one."""
+        columns = self.rivals[role]
+        if len(columns) > 1:
+            return f"the {role} can be {', '.join(columns)}"
+        return f"no name or unit states which column is the {role}; by its numbers it can be {columns[0]}"
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,12 @@ class NumberColumn:
     why: str = ""  # by what
     unit: str | None = None  # that something states
     key: tuple[str, str] = ("", "")  # topic and field
+    named: bool = False  # by a text that could state a role, unlike an element of an array
+
+    @property
+    def is_guess(self) -> bool:
+        """Whether nothing states its role, though it has a name."""
+        return self.named and not self.why
 
     @property
     def commanded(self) -> bool:
@@ -68,7 +74,7 @@ class Search:
 
     def __init__(self, series: Sequence[NumberColumn], chosen: Mapping[str, NumberColumn]) -> None:
         self._chosen = chosen
-        moving = [s for s in series if _moves(s)]
+        moving = [s for s in series if does_move(s)]
         stated = [s for s in moving if s.role in ROLES or s in chosen.values()]
         self._series = list(dict.fromkeys([*chosen.values(), *stated, *moving]))[:_MOST]
         self.step, self._columns = self._on_grid()
@@ -173,7 +179,11 @@ class Search:
     def _velocity(self, p: int, f: int) -> int | None:
         if "velocity" in self._chosen:
             return self._series.index(self._chosen["velocity"])
-        mine = [(d.share, v) for (place, v), d in self._rates.items() if place == p and v != f]
+        mine = [
+            (d.share, v)
+            for (place, v), d in self._rates.items()
+            if place == p and v != f and not self._series[v].is_guess
+        ]
         if mine:
             return max(mine)[1]
         stated = [k for k in self._may("velocity") if self._series[k].role == "velocity"]
@@ -191,7 +201,8 @@ class Search:
         sole = len(self._may(role)) == 1 and bool(series.why)
         explained = law is None or law.share > _EXPLAINED
         why = series.why or self._reason(role, law)
-        return Pick(series, why, sole or (clear and explained), tuple(self._series[o] for o in others))
+        sure = not series.is_guess and (sole or (clear and explained))
+        return Pick(series, why, sure, tuple(self._series[o] for o in others))
 
     def _setpoint(self, other: int, mine: int) -> bool:
         return self._series[other].commanded or self._rough[mine] > _SMOOTHER * self._rough[other]
@@ -218,6 +229,7 @@ class Search:
         return signs
 
 
-def _moves(series: NumberColumn) -> bool:
+def does_move(series: NumberColumn) -> bool:
+    """Return True for a column that changes by more than its rounding."""
     good = series.values[np.isfinite(series.values)]
     return len(good) > 20 and float(np.ptp(good)) > 1e-12 * float(np.abs(good).max()) > 0.0

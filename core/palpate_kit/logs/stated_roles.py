@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from palpate import Floats
 from palpate_records.messages.definitions import short_name
+from palpate_records.tables.csv_names import role_by_words, stated_role
 
 UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
 _TYPED = {
@@ -35,12 +36,22 @@ def role_of_type(topic: str, type_name: str) -> tuple[str, str] | None:
 def role_of_name(name: str) -> tuple[str | None, str, str | None]:
     """The role that a number's name states, by what, and its unit, which names do not state; "other" is not a role."""
     words = name.lower()
-    if any(word in words for word in _NONE):
+    if any(word in words for word in _NONE) or role_by_words(_field_of(name)) == "other":
         return "other", "", None
     for role, ends in _ENDS.items():
         if any(words == end or words.endswith((f".{end}", f"_{end}")) for end in ends):
             return role, "by its name", None
     return None, "", None
+
+
+def is_unknown_name(name: str) -> bool:
+    """Return True for a field whose name is neither a quantity that is known, nor the data of an array or a number."""
+    return not name.endswith("]") and name != "data" and stated_role(_field_of(name)) is None
+
+
+def _field_of(name: str) -> str:
+    """Return the last field of a path, without what holds it."""
+    return name.rpartition(".")[2]
 
 
 def beside(role: str, name: str, columns: Sequence[str]) -> Iterator[tuple[str, str, str | None]]:

@@ -173,7 +173,8 @@ def assemble_suggestion(
     hints = [*extra.get("hints", ()), *delay_hint(series)]
     views = {r: (*series[r], {"force": "N", "position": "m", "velocity": "m/s"}[r]) for r in series}
     doubts = (*doubtful_points(found), *extra.get("doubts", ()))
-    labels = {r: [s.label for s in (p.series, *p.others)] for r, p in found.picks.items() if p.others and not p.sure}
+    asked = {r: p for r, p in found.picks.items() if not p.sure and (p.others or p.series.is_guess)}
+    labels = {r: [s.label for s in (p.series, *p.others)] for r, p in asked.items()}
     rivals = {role: tuple(label.removeprefix("column ") for label in names) for role, names in labels.items()}
     blanks = tuple(extra.get("blanks", ()))
     return Suggestion(device, alignment, tuple(reasons), doubts, blanks, tuple(hints), views, rivals=rivals)

@@ -242,7 +242,8 @@ def _all_of(container: Container, topic: str, looked: Looked) -> list[NumberColu
                 else ("other", "", None)
             )
         if len(time) >= _LEAST and not roles.runs_with(values[:, k], time):
-            found.append(NumberColumn(f"{topic}:{name}", time, values[:, k], role, why, unit, (topic, name)))
+            named, key = roles.is_unknown_name(name), (topic, name)
+            found.append(NumberColumn(f"{topic}:{name}", time, values[:, k], role, why, unit, key, named))
     return found
 
 

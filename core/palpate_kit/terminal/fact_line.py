@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from palpate import ContactModel, Indenter
+from palpate import ContactModel, Indenter, printable
 from palpate_engine import AlignmentSettings, Pipeline, Registry, numbers_of
 
 _TARES = {"free-air": "force zeroed in air", "none": "force as recorded", "calibrated": "force zeroed by calibration"}
@@ -19,6 +19,32 @@ def fact_line(pipeline: Pipeline) -> str:
     words = facts_in_words(pipeline)
     head = [f"tip: {words['tip']}"] if "tip" in words else []
     return "; ".join([*head, words["model"], words["force"]])
+
+
+def columns_line(pipeline: Pipeline) -> str:
+    """Return which numbers of a log are taken for force and height, and which way they count; empty without any.
+
+    As in 'force "Fz (N)", height "z_mm", downwards'.
+    """
+    alignment, words = pipeline.alignment, list[str]()
+    for role, signal, reverse in (
+        ("force", alignment.force, ", negative under compression"),
+        ("height", alignment.position, ", downwards"),
+    ):
+        if (name := _name_in_log(pipeline, signal.channel)) is not None:
+            words.append(f"{role} {name}{reverse if signal.sign < 0 else ''}")
+    return ", ".join(words)
+
+
+def _name_in_log(pipeline: Pipeline, channel: str) -> str | None:
+    """Return the column or the field of a channel as its log names it; None for a device that names none."""
+    device_name, _, path = channel.partition(".")
+    device, key = pipeline.devices.get(device_name), path.rpartition(".")[2]
+    column = getattr(device, "columns", {}).get(key)
+    if column is not None:
+        return f"column {column.column}" if isinstance(column.column, int) else f'"{printable(column.column)}"'
+    signal = getattr(device, "signals", {}).get(key)
+    return None if signal is None else f'"{printable(f"{signal.topic}:{signal.readings[0]}")}"'
 
 
 def facts_in_words(pipeline: Pipeline) -> dict[str, str]:

@@ -7,6 +7,20 @@ from collections.abc import Sequence
 from functools import cache
 
 from palpate_records.messages.readings import si_unit
+from palpate_records.tables.column_words import (
+    ANGULAR,
+    BY_WORD,
+    CARTESIAN,
+    CELLS,
+    EITHER,
+    ELECTRICAL,
+    EXACT,
+    QUALIFIERS,
+    READERS,
+    READINGS,
+    SYMBOLS,
+    VOLTS,
+)
 
 _UNIT = 20  # characters of a unit; longer ones do not count
 _WEIGHT = {"g": "gf", "kg": "kgf", "lb": "lbf", "mg": "mgf"}  # a load cell that was calibrated with masses
@@ -26,30 +40,7 @@ _BEHIND = re.compile(r"(?:\s*/\s*|,\s*|\s+in\s+)(\S{1,20})")  # "Force / N", "Fo
 _SPLIT = re.compile(r"(.*?)(nano|n)?secs?(?:ond|onds)?", re.IGNORECASE)
 _IN_BRACKETS = re.compile(r"[\[(][^\])]*[\])]?")
 _WORD = re.compile(r"[^\W\d_]+")
-_EXACT = {
-    "force": ("force", "f", "fz", "f_z", "force_z", "forcez", "fn", "load"),
-    "position": ("position", "pos", "z", "pos_z", "posz", "height", "depth", "displacement", "penetration"),
-    "velocity": ("velocity", "vel", "v", "vz", "v_z", "vel_z", "velz", "speed"),
-    "time": ("time", "t", "stamp", "timestamp", "second", "seconds", "sec", "secs"),
-}
-_WORDS = {
-    "force": (
-        "force forces load kraft standardkraft prüfkraft prufkraft gewicht weight kuvvet carga fuerza forza charge "
-        "kracht fz fn"
-    ),
-    "position": (
-        "position pos pose height depth displacement disp extension stroke travel distance crosshead indentation "
-        "penetration piezo z weg standardweg traverse traversenweg hub höhe tiefe eindringtiefe verformung deformation "
-        "uzama déplacement desplazamiento spostamento compression"
-    ),
-    "velocity": "velocity vel speed geschwindigkeit vz",
-    "time": "time timestamp stamp zeit prüfzeit prufzeit testzeit temps tiempo tempo süre zaman elapsed",
-    "other": (
-        "stress strain temperature torque moment energy index cycle cycles count points scan current humidity area "
-        "cantilever spannung dehnung temperatur sample segment status mode orientation rotation acceleration"
-    ),
-}
-_BY_WORD = {word: role for role, words in _WORDS.items() for word in words.split()}
+_OF_JOINTS = re.compile(r"(?:.*[^a-z])?(?:position|pos|velocity|vel|effort)\[\d+\]", re.IGNORECASE)
 _ADJECTIVES = {
     "raw",
     "left",
@@ -69,7 +60,7 @@ _ADJECTIVES = {
     "-",
 }
 _DEPTHS = {"indentation", "penetration", "depth", "eindringtiefe", "tiefe"}
-_FORCES = {word for word, role in _BY_WORD.items() if role == "force"} | {"f"}
+_FORCES = {word for word, role in BY_WORD.items() if role == "force"} | {"f"}
 _BACK = {"retract", "retraction", "retracting", "unload", "unloading", "withdraw", "withdrawal", "retrace", "return"}
 _WAYS = _BACK | {"approach", "approaching", "extend", "loading", "trace", "advance"}
 
@@ -110,13 +101,74 @@ def stamp_parts(names: Sequence[str]) -> dict[str, int]:
 
 def exact_role(name: str) -> str | None:
     """The role that a whole name states."""
-    return next((role for role, words in _EXACT.items() if name.strip().lower() in words), None)
+    return next((role for role, words in EXACT.items() if name.strip().lower() in words), None)
 
 
 def role_by_words(name: str) -> str | None:
     """The role that a word of a name states; "other" if none does."""
-    roles = [_BY_WORD[word] for word in words_of(name) if word in _BY_WORD]
-    return "other" if "other" in roles else next(iter(roles), None)
+    roles = _roles_of_words(name)
+    return "other" if "other" in roles or is_of_joints(name) else next(iter(roles), None)
+
+
+def is_another_quantity(name: str) -> bool:
+    """Return True if a word of a name excludes a height, also in a unit of length, as of a gripper's width.
+
+    >>> is_another_quantity("gripper_width_mm"), is_another_quantity("joint_2_mm")
+    (True, False)
+    """
+    return "other" in _roles_of_words(name)
+
+
+def _roles_of_words(name: str) -> list[str]:
+    """Return the roles that the words of a name state, without the suffix of a reading such as "_counts"."""
+    stem, _, unit = name.strip().rpartition("_")
+    return [BY_WORD[word] for word in words_of(stem if unit in READINGS else name) if word in BY_WORD]
+
+
+def is_of_joints(name: str) -> bool:
+    """Return True if a name without a unit is that of an angle, a torque or an element of a list of joints.
+
+    >>> [is_of_joints(name) for name in ("joint_2", "tau_ext_2", "position[2]", "tcp_position[2]", "Fz")]
+    [True, True, True, False, False]
+    """
+    words = {*words_of(name)}
+    return bool(words & ANGULAR) or (_OF_JOINTS.fullmatch(name.strip()) is not None and not words & CARTESIAN)
+
+
+def symbol_role(name: str) -> str | None:
+    """Return the role of the usual symbol in a name, as in "<F>" or "d_mean"; None where more is in it.
+
+    >>> symbol_role("<F>"), symbol_role("d_mean"), symbol_role("specimen d")
+    ('force', 'position', None)
+    """
+    words = [word for word in words_of(name) if word not in QUALIFIERS]
+    return SYMBOLS.get(words[0]) if len(words) == 1 else None
+
+
+def stated_role(name: str) -> str | None:
+    """Return the role that a name states as a whole, by a word or by its symbol; "other" if none does."""
+    return exact_role(name) or role_by_words(name) or symbol_role(name)
+
+
+def contradicts(name: str, role: str) -> bool:
+    """Return True if the words of a name state a force where its unit states a position, or the reverse.
+
+    >>> contradicts("Load (mm)", "position"), contradicts("Load displacement (mm)", "position")
+    (True, False)
+    """
+    roles = {BY_WORD.get(word) for word in words_of(name) if word not in EITHER}
+    return role not in roles and bool(roles & ({"force", "position"} - {role}))
+
+
+def is_reading(name: str) -> bool:
+    """Return True if a name without a unit is that of counts or volts, of which only a person knows how much one is.
+
+    >>> is_reading("motor_position"), is_reading("loadcell_raw"), is_reading("force_raw")
+    (True, True, False)
+    """
+    words = words_of(name)
+    in_volts = len(words) > 1 and words[-1] in VOLTS
+    return in_volts or bool(READERS & {*words}) or ("raw" in words and bool(CELLS & {*words}))
 
 
 def is_depth(name: str) -> bool:
@@ -132,7 +184,7 @@ def is_of_retraction(name: str) -> bool:
 def begins_as_time(name: str) -> bool:
     """Whether the first word of a name is one of time."""
     words = words_of(name)
-    return bool(words) and (words[0] in _EXACT["time"] or _BY_WORD.get(words[0]) == "time")
+    return bool(words) and (words[0] in EXACT["time"] or BY_WORD.get(words[0]) == "time")
 
 
 def unit_text(name: str) -> str:
@@ -144,7 +196,7 @@ def unit_text(name: str) -> str:
         return unit.replace("_s", "/s").replace("^-1", "") if len(unit) <= _UNIT else ""
     for unit in (part for part in ("_".join(name.split("_")[-2:]), name.rpartition("_")[2]) if "_" in name):
         usable = unit.replace("_", "/") if "_" in unit else unit
-        if len(name) > len(unit) + 1 and len(unit) <= _UNIT and is_unit(usable):
+        if len(name) > len(unit) + 1 and len(unit) <= _UNIT and (is_unit(usable) or unit in READINGS):
             return usable
     behind = list(_BEHIND.finditer(name))
     return behind[-1][1] if behind and behind[-1].end() == len(name) else ""
@@ -193,21 +245,7 @@ def weight_of(unit: str) -> str | None:
 
 def is_electrical(unit: str) -> bool:
     """Whether a unit is that of an amplifier or a converter, of which only a person knows what it stands for."""
-    return plain_unit(unit).lower() in (
-        "v",
-        "mv",
-        "uv",
-        "µv",
-        "ma",
-        "mv/v",
-        "volt",
-        "volts",
-        "counts",
-        "count",
-        "adc",
-        "raw",
-        "digits",
-    )
+    return plain_unit(unit).lower() in ELECTRICAL
 
 
 def looks_like_unit(written: str, name: str) -> bool:

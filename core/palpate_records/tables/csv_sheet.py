@@ -18,7 +18,7 @@ from palpate_records.tables.cell_units import cell_factor, number_and_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number_or_nan
 from palpate_records.tables.clock_times import Days, seconds_or_nan
 from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_lines, layout_of, one_table
-from palpate_records.tables.csv_names import is_electrical, looks_like_unit, plain_unit, unit_of, unit_text
+from palpate_records.tables.csv_names import is_electrical, is_reading, looks_like_unit, plain_unit, unit_of, unit_text
 from palpate_records.tables.dialect import Dialect, dialect_of, grouped_or_decimal
 from palpate_records.tables.footer import without_footer
 from palpate_records.tables.plain_numbers import lines_from, plain_numbers, whole_lines
@@ -194,8 +194,9 @@ class Sheet:
         """Whether a column is in volts, counts or an unknown unit, so that only a person knows how much one is."""
         if self._is_own(column):
             return False
-        written = self.written_unit(column)
-        return is_electrical(written) or (self.unit(column) is None and looks_like_unit(written, self.names[column]))
+        written, name = self.written_unit(column), self.names[column]
+        unstated = self.unit(column) is None
+        return is_electrical(written) or (unstated and (looks_like_unit(written, name) or is_reading(name)))
 
     def column(self, index: int) -> int | str:
         """How a pipeline names a column: by the header where that is clear, else by its number."""

@@ -18,7 +18,7 @@ from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.curves.curve_list import FACTS, RECORD, Entries, cells_beside, stated_in
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
-from palpate_kit.terminal.fact_line import fact_line
+from palpate_kit.terminal.fact_line import columns_line, fact_line
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.table import console
@@ -33,6 +33,7 @@ from palpate_fits.name_groups import group_table, groups_by_name, name_pattern
 from palpate_fits.sitting import ask_of_files, ask_of_rig, is_asking, keep_answers, prompt
 
 _GUESSES = 6  # that are printed
+_DIALECTS = 6  # of which the columns are printed
 
 
 @dataclass(frozen=True)
@@ -194,6 +195,8 @@ def _show(
     command: str,
 ) -> None:
     typer.echo(fact_line(groups[0].pipeline))
+    for line in _columns_lines(groups):
+        typer.echo(line)
     show_rows(rows, groups[0].pipeline, known, command, wanted.details)
     _show_guesses(groups, wanted.details)
     typer.echo(f"{folder / TABLE}: every number; {SETTINGS} next to it: how the files were read")
@@ -209,6 +212,15 @@ def _show(
         report = shlex.join(["palpate", "report", str(page / shown.path.name.split(".")[0])])
         typer.echo(f"a page on one: {shlex.join(words)} && {report}")
     typer.echo(count_line(rows, known))
+
+
+def _columns_lines(groups: Sequence[FileGroup]) -> list[str]:
+    """Return which columns are taken, with the number of files where these differ."""
+    counts = Counter[str]()
+    for group in groups:
+        counts[columns_line(group.pipeline)] += len(group.curves)
+    lines = [(line, count) for line, count in counts.items() if line]
+    return [f"{line} [{count} of {counts.total()}]" if len(counts) > 1 else line for line, count in lines[:_DIALECTS]]
 
 
 def _dialect(number: int) -> str:

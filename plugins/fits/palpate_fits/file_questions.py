@@ -42,7 +42,7 @@ def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQ
             return FileQuestion("units", _column(suggestion, scale[1]), about, advice, True)
         return FileQuestion(key, "", about, advice, True)
     for role, columns in suggestion.rivals.items():
-        words = f"the {role} can be {', '.join(columns)}"
+        words = suggestion.rival_words(role)
         return FileQuestion("columns", role, words, f"{words}; say which with --{role}", True, columns)
     for key, text in suggestion.guesses.items():
         if f"{_READER}{key}" not in stated and (unit := _UNIT.fullmatch(key)) is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ from palpate_records.messages.readings import si_unit
 from palpate_records.tables.csv_names import bare_name, words_of
 from palpate_records.tables.csv_sheet import Sheet
 
+_ELEMENT = re.compile(r"(.*?)[_.\[]([0-9])\]?")  # of an array: actual_TCP_force_2, wrench[2]
 _UNITY = 0.01  # by which a quaternion's length may miss one
 
 
@@ -49,6 +51,15 @@ def sideways_forces(names: Sequence[str], roles: Sequence[str | None], values: F
             span = {axis: span_of(values[:, axis]) for axis in (*beside, k)}
             found |= {*span} - {max(span, key=span.__getitem__)}
     return found
+
+
+def turning_elements(names: Sequence[str]) -> set[int]:
+    """Return the columns that are elements 3 to 5 of six: torques of a wrench, angles of a pose, and joints."""
+    elements: dict[str, dict[int, int]] = {}
+    for k, name in enumerate(names):
+        if (match := _ELEMENT.fullmatch(name.strip())) is not None:
+            elements.setdefault(match[1], {})[int(match[2])] = k
+    return {k for six in elements.values() if {*six} == {*range(6)} for index, k in six.items() if index > 2}
 
 
 def _is_unit_length(quaternions: Floats) -> bool:

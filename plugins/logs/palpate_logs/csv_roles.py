@@ -3,35 +3,39 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from palpate import Floats, LogError, suggest
-from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
+from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess, does_move
 from palpate_kit.logs.suggestion import POSITION_OF, TIP, UNITS, assemble_suggestion, find_roles, tip_of
 from palpate_records.messages.readings import si_unit
 from palpate_records.recording import Suggestion
 from palpate_records.tables.csv_clock import RATES, TimeColumn, clock_of, demand_progress
 from palpate_records.tables.csv_layout import facts_worth_stating
 from palpate_records.tables.csv_names import (
+    contradicts,
     exact_role,
+    is_another_quantity,
     is_depth,
     is_of_retraction,
     role_by_words,
     stamp_parts,
+    symbol_role,
 )
 from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
 from palpate_records.tables.footer import footer_words
 from palpate_records.tables.table_records import RECORD, records_note, sheet_of
 
 from palpate_logs.csv_beam import deflections, stiffness_of, which_of_both
-from palpate_logs.csv_pose import places_of, sideways_forces, with_axes
-from palpate_logs.csv_units import DIMENSIONS, units_of
+from palpate_logs.csv_pose import places_of, sideways_forces, turning_elements, with_axes
+from palpate_logs.csv_units import DIMENSIONS, needs_scale, units_of
 
 _ROWS = 400_000  # that are looked into
+_OTHERS = 6  # columns of another quantity that are named
 _NICE = (20, 25, 50, 60, 80, 100, 120, 125, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500, 2000, 2500, 4000, 5000)
 _USUAL = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
 _NEAR = 0.05  # by which a rate found from the numbers may miss one of those
@@ -61,26 +65,30 @@ class SheetRoles:
             unit = self.sheet.unit(k)
             why = f"in {unit}" if unit else "by its name" if role else ""
             label = f"column {column_text(self.sheet.column(k))}"
-            found.append(NumberColumn(label, time, self.values[:, k], role, why, unit, ("", str(k))))
+            key = ("", str(k))
+            found.append(NumberColumn(label, time, self.values[:, k], role, why, unit, key, self.sheet.header))
         return found
 
     def _roles(self) -> list[str | None]:
         """What each column's unit states, else its name, else a word of it; "other" if nothing does."""
         names, roles = self.sheet.names, []
         for k, name in enumerate(names):
-            unit, by_words = self.sheet.unit(k), role_by_words(name)
+            unit = self.sheet.unit(k)
             by_unit = DIMENSIONS.get(si_unit(unit)[0], "other") if unit else None
-            roles.append("other" if by_words == "other" and by_unit != "force" else by_unit or exact_role(name))
-        for role in (*ROLES, "other"):
-            if role == "other" or role not in roles:
-                roles = [mine or (role if role_by_words(name) == role else None) for mine, name in zip(roles, names)]
+            is_other = is_another_quantity(name) and by_unit != "force"
+            is_other = is_other or (by_unit in ("force", "position") and contradicts(name, by_unit))
+            roles.append("other" if is_other else by_unit or exact_role(name))
+        for role_of in (role_by_words, symbol_role):
+            for role in (*ROLES, "other"):
+                if role == "other" or role not in roles:
+                    roles = [mine or (role if role_of(name) == role else None) for mine, name in zip(roles, names)]
         places = [k for k, mine in enumerate(roles) if mine == "position"]
         if depths := [k for k in places if is_depth(names[k])]:
             roles = ["other" if k in places and k not in depths else mine for k, mine in enumerate(roles)]
         if not all(map(is_of_retraction, names)):
             roles = ["other" if is_of_retraction(name) else mine for mine, name in zip(roles, names)]
-        sideways = sideways_forces(names, roles, self.values)
-        return ["other" if k in sideways else role for k, role in enumerate(roles)]
+        beside = sideways_forces(names, roles, self.values) | turning_elements(names)
+        return ["other" if k in beside else role for k, role in enumerate(roles)]
 
 
 def _counts(values: Floats) -> bool:
@@ -116,11 +124,11 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     bent = deflections(series)
     found = find_roles([s for s in series if s not in bent or s in chosen.values()], chosen)
     if found is None:
-        there = sheet.columns
-        raise LogError(f"{path}: no two columns can be force and position; choose with --force, --position ({there})")
+        raise LogError(f"{path}: {_missing_roles(sheet, series, chosen)}")
     depth = is_depth(sheet.names[int(found.picks["position"].series.key[1])])
     bent = [] if "position" in chosen or depth or choices.get(POSITION_OF) == "tip" else bent
     units, guesses = units_of(found, sheet, clock is not None, tip_of(choices))
+    unscaled = {role for role, pick in found.picks.items() if needs_scale(sheet, pick, role)}
     doubts = list(guesses.values())
     scales = {role: sheet.scale(int(pick.series.key[1])) for role, pick in found.picks.items()}
     factors = {role: si_unit(unit)[1] * scales[role] for role, unit in units.items()}
@@ -138,7 +146,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
         rate = _rate(found, factors, extra)
         device["rate"] = "? Hz" if rate is None else f"{rate:g} Hz"
     device |= sheet.settings
-    columns = _columns(found, sheet, units, choices, extra["blanks"])
+    columns = _columns(found, sheet, units, unscaled, choices, extra["blanks"])
     device["columns"] = with_axes(columns, found, sheet, looked.values)
     trials = _other_trials(found, sheet)
     doubts += [f"{role}: {names[0]} and {', '.join(names[1:])} can be it" for role, names in trials.items()]
@@ -165,9 +173,24 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     suggestion = assemble_suggestion(found, device, channels, factors, extra, second)
     alignment = {**suggestion.alignment, **beam, **{f"lateral_{name}": f"log.{name}" for name in places}}
     keys = {f"columns.{role}.unit": text for role, text in guesses.items()}
-    rivals = {**suggestion.rivals, **trials}
+    confirmed = [role for role in unscaled if f"columns.{role}.scale" in choices]  # the question names the column
+    rivals = {role: names for role, names in {**suggestion.rivals, **trials}.items() if role not in confirmed}
     worth = tuple((fact.line, fact.name, fact.value) for fact in facts)
     return replace(suggestion, alignment=alignment, guesses=keys, rivals=rivals, facts=worth, has_time=has_time)
+
+
+def _missing_roles(sheet: Sheet, series: Sequence[NumberColumn], chosen: Mapping[str, NumberColumn]) -> str:
+    """Return which of force and position no column can be, and which columns are another quantity."""
+    roles = {*chosen, *(one.role for one in series if does_move(one))}
+    missing = [role for role in ("force", "position") if not roles & {role, None}] or ["force", "position"]
+    taken = {one.key for one in chosen.values()}
+    others = [int(one.key[1]) for one in series if one.role == "other" and one.key not in taken]
+    named = [sheet.names[k] for k in others if sheet.unit(k) is not None or role_by_words(sheet.names[k]) == "other"]
+    shown = ", ".join(map(column_text, named[:_OTHERS])) + (", ..." if len(named) > _OTHERS else "")
+    about = f"; by name or unit an angle, a torque or another quantity: {shown}" if named else ""
+    options = ", ".join(f"--{role}" for role in missing)
+    words = f"no column can be the {missing[0]}" if len(missing) == 1 else "no two columns can be force and position"
+    return f"{words}; choose with {options} (there are: {sheet.columns}){about}"
 
 
 def _other_trials(found: RoleGuess, sheet: Sheet) -> dict[str, tuple[str, ...]]:
@@ -183,7 +206,12 @@ def _other_trials(found: RoleGuess, sheet: Sheet) -> dict[str, tuple[str, ...]]:
 
 
 def _columns(
-    found: RoleGuess, sheet: Sheet, units: Mapping[str, str], choices: Mapping[str, str], blanks: list[str]
+    found: RoleGuess,
+    sheet: Sheet,
+    units: Mapping[str, str],
+    unscaled: Collection[str],
+    choices: Mapping[str, str],
+    blanks: list[str],
 ) -> dict[str, dict[str, Any]]:
     """The columns by role; what one of a unit is that only a person knows, is a blank."""
     columns: dict[str, dict[str, Any]] = {}
@@ -192,7 +220,7 @@ def _columns(
         columns[role] = {"column": sheet.column(k), "unit": units[role]}
         if (scale := sheet.scale(k)) != 1.0:
             columns[role]["scale"] = scale
-        if not sheet.needs_scale(k):
+        if role not in unscaled:
             continue
         key = f"columns.{role}.scale"
         try:
@@ -200,7 +228,7 @@ def _columns(
         except ValueError as error:
             raise LogError(f"{sheet.path}: {key} = {choices[key]!r}: expected a number") from error
         if key not in choices:
-            per = f"how many {units[role]} one {sheet.written_unit(k)} of {pick.series.label} is"
+            per = f"how many {units[role]} one {sheet.written_unit(k) or 'unit'} of {pick.series.label} is"
             blanks.append(f"{key}: {per}")
     return columns
 

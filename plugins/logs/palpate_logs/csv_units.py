@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from palpate import Indenter
 from palpate_kit.logs.role_evidence import span_of
-from palpate_kit.logs.role_guess import RoleGuess
+from palpate_kit.logs.role_guess import Pick, RoleGuess
 from palpate_kit.logs.suggestion import force_unit, length_unit
 from palpate_records.messages.readings import si_unit
-from palpate_records.tables.csv_names import weight_of
+from palpate_records.tables.csv_names import stated_role, weight_of
 from palpate_records.tables.csv_sheet import Sheet
 
 DIMENSIONS = {"N": "force", "m": "position", "m/s": "velocity"}  # roles, by the SI unit of a column
@@ -28,8 +28,8 @@ def units_of(
     units = {r: u for r, k in columns.items() if (u := sheet.unit(k)) and DIMENSIONS.get(si_unit(u)[0]) == r}
     guesses: dict[str, str] = {}
     spans = {r: span_of(p.series.values) for r, p in picks.items()}
-    for role, k in columns.items():
-        if sheet.needs_scale(k) and role not in units:
+    for role, pick in picks.items():
+        if role not in units and needs_scale(sheet, pick, role):
             units[role] = _SCALED[role]
     weight = weight_of(sheet.written_unit(columns["force"]))
     if weight and "force" not in units:
@@ -51,6 +51,17 @@ def units_of(
     if "velocity" in picks and "velocity" not in units:
         units["velocity"], guesses["velocity"] = _speed_unit(found, units["position"], clocked)
     return units, guesses
+
+
+def needs_scale(sheet: Sheet, pick: Pick, role: str) -> bool:
+    """Return True if only a person knows how much one of a column is: a reading, or a unit or name of another kind."""
+    k = int(pick.series.key[1])
+    if sheet.needs_scale(k):
+        return True
+    if (unit := sheet.unit(k)) is not None:
+        return DIMENSIONS.get(si_unit(unit)[0]) != role
+    named = stated_role(sheet.names[k]) if sheet.header and weight_of(sheet.written_unit(k)) is None else None
+    return named not in (None, role)
 
 
 def _speed_unit(found: RoleGuess, length: str, clocked: bool) -> tuple[str, str]:

@@ -56,8 +56,8 @@ def read(
             which = f'signals={{"record": {json.dumps(names[0])}}}'
             raise ConfigurationError(f"{log}: holds {len(names)} records ({there}): choose one with {which}")
         suggestion = suggestion_of(log, choices)
-        if suggestion.blanks:
-            raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}: state it in signals={_asked(suggestion)}")
+        if missing := [*suggestion.blanks, *map(suggestion.rival_words, suggestion.rivals)]:
+            raise ConfigurationError(f"{log}: {'; '.join(missing)}: state it in signals={_asked(suggestion)}")
         if "rate" in choices and suggestion.has_time:
             warnings.warn(f"{log.name}: the rate is ignored: the file has a time", stacklevel=2)
         doubts = suggestion.doubts
@@ -84,7 +84,9 @@ def read(
 
 def _asked(suggestion: Suggestion) -> str:
     """What is to be stated, as Python takes it."""
+    names = {role: name for name, role in _ROLES.items()}
     keys = [text.partition(":")[0] for text in suggestion.blanks]
+    keys += [names.get(role, role) for role in suggestion.rivals]
     return "{" + ", ".join(f'"{key}": ...' for key in keys) + "}"
 
 

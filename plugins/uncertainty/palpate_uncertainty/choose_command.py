@@ -142,9 +142,9 @@ def _source(path: Path, wanted: Sequence[str], overrides: Sequence[str]) -> Sour
 def _suggested(log: Path) -> Source:
     """What is suggested for a log that carries no pipeline; raises LogError where something must be filled in."""
     suggestion = suggestion_of(log, {})
-    if suggestion.blanks:
+    if missing := [*suggestion.blanks, *map(suggestion.rival_words, suggestion.rivals)]:
         remedy = f"palpate info {log} --suggest -o log.toml, then give log.toml"
-        raise LogError(f"{log}: carries no pipeline, and {'; '.join(map(printable, suggestion.blanks))}: {remedy}")
+        raise LogError(f"{log}: carries no pipeline, and {'; '.join(map(printable, missing))}: {remedy}")
     for text in suggestion.doubts:
         typer.echo(f"check: {printable(text)}", err=True)
     return Source(pipeline_of(suggestion, log), Path(f"{log.name}.toml"))
