@@ -20,6 +20,7 @@ from palpate_records.tables.table_text import bounded_lines
 Row = TypeVar("Row")
 LINES = 400  # above the first row of numbers, at most
 _MANY = 50  # rows that are certainly those of the table
+_TITLES = 50  # lines above the names of a page, at most
 _FEW = 3  # rows that are numbers by chance: results of a test above its readings
 _OTHER_UNITS = re.compile(r"%|-|°?C|[kMG]?Pa|mm/mm|mJ|J|deg|#|hh:mm:ss.*", re.IGNORECASE)
 _BETWEEN = re.compile(r"[:=\t;,]")
@@ -62,20 +63,36 @@ class _RowBlock:
     numbers: int  # cells of a row that are numbers
 
 
-def one_table(rows: Iterable[Row], names: Sequence[str] | None, cells_of: Callable[[Row], list[str]]) -> Iterator[Row]:
-    """The rows of a table, up to the title of another one with the same names."""
-    titles: list[Row] = []
+def one_table(
+    rows: Iterable[Row],
+    layout: TableLayout,
+    dialect: Dialect,
+    cells_of: Callable[[Row], list[str]],
+    pages: Callable[[], int],
+) -> Iterator[Row]:
+    """The rows of a table, up to the title of another one with the same names, but for the heads of its own pages.
+
+    `pages` is how many it has, 0 if nothing is known of tables below it, whose heads are rows then.
+    """
+    names = [name.strip() for name in layout.names or ()]
+    above: list[Row] = []  # rows without readings, perhaps the title of the next page
+    page, is_head = 1, False
     for row in rows:
-        cells = [cell.strip() for cell in cells_of(row)]
-        if names is not None and cells == [name.strip() for name in names]:
-            return
-        if sum(map(bool, cells)) < 2 and len(names or ()) > 1:
-            titles.append(row)
-            continue
-        yield from titles
-        titles.clear()
-        yield row
-    yield from titles
+        cells = cells_of(row)
+        if len(above) == _TITLES or any(dialect.is_value(cells[k]) for k in layout.numbers if k < len(cells)):
+            yield from above
+            above.clear()
+            is_head = False
+            yield row
+        elif names and [cell.strip() for cell in cells] == names and pages():
+            page, is_head = page + 1, True
+            if page > pages():
+                yield from (row for row in above if sum(map(bool, map(str.strip, cells_of(row)))) > 1)
+                return
+            above.clear()
+        elif not is_head:
+            above.append(row)
+    yield from above
 
 
 def first_lines(file: IO[str], path: Path, below: int = 0) -> list[str]:

@@ -47,6 +47,7 @@ class Sheet:
     stated: Mapping[str, str | int] = field(default_factory=dict)  # keys of the device that the user gave
     own_units: Mapping[str, str] = field(default_factory=dict)  # that a person states, by column: "mN", "10 N" for one
     record: TableRecord | None = None  # of a file of several, the one that is read
+    pages: int = 1  # tables under each other through which the only record of the file goes on
     footer: list[list[str]] = field(default_factory=list, compare=False)  # cells below the rows, once these are read
 
     @classmethod
@@ -121,8 +122,9 @@ class Sheet:
         readers = [seconds_or_nan if k in self.layout.clocks else self._reader(k) for k in range(count)]
         days = {k: Days() for k in self.layout.clocks if k < count}
         rows = self.dialect.rows(line for line in lines if not self.dialect.is_comment(line))
-        if self.stated.get("header"):  # of one table of several, that ends where the next begins
-            rows = one_table(rows, self.layout.names, list)
+        pages = self.pages if self.record is None else self.record.pages
+        if self.stated.get("header") or pages > 1:  # one table of several, that ends where the next begins
+            rows = one_table(rows, self.layout, self.dialect, list, lambda: pages)
         rows = without_footer(rows, list, self.layout.numbers, self.dialect, self.footer, above)
         if self.record is not None:
             rows = map(self.record.picked, self.record.rows(rows, list))

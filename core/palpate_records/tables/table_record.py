@@ -19,6 +19,7 @@ class TableRecord:
     name: str
     sheet: str | None = None  # of a workbook
     header: int | None = None  # line of its names, of tables under each other
+    pages: int = 1  # tables under each other that it goes on through
     naming: tuple[int, ...] = ()  # columns that name it
     texts: tuple[str, ...] = ()  # what these hold in its rows
     cells: tuple[int, ...] = ()  # its columns, of tables side by side

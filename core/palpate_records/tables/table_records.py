@@ -20,6 +20,7 @@ from palpate_records.tables.cells import number
 from palpate_records.tables.csv_names import exact_role, role_by_words, unit_of, words_of
 from palpate_records.tables.csv_sheet import Sheet
 from palpate_records.tables.plain_numbers import whole_lines
+from palpate_records.tables.table_pages import continued_pages
 from palpate_records.tables.table_record import TableRecord
 from palpate_records.tables.table_text import bounded_lines, open_text
 from palpate_records.tables.workbook import WORKBOOKS, record_sheets
@@ -45,8 +46,22 @@ _BRACKETS = re.compile(r"[\[(][^\])]*[\])]")
 
 def records_in(path: Path, stated: Mapping[str, str] | None = None) -> tuple[TableRecord, ...]:
     """The records of a file that holds several, by what is stated of how it is written; none where it is one."""
+    records = _parts_of(path, stated or {})
+    return records if len(records) > 1 else ()
+
+
+def pages_of(path: Path, stated: Mapping[str, str | int]) -> int:
+    """Return through how many tables under each other the only record goes on, or that of a stated header."""
+    texts = {key: str(value) for key, value in stated.items()}
+    header = texts.pop("header", None)
+    records = [one for one in _parts_of(path, texts) if header is None or str(one.header) == header]
+    return records[0].pages if len(records) == 1 else 1
+
+
+def _parts_of(path: Path, stated: Mapping[str, str]) -> tuple[TableRecord, ...]:
+    """Return the records of a file, also the only one if it is in pages."""
     about = path.stat()
-    return _records(path, tuple(sorted((stated or {}).items())), about.st_mtime_ns, about.st_size)
+    return _records(path, tuple(sorted(stated.items())), about.st_mtime_ns, about.st_size)
 
 
 def record_named(path: Path, name: str, stated: Mapping[str, str] | None = None) -> TableRecord:
@@ -72,7 +87,9 @@ def sheet_of(path: Path, stated: Mapping[str, str] | None = None) -> Sheet:
     """How a file is written, or the record of it that is stated; raises LogError."""
     given = dict(stated or {})
     name = given.pop(RECORD, None)
-    return _sheet(path, given) if name is None else Sheet.of(path, given, record_named(path, name, given))
+    if name is not None:
+        return Sheet.of(path, given, record_named(path, name, given))
+    return replace(_sheet(path, given), pages=pages_of(path, given))
 
 
 def _sheet(path: Path, given: Mapping[str, str]) -> Sheet:
@@ -94,16 +111,16 @@ def _records(path: Path, stated: tuple[tuple[str, str], ...], changed: int, size
         sheets = record_sheets(path)
         for sheet in sheets if len(sheets) > 1 else ():
             inner = _in_table(path, {**given, "sheet": sheet})
-            found += [replace(one, name=f"{sheet}:{one.name}", sheet=sheet) for one in inner]
-            found += [] if inner else [TableRecord(sheet, sheet=sheet)]
+            found += [replace(one, name=f"{sheet}:{one.name}", sheet=sheet) for one in inner if len(inner) > 1]
+            found += [replace(one, name=sheet, sheet=sheet) for one in inner or [TableRecord(sheet)] if len(inner) < 2]
     found = found or _in_table(path, given)
     if len(found) > _MOST:
         raise LogError(f"{path}: holds {len(found)} records; {_MOST} are read at most: split the file")
-    return tuple(found) if len(found) > 1 else ()
+    return tuple(found)
 
 
 def _in_table(path: Path, given: Mapping[str, str]) -> list[TableRecord]:
-    """The records in one text or sheet, none where it is one; LogError is for whoever reads it."""
+    """The records in one text or sheet, none or one in pages where it is one; LogError is for whoever reads it."""
     with suppress(LogError):
         sheet = _sheet(path, given)
         if sheet.header and len(sheet.names) > 1:
@@ -119,13 +136,32 @@ def _stacked(sheet: Sheet) -> list[TableRecord]:
         for line, text in _lines_with_letters(file, sheet):
             cells = [cell.strip() for cell in next(iter(sheet.dialect.rows([text])), [])]
             if cells == names:
-                found.append((line, title or str(len(found) + 1)))
+                found.append((line, title))
                 title = ""
             elif sum(map(bool, cells)) == 1:
                 title = printable("".join(cells))[:_NAME]
-    if len({title for _, title in found}) < len(found):
-        found = [(line, str(k)) for k, (line, _) in enumerate(found, 1)]
-    return [TableRecord(title, header=line) for line, title in found] if len(found) > 1 else []
+    return _without_page_breaks(sheet, found) if len(found) > 1 else []
+
+
+def _without_page_breaks(sheet: Sheet, tables: Sequence[tuple[int, str]]) -> list[TableRecord]:
+    """Records of tables with the same names, by line and title: a table that goes on with the one above is left out."""
+    roles = [_role(sheet, k) for k in range(len(sheet.names))]
+    continued = [False] * len(tables)
+    if "time" in roles:
+        time = roles.index("time")
+        signals = [k for k, role in enumerate(roles) if role in _DIMENSIONS.values()]
+        others = [k for k in sorted(sheet.layout.numbers) if k != time]
+        with open_text(sheet.path, *sheet.text_keys) as file:
+            continued = continued_pages(sheet, [line for line, _ in tables], time, signals or others, file)
+    records = list[TableRecord]()
+    for (line, title), goes_on in zip(tables, continued, strict=True):
+        if goes_on and not _NAMING & {*words_of(title)}:  # "Specimen 2" states a record, whatever its time
+            records[-1] = replace(records[-1], pages=records[-1].pages + 1)
+        else:
+            records.append(TableRecord(title or str(len(records) + 1), header=line))
+    if len({record.name for record in records}) < len(records):
+        records = [replace(record, name=str(k)) for k, record in enumerate(records, 1)]
+    return records
 
 
 def _lines_with_letters(file: IO[str], sheet: Sheet) -> Iterator[tuple[int, str]]:

@@ -19,7 +19,7 @@ from palpate_records.tables.csv_truncation import cut_number
 from palpate_records.tables.dialect import MARKS
 from palpate_records.tables.footer import without_footer
 from palpate_records.tables.plain_numbers import lines_from, plain_numbers, whole_lines, without_digits
-from palpate_records.tables.table_records import record_named
+from palpate_records.tables.table_records import pages_of, record_named
 from palpate_records.tables.table_text import bounded_lines, open_text
 
 from palpate_logs.csv_settings import CsvSettings
@@ -133,8 +133,7 @@ class CsvLink:
 
     def _by_line(self, rows: Iterator[tuple[int, list[str]]], above: int) -> Iterator[Floats]:
         """The numbers (n, places) of lines that may hold anything; so many rows were read above them."""
-        if self._header:  # of one table of several, that ends where the next begins
-            rows = one_table(rows, self._layout.names, lambda row: row[1])
+        rows = one_table(rows, self._layout, self._dialect, lambda row: row[1], self._pages)
         self._log.tally.footer.clear()
         numbers, footer = self._layout.numbers, self._log.tally.footer
         rows = without_footer(rows, lambda row: row[1], numbers, self._dialect, footer, above)
@@ -149,6 +148,13 @@ class CsvLink:
                     complete.append((line, cells))
             if complete:
                 yield self._numbers(complete)
+
+    def _pages(self) -> int:
+        """Tables under each other through which the record goes on; 0 where those below do not belong to it."""
+        if self._record is not None and self._record.header is not None:
+            return self._record.pages
+        pages = pages_of(self._log.file, self._log.written)
+        return pages if pages > 1 or self._header else 0
 
     def _check_width(self, cells: list[str], line: int) -> None:
         """Refuse a line with more cells than the first: what is behind the one too many is in the wrong column."""
