@@ -90,6 +90,14 @@ _RECORD = {
     "stuck": _doubtful(
         "A stream repeats exactly one reading for long.", "Look at sensor and driver; record at the true rate."
     ),
+    "rate-contradicted": _doubtful(
+        "The time-stamps of a stream give another rate than it announces, by a factor of 1.05 or more.",
+        "Announce the rate of its readings, or correct its time-stamps.",
+    ),
+    "wrong-stamps": _invalid(
+        "The time-stamps of a stream give a rate that is off the announced one by a factor of 2 or more.",
+        "Send time-stamps in nanoseconds and rates in Hz; the message names the unit that is likely.",
+    ),
     "clock-drift": _doubtful(
         "The time-stamps of force and motion gain on one another over the record.",
         'Use one clock for both, such as time = "log".',

@@ -12,6 +12,8 @@ from palpate.device import Stream
 _SECOND = 1_000_000_000  # [ns]
 _SECONDS = 1000  # in one batch; more are not a clock
 _LEAST_SECONDS = 4
+_LEAST_INTERVALS = 10  # by which a rate is compared with the announced one
+RATE_TOLERANCE = 1.05  # factor; sensors' clocks are within 2 % of their nominal rate
 _STEPS = 3.5  # of a coarse reading, by which it may go on after a repeat
 
 
@@ -29,11 +31,21 @@ class Health:
     first: int | None = None  # [ns]
     last: int | None = None  # [ns]
     step: float = float("inf")  # the least change from reading to reading
+    shorter: int = 0  # intervals in which the stamps go on clearly less than the announced rate says
+    longer: int = 0  # and clearly more
+    paused: int = 0  # [ns] in gaps
+    began: int | None = None  # [ns] arrival of the first reading
+    ended: int = 0  # [ns] and of the last
+    has_arrivals: bool = False  # by another clock than that of the time-stamps
     _repeats: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2)))  # runs that none surpasses in both
     _earliest: dict[int, int] = field(default_factory=dict)  # by second: the least time [ns] from stamp to arrival
 
     def arrived(self, stamps: NDArray[np.int64], received: NDArray[np.int64]) -> None:
-        """Take note of how late readings arrived, against a clock that other streams share."""
+        """Take note of when readings arrived, and how late, against a clock that other streams share."""
+        if len(received):
+            self.began = int(received[0]) if self.began is None else self.began
+            self.ended = int(received[-1])
+            self.has_arrivals = self.has_arrivals or bool((received != stamps).any())
         if self.stream.clock != "log" or not len(stamps):
             return
         origin = int(stamps[0]) if self.first is None else self.first
@@ -73,8 +85,14 @@ class Health:
             self.duplicates += int(np.count_nonzero(step == 0))
             self.backwards += int(np.count_nonzero(step < 0))
         self.samples += len(stamps)
-        fresh = self.first is None
-        self.gaps += int(np.count_nonzero(step[1:] > gap if fresh else step > gap))
+        between = step[1:] if self.first is None else step
+        is_gap = between > gap
+        self.gaps += int(np.count_nonzero(is_gap))
+        self.paused += int(between[is_gap].sum())
+        if self.stream.rate:
+            forward, usual = between[between > 0], _SECOND / self.stream.rate
+            self.shorter += int(np.count_nonzero(forward * RATE_TOLERANCE < usual))
+            self.longer += int(np.count_nonzero(forward > usual * RATE_TOLERANCE))
         self.first = int(stamps[0]) if self.first is None else self.first
         self.last = int(before[-1])
         return good
@@ -100,6 +118,28 @@ class Health:
         if self.first is None or self.last is None or self.last == self.first:
             return None
         return (count - 1) * _SECOND / (self.last - self.first)
+
+    @property
+    def rate_ratio(self) -> float | None:
+        """Rate by the time-stamps over the announced one, where both their mean and most intervals contradict it.
+
+        A mean without gaps, unless these are most of the record. A lost reading leaves most intervals as they are, and
+        readings that arrive in bunches leave the mean. None where nothing contradicts the rate, where none is
+        announced, and where the clock of the arrivals confirms the time-stamps: an arm may send its states more slowly.
+        """
+        intervals = self.samples - self.duplicates - self.backwards - 1
+        if not self.stream.rate or intervals < _LEAST_INTERVALS or self.first is None or self.last is None:
+            return None
+        lasted = 0 if self.began is None else self.ended - self.began
+        if self.has_arrivals and lasted < RATE_TOLERANCE * (self.last - self.first) < RATE_TOLERANCE**2 * lasted:
+            return None
+        mostly_gaps = 2 * self.gaps > intervals
+        count = intervals if mostly_gaps else intervals - self.gaps
+        seconds = (self.last - self.first - (0 if mostly_gaps else self.paused)) / _SECOND
+        ratio = count / seconds / self.stream.rate
+        if 2 * self.shorter > intervals and ratio >= RATE_TOLERANCE:
+            return ratio
+        return ratio if 2 * self.longer > intervals and ratio * RATE_TOLERANCE <= 1.0 else None
 
 
 def _seconds(since: NDArray[np.int64]) -> NDArray[np.int64]:

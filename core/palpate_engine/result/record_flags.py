@@ -15,6 +15,10 @@ from palpate_engine.result.track_record import TrackRecord
 _DRIFT = 5e-4  # [s] between the clocks of two streams over a record
 _FEW = 0.01  # of the samples, that may lack a reading
 _MANY = 0.05  # of the samples, from which on what was lost counts, whatever it does
+_REFUSED = 2.0  # factor between two rates of one stream, from which on nothing of its time is right
+_UNITS = {1e3: "microseconds", 1e6: "milliseconds", 1e9: "seconds"}  # by the factor that their numbers are smaller
+_NEAR = 1.5  # factor by which a ratio may miss that of a unit
+_SLOWEST = 20.0  # [Hz] of a recording; a smaller announced rate may be in kHz
 _STUCK = 0.1  # [s] of exactly equal readings
 _TURNED = 0.02  # [N] of a weight, that is seen
 _MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
@@ -26,6 +30,7 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
     """Faults of the record, whatever is estimated from it."""
     for name, health in report.streams.items():
         yield from _stream_flags(name, health)
+        yield from _rate_flags(name, health)
         if health.rate and health.longest_repeat / health.rate > _STUCK:
             yield Flag("stuck", f"{name} repeats one reading for {health.longest_repeat / health.rate:.2f} s")
     for name, count in (("force", report.missing_force), ("velocity", report.missing_velocity)):
@@ -50,6 +55,28 @@ def _stream_flags(name: str, health: Health) -> Iterator[Flag]:
         yield Flag("gaps", f"{name} has {health.gaps} x gaps")
     if health.saturated:
         yield Flag("saturated", f"{name} has {health.saturated} x saturated readings")
+
+
+def _rate_flags(name: str, health: Health) -> Iterator[Flag]:
+    """Time-stamps that contradict the rate that a stream announces."""
+    ratio, announced = health.rate_ratio, health.stream.rate
+    if ratio is None or announced is None:
+        return
+    words = f"the time-stamps of {name} give {ratio * announced:.6g} Hz, and {announced:.6g} Hz are announced"
+    if 1.0 / _REFUSED < ratio < _REFUSED:
+        yield Flag("rate-contradicted", words)
+    else:
+        yield Flag("wrong-stamps", f"{words}: {_likely_unit(ratio, announced)}")
+
+
+def _likely_unit(ratio: float, announced: float) -> str:
+    """Return which unit explains a ratio of rates; time-stamps are in nanoseconds, rates in Hz."""
+    if announced < _SLOWEST and _NEAR > ratio / 1e3 > 1.0 / _NEAR:
+        return "is the rate announced in kHz?"
+    for factor, unit in _UNITS.items():
+        if _NEAR > ratio / factor > 1.0 / _NEAR:
+            return f"the time-stamps seem to be in {unit}, and must be in nanoseconds"
+    return "announce the rate of the readings, or correct the time-stamps (in nanoseconds)"
 
 
 def _drift_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:

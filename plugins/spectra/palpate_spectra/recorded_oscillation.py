@@ -29,6 +29,7 @@ _STIFFNESS = 0.1  # of itself: the uncertainty of a rig's stiffness is never dec
 # Of what the run itself flags: what counts against the readings or the surface, not against the model of its track.
 _CONCERNING = {
     "gaps", "missing-force", "saturated", "assumed", "stuck", "duplicates", "backwards", "clock-wander", "clock-drift",
+    "rate-contradicted", "wrong-stamps",
     "force-late", "velocity-late", "outliers", "calibration-old", "calibration-sensor", "calibration-tip",
     "calibration-mass", "calibration-delay", "surface-mismatch", "beyond-model-range", "diverged", "implausible",
 }  # fmt: skip
