@@ -115,11 +115,20 @@ class FitTable:
     @property
     def rows(self) -> list[Row]:
         """The latest rows of every curve by column, as text."""
-        return latest_rows(self.path)
+        return fitted_rows(self.path)
+
+    def list_unread(self, errors: Mapping[str, str], names: Sequence[str]) -> None:
+        """Give each file that could not be read a row with its error, in the order of the names, and no other file."""
+        known = latest_rows(self.path)
+        rows = [*self.rows, *({"curve": name, "error": " ".join(error.split())} for name, error in errors.items())]
+        places = {name: place for place, name in enumerate(names)}
+        rows.sort(key=lambda row: places.get(row["curve"], len(places)))
+        if [(row["curve"], row["error"]) for row in rows] != [(row["curve"], row["error"]) for row in known]:
+            write_rows(self.path, self.columns, rows)
 
     def compact(self, names: Sequence[str] = ()) -> None:
         """Rewrite the table where it holds rows that later ones stand for, or not in the order of the names."""
-        known = self.rows
+        known = latest_rows(self.path)
         places = {name: place for place, name in enumerate(names)}
         rows = sorted(known, key=lambda row: places.get(row["curve"], len(places)))
         with self.path.open("rb") as file:
@@ -264,6 +273,11 @@ def latest_rows(path: Path) -> list[Row]:
             of_curve.clear()
         of_curve[row["track"]] = row
     return [row for of_curve in rows.values() for row in of_curve.values()]
+
+
+def fitted_rows(path: Path) -> list[Row]:
+    """Return the latest rows of the curves that were read."""
+    return [row for row in latest_rows(path) if row["track"] or row.get("settings")]
 
 
 def rows_of_fits(path: Path) -> Iterator[tuple[int, Row]]:

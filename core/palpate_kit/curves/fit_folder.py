@@ -48,7 +48,7 @@ from palpate_kit.curves.curve_table import (
     curves_folder,
     demand_columns,
     dialects_in,
-    latest_rows,
+    fitted_rows,
     settings_text,
 )
 from palpate_kit.curves.own_settings import Own, read_own
@@ -160,12 +160,12 @@ class FitFolder:
 
     @cached_property
     def cells(self) -> list[dict[str, str]]:
-        """The latest rows of ``fits.csv``; raises LogError."""
+        """The latest rows of ``fits.csv``, but for files that could not be read; raises LogError."""
         path = self.path / TABLE
         if not path.exists():
             return []
         demand_columns(path)
-        return latest_rows(path)
+        return fitted_rows(path)
 
     @cached_property
     def entries(self) -> Entries:

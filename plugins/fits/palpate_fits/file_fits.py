@@ -79,13 +79,15 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         cells.setdefault(name, {}).update(of_name)
     order = {str(file): place for place, file in enumerate(files)}
     parts = {str(file): file for file in files}
-    rows = [row for row in _fitted(groups, folder, wanted, cells) if row["curve"] in order]
+    table = _fitted(groups, folder, wanted, cells)
+    rows = [row for row in table.rows if row["curve"] in order]
     keep_facts(folder, wanted.stated.path)
     if not wanted.fitting:
         for name, error in refused.items():
             typer.echo(f"{name}: {error}", err=True)
         typer.echo(f"{sum(len(group.curves) for group in groups)} curves to fit: palpate fit {folder}")
         return
+    table.list_unread(refused, list(order))
     rows += [{"curve": name, "error": error} for name, error in refused.items()]
     rows.sort(key=lambda row: order[row["curve"]])
     if wanted.as_json:
@@ -154,8 +156,8 @@ def _cells(sources: Sequence[Path], groups: Sequence[FileGroup], stated: StatedF
     return found
 
 
-def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, cells: Entries) -> list[Row]:
-    """The rows of the table, those of every group that had none yet added."""
+def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, cells: Entries) -> FitTable:
+    """The table, with the rows of every group that had none yet added."""
     table: FitTable | None = None
     with progress("fit", "files", sum(len(group.curves) for group in groups)):
         done = 0
@@ -169,7 +171,7 @@ def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, cells: E
             done += len(group.curves)
             report_progress(done)
     assert table is not None
-    return table.rows
+    return table
 
 
 def _command(sources: Sequence[Path], wanted: FileFit) -> str:

@@ -88,6 +88,8 @@ def _show(path: Path, count: int, change: FolderChange, refused: Mapping[str, st
     folder = FitFolder(path)
     pipeline = folder.pipeline()
     table = FitTable(path, pipeline, folder.reader().device)
+    if change.where is None:
+        table.list_unread(refused, [*folder.names, *refused])
     found = table.summary()
     if change.as_json:
         print_json({"table": str(path / TABLE), "fitted": count, "tracks": found, "not_read": dict(refused)})

@@ -26,7 +26,7 @@ from palpate_engine import (
     write_whole,
 )
 from palpate_kit.curves.curve_fits import offline
-from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_of_fits, latest_rows, write_rows
+from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_of_fits, fitted_rows, write_rows
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.fit_provenance import PROVENANCE
 from palpate_kit.terminal.json_output import print_aside, print_json
@@ -158,7 +158,7 @@ def _demand_harmless(archive: Path, root: Path) -> None:
 def _made_again(fits: Path, manifest: Manifest, jobs: int | None) -> Verification:
     """The folder of fits without its results, fitted and reported again, and compared with what was packed."""
     packed = {name: path.read_bytes() for name, path in files_below(fits).items()}
-    before = latest_rows(fits / TABLE)
+    before = fitted_rows(fits / TABLE)
     (fits / TABLE).unlink()
     write_rows(fits / TABLE, columns_of_fits(offline(FitFolder(fits).pipeline())), ())
     with redirect_stdout(StringIO()), suppress(typer.Exit):  # of curves that cannot be fitted, which are rows, too
@@ -167,7 +167,7 @@ def _made_again(fits: Path, manifest: Manifest, jobs: int | None) -> Verificatio
         write_whole(fits / PROVENANCE, packed[PROVENANCE])
     made = [TABLE, *write_pages(fits, manifest.options)]
     same = [name for name in made if (fits / name).read_bytes() == packed.get(name)]
-    differences = list(row_differences(before, latest_rows(fits / TABLE)))
+    differences = list(row_differences(before, fitted_rows(fits / TABLE)))
     here = library_versions()
     others = {
         name: (said, here.get(name, "none")) for name, said in manifest.versions.items() if here.get(name) != said
