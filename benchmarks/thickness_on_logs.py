@@ -35,7 +35,8 @@ force = {{ channel = "log.force", delay = "{force}" }}
 position = {{ channel = "log.z", delay = "{motion}" }}
 velocity = {{ channel = "log.rate", delay = "{motion}", sign = -1 }}
 tip_mass = "140 g"
-tare = "none"
+tare = "0 N"
+tare_uncertainty = "0 N"
 
 [indenter.paraboloid]
 type = "sphere"

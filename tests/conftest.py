@@ -124,7 +124,8 @@ columns.fz = {{ column = 4, unit = "N" }}
 force = {{ channel = "log.fz", delay = "{force}" }}
 position = {{ channel = "log.z", delay = "{motion}"{timing} }}
 velocity = {{ channel = "log.v", sign = -1, delay = "{motion}"{timing} }}
-tare = "none"
+tare = "0 N"
+tare_uncertainty = "0 N"
 {mass}[indenter.tip]
 type = "sphere"
 radius = "{radius}"

@@ -170,6 +170,13 @@ class AlignmentSettings(Settings):
         return None if self.tare == "free-air" else self.tare_uncertainty
 
     @property
+    def force_zero(self) -> Literal["air", "stated", "open"]:
+        """Source of the zero of the force: the record's own air, a statement, or none."""
+        if self.tare == "free-air":
+            return "air"
+        return "open" if self.tare == "none" else "stated"
+
+    @property
     def orientation_uncertainties(self) -> dict[str, tuple[float, bool]]:
         """Standard uncertainty [rad] of mounting and normal, as far as they are used, and whether it is declared."""
         stated = {"mounting": self.mounting_uncertainty} if self.is_oriented else {}

@@ -127,6 +127,8 @@ class Problem:
     )
     others: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # parameters of the other models, by their name
     zero_uncertainty: float | None = None  # [N] standard uncertainty that is stated of the zero of the force
+    # Source of the zero of the force: the record's own air, a statement, or none.
+    force_zero: Literal["air", "stated", "open"] = "air"
 
 
 class Tracker(Protocol):

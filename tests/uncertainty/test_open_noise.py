@@ -28,15 +28,17 @@ def fitted(palpate, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-def test_a_force_that_was_zeroed_in_contact_is_no_good_value(fitted, seed):
+def test_a_force_that_was_zeroed_in_contact_is_found_with_its_zero(fitted, seed):
     """500 kPa, zeroed 1.5 mm deep: without the zero the press looks like one of 750 kPa."""
     random = np.random.default_rng(seed)
     time = np.arange(218) / 125
     depth = np.minimum(2e-3 * time, 1.5e-3)
     force = DEPTH * 5e5 * ((depth + 1.5e-3) ** 1.5 - 1.5e-3**1.5) + 0.034 * random.standard_normal(218)
     found = fitted(time, -depth, force)
-    assert found["verdict"] == "not determined"
-    assert "zero of the force" in json.dumps(found["flags"])
+    elasticity = found["parameters"]["elasticity"]
+    assert elasticity["verdict"] == "good"
+    assert abs(elasticity["value"] - 500e3) < 2 * elasticity["combined"]
+    assert "found with the surface" in json.dumps(found["conditions"])
 
 
 @pytest.mark.slow

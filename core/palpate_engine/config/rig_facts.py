@@ -127,7 +127,7 @@ class RigFacts(Settings):
     tare: Annotated[Any, BeforeValidator(_Words("N", (FREE_AIR, ZEROED, "none", "calibrated"), True))] | None = _fact(
         '"free-air": the record begins in air, which is the zero, "free-air 0.25 s": so long; '
         '"zeroed before contact"; "none"; "calibrated"; or the reading without contact, as in "1.8 N +- 10 mN"',
-        "tare", "Where is the zero of the force?", "free-air",
+        "tare", "Where is the zero of the force?", ZEROED,
     )  # fmt: skip
     tip_mass: Annotated[Any, BeforeValidator(_Words("kg"))] | None = _fact(
         'mass behind the force sensor, as in "140 g +- 2 g", or "0 g"',

@@ -186,8 +186,9 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
         settings = pipeline.alignment
         others = _others(pipeline, track.name.model)
         problem = Problem(
-            track.model, settings.tip_mass, settings.timing_uncertainty, standstill, others, settings.zero_uncertainty
-        )
+            track.model, settings.tip_mass, settings.timing_uncertainty, standstill, others,
+            settings.zero_uncertainty, settings.force_zero,
+        )  # fmt: skip
         try:
             tracker = track.estimator.start(problem)
         except ConfigurationError as error:

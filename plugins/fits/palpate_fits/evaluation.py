@@ -55,7 +55,8 @@ def _left(track: TrackResult, target: LogFit, name: str, carry: bool) -> dict[st
 
 def _refit(log: LogFit, track: Any, changes: dict[str, Any]) -> dict[str, Any]:
     """RSS, RMS, surface and parameters of a fit under changed settings."""
-    problem = Problem(track.model, log.pipeline.alignment.tip_mass)
+    alignment = log.pipeline.alignment
+    problem = Problem(track.model, alignment.tip_mass, force_zero=alignment.force_zero)
     estimates = track.estimator.model_copy(update=changes).start(problem).run(log.samples)
     found = estimates.report.table() if estimates.report is not None else {"unknowns": {}}
     return {

@@ -21,6 +21,7 @@ from palpate_kit.numerics.tip_travel import (
 
 from palpate_fits.approach import SurfaceByForce, constrained_surface
 from palpate_fits.arm_order import in_order
+from palpate_fits.contact_start import begins_in_contact, touching_from_start
 from palpate_fits.first_guess import first_guess, guess_by_contrast, linear_places, moduli_of
 from palpate_fits.fit_outcome import FitOutcome
 from palpate_fits.fit_settings import FitSettings
@@ -38,6 +39,7 @@ from palpate_fits.record_arrays import FitRecord, make_record
 from palpate_fits.residual import Residual
 from palpate_fits.segments import RecordCourse, Rows, Window, passage, segment_rows
 from palpate_fits.solvers import Solution, solve_lm, solve_trf
+from palpate_fits.uncertainty import scatter
 from palpate_fits.unknowns import Unknowns
 
 _AIR_SHARE = 0.1  # of the samples, from which on they determine the bias
@@ -45,6 +47,7 @@ _FEWEST = 5  # samples for each unknown
 _STANDS = 10  # equal readings at the end of the range, in contact: the sensor is saturated
 _STANDS_OUT = 4.0  # times those of the next smaller value, which coarse readings stand at as often
 _THIN = 1000
+_SQUARES = LossFunction()
 
 
 class FitTracker:
@@ -81,6 +84,8 @@ class FitTracker:
     def fit(self, samples: Samples) -> FitOutcome:
         """The fit of a record; raises NotFitted where it cannot be done."""
         settings, notes = self._settings, list[Flag]()
+        if self._problem.force_zero != "air" and self._begins_in_contact(samples):
+            samples = touching_from_start(samples)
         course = passage(samples)
         motion = zero_phase_motion(samples, settings.smoothing, self._longest_window(samples, course.travel))
         rows = segment_rows(self._windows, samples, motion.rate, course)
@@ -97,13 +102,7 @@ class FitTracker:
         linear = self._linear_places(unknowns)
         loss = LossFunction(settings.loss, settings.loss_scale)
         residual = self._residual(unknowns.free)
-        minima = list[Solution]()
-        if moduli := moduli_of(model, unknowns, linear):
-            starts = guess_by_contrast(model, unknowns, record, linear, moduli)
-            minima = solve_from_each(residual, unknowns, record.thinned(_THIN), starts, loss)
-            x = minima[0].x
-        else:
-            x = first_guess(model, unknowns, record, linear, self._residual)
+        x, minima = self._start(unknowns, record, loss)
         if len(record) > 2 * _THIN and not model.memory:
             x = solve_lm(residual, unknowns, record.thinned(_THIN), x, loss, gain=1e-9).x
         solver, solution = self._solve(unknowns, record, residual, x, loss)
@@ -121,6 +120,39 @@ class FitTracker:
             record, residual, solution, solver, loss, tuple(notes),
         )  # fmt: skip
 
+    def _start(self, unknowns: Unknowns, record: FitRecord, loss: LossFunction) -> tuple[Floats, list[Solution]]:
+        """Return values (P,) of all parameters to start from, and the minima near other starts, the least first."""
+        model, linear = self._problem.model, self._linear_places(unknowns)
+        if moduli := moduli_of(model, unknowns, linear):
+            starts = guess_by_contrast(model, unknowns, record, linear, moduli)
+            minima = solve_from_each(self._residual(unknowns.free), unknowns, record.thinned(_THIN), starts, loss)
+            return minima[0].x, minima
+        return first_guess(model, unknowns, record, linear, self._residual), []
+
+    def _begins_in_contact(self, samples: Samples) -> bool:
+        """Return True if nothing shows that the record begins in air; see `begins_in_contact`."""
+        if self._settings.contact_point != "free" or self._problem.model.adhesive:
+            return False
+        is_stated = self._problem.force_zero == "stated" or not self._may_find_zero
+        return begins_in_contact(samples, self._unknowns if is_stated else self._biased, self._misfit)
+
+    def _misfit(self, samples: Samples, unknowns: Unknowns) -> tuple[float, float]:
+        """Return what a fit to some samples leaves: sum of squares [N^2], and how many independent samples it is of."""
+        course = passage(samples)
+        motion = zero_phase_motion(samples, self._settings.smoothing, self._longest_window(samples, course.travel))
+        record = self._record(samples, np.ones(len(samples), bool), motion, course)
+        if not self._problem.model.memory:
+            record = record.thinned(_THIN)
+        residual = self._residual(unknowns.free)
+        solution = self._solve(unknowns, record, residual, self._start(unknowns, record, _SQUARES)[0], _SQUARES)[1]
+        found = scatter(residual, record, solution.x, _SQUARES)
+        return found.rss, found.effective_samples
+
+    @property
+    def _may_find_zero(self) -> bool:
+        """Whether the settings leave it to the record whether the zero of the force is an unknown."""
+        return self._settings.unknowns is None and "bias" not in self._settings.fixed
+
     def _prepared(
         self,
         samples: Samples,
@@ -130,8 +162,10 @@ class FitTracker:
     ) -> Unknowns:
         """The unknowns with what only the record can say: whether it determines the bias, where the surface may be."""
         settings, unknowns = self._settings, self._unknowns
+        if self._may_find_zero and self._problem.force_zero == "open" and samples.contact[0]:
+            unknowns = self._biased
         air = int(np.count_nonzero(rows & ~samples.contact))
-        if settings.unknowns is None and "bias" not in settings.fixed and air > _AIR_SHARE * np.count_nonzero(rows):
+        if self._may_find_zero and air > _AIR_SHARE * np.count_nonzero(rows):
             unknowns = self._biased
         if settings.contact_point != "free":
             if settings.contact_point not in by_force.points:

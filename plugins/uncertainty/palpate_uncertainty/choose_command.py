@@ -109,7 +109,8 @@ def candidates(path: Path, source: Source) -> list[Candidate]:
 
 def _blocks(pipeline: Pipeline, place: int, samples: Samples) -> Floats:
     track, settings = pipeline.tracks[place], pipeline.alignment
-    return held_out(track.model, track.estimator, Problem(track.model, settings.tip_mass), samples)
+    problem = Problem(track.model, settings.tip_mass, force_zero=settings.force_zero)
+    return held_out(track.model, track.estimator, problem, samples)
 
 
 def _candidate(record: str, model: str, found: TrackResult, blocks: Floats) -> Candidate:

@@ -99,7 +99,10 @@ def _case(run: Path, pipeline: Pipeline, name: Any, result: Mapping[str, Any], s
     standstill = pipeline.safety.standstill if pipeline.safety else None
     timing = [s.uncertainty for s in (settings.force, settings.velocity or settings.position) if s.uncertainty]
     late = math.hypot(*timing) if timing else None
-    problem = Problem(track.model, settings.tip_mass, late, standstill, zero_uncertainty=settings.zero_uncertainty)
+    problem = Problem(
+        track.model, settings.tip_mass, late, standstill,
+        zero_uncertainty=settings.zero_uncertainty, force_zero=settings.force_zero,
+    )  # fmt: skip
     changes = {key: value for key, value in {"profile": False, "bootstrap": 0}.items() if hasattr(track.estimator, key)}
     names = [parameter.name for parameter in track.model.parameters]
     table = result.get("details", {}).get("covariance")

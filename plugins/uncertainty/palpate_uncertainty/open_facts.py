@@ -14,7 +14,7 @@ from palpate_kit.budget.force_sensitivity import Along, along
 from palpate_uncertainty.delay.commanded_motion import position_noise, share_of_command
 from palpate_uncertainty.delay.one_frequency import one_frequency_text
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
-from palpate_uncertainty.refit import depths_in_contact
+from palpate_uncertainty.refit import depths_in_contact, zero_without_air
 from palpate_uncertainty.undeclared_thickness import half_space_from, stiffer_by
 
 # The alternatives, one for each fact: a change of this table is a change of schema.
@@ -23,6 +23,7 @@ DELAY = 10e-3  # [s]
 POISSON = 0.45
 MASS = 0.14  # [kg] behind the sensor of a robot, whose tips are not below `SMALL`
 TARE = 0.02  # of the largest force
+ZERO = 2.0  # standard uncertainties of a zero of the force that a fit found without air
 TILT = math.radians(5.0)
 MOUNT = 200e3  # [N/m]
 BEAM = 0.05  # of its stiffness
@@ -51,6 +52,14 @@ class _OpenTrack:
         """What the values are less an error (n,) [N] of the force."""
         answer = self.found.answer(error) if self.found is not None else None
         return self.table(None if answer is None else -answer)
+
+    def along_with(self, unknown: str, sigmas: float) -> dict[str, float]:
+        """Shifts of all values of a fit if an unknown of it were so many of its standard uncertainties higher."""
+        report = self.evidence.report
+        if report is None:
+            return {}
+        random = {name: report.unknowns[name].random or 0.0 for name in self.names if name in report.unknowns}
+        return {name: sigmas * u * report.correlations.get((name, unknown), 0.0) for name, u in random.items()}
 
     def scaled(self, share: float) -> dict[str, float]:
         """Shifts of all values that the force grows with, by a share of them."""
@@ -108,6 +117,13 @@ def _delay(track: _OpenTrack) -> Iterator[Condition]:
 
 
 def _tare(track: _OpenTrack) -> Iterator[Condition]:
+    if (zero := zero_without_air(track.evidence)) is not None and track.end.settings.force_zero == "open":
+        higher = ZERO * (zero.random or 0.0)
+        yield Condition(
+            "tare", f"zero of the force at {zero.value:+.3g} N, found with the surface", words_that_state("tare"),
+            f"{higher:.2g} N higher", track.along_with("bias", ZERO), "tare-undeclared",
+        )  # fmt: skip
+        return
     tare, found = track.end.report.tare, track.found
     if found is None or "tare" in track.end.included or (tare is not None and tare.offset_std is not None):
         return

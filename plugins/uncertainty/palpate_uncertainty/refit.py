@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ContactModel, Floats, SampleStore, TrackEvidence, contact_force, force_over_time
+from palpate import ContactModel, Floats, SampleStore, TrackEvidence, Unknown, contact_force, force_over_time
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 
 from palpate_uncertainty.channel_noise import Runs
@@ -17,6 +17,7 @@ from palpate_uncertainty.channel_noise import Runs
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 _STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
 APART = 1e-3  # [m] sideways, from which on it is a sweep
+IN_AIR = 0.05  # of the largest depth, above the surface by which a sample is in air
 _WINDOWS = (5, 9, 15, 25, 41)  # samples
 _BENT = 0.1  # of the noise that smoothing may take from the signal
 _LATEST = 8  # answers that a course keeps
@@ -31,7 +32,7 @@ class Course:
 
     model: ContactModel
     time: Floats  # (n,) [s]
-    force: Floats  # (n,) [N] without the inertia of the tip
+    force: Floats  # (n,) [N] without the inertia of the tip, and less a zero that was found without air
     height: Floats  # (n,) [m]
     rate: Floats  # (n,) [m/s] of the depth
     acceleration: Floats  # (n,) [m/s^2] of the depth
@@ -124,6 +125,15 @@ def depths_in_contact(track: TrackEvidence) -> Floats:
     return np.asarray(depth[np.isfinite(depth) & (depth > 0)])
 
 
+def zero_without_air(track: TrackEvidence) -> Unknown | None:
+    """Return the zero of the force where a fit found it from contact alone, without samples in air; None elsewhere."""
+    zero = track.report.unknowns.get("bias") if track.report is not None else None
+    depth = track.surface - track.kept.position[track.kept.used]
+    if zero is None or not zero.free or not len(depth):
+        return None
+    return zero if float(np.min(depth)) > -IN_AIR * float(np.max(depth)) else None
+
+
 def possible(track: TrackEvidence) -> bool:
     """Whether all of a track's numbers are within what is possible, so that its model can be asked for forces."""
     pairs = zip(track.model.parameters, track.values.tolist(), strict=True)
@@ -133,7 +143,8 @@ def possible(track: TrackEvidence) -> bool:
 def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     """The course of a track's kept samples; those at the ends of runs and in hesitations are not fitted."""
     kept, motion = track.kept, _motion(track.kept)
-    force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(motion.acceleration)
+    zero = zero_without_air(track)
+    force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(motion.acceleration) - (zero.value if zero else 0.0)
     first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
     return Course(
         track.model, kept.time, force, motion.height, motion.rate, motion.smooth_acceleration, kept.runs,

@@ -16,7 +16,7 @@ from palpate_kit.budget.force_sensitivity import free_columns
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 from palpate_kit.numerics.tip_travel import noise_of
 
-from palpate_uncertainty.refit import Course
+from palpate_uncertainty.refit import IN_AIR, Course, zero_without_air
 from palpate_uncertainty.residual_null import slopes_of
 
 # Alternatives that only add to the force what their derivative says: a negative size is not one of them.
@@ -33,7 +33,6 @@ _DEEP = 0.04  # of the largest depth, above which a bin is not judged
 _TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)  # [s] of what may relax
 _SMALL = 0.5e-3  # [m] radius of a tip
 _WIDE, _NARROW = 0.08, 11  # [s] and samples of the window of slow accelerations
-_NEAR = 0.05  # of the way in contact, below which it is not air
 _OPEN_DELAY, _OPEN_MASS = 0.02, 0.5  # [s], [kg] of facts that nobody has stated, one standard uncertainty
 
 
@@ -114,8 +113,8 @@ class JudgedRows:
             yield end.settings.drift * (self.time - self.course.begin)
 
     def open(self) -> Iterator[Floats]:
-        """(n,) a zero that the air determines: it is not judged."""
-        if self._tells_zero:
+        """(n,) a zero that the air determines, or the fit without air: it is not judged."""
+        if self._tells_zero or zero_without_air(self.track) is not None:
             yield np.ones(len(self.time))
 
     @property
@@ -247,7 +246,7 @@ def _air(track: TrackEvidence, deepest: float) -> Floats:
         if len(time) <= 4 * _NARROW or not np.all(np.diff(time) > 0):
             continue
         rate = _slope(time, depth)
-        rows = depth < -_NEAR * deepest
+        rows = depth < -IN_AIR * deepest
         rows[:_NARROW] = rows[-_NARROW:] = False  # where a local cubic has one side only
         found.append(np.array([time, depth, rate, _slope(time, rate), force])[:, rows])
     return np.concatenate(found, axis=1)

@@ -14,7 +14,7 @@ from palpate_kit.numerics.tip_travel import zero_phase_motion
 
 from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.model_alternatives import refit
-from palpate_uncertainty.refit import Course, make_course
+from palpate_uncertainty.refit import Course, make_course, zero_without_air
 from palpate_uncertainty.residual_null import ForceNoise, ResidualNull, motion_noise
 from palpate_uncertainty.residual_rows import FIXED, ONE_SIDED, JudgedRows, slow_acceleration
 
@@ -174,8 +174,9 @@ def _disturbed(track: TrackEvidence) -> NDArray[np.bool_]:
 
 def _left(track: TrackEvidence, course: Course) -> Floats:
     """What a track's values leave of the force (n,) [N]."""
-    inertia = (track.tip_mass or 0.0) * slow_acceleration(course)
-    return np.asarray(track.kept.force - inertia - course.forces(track.values, track.surface))
+    inertia, zero = (track.tip_mass or 0.0) * slow_acceleration(course), zero_without_air(track)
+    force = track.kept.force - inertia - (zero.value if zero else 0.0)
+    return np.asarray(force - course.forces(track.values, track.surface))
 
 
 def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceNoise) -> ResidualTests:
