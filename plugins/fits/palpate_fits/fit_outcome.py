@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from palpate import Flag, Problem, Samples
@@ -38,3 +39,4 @@ class FitOutcome:
     solver: str
     loss: LossFunction
     notes: tuple[Flag, ...]  # flags met on the way
+    begins_in_contact: Callable[[], bool]  # whether nothing shows that the record begins in air

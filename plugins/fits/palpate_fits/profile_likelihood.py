@@ -24,6 +24,7 @@ class ProfileIntervals:
     ) -> None:
         self._residual, self._loss = residual, loss
         self._record = record if residual.model.memory else record.thinned(_SAMPLES)
+        self._samples = len(record)
         self._free = list(residual.free)
         self._low, self._high = unknowns.bounds(self._free)
         self._given = x[self._free]
@@ -48,6 +49,24 @@ class ProfileIntervals:
         shift = self._given[j] - self._minimum[j]
         low, high = float(ends[0] + shift), float(ends[1] + shift)
         return max(low, float(self._low[j])), min(high, float(self._high[j]))
+
+    def upper_end(self, place: int, quantile: float, step: float, spread: float) -> float | None:
+        """Return the upper end alone, searched from a `step`, where the cost has risen by quantile^2/2 spread^2.
+
+        `spread` [N] is the standard deviation of residuals as if independent: this serves at a minimum without
+        curvature.
+        """
+        j, spread = self._free.index(place), spread * np.sqrt(len(self._record) / self._samples)
+        with np.errstate(over="ignore", invalid="ignore"):
+            end = self._end(j, 1.0, step, quantile, (step / spread) ** 2) if spread > 0 else None
+        return None if end is None else float(end + self._given[j] - self._minimum[j])
+
+    def with_held(self, place: int, value: float) -> Floats:
+        """Return the free unknowns (p,) that fit best where the one at a place has a value."""
+        shift = self._given - self._minimum
+        j = self._free.index(place)
+        found = self._descend(self._minimum, (j, value - shift[j]))[0] + shift
+        return np.asarray(np.clip(found, self._low, self._high))
 
     def _end(self, j: int, side: float, std: float, quantile: float, variance: float) -> float | None:
         """By the secant rule on the signed root of the rise, which is nearly a straight line."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 from palpate import Estimates, Flag, Floats, Problem, Samples
@@ -47,6 +47,7 @@ _FEWEST = 5  # samples for each unknown
 _STANDS = 10  # equal readings at the end of the range, in contact: the sensor is saturated
 _STANDS_OUT = 4.0  # times those of the next smaller value, which coarse readings stand at as often
 _THIN = 1000
+_NO_GAIN = 1e-9  # of the cost: with 10 000 samples a hundredth of a standard deviation from the minimum
 _SQUARES = LossFunction()
 
 
@@ -84,7 +85,8 @@ class FitTracker:
     def fit(self, samples: Samples) -> FitOutcome:
         """The fit of a record; raises NotFitted where it cannot be done."""
         settings, notes = self._settings, list[Flag]()
-        if self._problem.force_zero != "air" and self._begins_in_contact(samples):
+        begins_in_contact = cache(partial(self._begins_in_contact, samples))
+        if self._problem.force_zero != "air" and begins_in_contact():
             samples = touching_from_start(samples)
         course = passage(samples)
         motion = zero_phase_motion(samples, settings.smoothing, self._longest_window(samples, course.travel))
@@ -109,6 +111,9 @@ class FitTracker:
         if unknowns.index("delay") in unknowns.free and not model.memory:
             record = _late_inertia(record, unknowns, solution.x)
             solver, solution = self._solve(unknowns, record, residual, solution.x, loss)
+        if not solution.converged and not model.memory:  # along a valley its steps may be long and gain nothing
+            again = solve_lm(residual, unknowns, record, solution.x, loss, gain=_NO_GAIN)
+            solution = replace(solution, converged=again.converged)
         if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
             raise NotFitted("diverged", "the fit ended in numbers that are not finite")
         notes += rivals(residual, unknowns, record, solution, minima, loss)
@@ -117,7 +122,7 @@ class FitTracker:
             solution = correct_attenuation(residual, record, unknowns, solution)
         return FitOutcome(
             settings, self._problem, samples, rows, course, motion, by_force, self._sources, unknowns, linear,
-            record, residual, solution, solver, loss, tuple(notes),
+            record, residual, solution, solver, loss, tuple(notes), begins_in_contact,
         )  # fmt: skip
 
     def _start(self, unknowns: Unknowns, record: FitRecord, loss: LossFunction) -> tuple[Floats, list[Solution]]:
