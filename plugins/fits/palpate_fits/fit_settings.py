@@ -33,8 +33,8 @@ class FitSettings(Estimator):
     unknowns: tuple[Extra, ...] | None = Field(
         default=None,
         description='what to fit besides the model and the surface: "bias", "slope" [N/s], "tip_mass", "delay" (of the '
-        "force); left out: the bias, where a tenth of the samples is in air, or the record begins in contact and nobody has "
-        "stated the zero of the force",
+        "force); left out: the bias, where a tenth of the samples is in air, or a record begins in contact without a "
+        "stated zero of the force",
     )
     fixed: dict[str, float | str] = Field(
         default={}, description='values that are known, by name: { viscosity = 0.0, surface = "0.3 mm" }'
