@@ -214,7 +214,7 @@ def curves_folder_outside(contents):
 
 
 def tip_outside(contents):
-    _set(contents, "fits/pipeline.toml", r'^type = "sphere"\nradius = .*$', 'type = "profile"\npoints = "/etc/passwd"')
+    _set(contents, "fits/pipeline.toml", r'^type = "paraboloid"\ncurvature_radius = .*$', 'type = "profile"\npoints = "/etc/passwd"')
 
 
 @pytest.mark.parametrize("change", [curve_outside, device_outside, own_device, live_device, rig_outside, tip_outside,

@@ -59,7 +59,7 @@ def test_a_row_has_a_value_with_what_it_holds_for(palpate, years):
     assert (run["rig"], run["specimen"], run["date"]) == ("arm: ur3e 2023-7", "liver 3", "2025-03-01T10:00:00+00:00")
     assert (run["verdict"], run["conditions"]) == ("good", "poisson: nu 0.5")
     assert (curve["curve"], curve["animal"], curve["treatment"]) == ("curves/0-0-0.csv", "0-0", "t0")
-    assert curve["tip"] == "paraboloid, curvature radius 3 mm"
+    assert curve["tip"] == "sphere, radius 3 mm (diameter 6 mm)"
 
 
 def test_facts_of_a_curve_are_those_of_its_row(palpate, years):

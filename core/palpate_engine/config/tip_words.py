@@ -73,7 +73,7 @@ def with_stated_law(text: str, stated: Mapping[str, Any], known: Registry, said:
 
 
 def is_same_tip(one: Mapping[str, Any], other: Mapping[str, Any], known: Registry) -> bool:
-    """Return True if two tables, in SI, are of one tip: the law by which a ball is computed is none of its shape."""
+    """Return True if two tables, in SI, are of one tip; balls of one radius are, by whatever law."""
     sizes = [{key: value for key, value in table.items() if key != "type"} for table in (one, other)]
     return one == other or (sizes[0] == sizes[1] and is_ball(one, known) and is_ball(other, known))
 

@@ -16,8 +16,8 @@ _REMEDY = 'type = "exact-sphere"'
 def ball_alternative(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Return the condition of every track with `sphere` whose record is deeper than a tenth of the radius.
 
-    The pipeline states the law, so that it is no doubt; the ball's values are in the words of the condition. A
-    simulated contact is by the law itself, and has none.
+    The pipeline states the law, so that no value is doubtful by it; the words of the condition have the ball's values.
+    A simulated contact follows the law itself, and has no condition.
     """
     conditions = {track.name: _condition(track) for track in tracks}
     return {name: Diagnosed(conditions=(one,)) for name, one in conditions.items() if one is not None}
