@@ -60,7 +60,8 @@ def _as_seen_from(folder: Path, value: Any) -> Any:
         return {key: _as_seen_from(folder, item) for key, item in value.items()}
     if isinstance(value, list):
         return [_as_seen_from(folder, item) for item in value]
-    is_there = isinstance(value, str) and value.startswith(os.sep) and Path(value).exists()
+    is_name = isinstance(value, str) and value.startswith(os.sep) and value.strip(os.sep)  # "//" begins a comment
+    is_there = is_name and Path(value).exists()
     return os.path.relpath(Path(value).resolve(), folder) if is_there else value
 
 
