@@ -64,6 +64,7 @@ from .config.rig_facts import (
 )
 from .config.rig_settings import (
     facts_left_open as facts_left_open,
+    facts_set as facts_set,
     plain_facts as plain_facts,
     rig_assignments as rig_assignments,
 )

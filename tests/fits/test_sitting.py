@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from palpate import ConfigurationError
 from palpate_engine import read_rig
-from palpate_fits.file_facts import stated_facts
 from palpate_fits.file_questions import FileQuestion
 from palpate_fits.sitting import ask_fact, ask_of_files, keep_answers
+from palpate_kit.curves.stated_facts import stated_facts
 
 from tests import processes
 from tests.fits.test_fit_files import rows_of

@@ -5,9 +5,9 @@ import palpate as python
 import pytest
 from palpate import ConfigurationError
 from palpate_engine import registry
-from palpate_fits.file_facts import stated_facts
 from palpate_fits.file_pipelines import file_groups
 from palpate_kit.curves.alike_logs import LogPart
+from palpate_kit.curves.stated_facts import stated_facts
 from palpate_kit.logs.suggestion import force_unit, length_unit, tip_of
 
 from tests.fits.test_fit_files import rows_of

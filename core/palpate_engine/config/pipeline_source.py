@@ -83,6 +83,12 @@ class Source:
         table[keys[-1]] = value
         self._stated[keys] = by
 
+    def drop(self, keys: Location) -> None:
+        """Take a key out of the tables, if it is there."""
+        table = _value_at(self.tables, keys[:-1])
+        if isinstance(table, dict):
+            table.pop(keys[-1], None)
+
     def exchange(self, tables: dict[str, Any]) -> None:
         """Put other tables in place, with what the command line has set."""
         kept = [(keys, _value_at(self.tables, keys), by) for keys, by in self._stated.items()]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from palpate.registry import Registry
 from palpate.unit_symbols import UnknownUnitError, read_unit
 
 from palpate_engine.config.declared_uncertainties import POISSON_STD
-from palpate_engine.config.pipeline_source import Source
+from palpate_engine.config.pipeline_source import Source, parsed_assignment
 from palpate_engine.config.rig_facts import (
     FREE_AIR,
     HALF_SPACE,
@@ -36,6 +36,18 @@ _NUMBER = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)")
 _ALIGNMENT = ("alignment",)
 _RADII = ("radius", "curvature_radius")  # keys of a tip for its radius
 _LAW = "garcia"  # of a layer on its base, for spheres, flats and cones
+# Where the uncertainty of a fact stands that may be stated without one.
+_UNCERTAINTIES = {
+    "thickness": ("run", "uncertainties", "height"),
+    "inclination": ("run", "uncertainties", "inclination"),
+    "tare": (*_ALIGNMENT, "tare_uncertainty"),
+    "tip_mass": (*_ALIGNMENT, "tip_mass_uncertainty"),
+    "beam": (*_ALIGNMENT, "beam_uncertainty"),
+}
+_NO_VALUES = (
+    *_UNCERTAINTIES.values(), ("run", "uncertainties", "poisson"), (*_ALIGNMENT, "force", "uncertainty"),
+    (*_ALIGNMENT, "tare_duration"),
+)  # fmt: skip
 
 
 def apply_rig(source: Source, path: Path | None, known: Registry) -> bool:
@@ -43,8 +55,9 @@ def apply_rig(source: Source, path: Path | None, known: Registry) -> bool:
 
     Whether there were any.
 
-    What the command line states goes before the file of facts, which goes before what a pipeline leaves open. Raises
-    ConfigurationError where the pipeline states another value than the file of facts.
+    What the command line states goes before the file of facts, which goes before what a pipeline leaves open; the
+    uncertainty of another value does not stay. Raises ConfigurationError where the pipeline states another value than
+    the file of facts.
     """
     if path is None and TABLE not in source.tables:
         return False
@@ -53,6 +66,9 @@ def apply_rig(source: Source, path: Path | None, known: Registry) -> bool:
         raise ConfigurationError(f"{source.where((TABLE,))}: is not a table of facts")
     options = facts_of({key: value for key, value in stated.items() if source.is_stated((TABLE, key))})
     own = facts_of({key: value for key, value in stated.items() if not source.is_stated((TABLE, key))})
+    for key, at in _UNCERTAINTIES.items():
+        if getattr(options, key) is not None and not source.is_stated(at):
+            source.drop(at)
     for key, at, value in _settings(options, source.tables, known):
         if not source.is_stated(at):
             source.state(at, value, f"{TABLE}.{key}")
@@ -79,6 +95,18 @@ def rig_assignments(facts: RigFacts, path: Path) -> list[str]:
     """The facts that are settings of a pipeline, and what a file of facts has measured, as ``table.key=value``."""
     found = [f"{TABLE}.{key}={json.dumps(value)}" for key, value in plain_facts(facts).items()]
     return found + ([f"run.calibration={json.dumps(str(path.absolute()))}"] if facts.measured else [])
+
+
+def facts_set(
+    facts: RigFacts, assignments: Iterable[str], tables: Mapping[str, Any], known: Registry
+) -> frozenset[str]:
+    """Return the keys of those facts of which ``table.key=value`` states the value, whatever its uncertainty."""
+    places = [parsed_assignment(text)[0] for text in assignments]
+    return frozenset(
+        key
+        for key, at, _ in _settings(facts, tables, known)
+        if at not in _NO_VALUES and any(place[: len(at)] == at or at[: len(place)] == place for place in places)
+    )
 
 
 def facts_left_open(tables: Mapping[str, Any], facts: RigFacts, known: Registry) -> list[str]:

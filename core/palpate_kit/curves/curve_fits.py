@@ -89,7 +89,8 @@ def record_tracks(reader: CurveReader, own: tuple[str, ...] = (), at_length: boo
             pipeline = offline(build_pipeline(source))
     except ConfigurationError as error:
         if own:
-            raise ConfigurationError(f"own.toml, {', '.join(own)}: {error}") from error
+            files = "own.toml, curves.csv or rig.toml" if any(text.startswith("rig.") for text in own) else "own.toml"
+            raise ConfigurationError(f"{files}, {', '.join(own)}: {error}") from error
         raise
     return RecordTracks(pipeline if at_length else replace(pipeline, tracks=tuple(map(_for_a_row, pipeline.tracks))))
 

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import os
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -120,9 +121,16 @@ def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:
         for place, stated in lists.items():
             file = Path(curve.file)
             name = file.relative_to(place) if file.is_relative_to(place) else file
-            cells = stated.get(str(name)) or stated.get(name.stem) or {}
+            cells = stated.get(f"{name}:{curve.record}") or stated.get(str(name)) or stated.get(name.stem) or {}
             found.setdefault(curve.name, {}).update((key, cell) for key, cell in cells.items() if key not in OWN)
     return found
+
+
+def fact_counts(facts: Iterable[Collection[str]], curves: int) -> str:
+    """Return a line on the `facts` of each curve that ``curves.csv`` states, of so many; empty if it states none."""
+    counts = Counter(key for of_curve in facts for key in of_curve)
+    words = ", ".join(f"{key} of {count}" for key, count in counts.items())
+    return f"curves.csv states {words} of {curves} curves" if words else ""
 
 
 def is_list(path: Path) -> bool:

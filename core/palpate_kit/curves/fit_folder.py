@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -195,6 +196,38 @@ class FitFolder:
     def settings_of(self, curve: str) -> tuple[str, ...]:
         """The settings of one curve: the facts in ``rig.toml``, those in ``curves.csv``, then ``own.toml``."""
         return (*self.facts_left_open(self.dialect_of(curve)), *self.own_of(curve))
+
+    def assignments_of(self, curve: str) -> tuple[str, ...]:
+        """Return what makes ``pipeline.toml`` that of one curve, as of ``--set``: its dialect, file and settings."""
+        dialect = self.dialect_of(curve)
+        chosen = [f"run.{DIALECT}={json.dumps(dialect)}"] if dialect else []
+        return (*chosen, *self._reading_of(curve), *self.settings_of(curve))
+
+    def source_of(self, curve: str) -> Source:
+        """Return the pipeline of one curve, with its file, record and settings; raises LogError."""
+        source = Source(self.settings_text(self.dialect_of(curve)), self.path / SETTINGS)
+        for assignment in (*self._reading_of(curve), *self.settings_of(curve)):
+            source.override(assignment)
+        return source
+
+    def _reading_of(self, curve: str) -> list[str]:
+        """The file and the record of a curve as ``--set``."""
+        device = self.reader(self.dialect_of(curve)).device
+        reading = {"file": self.file_of(curve), RECORD: self.curve(curve).record}
+        return [f"device.{device}.{key}={json.dumps(text)}" for key, text in reading.items() if text]
+
+    def names_of(self, file: Path, record: str | None = None) -> list[str]:
+        """Return the curves of a file, or of one record in it; none for a file that is not of the folder."""
+        curves = [curve for curve in self.curves() if os.path.realpath(curve.file) == os.path.realpath(file)]
+        return [curve.name for curve in curves if record is None or curve.record == record]
+
+    def pipelines(self, names: Iterable[str]) -> list[tuple[Pipeline, int]]:
+        """Return the different pipelines of curves, each with their number, that of most of them first.
+
+        Raises UserError.
+        """
+        counts = Counter((self.dialect_of(name), self.settings_of(name)) for name in names)
+        return [(self.pipeline(*kind), count) for kind, count in counts.most_common()]
 
     def own_of(self, curve: str) -> tuple[str, ...]:
         """The settings of one curve that others need not have."""

@@ -1,22 +1,24 @@
-"""What a fit takes for the tip, the material and the force, in one line: a diameter that was meant is seen at once."""
+"""What fits take for the tip, the material and the force, in one line: a diameter that was meant is seen at once."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from palpate import ContactModel, Indenter, printable
 from palpate_engine import AlignmentSettings, Pipeline, Registry, numbers_of
 
+from palpate_kit.terminal.phrase import Phrase, Quantity, curve_count, merged_phrases, phrase_text, quantity_text
+
 _TARES = {"free-air": "force zeroed in air", "none": "force as recorded", "calibrated": "force zeroed by calibration"}
+Counted = Sequence[tuple[Pipeline, int]]  # pipelines of curves, each with their number
 
 
-def fact_line(pipeline: Pipeline) -> str:
-    """Tip, model and force of the first track of a pipeline.
+def fact_line(pipelines: Counted) -> str:
+    """Tip, model and force of the first track of the pipelines.
 
-    As in "tip: sphere, radius 6 mm (diameter 12 mm); dr, nu 0.5, thick; force zeroed in air".
+    As in "tip: sphere, radius 6 mm (diameter 12 mm); dr, nu 0.5, 10 to 22 mm thick; force zeroed in air".
     """
-    words = facts_in_words(pipeline)
+    words = facts_in_words(pipelines)
     head = [f"tip: {words['tip']}"] if "tip" in words else []
     return "; ".join([*head, words["model"], words["force"]])
 
@@ -47,53 +49,75 @@ def _name_in_log(pipeline: Pipeline, channel: str) -> str | None:
     return None if signal is None else f'"{printable(f"{signal.topic}:{signal.readings[0]}")}"'
 
 
-def facts_in_words(pipeline: Pipeline) -> dict[str, str]:
-    """What is taken for the tip, where the model has one, the model and the force of the first track."""
+def facts_in_words(pipelines: Counted) -> dict[str, str]:
+    """What is taken for the tip, where the model has one, the model and the force of the first track of pipelines."""
+    every = [(_phrases(pipeline), count) for pipeline, count in pipelines]
+    return {
+        key: _merged([(phrases[key], count) for phrases, count in every if key in phrases])
+        for key in ("tip", "model", "force")
+        if any(key in phrases for phrases, _ in every)
+    }
+
+
+def _phrases(pipeline: Pipeline) -> dict[str, Phrase]:
     model = pipeline.tracks[0].model
     tip = getattr(model, "indenter", None)
-    found = {"tip": tip_words(tip, pipeline.registry)} if isinstance(tip, Indenter) else {}
-    return {**found, "model": ", ".join(_model(model, pipeline)), "force": ", ".join(_force(pipeline.alignment))}
+    phrases = {"tip": tip_phrase(tip, pipeline.registry)} if isinstance(tip, Indenter) else {}
+    return {**phrases, "model": _joined(_model(model, pipeline)), "force": _joined(_force(pipeline.alignment))}
+
+
+def _merged(counted: Iterable[tuple[Phrase, int]]) -> str:
+    groups = merged_phrases(counted)
+    texts = [phrase_text(phrases, quantity_text) for phrases, _ in groups]
+    if len(groups) == 1:
+        return texts[0]
+    return " or ".join(f"{text} ({curve_count(count)})" for text, (_, count) in zip(texts, groups, strict=True))
+
+
+def _joined(phrases: Iterable[Phrase]) -> Phrase:
+    return tuple(part for phrase in phrases for part in (", ", *phrase))[1:]
 
 
 def tip_words(tip: Indenter, known: Registry) -> str:
     """A tip by its kind and numbers, as in "sphere, radius 6 mm (diameter 12 mm)"."""
-    words = [known.name_of(type(tip))]
+    return phrase_text([tip_phrase(tip, known)], quantity_text)
+
+
+def tip_phrase(tip: Indenter, known: Registry) -> Phrase:
+    """A tip by its kind and numbers."""
+    phrase: list[str | Quantity] = [known.name_of(type(tip))]
     for path, value, unit in numbers_of(tip):
-        across = f" (diameter {quantity_text(2 * value, unit)})" if path == ("radius",) else ""
-        words.append(f"{' '.join(path).replace('_', ' ')} {quantity_text(value, unit)}{across}")
-    return ", ".join(words)
+        phrase += [f", {' '.join(path).replace('_', ' ')} ", Quantity(value, unit)]
+        phrase += [" (diameter ", Quantity(2 * value, unit), ")"] if path == ("radius",) else []
+    return tuple(phrase)
 
 
-def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[str]:
+def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[Phrase]:
     name = pipeline.registry.name_of(type(model))
-    yield "".join(word[0] for word in name.split("-")) if "-" in name else name
+    yield ("".join(word[0] for word in name.split("-")) if "-" in name else name,)
     if isinstance(nu := getattr(model, "poisson", None), float):
-        yield f"nu {nu:g}"
+        yield "nu ", Quantity(nu)
     if "thickness" in type(model).model_fields:
         height = getattr(getattr(model, "thickness", None), "height", None)
-        yield "thick" if height is None else f"{quantity_text(height, 'm')} thick"
+        yield ("thick",) if height is None else (Quantity(height, "m"), " thick")
+    if inclination := getattr(getattr(model, "skin", None), "inclination", 0.0):
+        yield "inclined by ", Quantity(inclination, "rad")
 
 
-def _force(alignment: AlignmentSettings) -> Iterator[str]:
+def _force(alignment: AlignmentSettings) -> Iterator[Phrase]:
     tare = alignment.tare
     if isinstance(tare, str):
-        yield _TARES[tare]
+        yield (_TARES[tare],)
     else:
         std = alignment.zero_uncertainty
-        stated = f"zero of the force {tare:g}{f' ± {std:.2g}' if std else ''} N"
-        yield stated if tare or std else "force zeroed before contact"
+        doubt = (" ± ", Quantity(std, digits=2)) if std else ()
+        yield ("zero of the force ", Quantity(tare), *doubt, " N") if tare or std else ("force zeroed before contact",)
     if alignment.timing_uncertainty is not None:
-        late, std = 1e3 * (alignment.force.delay - alignment.position.delay), 1e3 * alignment.timing_uncertainty
-        yield f"{late:g} ± {std:.2g} ms late"
+        late = alignment.force.delay - alignment.position.delay
+        yield Quantity(1e3 * late), " ± ", Quantity(1e3 * alignment.timing_uncertainty, digits=2), " ms late"
     if alignment.tip_mass is not None:
-        yield f"{1e3 * alignment.tip_mass:g} g behind the sensor"
-
-
-def quantity_text(value: float, unit: str) -> str:
-    """A length in mm or um, an angle in degrees, any other number in its SI unit."""
-    if unit == "rad":
-        return f"{math.degrees(value):.4g} deg"
-    if unit != "m":
-        return f"{value:.4g}" + ("" if unit == "1" else f" {unit}")
-    word, factor = ("mm", 1e3) if abs(value) >= 1e-4 or not value else ("um", 1e6)
-    return f"{value * factor:.4g} {word}"
+        yield Quantity(alignment.tip_mass, "kg"), " behind the sensor"
+    if alignment.beam is not None:
+        yield "behind a beam of ", Quantity(alignment.beam, "N/m")
+    if alignment.series_stiffness is not None:
+        yield "on a mount of ", Quantity(alignment.series_stiffness, "N/m")

@@ -118,10 +118,7 @@ def _export(desk: Desk, message: asked.ExportOrder) -> Action:
         return Action("repeat", (*by, *parameter, ("--picture", f"{OUT}/groups.svg")))
     curve = desk.curve(message.curve)
     name = Path(curve.name.replace("/", "_")).stem.strip(".") or "curve"
-    dialect = desk.folder.dialect_of(curve.name)
-    chosen = [("--set", f"run.dialect={dialect}")] if dialect else []
-    options = [("--pipeline", f"{OUT}/{SETTINGS}"), *chosen, ("--out", f"{OUT}/figures/{name}")]
-    return Action("fit", (*options, *(("--set", text) for text in curve.own)), curve.file)
+    return Action("fit", (("--pipeline", f"{OUT}/{SETTINGS}"), ("--out", f"{OUT}/figures/{name}")), curve.file)
 
 
 async def _output(action: Action, desk: Desk) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from palpate import Batch, ConfigurationError, Device
 from palpate_kit.curves.alike_logs import log_paths
 from palpate_kit.curves.curve import Curve
+from palpate_kit.curves.curve_list import is_list
 
 
 def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve]:
@@ -20,6 +21,8 @@ def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve
         if not source.exists():
             raise ConfigurationError(f"{source}: no such file or folder")
         for path in log_paths(source, recognises) if source.is_dir() else [source]:
+            if is_list(path):
+                continue
             found += 1
             name = path.relative_to(source) if path != source and len(sources) == 1 else path
             yield Curve(str(name), str(path.resolve()))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -12,19 +11,20 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, printable
-from palpate_engine import Pipeline, Registry, approved_plugins, make_folder, option_of, position_of, registry
+from palpate_engine import Pipeline, Registry, approved_plugins, make_folder, option_of, registry, toml_tables
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row
-from palpate_kit.curves.curve_list import FACTS, RECORD, Entries, cells_beside, stated_in
+from palpate_kit.curves.curve_list import RECORD, Entries, cells_beside, fact_counts, stated_in
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
+from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.stated_facts import StatedFacts, keep_facts
 from palpate_kit.terminal.fact_line import columns_line, fact_line
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.table import console
 from palpate_records.recording import Suggestion
 
-from palpate_fits.file_facts import StatedFacts, keep_facts
 from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, reader_keys, with_overrides
 from palpate_fits.file_questions import FileQuestion
 from palpate_fits.file_tables import count_line, is_usable, show_rows
@@ -61,8 +61,9 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
         logs = logs_among(sources, known)
         files = [part for log in logs for part in specimens_of(log, known, stated)]
     by_name = {} if pattern is None else groups_by_name(files, sources, pattern)
-    stages = _stages(sources, files, wanted.stated)
-    groups, wanted = _groups(files, wanted, refused, notes, stages)
+    curves = [Curve(str(file), str(file.path.resolve()), record=file.part) for file in files]
+    beside = cells_beside(sources, curves)
+    groups, wanted = _groups(files, wanted, refused, notes, beside)
     if wanted.stated.is_read:
         notes.insert(0, f"facts of the rig: {wanted.stated.path}")
     for note in notes:
@@ -74,14 +75,14 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     folder = wanted.out or make_folder("fit", None, datetime.now(UTC).astimezone())
     place = sources[0].resolve() if len(sources) == 1 and sources[0].is_dir() and sources[0] not in logs else None
     groups = [replace(group, pipeline=_of_folder(group.pipeline, place)) for group in groups]
-    cells = _cells(sources, groups, wanted.stated)
+    cells = _listed(groups, beside, wanted.stated)
     for name, of_name in by_name.items():
         cells.setdefault(name, {}).update(of_name)
     order = {str(file): place for place, file in enumerate(files)}
     parts = {str(file): file for file in files}
     table = _fitted(groups, folder, wanted, cells)
     rows = [row for row in table.rows if row["curve"] in order]
-    keep_facts(folder, wanted.stated.path)
+    keep_facts(folder, wanted.stated)
     if not wanted.fitting:
         for name, error in refused.items():
             typer.echo(f"{name}: {error}", err=True)
@@ -110,7 +111,7 @@ def _groups(
     wanted: FileFit,
     refused: dict[str, str],
     notes: list[str],
-    stages: Mapping[str, str],
+    cells: Entries,
 ) -> tuple[list[FileGroup], FileFit]:
     """The files by how they are read; on a terminal with what was answered to all questions about them."""
     asking = is_asking() and not wanted.as_json
@@ -121,39 +122,30 @@ def _groups(
         notes.clear()
         questions: dict[str, FileQuestion] = {}
         with progress("look at", "files", len(files)):
-            groups = list(file_groups(files, wanted.stated, wanted.choices, refused, notes, questions, certain, stages))
+            groups = list(file_groups(files, wanted.stated, wanted.choices, refused, notes, questions, certain, cells))
         new = {file: question for file, question in questions.items() if question not in seen}
         if not asking or not new:
             break
         seen |= {*new.values()}
         wanted = replace(wanted, stated=ask_of_files(wanted.stated, new, prompt))
     if asking and groups:
-        wanted = replace(wanted, stated=ask_of_rig(wanted.stated, groups, prompt))
+        wanted = replace(wanted, stated=ask_of_rig(wanted.stated, groups, cells, prompt))
         keep_answers(wanted.stated)
         groups = [with_overrides(group, wanted.stated.overrides) for group in groups]
     return groups, wanted
 
 
-def _stages(sources: Sequence[Path], files: Sequence[LogPart], stated: StatedFacts) -> dict[str, str]:
-    """What the position of files is of, as far as ``curves.csv`` states it and the command line does not."""
-    cells = cells_beside(sources, [Curve(str(file), str(file.path.resolve()), record=file.part) for file in files])
-    facts = {name: stated_in(of_file) for name, of_file in cells.items()}
-    known = {name: position_of(of_file.get("position"), of_file.get("beam")) for name, of_file in facts.items()}
-    return {} if {"position", "beam"} & stated.of_options else {name: of for name, of in known.items() if of}
-
-
-def _cells(sources: Sequence[Path], groups: Sequence[FileGroup], stated: StatedFacts) -> Entries:
-    """What ``curves.csv`` next to the files says of each, but for the facts of the command line, which go before it."""
-    curves = [curve for group in groups for curve in group.curves]
-    found = {
-        name: {key: cell for key, cell in cells.items() if FACTS.get(key) not in stated.of_options}
-        for name, cells in cells_beside(sources, curves).items()
+def _listed(groups: Sequence[FileGroup], cells: Entries, stated: StatedFacts) -> Entries:
+    """Return the cells of ``curves.csv`` next to the files but for the facts that options state; report the facts."""
+    listed = {
+        curve.name: stated.without_options(cells[curve.name], toml_tables(group.text))
+        for group in groups
+        for curve in group.curves
+        if curve.name in cells
     }
-    counts = Counter(key for cells in found.values() for key in FACTS if cells.get(key))
-    if counts:
-        facts = ", ".join(f"{key} of {count}" for key, count in counts.items())
-        typer.echo(f"curves.csv states {facts} of {len(curves)} curves", err=True)
-    return found
+    if words := fact_counts(map(stated_in, listed.values()), sum(len(group.curves) for group in groups)):
+        typer.echo(words, err=True)
+    return listed
 
 
 def _fitted(groups: Sequence[FileGroup], folder: Path, wanted: FileFit, cells: Entries) -> FitTable:
@@ -196,7 +188,8 @@ def _show(
     wanted: FileFit,
     command: str,
 ) -> None:
-    typer.echo(fact_line(groups[0].pipeline))
+    fitted = FitFolder(folder).pipelines(row["curve"] for row in rows if not row.get("error"))
+    typer.echo(fact_line(fitted or [(groups[0].pipeline, len(rows))]))
     for line in _columns_lines(groups):
         typer.echo(line)
     show_rows(rows, groups[0].pipeline, known, command, wanted.details)
@@ -205,10 +198,8 @@ def _show(
     first = next((row["curve"] for row in rows if is_usable(row)), None)
     if first is not None:
         page = folder / "page"
-        numbers = [n for n, group in enumerate(groups, 1) if first in {curve.name for curve in group.curves}]
-        chosen = ["--set", f"run.dialect={name}"] if (name := _dialect(numbers[0])) else []
         shown = parts[first]
-        chosen += ["--set", f"device.{DEVICE}.{RECORD}={json.dumps(shown.part)}"] if shown.part is not None else []
+        chosen = ["--set", f"device.{DEVICE}.{RECORD}={json.dumps(shown.part)}"] if shown.part is not None else []
         words = ["palpate", "fit", _no_option(str(shown.path)), "--pipeline", str(folder / SETTINGS)]
         words += [*chosen, "-o", str(page)]
         report = shlex.join(["palpate", "report", str(page / shown.path.name.split(".")[0])])

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import tomli_w
-from palpate import ConfigurationError, LogError, to_si
-from palpate_engine import Pipeline, Registry, RigFacts, Source, build_pipeline, registry, tip_table
+from palpate import ConfigurationError, to_si
+from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry, tip_table
 from palpate_kit.curves.alike_logs import LogPart, alike_logs
 from palpate_kit.curves.curve import Curve
-from palpate_kit.logs.draft_pipeline import rate_note, suggestion_of
-from palpate_kit.logs.suggestion import POSITION_OF, TIP, UNITS
+from palpate_kit.curves.stated_facts import StatedFacts, suggestion_by_facts
+from palpate_kit.logs.draft_pipeline import rate_note
 from palpate_kit.terminal.progress import report_progress
 from palpate_records.recording import Suggestion
 
-from palpate_fits.file_facts import StatedFacts
 from palpate_fits.file_questions import FileQuestion, question_of_file
 
 DEVICE = "log"
@@ -49,13 +47,13 @@ def file_groups(
     notes: list[str],
     questions: dict[str, FileQuestion] | None = None,
     certain: dict[LogPart, Suggestion] | None = None,
-    stages: Mapping[str, str] = {},
+    cells: Mapping[str, Mapping[str, str]] = {},
 ) -> Iterator[FileGroup]:
     """Files by how they are read, the most first; `refused` takes the others and why, `notes` what is ignored.
 
     `choices` name the columns of roles, as of ``palpate info --suggest``. `questions` takes what would make a file
     readable, or a guess of it certain, by the file, and `certain` how files without questions are read, which it keeps
-    from call to call. `stages` says of files what their position is of.
+    from call to call. `cells` are what ``curves.csv`` says of the files.
 
     Raises ConfigurationError for a tip, a model or an override that is invalid.
     """
@@ -71,9 +69,9 @@ def file_groups(
     def suggested(file: LogPart) -> Suggestion:
         found = read.get(file)
         if found is None:
-            of_file = {POSITION_OF: stages[str(file)]} if str(file) in stages else {}
-            chosen = {**file.choices, **of_file, **choices}
-            found = replace(_suggestion(file.path, facts, chosen, stated, known), views={})  # no numbers
+            chosen = {**reader_keys(told.settings), **file.choices, **choices}
+            of_file = told.of_curve(cells.get(str(file), {})).facts
+            found = replace(suggestion_by_facts(file.path, of_file, chosen, known), views={})  # no numbers
         if (question := question_of_file(found, stated)) is None:
             read[file] = found
         else:
@@ -117,39 +115,10 @@ def _stated(settings: Sequence[str]) -> dict[str, str]:
 
 def reader_keys(settings: Sequence[str]) -> dict[str, str]:
     """Keys of the device of files that ``--set`` states, which count as choices."""
-    return _keys_of_reader(_stated(settings))
-
-
-def _keys_of_reader(stated: Mapping[str, str]) -> dict[str, str]:
+    stated = _stated(settings)
     keys = {key.removeprefix(_READER): value for key, value in stated.items() if key.startswith(_READER)}
     keys.pop("time", None)  # a table, which no choice is
     return keys
-
-
-def _suggestion(
-    file: Path, facts: RigFacts, choices: Mapping[str, str], stated: Mapping[str, str], known: Registry
-) -> Suggestion:
-    """How a file is read, by the columns of the facts that it has; raises ConfigurationError."""
-    keys = _keys_of_reader(stated)
-    keys |= {TIP: facts.tip or ""} | ({"rate": str(facts.rate)} if facts.rate is not None else {})
-    keys |= {POSITION_OF: facts.position_of} if facts.position_of is not None else {}
-    keys |= {f"{UNITS}{name}": unit for name, unit in (facts.units or {}).items()}
-    given = {**keys, **choices}
-    named = {role: names for role, names in (facts.columns or {}).items() if role not in choices}
-    found: Suggestion | None = None
-    try:
-        found = suggestion_of(file, given, known)
-        named = {role: names for role, names in named.items() if role in found.rivals}
-    except LogError:
-        if not named:
-            raise
-    for role, names in named.items():  # of what cannot be recognised, the first column that the file has
-        for name in names:
-            with suppress(LogError):
-                suggestion_of(file, {**given, role: str(name)}, known)
-                given[role] = str(name)
-                break
-    return suggestion_of(file, given, known) if named or found is None else found
 
 
 def _other_tips(suggestion: Suggestion, pipeline: Pipeline) -> list[str]:

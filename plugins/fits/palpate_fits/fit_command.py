@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -12,9 +13,12 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError, UserError
-from palpate_engine import approved_plugins, load_pipeline, make_folder, parsed_assignment
+from palpate_engine import Pipeline, approved_plugins, load_pipeline, make_folder, parsed_assignment, toml_tables
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, offline
+from palpate_kit.curves.curve_list import Entries, cells_beside, fact_counts, stated_in
 from palpate_kit.curves.fit_folder import is_fit_folder
+from palpate_kit.curves.stated_facts import StatedFacts, keep_facts, rig_beside, stated_facts
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_no_jobs, demand_scheduler
 from palpate_kit.runs.replay_source import read_run_log
 from palpate_kit.runs.run_folder import RunFolder
@@ -24,7 +28,6 @@ from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
 
 from palpate_fits.curve_files import curve_files, curves_by
-from palpate_fits.file_facts import StatedFacts, keep_facts, rig_beside, stated_facts
 from palpate_fits.fit_sources import log_device
 from palpate_fits.fit_tables import each_table
 from palpate_fits.folder_fits import fit_each
@@ -127,10 +130,10 @@ def fit(
         return
     if no_refit and not each:
         raise ConfigurationError("--no-refit: is for many curves, with --each or --tip")
-    if (rig := rig_beside(sources)) is not None and pipeline is not None and not _names_rig(overrides or ()):
-        overrides = [f"run.rig={json.dumps(str(rig.absolute()))}", *(overrides or ())]
-        typer.echo(f"facts of the rig: {rig}", err=True)
     if each or by:
+        if pipeline is not None and not _rigs(overrides or ()) and (rig := rig_beside(sources)) is not None:
+            overrides = [f"run.rig={json.dumps(str(rig.absolute()))}", *(overrides or ())]
+            typer.echo(f"facts of the rig: {rig}", err=True)
         if scheduler is not None:
             _demand_seen_files(by, stage, jobs)
         _each(sources, pipeline, overrides or [], out, by, scheduler, jobs, as_json, not no_refit)
@@ -160,10 +163,6 @@ def _has_run(source: Path) -> bool:
     return False
 
 
-def _names_rig(overrides: Sequence[str]) -> bool:
-    return bool(_rigs(overrides))
-
-
 def _rigs(overrides: Sequence[str]) -> list[Path]:
     """The file of facts that is named, or found next to the curves."""
     return [Path(str(value)) for keys, value in map(parsed_assignment, overrides) if keys == ("run", "rig")]
@@ -175,6 +174,15 @@ def _demand_seen_files(by: str | None, stage: str | None, jobs: int | None) -> N
         if given:
             raise ConfigurationError(f"{option}: with --each, workers read each curve from a file that they can see")
     demand_no_jobs(jobs)
+
+
+def _cells(sources: Sequence[Path], files: Sequence[Curve], stated: StatedFacts, pipeline: Pipeline) -> Entries:
+    """Return the cells of ``curves.csv`` next to files but for the facts that options state; report the facts."""
+    tables, beside = toml_tables(pipeline.text), cells_beside(sources, files)
+    cells = {name: stated.without_options(of_curve, tables) for name, of_curve in beside.items()}
+    if words := fact_counts(map(stated_in, cells.values()), len(files)):
+        typer.echo(words, err=True)
+    return cells
 
 
 def _each(
@@ -196,8 +204,11 @@ def _each(
     files = list(curve_files(sources, type(reading.devices[device])))
     assignments = [*overrides, f"device.{device}.file={json.dumps(str(files[0].file))}"]
     pipeline = offline(load_pipeline(reader, assignments))
+    pipeline = replace(pipeline, run=pipeline.run.model_copy(update={"curves": None}))  # of another folder of fits
     log = pipeline.devices[device]
     curves = curves_by([log.model_copy(update={"file": Path(one.file)}) for one in files], by) if by else files
+    stated = stated_facts(sources, overrides)
+    cells = {} if by else _cells(sources, files, stated, pipeline)
     told = CurveReader(pipeline.text, str(pipeline.path.resolve()), tuple(assignments), device, approved_plugins())
     folder = out or make_folder("fit", None, datetime.now(UTC).astimezone())
     pool = None
@@ -206,9 +217,8 @@ def _each(
 
         pool = partial(on_workers, scheduler, folder.resolve())
     with progress("fit", "curves", None if by else len(files)):
-        table = fit_each(pipeline, told, curves, folder, workers, fitting=fitting, pool=pool)
-    for path in _rigs(overrides):
-        keep_facts(folder, path)
+        table = fit_each(pipeline, told, curves, folder, workers, fitting=fitting, pool=pool, cells=cells)
+    keep_facts(folder, stated)
     if not fitting:
         typer.echo(f"{len(files)} curves to fit: palpate fit {folder}")
         return

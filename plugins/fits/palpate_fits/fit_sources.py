@@ -8,8 +8,13 @@ from pathlib import Path
 
 import typer
 from palpate import ConfigurationError, PalpateError, UserError
-from palpate_engine import ConsentError, Pipeline, Source, build_pipeline, load_pipeline
+from palpate_engine import ConsentError, Pipeline, Source, build_pipeline, load_pipeline, parsed_assignment
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import offline
+from palpate_kit.curves.curve_list import RECORD, cells_beside, fact_counts
+from palpate_kit.curves.curve_table import SETTINGS
+from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
+from palpate_kit.curves.stated_facts import StatedFacts, stated_facts
 from palpate_kit.runs.replay_source import RunLog, read_run_log, replay_source
 
 
@@ -25,9 +30,10 @@ def named_pipelines(
     """Every source as a pipeline, with a name of its own; of many, one that cannot be read is a failure of its own."""
     found: list[tuple[str, Pipeline]] = []
     taken: set[str] = set()
+    stated: list[StatedFacts] = []
     for source in sources:
         try:
-            loaded = offline(_pipeline(source, reader, overrides))
+            loaded = offline(_pipeline(source, reader, overrides, stated))
         except UserError as error:
             if len(sources) == 1 or isinstance(error, ConsentError):
                 raise
@@ -37,18 +43,47 @@ def named_pipelines(
         name = next(n for k in range(len(sources) + 1) if (n := stem if k == 0 else f"{stem}-{k + 1}") not in taken)
         taken.add(name)
         found.append((name, loaded))
+    _report_facts(stated)
     return found
 
 
-def _pipeline(source: Path, reader: Path | None, overrides: list[str]) -> Pipeline:
+def _report_facts(stated: Sequence[StatedFacts]) -> None:
+    """Report the files next to the sources that state facts of them."""
+    for path in dict.fromkeys(facts.path for facts in stated if facts.is_read and not facts.is_named):
+        typer.echo(f"facts of the rig: {path}", err=True)
+    if words := fact_counts([facts.of_curve_list for facts in stated], len(stated)):
+        typer.echo(words, err=True)
+
+
+def _pipeline(source: Path, reader: Path | None, overrides: list[str], stated: list[StatedFacts]) -> Pipeline:
+    """The pipeline of a source; `stated` takes the facts of a file that are stated next to it."""
     if not source.exists():
         raise ConfigurationError(f"{source}: no such file")
     if source.suffix == ".toml":
         return load_pipeline(source, overrides)
     if reader is None:
         return _carried(source, overrides)
-    device = log_device(load_pipeline(reader, overrides), reader)
-    return load_pipeline(reader, [*overrides, f"device.{device}.file={json.dumps(str(source.resolve()))}"])
+    record = next((str(value) for keys, value in map(parsed_assignment, overrides) if keys[-1] == RECORD), None)
+    if (assignments := _of_fit_folder(source, reader, record)) is None:
+        device = log_device(load_pipeline(reader, overrides), reader)
+        curve = Curve(str(source), str(source.resolve()), record=record)
+        facts = stated_facts([source], overrides).of_curve(cells_beside([source], [curve]).get(curve.name, {}))
+        stated.append(facts)
+        rig = [f"run.rig={json.dumps(str(facts.path.absolute()))}"] if facts.is_read and not facts.is_named else []
+        assignments = (f"device.{device}.file={json.dumps(curve.file)}", *rig, *facts.listed_assignments)
+    return load_pipeline(reader, [*assignments, *overrides])
+
+
+def _of_fit_folder(source: Path, reader: Path, record: str | None) -> tuple[str, ...] | None:
+    """Return what makes the pipeline of a folder of fits that of one of its curves; None for any other file."""
+    if reader.name != SETTINGS or not is_fit_folder(reader.parent):
+        return None
+    folder = FitFolder(reader.parent)
+    names = folder.names_of(source, record)
+    if len(names) > 1:
+        listed = ", ".join(names)
+        raise ConfigurationError(f"{source}: is {len(names)} curves ({listed}): choose one by device.log.{RECORD}")
+    return folder.assignments_of(names[0]) if names else None
 
 
 def _carried(log: Path, overrides: list[str]) -> Pipeline:

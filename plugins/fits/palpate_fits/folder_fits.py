@@ -45,11 +45,10 @@ def fit_each(
     if isinstance(curves, Sequence):
         add_curves(folder, curves, dialect, cells, curves_folder(folder))
         known = FitFolder(folder)  # a curve that own.toml names and that there is not is refused
-        own = {curve.name: known.settings_of(curve.name) for curve in curves}
-    else:
-        own = read_own(folder)
-    if any(own.values()):
-        curves = [replace(curve, own=own.get(curve.name, ())) for curve in curves]
+        reader = known.reader(dialect)  # a first fit is made as every later one
+        curves = [known.curve(curve.name) for curve in curves]
+    elif own := read_own(folder):
+        curves = (replace(curve, own=own.get(curve.name, ())) for curve in curves)
     left = table.left(curves, reader) if fitting else ()
     found = len(table.done)
     pool = pool or partial(on_cores, workers=workers or len(os.sched_getaffinity(0)))

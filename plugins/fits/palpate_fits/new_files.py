@@ -9,8 +9,10 @@ from typing import Any
 import tomli_w
 from palpate import ConfigurationError, UserError, to_si
 from palpate_engine import (
+    RIG,
     Pipeline,
     Registry,
+    RigFacts,
     Source,
     build_pipeline,
     inherited_approval,
@@ -20,10 +22,10 @@ from palpate_engine import (
 )
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve import Curve
-from palpate_kit.curves.curve_list import add_curves
+from palpate_kit.curves.curve_list import add_curves, cells_beside
 from palpate_kit.curves.curve_table import SETTINGS, reading_keys, write_dialects
 from palpate_kit.curves.fit_folder import FitFolder
-from palpate_kit.logs.draft_pipeline import suggestion_of
+from palpate_kit.curves.stated_facts import StatedFacts, suggestion_by_facts
 from palpate_kit.logs.role_guess import ROLES
 from palpate_kit.logs.suggestion import UNITS
 from palpate_kit.runs.pipeline_diff import differences
@@ -54,12 +56,14 @@ def add_new_files(path: Path) -> tuple[list[str], dict[str, str]]:
         if (str(part.path), part.part) in there:
             continue
         name = f"{before}{LogPart(part.path.relative_to(place), part.part)}"
+        curve = Curve(name, str(part.path), record=part.part)
+        cells = cells_beside([place], [curve])
         try:
-            dialect = _dialect(folder, part, known)
+            dialect = _dialect(folder, part, cells.get(name, {}), known)
         except UserError as error:
             refused[name] = str(error).removeprefix(f"{part.path}: ")
             continue
-        add_curves(path, [Curve(name, str(part.path), record=part.part)], dialect, base=place)
+        add_curves(path, [curve], dialect, cells, place)
         folder = FitFolder(path)
         added.append(name)
     return added, refused
@@ -76,15 +80,16 @@ def _prefix(folder: FitFolder, place: Path) -> str:
     return ""
 
 
-def _dialect(folder: FitFolder, part: LogPart, known: Registry) -> str:
+def _dialect(folder: FitFolder, part: LogPart, cells: Mapping[str, str], known: Registry) -> str:
     """The dialect in which a file is written, a new one where it matches none of the others; raises UserError."""
+    facts = StatedFacts(RigFacts(), folder.path / RIG).of_curve(cells).facts
     other: str | None = None
     problem: UserError | None = None
     for name in (*folder.dialects, None):  # the last by what the file states alone
         tables = toml_tables(folder.settings_text(name or ""))
         choices = _choices(tables["device"][DEVICE]) if name is not None else {}
         try:
-            suggestion = suggestion_of(part.path, {**choices, **part.choices}, known)
+            suggestion = suggestion_by_facts(part.path, facts, {**choices, **part.choices}, known)
             if (question := question_of_file(suggestion, {})) is not None and (question.needed or name is None):
                 raise ConfigurationError(question.advice)
             text = resolved_text(_pipeline(folder, tables, suggestion), folder.path)

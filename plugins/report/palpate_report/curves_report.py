@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError, suggest
-from palpate_engine import advice_on, registry
+from palpate import ConfigurationError, PalpateError, suggest
+from palpate_engine import advice_on, build_pipeline, inherited_approval, registry, resolved_text
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 
@@ -31,10 +31,19 @@ def curves_page(
     folder, rows = facts.folder, facts.rows
     veil = Anonymous({}, {}, folder.path) if anonymous else None
     first, *others = [_run(folder, row, by) for row in rows]
-    runs = [replace(first, pipeline=folder.settings_text(), veil=veil), *others]
+    runs = [replace(first, pipeline=_pipeline_text(folder, rows[0].curve), veil=veil), *others]
     groups = list(dict.fromkeys(run.group for run in runs))
     study = folder_section(facts, veil.text if veil else str)
     return page_of_runs(runs, groups, facts.track, "curve", _notes(rows, where, path), study, unit)
+
+
+def _pipeline_text(folder: FitFolder, curve: str) -> str:
+    """The pipeline of a curve as it is run, seen from the folder; where its parts are not here, that of all curves."""
+    try:
+        with inherited_approval(folder.approved):
+            return resolved_text(build_pipeline(folder.source_of(curve)), folder.path)
+    except PalpateError:
+        return folder.settings_text(folder.dialect_of(curve))
 
 
 def folder_facts(path: Path, track: str | None, by: str | None, where: str | None) -> FolderFacts:

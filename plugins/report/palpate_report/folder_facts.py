@@ -23,10 +23,13 @@ class FolderFacts:
     rows: Sequence[CurveRow]
 
     @cached_property
-    def pipelines(self) -> list[Pipeline]:
-        """The pipelines that the rows were made with, that of most of them first; raises UserError."""
-        counts = Counter(self.folder.dialect_of(row.curve) for row in self.rows)
-        return [self.folder.pipeline(name, self.folder.facts_left_open(name)) for name, _ in counts.most_common()]
+    def pipelines(self) -> list[tuple[Pipeline, int]]:
+        """The pipelines that the rows were made with and their numbers, that of most first; raises UserError.
+
+        Curves that could not be read or fitted count only if there are no others.
+        """
+        names = [row.curve for row in self.rows if not row.error] or [row.curve for row in self.rows]
+        return self.folder.pipelines(names)
 
     @cached_property
     def used(self) -> list[CurveRow]:
@@ -64,8 +67,8 @@ class FolderFacts:
 
     @property
     def own_settings(self) -> int:
-        """Of how many rows the curve has settings of its own."""
-        return sum(bool(self.folder.own_of(row.curve)) for row in self.rows)
+        """Of how many rows ``own.toml`` has settings of the curve."""
+        return sum(bool(self.folder.own.get(row.curve)) for row in self.rows)
 
     def typical(self, name: str) -> CurveRow | None:
         """The used row whose value is the middle one; None where none has a number."""

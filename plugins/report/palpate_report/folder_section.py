@@ -9,6 +9,7 @@ from palpate import PalpateError
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.figures import WIDTHS
 from palpate_kit.terminal.fact_line import facts_in_words
+from palpate_kit.terminal.phrase import curve_count
 
 from palpate_report.bibliography import sources_of
 from palpate_report.folder_facts import FolderFacts, exclusion_of, libraries
@@ -49,15 +50,16 @@ def _measured(facts: FolderFacts) -> Mapping[str, str]:
     """Tip, model and force, of each dialect where they differ."""
     pipelines = facts.pipelines
     found = {"instrument": facts.instrument or 'not stated (rig.toml of the folder: instrument = "...")'}
+    words = facts_in_words(pipelines)
     for key, name in (("tip", "tip"), ("model", "model"), ("force", "force and position")):
-        words = dict.fromkeys(facts_in_words(pipeline).get(key, "none") for pipeline in pipelines)
-        found[name] = "; or ".join(words)
-    track = pipelines[0].tracks[0]
-    found["model by name"] = pipelines[0].registry.name_of(type(track.model))
+        found[name] = words.get(key, "none")
+    pipeline = pipelines[0][0]
+    track = pipeline.tracks[0]
+    found["model by name"] = pipeline.registry.name_of(type(track.model))
     found["source of the model"] = sources_of(type(track.model)) or "none stated"
-    found["estimator"] = pipelines[0].registry.name_of(type(track.estimator))
+    found["estimator"] = pipeline.registry.name_of(type(track.estimator))
     if facts.own_settings:
-        found["settings of single curves"] = f"of {facts.own_settings} curves (curves.csv, own.toml)"
+        found["settings of single curves"] = f"of {curve_count(facts.own_settings)} (own.toml)"
     return found
 
 

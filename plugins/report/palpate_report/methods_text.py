@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
-from palpate import ContactModel, Indenter, PalpateError, printable, to_si
-from palpate_engine import AlignmentSettings, Pipeline, display_unit, has_no_number, numbers_of
+from palpate import Indenter, PalpateError, printable, to_si
+from palpate_engine import Pipeline, display_unit, has_no_number, numbers_of
 from palpate_kit.curves.replication_unit import compare_rows
 from palpate_kit.numerics.group_comparison import GroupComparison
-from palpate_kit.terminal.fact_line import quantity_text
+from palpate_kit.terminal.phrase import Phrase, Quantity, curve_count, merged_phrases, phrase_text, quantity_text
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_report.bibliography import keys_of, sources_of
@@ -48,8 +49,10 @@ _SOURCES = {
     "tare": "that of the zero of the force",
     "mass": "that of the mass behind the sensor",
     "radius": "that of the tip's radius",
+    "curvature_radius": "that of the tip's radius of curvature",
     "poisson": "that of Poisson's ratio",
     "height": "that of the specimen's thickness",
+    "thickness": "the spread between the laws of a layer",
     "beam": "that of the stiffness of the beam",
 }
 _NEGLIGIBLE = 0.05  # of a combined uncertainty
@@ -58,12 +61,9 @@ _SMALL = 0.001  # p-value below which only that is said
 
 def methods_text(facts: FolderFacts, by: str | None = None, unit: str | None = None) -> CitedText:
     """Methods, and with groups their results; raises UserError where settings or columns cannot be read."""
-    pipeline = facts.pipelines[0]
-    model = pipeline.tracks[0].model
     comparisons = {name: compare_rows(facts.rows, name, by, unit) for name in facts.values} if by else {}
     sentences = [
-        *_measurement(facts, model, pipeline), *_force(pipeline.alignment), *_model(facts, model, pipeline),
-        *_fit(pipeline), *_exclusions(facts), *_assumptions(facts), *_uncertainty(facts),
+        _records(facts), *_settings_of_curves(facts), *_exclusions(facts), *_assumptions(facts), *_uncertainty(facts),
         *_tests(comparisons), *_software(facts),
     ]  # fmt: skip
     paragraphs = {"Methods": " ".join(sentences)}
@@ -72,98 +72,145 @@ def methods_text(facts: FolderFacts, by: str | None = None, unit: str | None = N
     return CitedText(paragraphs)
 
 
-def _measurement(facts: FolderFacts, model: ContactModel, pipeline: Pipeline) -> Iterator[str]:
+def _records(facts: FolderFacts) -> str:
     stated = facts.instrument
     with_instrument = printable(stated) if stated else UNSTATED
     count = len(facts.rows)
-    yield f"A total of {count} force-depth {_curves(count)} {_were(count)} recorded with {with_instrument}."
-    tip = getattr(model, "indenter", None)
-    if isinstance(tip, Indenter):
-        name = pipeline.registry.name_of(type(tip))
-        words = _TIPS.get(name, name.replace("-", " "))
-        sizes = [f"a {' '.join(path).replace('_', ' ')} of {_size(v, u)}" for path, v, u in numbers_of(tip)]
-        doubt = _std(pipeline, "radius", "m")
-        yield f"The tip was {_article(words)} {words}{f' with {_joined(sizes)}' if sizes else ''}{doubt}."
-    different = len({(p.tracks[0].model, p.alignment.model_dump_json()) for p in facts.pipelines}) > 1
-    if different:
-        yield f"The curves are in {len(facts.pipelines)} file formats; what follows is of most of them."
+    return f"A total of {count} force-depth {_curves(count)} {_were(count)} recorded with {with_instrument}."
 
 
-def _std(pipeline: Pipeline, key: str, unit: str) -> str:
+def _settings_of_curves(facts: FolderFacts) -> Iterator[str]:
+    """Return a sentence on each setting of the curves, and where they differ in words on each kind of them."""
+    subjects = (_tip, _zero, _inertia, _beam, _mount, partial(_model, facts.values), _thickness, _inclination, _fit)
+    for phrase_of in subjects:
+        kinds = merged_phrases((phrase_of(pipeline), count) for pipeline, count in facts.pipelines)
+        for phrases, count in kinds:
+            if text := phrase_text(phrases, _size):
+                yield f"{text}." if len(kinds) == 1 else f"{text} ({curve_count(count)})."
+
+
+def _size(quantity: Quantity) -> str:
+    return quantity_text(quantity).replace(" um", " µm")
+
+
+def _std(pipeline: Pipeline, key: str, unit: str) -> Phrase:
     """The standard uncertainty that is stated of a number of the model or its tip, in brackets."""
     stated = pipeline.run.uncertainties.get(key)
-    return "" if stated is None else f" (standard uncertainty {_size(to_si(stated, unit), unit)})"
+    return _in_brackets(None if stated is None else to_si(stated, unit), unit)
 
 
-def _size(value: float, unit: str) -> str:
-    return quantity_text(value, unit).replace(" um", " µm")
+def _in_brackets(std: float | None, unit: str) -> Phrase:
+    return () if std is None else (" (standard uncertainty ", Quantity(std, unit), ")")
 
 
-def _force(alignment: AlignmentSettings) -> Iterator[str]:
+def _tip(pipeline: Pipeline) -> Phrase:
+    tip = getattr(pipeline.tracks[0].model, "indenter", None)
+    if not isinstance(tip, Indenter):
+        return ()
+    name = pipeline.registry.name_of(type(tip))
+    words = _TIPS.get(name, name.replace("-", " "))
+    sizes: list[Phrase] = []
+    for path, value, unit in numbers_of(tip):
+        sizes.append((f"a {' '.join(path).replace('_', ' ')} of ", Quantity(value, unit)))
+    separators = [" with ", *[", "] * (len(sizes) - 2), " and "]
+    parts = (part for word, size in zip(separators, sizes, strict=False) for part in (word, *size))
+    return (f"The tip was {_article(words)} {words}", *parts, *_std(pipeline, "radius", "m"))
+
+
+def _zero(pipeline: Pipeline) -> Phrase:
+    alignment = pipeline.alignment
     tare, std = alignment.tare, alignment.timing_uncertainty
+    zero: Phrase
     if isinstance(tare, str):
-        zero = _TARES[tare]
+        zero = (_TARES[tare],)
+    elif tare or alignment.zero_uncertainty:
+        doubt = _in_brackets(alignment.zero_uncertainty or None, "N")
+        zero = ("The zero of the force was ", Quantity(tare, "N"), *doubt)
     else:
-        zero = f"The zero of the force was {tare:g} N" if tare else "The force was zeroed before contact"
-    late = alignment.force.delay - alignment.position.delay
+        zero = ("The force was zeroed before contact",)
+    late = Quantity(alignment.force.delay - alignment.position.delay, "s", 3)
     if std is None:
-        timing = "force and position were assumed to be simultaneous"
-    elif late:
-        timing = f"a delay of the force of {_ms(late)} (standard uncertainty {_ms(std)}) was corrected"
-    else:
-        timing = f"force and position were taken as simultaneous, with a standard uncertainty of {_ms(std)}"
-    yield f"{zero}; {timing}."
-    if alignment.tip_mass:
-        yield f"The inertia of the {1e3 * alignment.tip_mass:g} g behind the force sensor was subtracted."
-    elif alignment.tip_mass is None:
-        yield "The inertia of what hangs behind the force sensor was neglected."
-    if alignment.series_stiffness is not None:
-        yield f"The compliance of the rig ({alignment.series_stiffness:g} N/m) was corrected."
+        return (*zero, "; force and position were assumed to be simultaneous")
+    if late.value:
+        delayed = ("; a delay of the force of ", late, " (standard uncertainty ", Quantity(std, "s", 3))
+        return (*zero, *delayed, ") was corrected")
+    simultaneous = "; force and position were taken as simultaneous, with a standard uncertainty of "
+    return (*zero, simultaneous, Quantity(std, "s", 3))
 
 
-def _ms(seconds: float) -> str:
-    return f"{1e3 * seconds:.3g} ms"
+def _inertia(pipeline: Pipeline) -> Phrase:
+    mass = pipeline.alignment.tip_mass
+    if mass is None:
+        return ("The inertia of what hangs behind the force sensor was neglected",)
+    if not mass:
+        return ()
+    std = _in_brackets(pipeline.alignment.tip_mass_uncertainty, "kg")
+    return ("The inertia of the ", Quantity(mass, "kg"), " behind the force sensor", *std, " was subtracted")
 
 
-def _model(facts: FolderFacts, model: ContactModel, pipeline: Pipeline) -> Iterator[str]:
+def _beam(pipeline: Pipeline) -> Phrase:
+    beam, std = pipeline.alignment.beam, pipeline.alignment.beam_uncertainty
+    if beam is None:
+        return ()
+    stiffness = (Quantity(beam, "N/m"), *_in_brackets(std, "N/m"))
+    return ("The position was that of a stage; the deflection of the beam of ", *stiffness, " on it was subtracted")
+
+
+def _mount(pipeline: Pipeline) -> Phrase:
+    stiffness = pipeline.alignment.series_stiffness
+    return () if stiffness is None else ("The compliance of the rig (", Quantity(stiffness, "N/m"), ") was corrected")
+
+
+def _model(values: Sequence[str], pipeline: Pipeline) -> Phrase:
+    model = pipeline.tracks[0].model
     name = pipeline.registry.name_of(type(model))
     words = _MODELS.get(name, f"the contact model '{name.replace('-', ' ')}'")
     sources = sources_of(type(model))
     keys = keys_of(sources)
     stated = f" ({sources.removesuffix('.')})" if sources and not keys else ""
     nu = getattr(model, "poisson", None)
-    poisson = f", with a Poisson's ratio of {nu:g}{_std(pipeline, 'poisson', '1')}" if isinstance(nu, float) else ""
-    verb = "was" if len(facts.values) == 1 else "were"
-    values = _joined([*map(readable, facts.values)]).capitalize()
-    yield f"{values} {verb} estimated by {words}{stated}{cite(keys)}{poisson}."
-    if "thickness" in type(model).model_fields:
-        layer = getattr(model, "thickness", None)
-        height = getattr(layer, "height", None)
-        if height is not None:
-            law = str(getattr(layer, "law", ""))
-            keys = keys_of(law)
-            by = f"the law '{law}'" if not keys else f"the law of {law.capitalize()} et al.{cite(keys)}"
-            yield f"The finite thickness of the specimens, {_size(height, 'm')}, was corrected by {by}."
-        else:
-            yield "The specimens were treated as a half-space, without a correction of their thickness."
+    poisson: Phrase = ()
+    if isinstance(nu, float):
+        poisson = (", with a Poisson's ratio of ", Quantity(nu), *_std(pipeline, "poisson", "1"))
+    verb = "was" if len(values) == 1 else "were"
+    subject = _joined([*map(readable, values)]).capitalize()
+    head = f"{subject} {verb} estimated by {words}{stated}{cite(keys)}"
+    return (head, *poisson)
 
 
-def _fit(pipeline: Pipeline) -> Iterator[str]:
+def _thickness(pipeline: Pipeline) -> Phrase:
+    model = pipeline.tracks[0].model
+    if "thickness" not in type(model).model_fields:
+        return ()
+    layer = getattr(model, "thickness", None)
+    if getattr(layer, "height", None) is None:
+        return ("The specimens were treated as a half-space, without a correction of their thickness",)
+    law = str(getattr(layer, "law", ""))
+    keys = keys_of(law)
+    by = f"the law of {law.capitalize()} et al.{cite(keys)}" if keys else f"the law '{law}'"
+    height: float = getattr(layer, "height", 0.0)
+    size = (", ", Quantity(height, "m"), *_std(pipeline, "height", "m"), ",") if height else ()  # a table has its own
+    return ("The finite thickness of the specimens", *size, f" was corrected by {by}")
+
+
+def _inclination(pipeline: Pipeline) -> Phrase:
+    angle = getattr(getattr(pipeline.tracks[0].model, "skin", None), "inclination", 0.0)
+    return ("The skin under the tip was inclined by ", Quantity(angle, "rad")) if angle else ()
+
+
+def _fit(pipeline: Pipeline) -> Phrase:
     estimator = pipeline.tracks[0].estimator
     name = pipeline.registry.name_of(type(estimator))
     segment = getattr(estimator, "segment", None)
     if segment is None:
-        yield f"Each curve was fitted by itself by the estimator '{name}'{cite(keys_of(sources_of(type(estimator))))}."
-        return
+        cited = cite(keys_of(sources_of(type(estimator))))
+        return (f"Each curve was fitted by itself by the estimator '{name}'{cited}",)
     part = _SEGMENTS.get(segment, f"the segment '{segment}'")
     loss = getattr(estimator, "loss", "linear")
     robust = "" if loss == "linear" else f" with the robust loss '{loss}'"
-    free = (
-        ", with the height of the surface as a further unknown"
-        if getattr(estimator, "contact_point", "") == "free"
-        else ""
-    )
-    yield f"Each curve was fitted by itself to {part} by nonlinear least squares{robust}{free}."
+    is_free = getattr(estimator, "contact_point", "") == "free"
+    free = ", with the height of the surface as a further unknown" if is_free else ""
+    return (f"Each curve was fitted by itself to {part} by nonlinear least squares{robust}{free}",)
 
 
 def _exclusions(facts: FolderFacts) -> Iterator[str]:

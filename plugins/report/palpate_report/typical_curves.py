@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from palpate import Floats, PalpateError
 from palpate_engine import RecordOutcome
-from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import curve_outcome, record_tracks
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.figures import WIDTHS, figure_of, style
@@ -55,7 +54,7 @@ def excluded_rows(facts: FolderFacts) -> list[CurveRow]:
 def outcome_of(folder: FitFolder, curve: str) -> RecordOutcome:
     """What the fit of a curve finds, made again from its file; raises PalpateError."""
     reader, own = folder.reader(folder.dialect_of(curve)), folder.settings_of(curve)
-    return curve_outcome(record_tracks(reader, own), reader.device, Curve(curve, folder.file_of(curve), own=own))
+    return curve_outcome(record_tracks(reader, own), reader.device, folder.curve(curve))
 
 
 def drawing(folder: FitFolder, row: CurveRow, word: str) -> CurveDrawing:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -16,8 +16,8 @@ import typer
 from palpate import ConfigurationError, LogError, PalpateError, UserError, suggest
 from palpate_engine import PIPELINE, RESULT, Source, build_parts, registry
 from palpate_kit.curves.curve_filter import curve_filter
-from palpate_kit.curves.curve_table import TABLE
-from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.curves.curve_table import SETTINGS, TABLE
+from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.runs.device_identity import is_identity
 from palpate_kit.runs.result_file import read_results
 from palpate_kit.runs.run_folder import RunFolder
@@ -107,10 +107,11 @@ def value_rows(record: Path, where: str | None) -> Iterator[ValueRow]:
 
 def _of_curves(folder: FitFolder, where: str | None) -> Iterator[ValueRow]:
     rows = curve_filter(where, folder, registry.load().meanings).choose(folder.rows)
-    tips = {name: tomllib.loads(folder.settings_text(name)) for name in folder.dialects}
+    tables: dict[str, dict[str, Any]] = {}  # of pipelines, by the names of settings
     for row in sorted((row for row in rows if row.track), key=lambda row: natural(row.curve)):
-        tables = tips[folder.dialect_of(row.curve)]
-        tip = _own_tip(folder, row) or _tip_of(tables, row.track.partition("/")[0])
+        if (key := folder.key(row.curve)) not in tables:
+            tables[key] = _tables_of_curve(folder, row.curve)
+        tip = _tip_of(tables[key], row.track.partition("/")[0])
         cells = {name: row.groups.get(name, "") for name in folder.columns}
         for name in folder.values:
             if name != "surface":
@@ -126,10 +127,14 @@ def _first(cells: Mapping[str, str], names: Sequence[str]) -> str:
     return next((cells[name] for name in names if cells.get(name)), "")
 
 
-def _own_tip(folder: FitFolder, row: CurveRow) -> str:
-    """The tip that a curve's own settings state."""
-    own = [text.partition("=")[2] for text in folder.settings_of(row.curve) if text.startswith("rig.tip=")]
-    return str(tomllib.loads(f"tip = {own[-1]}")["tip"]) if own else ""
+def _tables_of_curve(folder: FitFolder, curve: str) -> dict[str, Any]:
+    """The tables of the pipeline of a curve, with its facts in them wherever its tips can be built."""
+    source = Source(folder.settings_text(folder.dialect_of(curve)), folder.path / SETTINGS)
+    for assignment in folder.settings_of(curve):
+        source.override(assignment)
+    with suppress(PalpateError):
+        build_parts(source, "indenter", registry.load())
+    return source.tables
 
 
 def _facts_of_run(folder: RunFolder) -> dict[str, Any]:

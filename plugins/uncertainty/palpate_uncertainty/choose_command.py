@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -79,12 +78,10 @@ def _of_source(path: Path, wanted: Sequence[str], where: str | None, overrides: 
             f"{path}: has no curves{f' of {where!r}' if where else ''} that are not rejected and whose files are known"
         )
     for curve in curves:
-        dialect, settings = folder.dialect_of(curve.name), path / SETTINGS
-        source = Source(folder.settings_text(dialect), settings)
-        device = folder.reader(dialect).device
-        for assignment in (f"device.{device}.file={json.dumps(curve.file)}", *curve.own, *overrides):
+        source = folder.source_of(curve.name)
+        for assignment in overrides:
             source.override(assignment)
-        yield from candidates(Path(curve.name), with_candidates(source, settings, wanted))
+        yield from candidates(Path(curve.name), with_candidates(source, path / SETTINGS, wanted))
 
 
 def candidates(path: Path, source: Source) -> list[Candidate]:

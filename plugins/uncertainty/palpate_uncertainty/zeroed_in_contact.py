@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from palpate import Flag, Floats, TrackEnd, TrackEvidence, contact_force
 from palpate_kit.budget.influence import effects_by_name
-from palpate_kit.terminal.fact_line import quantity_text
+from palpate_kit.terminal.phrase import quantity_text
 
 from palpate_uncertainty.model_alternatives import Refit, refit
 from palpate_uncertainty.refit import Course, make_course, possible

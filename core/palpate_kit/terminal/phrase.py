@@ -1,0 +1,65 @@
+"""A phrase with quantities in it, said once of many curves: where only its numbers differ, by their range."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+_SHOWN = {"kg": ("g", 1e3), "s": ("ms", 1e3), "rad": ("deg", math.degrees(1.0))}  # units with their factors
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number of a phrase [SI], and its unit: it is written in the one that a reader expects."""
+
+    value: float
+    unit: str = "1"
+    digits: int = 4
+
+
+Phrase = tuple[str | Quantity, ...]
+
+
+def phrase_text(phrases: Sequence[Phrase], write: Callable[[Quantity], str]) -> str:
+    """Return the text of phrases that differ in their numbers only: two as in "3 or 5 mm", more as in "10 to 22 mm"."""
+    return "".join(
+        part if isinstance(part, str) else _range([one[place] for one in phrases], write)
+        for place, part in enumerate(phrases[0])
+    )
+
+
+def _range(quantities: Sequence[str | Quantity], write: Callable[[Quantity], str]) -> str:
+    numbers = sorted((one for one in quantities if isinstance(one, Quantity)), key=lambda one: one.value)
+    texts = list(dict.fromkeys(map(write, numbers)))
+    if len(texts) == 1:
+        return texts[0]
+    number, _, unit = texts[0].rpartition(" ")
+    least = number if number and unit == texts[-1].rpartition(" ")[2] else texts[0]
+    return f"{least} {'or' if len(texts) == 2 else 'to'} {texts[-1]}"
+
+
+def merged_phrases(counted: Iterable[tuple[Phrase, int]]) -> list[tuple[list[Phrase], int]]:
+    """Return phrases in groups that differ in their numbers only, each with its number of curves, the most first."""
+    groups: dict[tuple[str, ...], tuple[list[Phrase], list[int]]] = {}
+    for phrase, count in counted:
+        kind = tuple(part if isinstance(part, str) else f"\0{part.unit}" for part in phrase)
+        phrases, counts = groups.setdefault(kind, ([], []))
+        phrases.append(phrase)
+        counts.append(count)
+    return sorted(((phrases, sum(counts)) for phrases, counts in groups.values()), key=lambda group: -group[1])
+
+
+def curve_count(count: int) -> str:
+    """Return "1 curve", "2 curves"."""
+    return f"{count} curve{'' if count == 1 else 's'}"
+
+
+def quantity_text(quantity: Quantity) -> str:
+    """A length in mm or um, a mass in g, a time in ms, an angle in degrees, any other number in its SI unit."""
+    value, unit = quantity.value, quantity.unit
+    if unit == "m":
+        unit, factor = ("mm", 1e3) if abs(value) >= 1e-4 or not value else ("um", 1e6)
+    else:
+        unit, factor = _SHOWN.get(unit, (unit, 1.0))
+    return f"{value * factor:.{quantity.digits}g}" + ("" if unit == "1" else f" {unit}")
