@@ -87,6 +87,6 @@ def test_mistakes_are_named_at_once():
     with pytest.raises(ConfigurationError, match="no model 'hrtz'"):
         palpate.prepare(tip=TIP, model="hrtz")
     with pytest.raises(ConfigurationError, match="needs a tip"):
-        palpate.prepare(model="dr")
+        palpate.prepare(model="dr").fit(press(4))  # a record of a file may bring its tip
     with pytest.raises(LogError):
         palpate.read("nowhere.csv")

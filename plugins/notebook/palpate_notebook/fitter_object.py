@@ -5,21 +5,23 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import tomli_w
-from palpate import ConfigurationError, ContactModel, Device, Estimator, Indenter, PalpateError, Stream
+from palpate import ConfigurationError, ContactModel, Device, Estimator, Indenter, PalpateError, Part, Stream
 from palpate_engine import (
     Pipeline,
     RecordTracks,
     RigFacts,
     build_pipeline,
     facts_of,
+    facts_set,
     plain_facts,
     read_rig,
     registry,
+    resolved_text,
     tip_table,
 )
 
@@ -55,25 +57,25 @@ class RecordEstimator:
         for part, kind in ((models, "models"), (estimators, "estimators")):
             if isinstance(part, str) or not part:
                 raise ConfigurationError(f'{kind}: must be a list of parts or of their names, such as ["dr"]')
-        known = registry.load()
-        self._facts, self._rig = facts_in(rig), rig
+        self._models, self._rig, self._tip = tuple(models), rig, tip
+        self._facts = facts_in(rig)
         if tip is None:
-            tip = self._facts.tip
+            self._tip = self._facts.tip
         else:  # it goes before that of the file
             self._facts = self._facts.model_copy(update={"tip": None})
         self._uncertainties = dict(uncertainties or {})
-        tables: dict[str, Any] = {}
-        if tip is not None:
-            table = tip_table(tip, known) if isinstance(tip, str) else table_of(tip, "tip", "indenter", known)
-            tables["indenter"] = {"tip": table}
-        tables["model"] = part_tables(models, "model", known, tip is not None)
-        tables["estimator"] = part_tables(estimators, "estimator", known, False)
-        self._parts = tables
+        known = registry.load()
+        # Without a tip here, that of the record is expected.
+        self._model_tables = part_tables(models, "model", known, True)
+        self._estimator_tables = part_tables(estimators, "estimator", known, False)
         self._latest: _KindOfRecord | None = None
 
     def pipeline(self, record: Record, name: str | None = None) -> Pipeline:
         """The pipeline of a record; raises ConfigurationError with every mistake at once."""
-        return build_pipeline(source_of(record.name, record.path, self._tables(record, name)))
+        source = source_of(record.name, record.path, self._tables(record, name))
+        for assignment in self._assignments(record):
+            source.override(assignment)
+        return build_pipeline(source)
 
     def estimate(self, record: Record, name: str | None = None) -> FinishedRun:
         """What is estimated of a record; raises ConfigurationError, and LogError where it cannot be read."""
@@ -83,12 +85,19 @@ class RecordEstimator:
         tracks = self._tracks(record, name)
         pipeline = tracks.pipeline
         devices = {key: _named_as(pipeline.devices[key], table) for key, table in record.devices.items()}
-        text = tomli_w.dumps(self._tables(record, name))
+        text = self._text(pipeline, devices, record, name)
         for notice in pipeline.registry.notices:
             warnings.warn(notice, stacklevel=4)
         with quietly():
             outcome = tracks.estimate(devices, name=name or record.name, text=text)
         return finished_run(FinishedRun, outcome, record)
+
+    def _text(self, pipeline: Pipeline, devices: Mapping[str, Device], record: Record, name: str | None) -> str:
+        """The pipeline as it is given; with the facts next to the record, as it is resolved."""
+        if not self._facts_beside(record):
+            return tomli_w.dumps(self._tables(record, name))
+        run = pipeline.run.model_copy(update={"name": name or record.name})
+        return resolved_text(replace(pipeline, devices=devices, run=run))
 
     def _tables(self, record: Record, name: str | None) -> dict[str, Any]:
         run = {
@@ -98,16 +107,58 @@ class RecordEstimator:
         }
         facts: dict[str, Any] = {}
         if self._rig is not None:
-            facts["rig"] = plain_facts(self._facts)
+            listed = record.facts.of_curve_list if record.facts is not None and not self._is_mapping else frozenset()
+            facts["rig"] = {key: value for key, value in plain_facts(self._facts).items() if key not in listed}
             if self._facts.measured and isinstance(self._rig, str | Path):
                 run["calibration"] = str(Path(self._rig).absolute())
         tables = {"run": run, "device": dict(record.devices), "alignment": dict(record.alignment), **facts}
-        return {**tables, **self._parts}
+        return {**tables, **self._part_tables(record)}
+
+    def _part_tables(self, record: Record) -> dict[str, Any]:
+        """The tables of tip, models and estimators; raises ConfigurationError where nothing states a tip."""
+        known = registry.load()
+        beside = record.facts.facts.tip if record.facts is not None else None
+        is_listed = record.facts is not None and "tip" in record.facts.of_curve_list
+        tip = beside if self._tip is None or (is_listed and self._tip == self._facts.tip) else self._tip
+        if tip is None:
+            models = part_tables(self._models, "model", known, False)
+            return {"model": models, "estimator": self._estimator_tables}
+        table = tip_table(tip, known) if isinstance(tip, str) else table_of(tip, "tip", "indenter", known)
+        return {"indenter": {"tip": table}, "model": self._model_tables, "estimator": self._estimator_tables}
+
+    @property
+    def _is_mapping(self) -> bool:
+        """The facts of `rig` are options, and not a file in place of that next to the record."""
+        return isinstance(self._rig, Mapping)
+
+    def _facts_beside(self, record: Record) -> list[str]:
+        """Return the facts next to a record, as ``--set``, but for those that the arguments state."""
+        stated = record.facts
+        if stated is None:
+            return []
+        if self._rig is not None and not self._is_mapping:
+            stated = stated.without(RigFacts.model_fields.keys() - stated.of_curve_list)
+        labelled = zip(self._model_tables, self._models, strict=True)
+        keys = [
+            f"model.{name}.{key}" for name, part in labelled if isinstance(part, Part) for key in part.model_fields_set
+        ]
+        keys += [f"run.uncertainties.{key}" for key in self._uncertainties]
+        tables = {"alignment": dict(record.alignment), "model": self._model_tables}
+        known = facts_set(stated.facts, [f"{key}=0" for key in keys], tables, registry.load())
+        options = plain_facts(self._facts).keys() if self._is_mapping else ()
+        return list(stated.without({*known, *options, "tip"}).overrides)
+
+    def _assignments(self, record: Record) -> list[str]:
+        """Return the facts next to a record and what goes before them, as ``--set``."""
+        facts = self._facts_beside(record)
+        own = [f"run.uncertainties.{key}={json.dumps(value)}" for key, value in self._uncertainties.items()]
+        return [*facts, *own] if facts else []
 
     def _tracks(self, record: Record, name: str | None) -> RecordTracks:
         """The tracks of records that are read like this one; those of the latest kind are kept."""
         ways = {key: {k: v for k, v in table.items() if k not in _NAMES} for key, table in record.devices.items()}
-        kind = json.dumps([ways, dict(record.alignment), record.assumed, str(record.path.parent)], default=repr)
+        facts = self._assignments(record), self._part_tables(record).get("indenter")
+        kind = json.dumps([ways, dict(record.alignment), record.assumed, str(record.path.parent), facts], default=repr)
         if self._latest is not None and self._latest.kind == kind:
             known = self._latest.tracks.pipeline.devices
             if self._latest.streams == _streams(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError
-from palpate_kit.logs.draft_pipeline import recording_of, suggestion_of
+from palpate_engine import RigFacts, facts_set, registry
+from palpate_kit.curves.stated_facts import StatedFacts, facts_beside, suggestion_by_facts
+from palpate_kit.logs.draft_pipeline import recording_of
 from palpate_kit.runs.replay_source import read_run_log, replay_source, with_other_channels
 from palpate_records.recording import Suggestion
 
@@ -41,6 +43,8 @@ def read(
     and what is only a guess is warned of. Delays and tare that are not stated are flagged in the results
     (`assumed`). Of a file that holds several records, such as the sheets of a workbook, ``{"record": "gel 1"}`` names
     one. All else as in `palpate.record`.
+    What `rig.toml` and `curves.csv` next to the file state counts wherever nothing here states it, as on the command
+    line: the record says which of them states what.
 
     Raises LogError for what is not a log, ConfigurationError where something must be said that no file can say.
     """
@@ -48,6 +52,7 @@ def read(
     choices = {_ROLES.get(role, role): str(text) for role, text in (signals or {}).items()}
     carried = read_run_log(log)
     doubts: tuple[str, ...] = ()
+    facts: StatedFacts | None = None
     if carried is not None and not choices:
         tables = replay_source(carried).tables
     else:
@@ -55,7 +60,9 @@ def read(
             there = f"{', '.join(names[:_NAMED])}{', ...' if len(names) > _NAMED else ''}"
             which = f'signals={{"record": {json.dumps(names[0])}}}'
             raise ConfigurationError(f"{log}: holds {len(names)} records ({there}): choose one with {which}")
-        suggestion = suggestion_of(log, choices)
+        facts = facts_beside(log, choices.get("record")) if carried is None else None
+        of_file = facts.facts if facts is not None else RigFacts()
+        suggestion = suggestion_by_facts(log, of_file, choices, registry.load())
         if missing := [*suggestion.blanks, *map(suggestion.rival_words, suggestion.rivals)]:
             raise ConfigurationError(f"{log}: {'; '.join(missing)}: state it in signals={_asked(suggestion)}")
         if "rate" in choices and suggestion.has_time:
@@ -79,7 +86,18 @@ def read(
         if key.startswith("alignment.") and key not in stated
     ]
     name = f"{log.name}:{choices['record']}" if "record" in choices else log.name
-    return Record(name, tables["device"], table, log, doubts, assumed=tuple(dict.fromkeys(assumed)))
+    if facts is not None:
+        options = {"tip_mass": tip_mass, "tare": tare, "force.delay": delay, "force.uncertainty": timing}
+        keys = [*(key for key, value in options.items() if value is not None), *(alignment or {})]
+        facts = facts.without(_facts_of_options(facts, keys, table))
+    return Record(name, tables["device"], table, log, doubts, assumed=tuple(dict.fromkeys(assumed)), facts=facts)
+
+
+def _facts_of_options(facts: StatedFacts, keys: Iterable[str], table: Mapping[str, Any]) -> frozenset[str]:
+    """Return the keys of the facts that arguments state, by their keys of ``[alignment]``."""
+    # A timing excludes any other delay.
+    places = ["alignment.force.delay" if key == "force.uncertainty" else f"alignment.{key}" for key in keys]
+    return facts_set(facts.facts, [f"{place}=0" for place in places], {"alignment": table}, registry.load())
 
 
 def _asked(suggestion: Suggestion) -> str:

@@ -20,6 +20,7 @@ from palpate_notebook.suggestions import with_suggestions
 
 if TYPE_CHECKING:
     import xarray
+    from palpate_kit.curves.stated_facts import StatedFacts
 
     from palpate_notebook.figure_object import Picture
 
@@ -40,6 +41,7 @@ class Record:
     doubts: tuple[str, ...] = ()  # what was guessed
     columns: NamedColumns | None = field(default=None, repr=False)  # of a record in memory
     assumed: tuple[str, ...] = ()  # keys such as "alignment.force.delay" that are not stated
+    facts: StatedFacts | None = field(default=None, repr=False)  # of rig.toml and curves.csv next to its file
 
     @property
     def samples(self) -> xarray.Dataset:
@@ -66,7 +68,10 @@ class Record:
         from palpate_notebook.record_readings import samples_of
 
         tables = {"device": dict(self.devices), "alignment": dict(self.alignment)}
-        return samples_of(source_of(self.name, self.path, tables))
+        source = source_of(self.name, self.path, tables)
+        for assignment in self.facts.overrides if self.facts is not None else ():
+            source.override(assignment)
+        return samples_of(source)
 
     @property
     def _size(self) -> str:
@@ -78,7 +83,8 @@ class Record:
     def __repr__(self) -> str:
         declared = ", ".join(f"{key} {value}" for key, value in self.alignment.items() if not isinstance(value, dict))
         doubts = "".join(f"\n  check: {text}" for text in self.doubts)
-        return f"<Record {self.name}{self._size}; {declared or 'nothing declared'}>{doubts}"
+        facts = "" if self.facts is None else "".join(f"\n  {text}" for text in self.facts.origins)
+        return f"<Record {self.name}{self._size}; {declared or 'nothing declared'}>{facts}{doubts}"
 
     def _repr_html_(self) -> str:
         """What is read from where, what is declared, and what was guessed."""
