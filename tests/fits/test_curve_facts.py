@@ -40,8 +40,8 @@ STATED = {
     "position_of": "tip",
 }
 SENTENCES = {
-    "tip": "The tip was a sphere with a radius of 4 or 5 mm (11 curves).",
-    "tip_uncertainty": "The tip was a sphere with a radius of 5 mm (standard uncertainty 0.2 mm) (1 curve).",
+    "tip": "The tip was an exact sphere with a radius of 4 or 5 mm (11 curves).",
+    "tip_uncertainty": "The tip was an exact sphere with a radius of 5 mm (standard uncertainty 0.2 mm) (1 curve).",
     "thickness": "The finite thickness of the specimens, 10 mm, was corrected by the law of Garcia et al. [3] (1 ",
     "delay": "a delay of the force of 3 ms (standard uncertainty 0.1 ms) was corrected (1 curve).",
     "tare": "The zero of the force was 0.02 N (standard uncertainty 0.001 N); ",
@@ -50,7 +50,7 @@ SENTENCES = {
     "inclination": "The skin under the tip was inclined by 8 deg (1 curve).",
     "mount": "The compliance of the rig (2e+04 N/m) was corrected (1 curve).",
     "beam": "the deflection of the beam of 2000 N/m (standard uncertainty 100 N/m) on it was subtracted (1 curve).",
-    "position_of": "The tip was a sphere",
+    "position_of": "The tip was an exact sphere",
 }
 
 
@@ -66,7 +66,7 @@ def press(seed, thickness=None, n=200):
     return np.column_stack([time, force, -1e3 * depth + 2e-4 * random.standard_normal(n)])
 
 
-def write_study(folder, stated, thicknesses):
+def write_study(folder, stated, thicknesses, tip="sphere"):
     """Curves of layers, and what ``curves.csv`` states of each, by the names of the files."""
     (folder / "study").mkdir()
     for seed, (name, thickness) in enumerate(thicknesses.items()):
@@ -77,7 +77,7 @@ def write_study(folder, stated, thicknesses):
         table = csv.DictWriter(file, ["curve", *columns], restval="")
         table.writeheader()
         table.writerows({"curve": f"{name}.csv", **cells} for name, cells in stated.items())
-    (folder / "study" / "rig.toml").write_text(RIG)
+    (folder / "study" / "rig.toml").write_text(RIG.replace("sphere", tip))
 
 
 def rows_of(folder):
@@ -134,7 +134,7 @@ def test_an_uncertainty_of_another_value_does_not_stay(study):
 def layers(tmp_path, monkeypatch):
     """Three layers, two of which ``curves.csv`` states; ``rig.toml`` states that of the third."""
     heights = {"a": 10e-3, "b": 15e-3, "c": 22e-3}
-    write_study(tmp_path, {"a": {"thickness": "10 mm"}, "b": {"thickness": "15 mm"}}, heights)
+    write_study(tmp_path, {"a": {"thickness": "10 mm"}, "b": {"thickness": "15 mm"}}, heights, "paraboloid")
     with (tmp_path / "study" / "rig.toml").open("a") as file:
         file.write('thickness = "22 mm"\n')
     monkeypatch.chdir(tmp_path)
@@ -158,6 +158,31 @@ def test_an_option_goes_before_curves_csv_and_that_before_the_file_of_facts(laye
     assert done.returncode == 0, done.stderr
     assert ("curves.csv states thickness of 2 of 3 curves" in done.stderr) == (not options)
     assert heights_of(FitFolder(layers / "fits")) == pytest.approx(heights)
+
+
+def test_new_files_and_curves_of_another_pipeline_have_the_facts_of_their_rows(layers, palpate):
+    palpate("fit", "study", "--no-refit", "--out", "fits")
+    np.savetxt("study/d.csv", press(3, 12e-3), delimiter=",", header="time_s,force_N,height_mm", comments="")
+    with (layers / "study" / "curves.csv").open("a") as file:
+        file.write("d.csv,12 mm\n")
+    again = palpate("fit", "fits", "--no-refit")
+    assert again.returncode == 0, again.stderr
+    assert heights_of(FitFolder(layers / "fits")) == pytest.approx([10e-3, 15e-3, 22e-3, 12e-3])
+    each = palpate("fit", "study", "--each", "--pipeline", "fits/pipeline.toml", "--no-refit", "--out", "each")
+    assert each.returncode == 0, each.stderr
+    folder = FitFolder(layers / "each")
+    assert folder.names == ["a.csv", "b.csv", "c.csv", "d.csv"]
+    assert folder.curves_folder is None
+    assert heights_of(folder) == pytest.approx([10e-3, 15e-3, 22e-3, 12e-3])
+
+
+def test_a_file_of_several_curves_is_asked_which(layers, palpate):
+    palpate("fit", "study", "--no-refit", "--out", "fits")
+    path = layers / "fits" / "curves.csv"
+    path.write_text(path.read_text() + "twice,../study/a.csv,,\n")
+    asked = palpate("fit", "study/a.csv", "--pipeline", "fits/pipeline.toml", "--out", "page")
+    assert asked.returncode == 2
+    assert "is 2 curves (study/a.csv, twice)" in asked.stderr
 
 
 def test_python_takes_its_arguments_first(layers):

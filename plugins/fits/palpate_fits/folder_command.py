@@ -26,7 +26,7 @@ from palpate_engine import (
 )
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import offline
-from palpate_kit.curves.curve_list import FILE, LIST, add_groups
+from palpate_kit.curves.curve_list import FILE, LIST, add_groups, fact_counts, stated_in
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable, columns_of_fits, replace_columns, write_dialects
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import change_assignments, write_own
@@ -67,6 +67,8 @@ def fit_folder(path: Path, change: FolderChange) -> None:
         )
     change_folder(path, change)
     folder = FitFolder(path)
+    if change.where is None:
+        _report_listed(folder, change.overrides)
     names = chosen_curves(folder, change.where)
     if not change.fitting:
         typer.echo(f"{stale_count(folder)} of {len(folder.names)} curves are to be fitted: palpate fit {path}")
@@ -82,6 +84,13 @@ def fit_folder(path: Path, change: FolderChange) -> None:
 
         count = refit(folder, names, change.jobs, done)
     _show(path, count, change, refused)
+
+
+def _report_listed(folder: FitFolder, overrides: Sequence[str]) -> None:
+    """Report of how many curves ``curves.csv`` states a fact itself that is stated for all."""
+    keys = {keys[1] for keys, _ in map(parsed_assignment, overrides) if keys[0] == "rig"}
+    if words := fact_counts([stated_in(cells).keys() & keys for cells in folder.entries.values()], len(folder.names)):
+        typer.echo(words, err=True)
 
 
 def _show(path: Path, count: int, change: FolderChange, refused: Mapping[str, str]) -> None:

@@ -112,9 +112,10 @@ def _tip(pipeline: Pipeline) -> Phrase:
     sizes: list[Phrase] = []
     for path, value, unit in numbers_of(tip):
         sizes.append((f"a {' '.join(path).replace('_', ' ')} of ", Quantity(value, unit)))
+    doubt = _std(pipeline, "radius", "m") or _std(pipeline, "curvature_radius", "m")
     separators = [" with ", *[", "] * (len(sizes) - 2), " and "]
     parts = (part for word, size in zip(separators, sizes, strict=False) for part in (word, *size))
-    return (f"The tip was {_article(words)} {words}", *parts, *_std(pipeline, "radius", "m"))
+    return (f"The tip was {_article(words)} {words}", *parts, *doubt)
 
 
 def _zero(pipeline: Pipeline) -> Phrase:
