@@ -26,7 +26,7 @@ class FolderFacts:
     def pipelines(self) -> list[tuple[Pipeline, int]]:
         """The pipelines that the rows were made with and their numbers, that of most first; raises UserError.
 
-        Curves that could not be read or fitted count only if there are no others.
+        Curves that could not be read or fitted count only if all are such.
         """
         names = [row.curve for row in self.rows if not row.error] or [row.curve for row in self.rows]
         return self.folder.pipelines(names)
