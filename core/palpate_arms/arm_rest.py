@@ -14,6 +14,7 @@ from palpate_arms.setpoint_buffer import PERIOD
 _ANSWER = 0.25  # [s] for a stop to be carried out; until then a driver is asked for nothing else
 _WATCHDOG = 0.2  # [s] after which a controller's own watchdog, of 0.1 s, has stopped an arm
 _BRAKES = 1.0  # [s] at most, from a stop to a standstill
+_SPAN = 120_000_000  # [ns] of states that show a standstill; the guard, which hears of the stop later, needs 0.1 s
 _REPEATS = 2.0  # [s] for which a stop is repeated
 _AGAIN = 0.1  # [s] between two of them
 
@@ -45,7 +46,7 @@ class ArmRest:
         self._stopping: Thread | None = None
         self._next_stop = 0.0  # monotonic [s]
         self._failure = ""
-        self._window, self._unasked = RestWindow(), 0  # [ns] until when no state was asked for
+        self._window, self._unasked = RestWindow(_SPAN), 0  # [ns] until when no state was asked for
         self._first_place: list[float] | None = None  # [m] after the stop
         self._place_changes = False
 

@@ -13,22 +13,23 @@ _MAX_SPEED = 0.5e-3  # [m/s] between the means of both halves; 10 times what tha
 
 
 class RestWindow:
-    """States of the last 0.1 s, since an arm was stopped: their places lie together, and do not drift."""
+    """States of the last `span` [ns], since an arm was stopped: their places lie together, and do not drift."""
 
-    def __init__(self) -> None:
+    def __init__(self, span: int = SPAN) -> None:
+        self._span = span
         self._states: deque[tuple[int, tuple[float, ...]]] = deque()  # time [ns], place [m]
 
     def add(self, time: int, place: Sequence[float]) -> None:
         """A state's time [ns], and its place [m]; one axis or three."""
         states = self._states
         states.append((time, tuple(place)))
-        while len(states) > 1 and time - states[1][0] >= SPAN:
+        while len(states) > 1 and time - states[1][0] >= self._span:
             states.popleft()
 
     @property
     def is_full(self) -> bool:
-        """Whether the states cover 0.1 s."""
-        return len(self._states) >= _MIN_STATES and self._states[-1][0] - self._states[0][0] >= SPAN
+        """Whether the states cover the span."""
+        return len(self._states) >= _MIN_STATES and self._states[-1][0] - self._states[0][0] >= self._span
 
     @property
     def speed(self) -> float | None:
@@ -43,7 +44,7 @@ class RestWindow:
 
     @property
     def shows_rest(self) -> bool:
-        """Whether 0.1 s of states show that the tip stands."""
+        """Whether the states show that the tip stands."""
         if not self.is_full:
             return False
         axes = zip(*(place for _, place in self._states), strict=True)

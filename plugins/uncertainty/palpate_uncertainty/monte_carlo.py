@@ -16,6 +16,7 @@ import numpy as np
 from palpate import ConfigurationError, ContactModel, Estimator, Floats, Problem, Samples, Settings
 from palpate_engine import RESULT, Pipeline, build_pipeline, run_pipeline
 from palpate_kit.budget.systematic_terms import weight_per_mass
+from palpate_kit.jobs.process_pool import begin_worker
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.result_file import estimate_of, open_table
 from palpate_kit.runs.run_folder import RunFolder
@@ -123,7 +124,8 @@ def propagate_draws(
     """So many draws of a track, the same for the same seed however many processes share them."""
     chunks = [range(first, min(first + _CHUNK, draws)) for first in range(0, draws, _CHUNK)]
     found: list[Floats] = []
-    with ProcessPoolExecutor(workers, initializer=_lightly if len(case.samples) < _LONG else None) as pool:
+    light = _lightly if len(case.samples) < _LONG else None
+    with ProcessPoolExecutor(workers, initializer=begin_worker, initargs=(light,)) as pool:
         for values in pool.map(partial(_chunk, case, seed), chunks):
             found.append(values)
             report(sum(map(len, found)))

@@ -64,6 +64,7 @@ class Guard:
         self._first_reason = ""
         self.is_stranded = False  # whether an arm was to stop or leave and did not
         self.calls_for_stop: float | None = None  # monotonic [s] since when a person has to press the emergency stop
+        self._is_halt_requested = False
         self._halted: float | None = None  # monotonic [s] since when arms are to stop where they are
         self.peak = PeakForce()
         self._host = HostWatch(limits.held_up if limits is not None else None, self._over, self.trip)
@@ -167,6 +168,20 @@ class Guard:
         """Stop arms that should have ended their motion."""
         if self.tripped is not None and self._moving and not self._over.is_set():
             self.halt()
+
+    def halt_on_request(self) -> None:
+        """Stop the arms where they are, since a person asks for it a second time."""
+        if not self._is_halt_requested and self._moving:
+            self._is_halt_requested = True
+            self.halt()
+
+    def report_halt(self) -> str:
+        """Add to the reason, and return, what is to be known of an arm that was stopped on its way out on request."""
+        if not self._is_halt_requested or self.calls_for_stop is not None or not self._tip.shows_rest:
+            return ""
+        text = self._tip.pressed_in(self.peak.latest)
+        self._add(text)
+        return text
 
     def halt(self) -> None:
         """Stop the arms where they are, also those that are leaving."""

@@ -31,6 +31,7 @@ def run_live(flow: Flow) -> None:
     began, before = clock().now(), clock().processor_time()
     guard = Guard(rig.safety, rig.ports)
     with ExitStack() as stack:
+        stack.enter_context(flow.interrupt.holding_arms())
         facts = flow.facts = LiveFacts(stack.enter_context(real_time_section(flow.interrupt.stop)))
         flow.links = connect_devices(rig, stack)
         live = LiveRun(rig, flow.links, guard, trajectory, flow.take, flow.interrupt)

@@ -95,26 +95,33 @@ def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
         for arm in live.arms.values():
             assert trajectory is not None
             arm.follow(trajectory)
-        for arrivals in live.links.to_the_end(_PATIENCE):
-            live.pass_on(arrivals)
-            if live.interrupt.reason is not None:
-                guard.trip(live.interrupt.reason)  # a signal takes note, and trips nothing
-        _demand_rest(live)
+        _await_end(live)
         for arrivals in live.links.after_the_end():
             live.pass_on(arrivals)
     except BaseException as error:
         guard.trip(error_text(error))
-        for arrivals in live.links.to_the_end(_PATIENCE):  # let the arms retract
-            live.pass_on(arrivals)
-        _demand_rest(live)
+        _await_end(live)  # let the arms retract
         if guard.is_stranded:
             raise guard.error from error
         raise
 
 
-def _demand_rest(live: LiveRun) -> None:
-    """Stop arms where they are that have not ended their motion in time after a stop, and see whether they stand."""
+def _await_end(live: LiveRun) -> None:
+    """Wait until the arms are done; those that are not in time after a stop are stopped where they are."""
+    _await_arms(live, _PATIENCE)
     live.guard.halt_late()
-    for arrivals in live.links.to_the_end(_PATIENCE + _BRAKES):
-        live.pass_on(arrivals)
+    _await_arms(live, _PATIENCE + _BRAKES)
     live.guard.demand_rest(_PATIENCE)
+    if live.interrupt.reason is not None:
+        live.interrupt.reason += live.guard.report_halt()
+
+
+def _await_arms(live: LiveRun, patience: float) -> None:
+    """Pass batches on until the arms are done, or `patience` [s] after a stop."""
+    guard, interrupt = live.guard, live.interrupt
+    for arrivals in live.links.to_the_end(patience):
+        live.pass_on(arrivals)
+        if interrupt.reason is not None:
+            guard.trip(interrupt.reason)  # a signal takes note, and trips nothing
+        if interrupt.asks_for_halt:
+            guard.halt_on_request()

@@ -59,6 +59,13 @@ class StoppedTip:
         where = f", is {at}" if is_known else ""
         return f" {EMERGENCY}: the tip moves at {1e3 * speed:.1f} mm/s{where} and feels {felt:.1f} N."
 
+    def pressed_in(self, felt: float) -> str:
+        """What is said of a tip that stands where its way out was stopped, with the force [N] that it feels."""
+        return (
+            f"; a later Ctrl-C stopped the way out: the tip stands at a height of {1e3 * self.height:.1f} mm, pressed in "
+            f"at {felt:.1f} N: lift it in freedrive"
+        )
+
     def stranded(self, text: str, stands: bool, rest: str) -> str:
         """What is added to the reason of a stop after which the arm did not leave, by a second fault; `rest` of it."""
         advice = _ADVICE + _LIFT if stands else " Then" + _LIFT
