@@ -122,7 +122,7 @@ def test_a_command_looks_for_modules_in_no_current_folder(monkeypatch, capsys):
     monkeypatch.setattr(sys, "path", ["", *sys.path])
     seen = []
     monkeypatch.setattr(
-        "palpate_engine.cli._main", lambda given: seen.append((sys.path[:], os.environ["PYTHONSAFEPATH"]))
+        "palpate_engine.cli.command_line._main", lambda given: seen.append((sys.path[:], os.environ["PYTHONSAFEPATH"]))
     )
     main(["--version"])
     ((path, safe),) = seen

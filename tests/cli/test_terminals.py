@@ -99,6 +99,25 @@ def test_ctrl_c_while_pydantic_makes_a_class_is_ctrl_c(palpate, point_pipeline, 
     assert "SchemaError" not in done.stderr
 
 
+@pytest.mark.parametrize("presses", [1, 5])
+def test_ctrl_c_during_an_import_is_not_lost(palpate, point_pipeline, tmp_path, monkeypatch, presses):
+    """Whatever an import makes of an exception: the press waits until it is over, and the import is whole."""
+    (tmp_path / "modules").mkdir()
+    monkeypatch.syspath_prepend(tmp_path / "modules")
+    (tmp_path / "own.py").write_text(f"import swallows_{presses}\n")
+    (tmp_path / "modules" / f"swallows_{presses}.py").write_text(
+        "import signal\nfrom pathlib import Path\n"
+        f"try:\n    for _ in range({presses}):\n        signal.raise_signal(signal.SIGINT)\n"
+        "except BaseException:\n    pass\n"
+        "Path('whole').touch()\n"
+    )
+    done = palpate("check", point_pipeline, "--plugin", "own.py")
+    assert done.returncode == 130, done.stdout
+    assert done.stderr.endswith("palpate: stopped\n")
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "whole").exists()
+
+
 def test_a_table_too_wide_is_printed_row_by_row(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "30")
     table = Table(title="results")

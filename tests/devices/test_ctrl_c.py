@@ -55,7 +55,9 @@ def test_a_later_press_stops_the_retraction_where_it_is(rig, tmp_path, capsys):
     state = rig.wait_at_rest()
     assert clock().now() - begun < 2.5
     assert state["height"] < -0.0005  # pressed in, and the process waited until it stood there
-    height, force = re.search(r"stands at a height of (\S+) mm, pressed in at (\S+) N: lift it in", result.interrupted).groups()
+    height, force = re.search(
+        r"stands at a height of (\S+) mm, pressed in at (\S+) N: lift it in", result.interrupted
+    ).groups()
     assert float(height) == pytest.approx(1e3 * state["height"], abs=0.1)
     assert float(force) > 0.2
     lines = capsys.readouterr().err.splitlines()

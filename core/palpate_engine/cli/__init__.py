@@ -1,89 +1,28 @@
-"""The command line: the commands of the core and of all plugins, and what an exit code says."""
+"""The command line, and what an exit code says. Nothing else is imported before Ctrl-C is looked after."""
 
 from __future__ import annotations
 
-import contextlib
-import os
-import re
 import sys
-import warnings
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-from palpate.errors import PalpateError
-from palpate.offers import function_of
-from palpate.printable_text import printable
-from palpate.safe_path import safe_processes, without_current_folder
-from palpate.trust import SWITCH, at_the_command_line, inherited_approval, with_plugin_files
-
-from palpate_engine.cli.commands import (
-    CommandCall,
-    Invocation,
-    call_of,
-    demand_no_former_option,
-    epilog,
-    group_text,
-    help_text,
-    is_hidden,
-    parse_arguments,
-    start_text,
-    version_text,
-)
-from palpate_engine.terminal_escape import harmless_output
-
-# One thread of linear algebra, set before numpy is imported: on small matrices more threads only wait for one another,
-# work is spread over processes, and sums have the same bits on any number of cores.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Where Ctrl-C comes while pydantic makes a class, of a part that is imported, it makes an error of its own of it.
-_CTRL_C = re.compile(r"SchemaError: .*\bKeyboardInterrupt: ", re.DOTALL)
+from palpate_engine.cli.import_interrupts import deferred_interrupts
 
 
 def main(arguments: Sequence[str] | None = None, approved: Sequence[str] | None = None) -> None:
     """The ``palpate`` command; where a program calls it on its own, with the SHA-256 that it has `approved`.
 
-    Exit code 0, 2 for what the user can mend, 1 for what they cannot, 128 and the signal's number for what stopped it:
-    130 for Ctrl-C, 143 for SIGTERM, 129 for a terminal that has gone.
+    Exit code 0, 2 for what the user can mend, 1 for what they cannot, 3 where an arm was stopped and no states show
+    that it stands, 128 and the signal's number for what stopped it: 130 for Ctrl-C, 143 for SIGTERM, 129 for a terminal
+    that has gone.
     """
     try:
-        given = sys.argv[1:] if arguments is None else arguments
-        consent = at_the_command_line(given) if approved is None else inherited_approval(approved)
-        with harmless_output(), safe_processes(), without_current_folder(), consent:
-            _main(given)
+        with deferred_interrupts():
+            from palpate_engine.cli.command_line import run_command_line
+
+            run_command_line(sys.argv[1:] if arguments is None else arguments, approved)
     except KeyboardInterrupt:  # while something is set up, or taken down
-        sys.exit(130)
-
-
-def _main(arguments: Sequence[str]) -> None:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # numpy's: numbers out of range become flags, in words
-            try:
-                call(arguments, ends=True)
-            except SystemExit:
-                sys.stdout.flush()  # a full disk is reported here, not by the interpreter
-                raise
-            sys.stdout.flush()
-    except BrokenPipeError:  # the reader of a pipe, such as head, has gone
-        sys.stderr.close()
-        sys.exit(1)
-    except (KeyboardInterrupt, Exception) as error:
-        sys.exit(_report(error))
-
-
-def _report(error: BaseException) -> int:
-    """Print an error that is being handled; its exit code."""
-    if isinstance(error, KeyboardInterrupt) or _CTRL_C.search(f"{type(error).__name__}: {error}"):
         print("palpate: stopped", file=sys.stderr)
-        return 130
-    if isinstance(error, PalpateError):
-        with contextlib.suppress(OSError):  # a terminal that has gone
-            print(f"palpate: {printable(str(error), lines=True)}", file=sys.stderr)
-        return error.exit_code
-    import traceback
-
-    traceback.print_exc()
-    print("palpate: this is a bug in palpate or in a plugin of yours, not in your pipeline", file=sys.stderr)
-    return 1
+        sys.exit(130)
 
 
 def call(arguments: Sequence[str], ends: bool = False) -> None:
@@ -91,55 +30,6 @@ def call(arguments: Sequence[str], ends: bool = False) -> None:
 
     Raises PalpateError, and without `ends` also what the reader of the command's own arguments raises.
     """
-    invocation = parse_arguments(arguments)
-    with _forbidding(invocation.forbids), with_plugin_files(invocation.files):
-        _do(invocation, ends)
+    from palpate_engine.cli.command_line import call as call_command
 
-
-@contextlib.contextmanager
-def _forbidding(forbids: bool) -> Iterator[None]:
-    """Within the context, and in processes that are started in it, no plugin file of a pipeline is executed."""
-    before = os.environ.get(SWITCH)
-    if forbids:
-        os.environ[SWITCH] = "off"
-    try:
-        yield
-    finally:
-        if forbids:
-            os.environ.pop(SWITCH)
-            os.environ.update({SWITCH: before} if before is not None else {})
-
-
-def _do(invocation: Invocation, ends: bool) -> None:
-    if invocation.wants == "version":
-        print(version_text())
-    elif invocation.wants == "start":
-        print(start_text())
-    elif invocation.wants == "help":
-        print(help_text())
-    else:
-        _call(call_of(invocation), ends)
-
-
-def _call(meant: CommandCall, ends: bool) -> None:
-    """Call a command's function with its own arguments, read by its annotations."""
-    import typer
-
-    if meant.command is None:
-        print(group_text(meant))
-        return
-    demand_no_former_option(meant)
-    single = typer.Typer(
-        add_completion=False,
-        pretty_exceptions_enable=False,
-        rich_markup_mode="markdown",  # rich's own markup would take [tables] for tags
-        context_settings={"help_option_names": ["-h", "--help"]},
-    )
-    single.command(name=meant.name, epilog=epilog(meant))(function_of(meant.command))
-    command: Any = typer.main.get_command(single)
-    context = command.context_class(command, **command.context_settings)
-    for parameter in command.get_params(context):  # with --help, of which the command keeps one object
-        parameter.hidden |= is_hidden(meant, parameter.opts)
-        if getattr(parameter, "is_flag", False):
-            parameter.metavar = ""  # it takes no value, and the help shows no type
-    command(args=list(meant.arguments), prog_name=f"palpate {meant.name}", standalone_mode=ends)
+    call_command(arguments, ends)

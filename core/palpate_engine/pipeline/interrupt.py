@@ -77,7 +77,9 @@ class Interrupt:
         if self.asks_for_halt:
             return "Ctrl-C: the arm stops where it is; the run ends once it stands"
         if not is_first:
-            return f"Ctrl-C: counts as the first one, {_ONE_PRESS:g} s after which another one stops the arm where it is"
+            return (
+                f"Ctrl-C: counts as the first one, {_ONE_PRESS:g} s after which another one stops the arm where it is"
+            )
         if self._holds_arms:
             return "Ctrl-C: the arm stops and leaves the material"
         return "Ctrl-C: the run is stopped, and what was found is written"
