@@ -15,7 +15,9 @@ from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.rotations import matrix_of
 
 NO_WRENCH = (math.nan,) * 6
-_NEAR = 5e-3  # [m] between the controller's pose and that of the kinematic model
+KINEMATICS_TOLERANCE = (
+    5e-3  # [m] from the controller's pose to that of a nominal model: real arms differ by millimetres
+)
 
 
 class ArmFaultError(Exception):
@@ -102,11 +104,18 @@ class ArmDriver(ABC):
         own = self.model.tip(list(reading.joints), self.tool)[0]
         apart = float(np.linalg.norm(own[:3, 3] - matrix_of(list(reading.pose))[:3, 3]))
         self.facts["nominal_kinematics_off"] = apart
-        if apart > _NEAR:
+        if apart > KINEMATICS_TOLERANCE:
             raise DeviceError(
                 f"the controller reports the tip {1e3 * apart:.1f} mm from where the joints of a {self.model.name} put "
                 "it: is this another arm, or another tool?"
             )
+
+    def target(self) -> Sequence[float] | None:
+        """The pose that the controller holds at rest, in the frame in which `send` commands; None if not known.
+
+        It is asked for once, before anything is sent: where it differs from the pose that was measured, nothing moves.
+        """
+        return None
 
     def enable(self) -> None:  # noqa: B027
         """Last action before commands are sent, such as starting a watchdog that must be fed."""

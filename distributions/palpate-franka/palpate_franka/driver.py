@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 from palpate import DeviceError, Floats, clock
-from palpate_arms.arm_driver import ArmDriver, ArmFaultError, ArmReading
+from palpate_arms.arm_driver import KINEMATICS_TOLERANCE, ArmDriver, ArmFaultError, ArmReading
 from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.rotations import matrix_of, pose_of
 
 from palpate_franka.client import connected, reservation, words_of
 from palpate_franka.robot_states import complaint, error_bits, error_names, explained, names_of
 
-_NEAR = 5e-3  # [m] between the controller's flange and that of the kinematic model
 _ROBOT = re.compile(r'<robot[^>]*\bname="([^"]*)"')
 _CREEP = 0.01  # [rad/s] at which friction is compensated
 _POSTURE = 10.0  # [N m/rad] that holds the elbow
@@ -98,7 +97,7 @@ class FrankaDriver(ArmDriver):
         assert self.model is not None  # that of its type
         flange = state.O_T_EE.matrix @ np.linalg.inv(state.F_T_EE.matrix)
         apart = float(np.linalg.norm((flange - self.model.flange(state.q.tolist())[0])[:3, 3]))
-        if apart > _NEAR:
+        if apart > KINEMATICS_TOLERANCE:
             raise DeviceError(f"its flange is {1e3 * apart:.1f} mm from where the joints of a {self.model.name} put it")
 
     def _hold(self) -> None:

@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 from palpate import DeviceError, Floats, clock
-from palpate_arms.arm_driver import ArmDriver, ArmFaultError, ArmReading, DeadLinkError, GarbledStateError
+from palpate_arms.arm_driver import (
+    KINEMATICS_TOLERANCE,
+    ArmDriver,
+    ArmFaultError,
+    ArmReading,
+    DeadLinkError,
+    GarbledStateError,
+)
 from palpate_arms.setpoint_buffer import PERIOD
 from palpate_kit.acquisition.computer import host
 from palpate_kit.acquisition.device_lock import network_device
@@ -23,11 +30,11 @@ from palpate_devices.ur.controller_states import NORMAL, RUNNING, STOPPED, compl
 
 _VARIABLES = [
     *("timestamp", "actual_q", "actual_qd", "actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force"),
+    "target_TCP_pose",
     *("robot_mode", "safety_mode", "runtime_state", "robot_status_bits", "safety_status_bits"),
     *("target_speed_fraction", "speed_scaling"),
 ]
 _LOAD = ["payload", "payload_cog"]
-_NEAR = 5e-3  # [m] between the controller's pose and that of the nominal kinematics
 _SIX = 6  # numbers of each part of a state
 _MUTE = 25  # periods in which a stop has to reach the other connection, too
 _SAFETY_MODES = range(1, 14)  # that a controller has
@@ -106,7 +113,7 @@ class URDriver(ArmDriver):
     def _tell_tool(self, q: list[float], pose: Floats) -> None:
         """Where the tool is by the joints: the controller's pose is that of whatever tool the pendant has."""
         nearest, apart = distinguishable(q, self.tool, pose[:3, 3])
-        self.model = nearest if apart < _NEAR else MODELS.get(self.settings["model"], MODELS["ur3e"])
+        self.model = nearest if apart < KINEMATICS_TOLERANCE else MODELS.get(self.settings["model"], MODELS["ur3e"])
         on_flange = np.linalg.inv(self.model.flange(q)[0]) @ pose
         if self.settings["tcp_rotation"] is None:
             self.tool[:3, :3] = on_flange[:3, :3]
@@ -117,12 +124,19 @@ class URDriver(ArmDriver):
             apart = float(np.linalg.norm(self.model.tip(q, self.tool)[0][:3, 3] - place))
         else:
             self.model, apart = distinguishable(q, self.tool, place)
-        if apart > _NEAR:
+        if apart > KINEMATICS_TOLERANCE:
             raise RuntimeError(
                 f"the controller reports the tip {1e3 * apart:.1f} mm from where the joints of a {self.model.name} put "
                 f"it: is this another arm? ([device.*] model is one of {', '.join(MODELS)})"
             )
         self.facts |= {"model": self.model.name, "nominal_kinematics_off": apart}
+
+    def target(self) -> Sequence[float] | None:
+        """Of its position control."""
+        pose = self._receive.getTargetTCPPose()
+        if len(pose) != _SIX:
+            raise ArmFaultError("the controller does not send its target pose")
+        return [float(x) for x in pose]
 
     def enable(self) -> None:
         """The watchdog: it must be fed."""

@@ -7,7 +7,7 @@ from collections import deque
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, clock
+from palpate import ConfigurationError, Floats, clock
 from palpate_kit.kinematics.rotations import pose_of, rotation_matrix
 
 from palpate_simulation.sensor_wrench import flange_wrench
@@ -59,6 +59,7 @@ class Controller:
         self.uploads = 0
         self.stuck: list[float] | None = None  # the pose that it keeps reporting
         self.no_number = False  # its pose is not a number
+        self.pose_offset, self.frame_offset = np.zeros(3), np.zeros(3)  # [m] of its pose; of its pose and its target
         self.stamp_leap = 0.0  # [s] of its time-stamps
         self.speed_factor = 1.0  # of the tip's speed that it reports
         self.pendant_tcp = arm.tcp
@@ -179,6 +180,7 @@ class Controller:
         self._slider, self._scaling, self.arm.pace = 1.0, 1.0, 1.0
         self.unknown_output, self.refuses_start, self.remote, self.deaf = "", False, True, False
         self.stamp_leap, self.speed_factor = 0.0, 1.0
+        self.pose_offset, self.frame_offset = np.zeros(3), np.zeros(3)
         self.stuck, self.no_number, self.arm.jammed, self.arm.brakes = None, False, False, math.inf
         self.arm.q, self.arm.qd, self.arm.tcp = q, np.zeros_like(q), self.pendant_tcp
 
@@ -216,7 +218,7 @@ class Controller:
         error, error_rate = noise[0] * (self._noise[0] / lever), noise[1] * (self._noise[1] / lever)
         q, qd, shift = arm.q + error, arm.qd + error_rate, jacobian @ error
         measured = pose.copy()
-        measured[:3, 3] += shift[:3]
+        measured[:3, 3] += shift[:3] + self.pose_offset + self.frame_offset
         measured[:3, :3] = rotation_matrix(shift[3:].tolist()) @ pose[:3, :3]
         emergency = self._safety == _EMERGENCY
         self._state |= {
@@ -227,7 +229,7 @@ class Controller:
             "target_qd": arm.qd.tolist(),
             "actual_TCP_pose": pose_of(measured),
             "actual_TCP_speed": (self.speed_factor * (jacobian @ qd)).tolist(),
-            "target_TCP_pose": pose_of(pose),
+            "target_TCP_pose": _shifted(pose_of(pose), self.frame_offset),
             "actual_TCP_force": self.force.tolist(),
             "ft_raw_wrench": flange_wrench(arm.tip(_FLANGE)[0], *self.load),
             "robot_mode": _POWER_OFF if emergency else self._robot_mode,
@@ -267,6 +269,10 @@ class Controller:
         modes = mode, self._safety, self._runtime
         facts = dashboard_facts(modes, ".".join(map(str, VERSION)), self.arm.model.name, self.remote)
         return facts.get(line, f"could not understand: '{line}'")
+
+
+def _shifted(pose: list[float], offset: Floats) -> list[float]:
+    return [*(np.array(pose[:3]) + offset).tolist(), *pose[3:]]
 
 
 def _fraction(given: float) -> float:

@@ -139,6 +139,7 @@ class DirectStates:
         "getActualQd": "actual_qd",
         "getTargetQ": "target_q",
         "getActualTCPPose": "actual_TCP_pose",
+        "getTargetTCPPose": "target_TCP_pose",
         "getActualTCPSpeed": "actual_TCP_speed",
         "getActualTCPForce": "actual_TCP_force",
         "getFtRawWrench": "ft_raw_wrench",

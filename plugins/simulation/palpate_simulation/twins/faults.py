@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from palpate import ConfigurationError, clock, suggest
 
 from palpate_simulation.twins.specimen_change import restart_at, soften_specimen
@@ -26,6 +27,8 @@ FAULTS = {
     "stall SECONDS": "everything stands still for this long; up to 0.5 s is then made up for",
     "stuck-pose": "the controller keeps reporting the pose of this moment, whatever the arm does",
     "nan-pose": "the controller's pose is not a number",
+    "pose-offset X Y Z": "the controller reports a pose that is off by this [mm], in the base; its target is right",
+    "frame-offset X Y Z": "the same of its target: it takes commands in another frame than that of its poses",
     "state-rate HERTZ": "the controller sends its state so often, at most 500 Hz, and takes commands as before",
     "wrong-speed FACTOR": "the controller reports this many times the tip's speed",
     "stamp-leap SECONDS": "the controller's time-stamps leap ahead by this, or are not numbers for nan",
@@ -110,6 +113,13 @@ def _turned(world: World, words: Words) -> None:
     world.turn_gravity((x, y, z))
 
 
+def _offset(name: str) -> Action:
+    """The action that sets an offset of the controller's poses, from millimetres."""
+    return lambda world, words: setattr(
+        world.controller, name, 1e-3 * np.array([float(words[axis]) for axis in range(3)])
+    )
+
+
 def _pressed(world: World, _: Words) -> None:
     controller = world.controller
     if controller.is_stopped_by_button:
@@ -137,6 +147,8 @@ _ACTIONS: dict[str, Action] = {
     "thaw": _set("ports", "frozen", False),
     "stuck-pose": lambda world, _: world.controller.stick(),
     "nan-pose": _set("controller", "no_number", True),
+    "pose-offset": _offset("pose_offset"),
+    "frame-offset": _offset("frame_offset"),
     "state-rate": lambda world, words: world.send_states_at(float(words[0])),
     "wrong-speed": lambda world, words: setattr(world.controller, "speed_factor", float(words[0])),
     "stamp-leap": lambda world, words: setattr(world.controller, "stamp_leap", float(words[0])),
@@ -196,6 +208,8 @@ _NUMBERS = {
     "turn": "three numbers",
     "push": "three numbers",
     "twist": "three numbers",
+    "pose-offset": "three numbers",
+    "frame-offset": "three numbers",
     "start": "six numbers",
     "lead": "six numbers",
     "saturated-force": "two numbers",
@@ -226,8 +240,6 @@ def make_fault(world: World, words: list[str]) -> None:
 
 def _state(world: World) -> str:
     import json
-
-    import numpy as np
 
     controller, sensor = world.controller, world.sensor
     facts = {

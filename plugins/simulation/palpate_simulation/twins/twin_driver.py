@@ -39,6 +39,11 @@ class TwinDriver(ArmDriver):
             self._commands = DirectCommands(self._ports)
             self._commands.setTcp(pose_of(self.tool))
 
+    def target(self) -> Sequence[float] | None:
+        """Of the twin."""
+        pose: list[float] = self._states.getTargetTCPPose()
+        return pose
+
     def enable(self) -> None:
         """The watchdog."""
         self._commands.setWatchdog(_WATCHDOG)
