@@ -1,6 +1,8 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
 from .arm_limits import (
+    RETREAT as RETREAT,
+    RETREAT_SPEED as RETREAT_SPEED,
     ArmLimits as ArmLimits,
     ForceWatch as ForceWatch,
     Shareable as Shareable,

@@ -13,6 +13,7 @@ from palpate.repeated_readings import Repeats
 from palpate.sound_force import SoundForce
 from palpate.vectors import Floats
 
+RETREAT, RETREAT_SPEED = 0.5e-3, 2e-3  # [m], [m/s] of the retreat before a motion
 NO_DEPTH = 1e3  # [m]; the box alone counts
 NO_AGE = 1e3  # [s]; readings and states may be as old as they are
 

@@ -62,7 +62,7 @@ class ArmDevice(ArmSettings):
         sound = {"sound_status": dict(self.status_channels), "stop_modes": None}
         if (modes := self.stop_modes) is not None:
             sound["stop_modes"] = asdict(modes)
-        own = {key: getattr(self, key) for key in ("joint_speed", "tracking", "links_low", "links_high")}
+        own = {key: getattr(self, key) for key in ("joint_speed", "tracking", "deadband", "links_low", "links_high")}
         return {
             "driver": class_place(self.driver()),
             "settings": {**sound, **self.driver_settings(identity, observe)},

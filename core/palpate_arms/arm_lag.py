@@ -8,6 +8,7 @@ from palpate import Floats
 from palpate_arms.setpoint_buffer import PERIOD
 
 DELAY = 0.045  # [s] of an arm beyond the lag of its servo: states, commands, and what its servo does not report
+STATIC_ERROR = 0.2e-3  # [m] that an arm at rest may be off its command
 _ENOUGH = 0.5e-3**2  # [m^2/s^2] variance of the commanded speed, from which a lag shows
 
 

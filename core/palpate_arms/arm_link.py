@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import typer
 from palpate import (
+    RETREAT,
+    RETREAT_SPEED,
     ArmLimits,
     Batch,
     ConfigurationError,
@@ -39,8 +41,9 @@ from palpate_arms.arm_settings import ArmSettings
 from palpate_arms.arm_states import ArmStates, low_rate
 from palpate_arms.driver_time import shortfall_text
 from palpate_arms.force_control import refusal
+from palpate_arms.handshake_path import StatedArm, outward_path
 from palpate_arms.lateness import lateness_table
-from palpate_arms.servo_law import ServoLaw, straight_path
+from palpate_arms.servo_law import own_law, straight_path
 from palpate_arms.setpoint_buffer import PERIOD, write_setpoints
 
 _POLL = 0.006  # [s]
@@ -70,6 +73,8 @@ class ArmLink:
         self._lag: float | None = None  # [s] that was seen
         self._driver_time = 0.0  # [s] of each period that its driver takes
         self._stands = False  # its process has seen 0.1 s of states that show that the tip stands
+        self._has_retreated = False
+        self._answers: list[dict[str, float]] = []  # of the arm to its first commands
 
     @property
     def model(self) -> ArmModel:
@@ -125,8 +130,16 @@ class ArmLink:
                 "room for the retreat that checks whether it is free; bring it down by hand or raise [safety] high"
             )
         self._child.tell("retreat", way=way, speed=speed, foot=plane.foot.tolist(), normal=plane.normal.tolist())
-        law = ServoLaw("servo", 0.0, 0.0, speed, speed, self._settings.acceleration)
-        return float(straight_path(place, place + way * plane.normal, law).times[-1]) + _HEARD
+        law = own_law(speed, self._settings.acceleration)
+        if self._has_retreated:
+            return float(straight_path(place, place + way * plane.normal, law).times[-1]) + _HEARD
+        self._has_retreated = True
+        return outward_path(place, plane.normal, way, law, self._stated).duration + _HEARD
+
+    @property
+    def _stated(self) -> StatedArm:
+        settings = self._settings
+        return StatedArm(settings.command_lag, settings.deadband, settings.controller_stiffness is not None)
 
     def approach_path(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
         """The way to the first setpoint; see `palpate.SupportsApproach`."""
@@ -135,6 +148,8 @@ class ArmLink:
     def follow(self, trajectory: Trajectory) -> None:
         """Go to the first setpoint, then follow them all."""
         self.approach_path(trajectory)  # refused where it is too far
+        if not self._has_retreated:
+            self.retreat(RETREAT, RETREAT_SPEED)  # the first motion of a connection shows that the arm obeys
         law = asdict(trajectory.force_law) if isinstance(trajectory, ForceControlled) else None
         if law is not None and surface_of(trajectory) is not None:
             raise ConfigurationError(
@@ -178,6 +193,8 @@ class ArmLink:
         match message["say"]:
             case "done":
                 self._lag, self._driver_time = message["lag"], message["driver_time"]
+            case "answers":
+                self._answers += message["answers"]
             case "limit":
                 self._has_stopped(message)
             case "failing" if self._trip is not None:  # it is being stopped, which takes its time
@@ -238,6 +255,7 @@ class ArmLink:
             **self._identity,
             **({"flags": flags} if (flags := self._flags(commands)) else {}),
             **({} if self._lag is None else {"lag_seen": self._lag}),
+            **({"handshake": self._answers} if self._answers else {}),
             **({} if stiffness is None else {"controller_stiffness": stiffness}),
             **({"own_stop": self._stopped} if self._stopped else {}),
             "tool_off_by_deg": math.degrees(turn),

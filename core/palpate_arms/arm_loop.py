@@ -24,6 +24,7 @@ from palpate_arms.commanded_arm import CommandedArm
 from palpate_arms.fence import Fence
 from palpate_arms.force_watch import ForceEye
 from palpate_arms.motion_offer import MotionOffer
+from palpate_arms.obedience import Obedience
 from palpate_arms.posture_fence import Verdict
 from palpate_arms.servo import Commander
 from palpate_arms.servo_law import ServoLaw, tick_room
@@ -59,6 +60,7 @@ class ArmLoop:
         self._timeout = settings["controller_timeout"]
         self._watch = ArmWatch(robot, self._timeout)
         self._beat, self._lag = Beat(), LagMeter()
+        self._obedience = Obedience(robot, self._fence, settings["own"], self._law.gives_way)
 
     def run(self) -> NoReturn:
         """One cycle after another, each at its deadline; an error ends the process, and the motion, at once."""
@@ -120,7 +122,9 @@ class ArmLoop:
         if verdict is not None:
             commander.take_back()
             self._fence.taken_back()
-        elif commander.mode in _MOVING:
+        else:
+            self._obedience.note_command(commander.command)
+        if verdict is None and commander.mode in _MOVING:
             if commander.mode == "follow" and seen.fresh:
                 self._lag.add(commander.command, before[0], seen.position)
             verdict = self._fence.in_motion(commander.command, seen)
@@ -154,12 +158,22 @@ class ArmLoop:
 
     def _take_state(self) -> None:
         if self._robot.poll():
+            self._demand_obedience()
             self._watch.check_state()
             if self._commander is None:
                 robot = self._robot
                 self._commander = Commander(self._law, robot.look().position, robot.turn())
                 self._setpoint = self._commander.setpoint
             self._record_state()
+
+    def _demand_obedience(self) -> None:
+        """Stop an arm whose newest state shows that it does not do as it was commanded, in its first motion."""
+        if self._commander is None:
+            return
+        if (text := self._obedience.fault(self._commander)) is not None:
+            self._fail(GarbledStateError(text))
+        if self._obedience.answers:
+            self._parent.tell("answers", answers=self._obedience.take_answers())
 
     def _record_state(self) -> None:
         robot = self._robot
@@ -210,7 +224,7 @@ class ArmLoop:
                 commander.law = self._law
             case "watch":
                 self._eye = ForceEye(self._parent.descriptors.pop(0), message)
-                self._fence.give = deflection(self._eye.stop, self._own.get("stiffness"))
+                self._fence.give_way(deflection(self._eye.stop, self._own.get("stiffness")))
             case "retreat" | "follow" if self._fence.limits is None:
                 self._refuse("no limits were set: `link.limit` comes before a motion", commander)
             case "retreat":
@@ -219,11 +233,20 @@ class ArmLoop:
                 if not commander.plane.is_one:
                     self._fail(ArmFaultError("the plane of the first station is invalid"))
                 self._begin(commander)
-                commander.retreat(message["way"], message["speed"])
+                self._retreat(commander, message["way"], message["speed"])
+            case "follow" if not self._obedience.has_begun:
+                self._refuse("the arm has not shown that it obeys: `link.retreat` comes before a motion", commander)
             case "follow":
                 plan = Plan.in_file(self._parent.descriptors.pop(0), message["rows"])
                 law = None if message.get("law") is None else ForceLaw(**message["law"])
                 self._offered = MotionOffer(plan, law)
+
+    def _retreat(self, commander: Commander, way: float, speed: float) -> None:
+        """The first retreat of a connection is one in steps, by which the arm shows that it obeys."""
+        if self._obedience.has_begun:
+            commander.retreat(way, speed)
+        elif (text := self._obedience.retreat(commander, way, speed)) is not None:
+            self._refuse(text, commander)
 
     def _begin(self, commander: Commander) -> None:
         commander.settle(self._robot.look().position, self._robot.turn())
@@ -238,7 +261,7 @@ class ArmLoop:
         if text is not None:
             self._offered = None
             self._refuse(text, commander)
-        elif offer.is_whole:
+        elif offer.is_whole and not self._obedience.is_busy(commander, offer.plan):
             self._offered = None
             self._begin(commander)
             commander.follow(offer.plan, offer.law)

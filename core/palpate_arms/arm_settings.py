@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from palpate import (
+    RETREAT,
     Acceleration,
     Angle,
     AngularSpeed,
@@ -82,6 +83,9 @@ class ArmSettings(Device):
         default=math.pi / 2, gt=0, le=math.pi, description="highest joint speed that a command may require"
     )
     tracking: Length = Field(default=0.01, gt=0, le=0.05, description="largest distance of the arm from its command")
+    deadband: Length = Field(
+        default=0.0, ge=0, lt=RETREAT, description="of a command, so much at most the arm may leave undone"
+    )
     links_low: tuple[Length, ...] = Field(
         default=(-2.0, -2.0, 0.0),
         min_length=3,

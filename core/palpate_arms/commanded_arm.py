@@ -135,8 +135,16 @@ class CommandedArm:
 
     def look(self) -> ArmState:
         """Where the tip is, how fast and how turned; whether it is news since the last look."""
-        inwards, fresh, state = self._out.T, self.fresh, self.rows.state
-        self.fresh = False
+        fresh, self.fresh = self.fresh, False
+        return self._arm_state(fresh)
+
+    @property
+    def motion_state(self) -> ArmState:
+        """The same of the newest state, which stays news to the next look."""
+        return self._arm_state(True)
+
+    def _arm_state(self, fresh: bool) -> ArmState:
+        inwards, state = self._out.T, self.rows.state
         rotation = rotation_matrix(self.state[state["rotation"]])
         velocity = inwards @ np.array(self.state[state["velocity"]])
         return ArmState(self.position, velocity, rotation, self.state[state["joints"]], fresh)
@@ -145,6 +153,20 @@ class CommandedArm:
     def position(self) -> Floats:
         """Of the tip in the work frame (3,) [m]."""
         return np.asarray(self._out.T @ (np.array(self.state[self.rows.state["position"]]) - self._origin))
+
+    @property
+    def pose(self) -> list[float]:
+        """Of the tip in the base: [m] and rotation vector [rad], as the controller reports it."""
+        return self.state[self.rows.pose]
+
+    @property
+    def base_place(self) -> Floats:
+        """Of the tip in the base (3,) [m]."""
+        return np.array(self.state[self.rows.state["position"]])
+
+    def target_of(self, position: Floats) -> Floats:
+        """Place in the base (3,) [m] that is sent for a position in the work frame."""
+        return np.asarray(self._origin + self._out @ position)
 
     def turn(self) -> Floats:
         """Rotation vector (3,) of the tool from its orientation by the work frame."""
@@ -160,7 +182,7 @@ class CommandedArm:
 
         Raises ArmFaultError where the link is lost.
         """
-        target = (self._origin + self._out @ position).tolist()
+        target = self.target_of(position).tolist()
         if self._turned is None or not np.array_equal(self._turned[0], turn):
             rotation = rotation_vector(self._work.tool @ rotation_matrix(turn.tolist()))
             self._turned = turn.copy(), rotation.tolist()

@@ -12,7 +12,7 @@ from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_arms.arm_lag import DELAY
+from palpate_arms.arm_lag import DELAY, STATIC_ERROR
 from palpate_arms.arm_state import ArmState
 from palpate_arms.posture_fence import PostureFence, Verdict
 from palpate_arms.setpoint_buffer import PERIOD
@@ -26,7 +26,6 @@ _MORE = 1.2  # what a command may do for a moment, in limits
 _SLACK = 4e-3  # [m/s] of noise in one command
 _EXCESS = 2e-3  # [m/s] of noise in a measured speed
 _MARGIN = 1e-3  # [m] that a command may lead, or a measured tip may swing, over the box of the setpoints
-_STATIC = 0.2e-3  # [m] that an arm at rest may be off its command
 _SUDDEN = 1.5
 _ASKEW = 1.5  # limits between a measured tool and the normal; a command has one, and the arm follows it within one
 
@@ -45,8 +44,9 @@ class Fence:
         self._commands: deque[Floats] = deque(maxlen=2 * _WINDOW + 1)
         self._speeds: deque[Floats] = deque(maxlen=_WINDOW)
         self._lag = own.get("lag", 0.0)
-        self.give = 0.0  # [m] by which the arm gives way to the force that stops it
-        self._following = TrackingError(self._lag)
+        self._deadband = own.get("deadband", 0.0)
+        self.give = self._deadband  # [m] by which the arm may stand off its command, also at the force that stops it
+        self._following = TrackingError(self._lag, self._deadband)
         self.begin(np.zeros(3))
 
     def begin(self, command: Floats) -> None:
@@ -54,6 +54,10 @@ class Fence:
         self._commands.extend([command.copy()] * (2 * _WINDOW + 1))
         self._speeds.clear()
         self._following.begin(command)
+
+    def give_way(self, deflection: float) -> None:
+        """Allow for an arm that gives way by so much [m] to the force that stops it."""
+        self.give = deflection + self._deadband
 
     @property
     def lead(self) -> float:
@@ -65,7 +69,7 @@ class Fence:
         if self.limits is None:
             return float(self._tracking)
         way = self.limits["speed"] * (self._lag + DELAY)
-        return float(min(self._tracking, max(way, _STATIC) + self.give))
+        return float(min(self._tracking, max(way, STATIC_ERROR) + self.give))
 
     def table(self, rows: Floats) -> Verdict | None:
         """Rows (n, 16) of a plan, before anything moves."""

@@ -8,7 +8,7 @@ import numpy as np
 from palpate import Floats, ForceLaw
 
 from palpate_arms.force_control import ForceLead
-from palpate_arms.servo_law import ServoLaw, straight_path
+from palpate_arms.servo_law import ServoLaw, own_law, straight_path
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_arms.setpoint_rows import PLAN, SETPOINT
 from palpate_arms.station_plane import LEVEL, StationPlane
@@ -82,9 +82,17 @@ class Commander:
         """Go outwards along the normal of the station by a length [m] at a speed [m/s], and stay."""
         if self.mode not in ("hold", "stay"):
             return
-        law = ServoLaw("servo", 0.0, 0.0, speed, speed, self.law.acceleration)
+        law = own_law(speed, self.law.acceleration)
         self.home = self.command.copy()
         self._set_out(self.command + length * self.plane.normal, law, self.turn)
+        self.mode = "retreat"
+
+    def walk(self, places: Floats) -> None:
+        """Go through places (n, 3) [m] in the work frame, one in each period, and stay at the last of them."""
+        if self.home is None:
+            self.home = self.command.copy()
+        self._turn_from, self._turn_by = self.turn, np.zeros(3)
+        self._way = [(place, 1.0) for place in places]
         self.mode = "retreat"
 
     def follow(self, plan: Plan, law: ForceLaw | None = None) -> None:

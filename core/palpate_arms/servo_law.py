@@ -13,7 +13,7 @@ from palpate_arms.setpoint_buffer import PERIOD
 
 _SHORTEST = 0.15  # [s] of a way, however short
 _OWN = 0.85  # of the speed limit: two steps of that in one tick are still below 1.2 of it
-_OVERSHOOT = 1.37  # in speed, of a mass on a spring whose damping ratio is 0.3: 1 + exp(-pi 0.3 / sqrt(1 - 0.3^2))
+OVERSHOOT = 1.37  # in speed, of a mass on a spring whose damping ratio is 0.3: 1 + exp(-pi 0.3 / sqrt(1 - 0.3^2))
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class ServoLaw:
 
     def within(self, limits: dict[str, Any]) -> ServoLaw:
         """The law whose own motions and commands keep the limits of a motion, by what the arm does."""
-        own = _OWN * limits["speed"] / (_OVERSHOOT if self.gives_way else 1.0)
+        own = _OWN * limits["speed"] / (OVERSHOOT if self.gives_way else 1.0)
         return replace(
             self,
             approach_speed=min(self.approach_speed, own),
@@ -46,6 +46,11 @@ class ServoLaw:
             angular_speed=limits["angular_speed"],
             most=limits["speed"],
         )
+
+
+def own_law(speed: float, acceleration: float) -> ServoLaw:
+    """The law of a way that the kit makes by itself at a speed [m/s]."""
+    return ServoLaw("servo", 0.0, 0.0, speed, speed, acceleration)
 
 
 def tick_room(limits: dict[str, Any] | None, state_period: float, ahead: float) -> float:

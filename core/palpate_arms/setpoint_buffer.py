@@ -20,6 +20,7 @@ _BLOCK = 512  # rows that are read at a time
 _AHEAD = 32  # blocks; so early the system is asked for one
 _ROW_BYTES = 8 * PLAN.size
 _PLACE = PLAN["position"]
+_ACROSS = slice(_PLACE.start, _PLACE.start + 2)
 _LEVEL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # no turn, and the plane of the work frame
 
 
@@ -31,6 +32,7 @@ class Plan:
         self._blocks: dict[int, Floats] = {}  # two at most
         # [m/s], [rad/s], [m] of the rows that were looked over
         self.fastest, self.fastest_turn, self.lowest = 0.0, 0.0, np.inf
+        self.lateral = 0.0  # [m] across the normal of the work frame, from the first row, along an axis
         self.ends = np.zeros((2, PLAN.size))  # first and last row that were looked over
 
     @classmethod
@@ -83,6 +85,7 @@ class Plan:
             self.ends[1] = rows[-1]
             if first == 0:
                 self.ends[0] = rows[0]
+            self.lateral = max(self.lateral, float(np.abs(rows[:, _ACROSS] - self.ends[0, _ACROSS]).max(initial=0.0)))
             self.lowest = min(self.lowest, float(rows[:, _PLACE.stop - 1].min()))
             yield rows
 

@@ -17,9 +17,13 @@ _STUCK, _STUCK_WAY, _STUCK_PART = 40, 0.8e-3, 0.1  # periods, [m], part of the c
 
 
 class TrackingError:
-    """Commands and measured places of a motion, side by side; a soft servo is allowed twice its own lag [s]."""
+    """Commands and measured places of a motion, side by side; a soft servo is allowed twice its own lag [s].
 
-    def __init__(self, lag: float) -> None:
+    An arm with a deadband [m] stands still, also to the last bit, until its command is so far away.
+    """
+
+    def __init__(self, lag: float, deadband: float = 0.0) -> None:
+        self._still_way = _STILL_WAY + deadband
         self._window = _STUCK + round(2.0 * lag / PERIOD)
         self._past: deque[tuple[int, Floats, Floats]] = deque()
         self._cycles = 0  # of the motion
@@ -52,7 +56,7 @@ class TrackingError:
             self._same, self._anchor = 0, command.copy()
         self._last = position.tolist()
         gone = length(command - self._anchor)
-        if self._same >= _STILL and gone > _STILL_WAY:
+        if self._same >= _STILL and gone > self._still_way:
             return f"the measured pose does not change in any digit while the arm was commanded to move by {mm(gone)}"
         if steps:
             exact = any(math.dist(place, self._last) < _EXACT for place in self._recent)

@@ -12,6 +12,7 @@ from palpate_engine.pipeline import run_pipeline
 from palpate_testing import simulated_time
 
 NAME = "palpate_mine"
+WORK = {"origin": (0.45, 0.0, 0.1)}
 SHORT = ("trajectory.press.duration=1 s", "safety.standstill=0.2 s", "alignment.tare_duration=0.15 s")
 
 
@@ -46,8 +47,7 @@ def run_software_arm(mine, software, monkeypatch, tmp_path, capfd):
     calls = []
 
     def go(arm, *overrides):
-        monkeypatch.setattr(importlib.import_module(f"{NAME}.driver"), "SoftwareArm", arm)
-        monkeypatch.setattr(software, "SoftwareArm", arm)
+        use(monkeypatch, software, arm)
         text = (folder / "point.toml").read_text()
         file = tmp_path / "point.toml"
         file.write_text(text.replace("seed = 1\n", f'seed = 1\nplugins = ["{folder / "mine.py"}"]\n'))
@@ -68,3 +68,9 @@ def run_software_arm(mine, software, monkeypatch, tmp_path, capfd):
 def unlike(base, **methods):
     """A class of the arm in software with other methods."""
     return type("Unlike", (base,), {"made": [], **methods})
+
+
+def use(monkeypatch, software, arm):
+    """Let the driver make this arm."""
+    monkeypatch.setattr(importlib.import_module(f"{NAME}.driver"), "SoftwareArm", arm)
+    monkeypatch.setattr(software, "SoftwareArm", arm)

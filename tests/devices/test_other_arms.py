@@ -22,10 +22,9 @@ from palpate_testing import ArmTest, check_device, simulated_time
 from palpate_testing.arm_checks import set_out
 from palpate_trajectories.point import Point
 
-from tests.devices.software_arms import NAME, unlike
+from tests.devices.software_arms import NAME, WORK, unlike
 
 PRESS = Point(bias=0.003, amplitude=0.001, clearance=0.003, duration=0.5, standstill=0.0)
-WORK = {"origin": (0.45, 0.0, 0.1)}
 
 
 def arm_test(software):

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from palpate.arm_limits import SupportsRetreat
+from palpate.arm_limits import RETREAT, RETREAT_SPEED, SupportsRetreat
 from palpate.clocks import clock, host_time_ns
 from palpate.errors import DeviceError
 from palpate.vectors import Floats
 
 from palpate_engine.pipeline.live.live_run import LiveRun
 
-_RETREAT, _SPEED = 0.5e-3, 2e-3  # [m], [m/s] of the retreat
 _SETTLE, _LISTEN = 0.1, 0.3  # [s] after the retreat; of force that is compared
 _LATE = 5.0  # [s] without any reading, after which none is waited for; that they come late is not the sensor's fault
 _BLOCKS, _SHORTEST = 40, 8  # of the standstill; readings of one
@@ -42,7 +41,7 @@ def check_tip_is_free(live: LiveRun) -> RetreatCheck | None:
     if not able:
         return None
     port = live.guard.force
-    took = max(arm.retreat(_RETREAT, _SPEED) for arm in able)
+    took = max(arm.retreat(RETREAT, RETREAT_SPEED) for arm in able)
     begin = host_time_ns() + round(1e9 * (took + _SETTLE))
     after = _force_from(live, begin)
     if live.is_stopped:

@@ -1,0 +1,196 @@
+"""The handshake: an arm shows, before and during its first motion, that it obeys in the frame of its poses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+from palpate_kit.kinematics.rotations import rotation_vector
+
+from palpate_arms.arm_lag import DELAY, STATIC_ERROR
+from palpate_arms.arm_state import ArmState
+from palpate_arms.echoed_pose import echo_delay
+from palpate_arms.handshake_path import HandshakePath, HandshakeStep, StatedArm
+from palpate_arms.servo_law import OVERSHOOT
+from palpate_arms.setpoint_buffer import PERIOD
+from palpate_arms.tracking_error import length
+
+HOLD_SPEED = 10e-3  # [m/s] of a tip at rest; twice the largest noise that [safety] standstill_speed lets pass
+_SHOWN = 20e-6  # [m] that goes with such a speed within two states: less is noise of the speed alone
+HOLD_TURN = 0.01  # [rad] of the tool; 1.2 mm at a lever of 120 mm
+SOFT_TURN = 0.05  # [rad] of one on a spring, by 4 N m of load that its controller does not know at 80 N m/rad
+PLAY = 50e-6  # [m] by which an arm may miss a small command; between the best and the usual repeatability of arms
+SHARE = 0.25  # of a command, by which the answer may miss it in size and in direction: 14 deg
+_SIGNIFICANT = 5.0  # standard uncertainties of a mean pose
+
+
+def target_problem(target: Sequence[float], pose: Sequence[float], give: float) -> str | None:
+    """Return why an arm at rest must not be commanded: its controller's target (6,) is not its pose (6,)."""
+    apart = math.dist(target[:3], pose[:3])
+    if apart <= STATIC_ERROR + give:
+        return None
+    return (
+        f"at rest its controller's target is {1e3 * apart:.2f} mm from the pose that it reports, and nothing was moved "
+        "(are its commands in another frame, or of another tool, than its poses?)"
+    )
+
+
+class Handshake:
+    """A path of first commands, and what the arm answers to it, state by state."""
+
+    def __init__(self, path: HandshakePath, stated: StatedArm, state: ArmState) -> None:
+        self._path, self._stated = path, stated
+        self._start, self._rotation = state.position, state.rotation
+        self._lagged = path.rows[0]  # the command (3,), as the slowest arm that counts as sound follows it
+        self._blend = -math.expm1(-PERIOD / (stated.lag + DELAY))
+        self._commands: list[Floats] = []  # (3,) in the work frame
+        self._base_commands: list[Floats] = []  # (3,) in the base, where poses are reported
+        self._sent_at: list[int] = []  # [ns] of each command
+        self._sent: list[int] = []  # commands before each state
+        self._seen_at: list[int] = []  # [ns] of each state
+        self._places: list[Floats] = []  # (3,) of each state, in the work frame
+        self._base_places: list[Floats] = []
+        self._next = 0  # step
+        self._rest: tuple[Floats, float] | None = None  # mean place (3,) and noise [m] before the first step
+        self.answers: list[dict[str, Any]] = []
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the arm has answered every step."""
+        return self._next == len(self._path.steps)
+
+    def note_command(self, command: Floats, base_command: Floats, now: int) -> None:
+        """A command (3,) is sent at a time [ns]; the same in the base."""
+        self._commands.append(command)
+        self._sent_at.append(now)
+        self._base_commands.append(base_command)
+        self._lagged = self._lagged + self._blend * (command - self._lagged)
+
+    def fault(self, state: ArmState, base_place: Floats, seen: int) -> str | None:
+        """Return why a new state, seen at a time [ns], shows that the arm does not obey; None where it does."""
+        if not self._commands or self.is_over:
+            return None
+        self._sent.append(len(self._commands))
+        self._seen_at.append(seen)
+        self._places.append(state.position)
+        self._base_places.append(base_place)
+        if (text := self._stray(state)) is not None:
+            return text
+        step = self._path.steps[self._next]
+        if len(self._commands) < step.last_row:
+            return None
+        self._next += 1
+        return self._judge(step) or (self._echo() if self.is_over else None)
+
+    def _stray(self, state: ArmState) -> str | None:
+        """Return what takes a state off the way that was commanded so far, at once."""
+        step = self._path.steps[self._next]
+        moved, commanded = state.position - self._start, self._commands[-1] - self._path.rows[0]
+        turn = length(rotation_vector(state.rotation @ self._rotation.T))
+        if turn > (SOFT_TURN if self._stated.gives_way else HOLD_TURN):
+            return (
+                f"the tool turned by {math.degrees(turn):.1f} deg when it was commanded to keep its orientation (is "
+                "the rotation vector taken for angles, or for that of the flange?)"
+            )
+        away = length(moved - _nearest(moved, commanded, self._path.axes(step)))
+        limit = self._stated.give if self._stated.gives_way else 0.0
+        most = max(STATIC_ERROR, limit) + self._stated.deadband
+        is_fast = length(state.velocity) > self._fastest and away > _SHOWN
+        if away <= most and not is_fast:
+            return None
+        return _disobedience(step, commanded, moved, length(state.velocity))
+
+    @property
+    def _fastest(self) -> float:
+        """The speed [m/s] of the latest command, and what an arm may show on top of it."""
+        latest = self._commands[-2:]
+        speed = length(latest[-1] - latest[0]) / PERIOD
+        # A spring gives way within its lag.
+        slack = self._stated.give / max(self._stated.lag, PERIOD) if self._stated.gives_way else 0.0
+        return OVERSHOOT * speed + max(HOLD_SPEED, slack)
+
+    def _judge(self, step: HandshakeStep) -> str | None:
+        """Return why the mean place at the end of a step does not answer it; None where it does."""
+        places = np.array(
+            [
+                place
+                for place, sent in zip(self._places, self._sent, strict=True)
+                if sent > step.last_row - max(step.wait // 2, 1)
+            ]
+        )
+        mean = places.mean(axis=0)
+        if self._rest is None:
+            self._rest = mean, float(np.linalg.norm(places.std(axis=0)))
+        moved = mean - self._rest[0]
+        commanded, uncertainty = float(np.linalg.norm(step.way)), self._rest[1] / math.sqrt(len(places))
+        tolerance = PLAY + SHARE * commanded + _SIGNIFICANT * uncertainty
+        is_stay = not step.axis.any()  # each of its states was looked at
+        answer = length(mean - self._start) if is_stay else float(moved @ step.way) / commanded
+        self.answers.append({"commanded": commanded, "answered": answer})
+        return None if is_stay or self._is_answered(step, moved, tolerance) else _disobedience(step, step.way, moved)
+
+    def _is_answered(self, step: HandshakeStep, moved: Floats, tolerance: float) -> bool:
+        """Return True if a way (3,) [m] is the one that was commanded, in direction, axis and size, within the lag.
+
+        Friction may hold an arm on a spring back: it goes in the direction, if at all, and no further.
+        """
+        behind = length(self._commands[-1] - self._lagged) + self._stated.deadband
+        side = moved
+        for axis in self._path.axes(step):
+            along, commanded = float(moved @ axis), float(step.way @ axis)  # axes point the way of their steps
+            side = side - along * axis
+            least, most = commanded - behind, commanded
+            if self._stated.gives_way:
+                least, most = 0.0, OVERSHOOT * commanded
+            if not least - tolerance <= along <= most + tolerance:
+                return False
+        return length(side) <= tolerance + self._stated.deadband
+
+    def _echo(self) -> str | None:
+        """Return why the poses of all steps were not measured: they are commands, in every digit."""
+        longest = (
+            round(1e9 * PERIOD) * self._path.steps[0].last_row
+        )  # an arm that answers later is refused by its steps
+        late = echo_delay(
+            np.array(self._base_commands),
+            np.array(self._sent_at),
+            np.array(self._base_places),
+            np.array(self._seen_at),
+            longest,
+        )
+        if late is None:
+            return None
+        when = f", {1e-6 * late:g} ms later" if late else ""
+        return f"the pose that the arm reports is its command, in every digit{when}: what was measured is needed"
+
+
+def _disobedience(step: HandshakeStep, commanded: Floats, moved: Floats, speed: float = 0.0) -> str:
+    """Return what the arm did, (3,) [m] at a speed [m/s], in place of what a step commanded; and the likely mistake."""
+    way = length(moved)
+    fast = f", at {1e3 * speed:.0f} mm/s" if speed > HOLD_SPEED else ""
+    if not step.axis.any():
+        return (
+            f"the arm moved by {1e3 * way:.2f} mm{fast}, when it was commanded to stay where it is (are its commands "
+            "of the flange, or in another frame than its poses?)"
+        )
+    along, wanted = float(moved @ step.axis), float(commanded @ step.axis)
+    what = f"the arm was commanded to move by {1e3 * wanted:.2f} mm {step.direction} and has moved by"
+    if way < 0.5 * wanted and along > -PLAY:
+        return f"{what} {1e3 * way:.2f} mm (does it take commands? are its lag and its deadband stated?)"
+    if along < 0.0:
+        return f"{what} {-1e3 * along:.2f} mm the other way{fast} (is the sign of an axis reversed?)"
+    if length(moved - along * step.axis) > SHARE * along:
+        place = ", ".join(f"{1e3 * x:.2f}" for x in moved)
+        return f"{what} ({place}) mm in the work frame{fast} (are the axes of its commands those of its poses?)"
+    return f"{what} {1e3 * along:.2f} mm{fast} (are its commands in other units than its poses?)"
+
+
+def _nearest(place: Floats, end: Floats, axes: Sequence[Floats]) -> Floats:
+    """Return the place (3,) nearest to another one in the box from 0 to `end` (3,), whose edges lie along the axes."""
+    nearest = np.zeros(3)
+    for axis in axes:
+        nearest = nearest + min(max(float(place @ axis), 0.0), float(end @ axis)) * axis
+    return nearest

@@ -1,0 +1,88 @@
+"""The handshakes of an arm with the process that commands it: the first retreat, and before a raster two sidesteps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from palpate import RETREAT_SPEED, Floats, clock
+
+from palpate_arms.commanded_arm import CommandedArm
+from palpate_arms.fence import Fence
+from palpate_arms.handshake import Handshake, target_problem
+from palpate_arms.handshake_path import SIDESTEP, HandshakePath, StatedArm, outward_path, sideways_path
+from palpate_arms.servo import Commander
+from palpate_arms.servo_law import own_law
+from palpate_arms.setpoint_buffer import Plan
+
+
+class Obedience:
+    """What an arm has shown since it was connected; `own` is what it states of itself."""
+
+    def __init__(self, robot: CommandedArm, fence: Fence, own: dict[str, Any], gives_way: bool) -> None:
+        self._robot, self._fence = robot, fence
+        self._stated = own.get("lag", 0.0), own.get("deadband", 0.0), gives_way
+        self._handshake: Handshake | None = None
+        self.has_begun = False  # whether it was to show anything
+        self._has_sidestepped = False
+        self.answers: list[dict[str, Any]] = []  # of a handshake that is over
+
+    def retreat(self, commander: Commander, way: float, speed: float) -> str | None:
+        """Begin the first retreat, of `way` [m]; return why it must not begin, with nothing sent; None where it may."""
+        robot, stated, plane = self._robot, self._stated_now(), commander.plane
+        target = robot.driver.target()
+        if target is not None and (text := target_problem(target, robot.pose, stated.give)) is not None:
+            return text
+        try:
+            law = own_law(speed, commander.law.acceleration)
+            path = outward_path(commander.command, plane.normal, way, law, stated)
+        except ValueError as error:
+            return str(error)
+        self.has_begun = True
+        self._begin(commander, path, stated)
+        return None
+
+    def is_busy(self, commander: Commander, plan: Plan) -> bool:
+        """Return True while the arm has still to show something before a plan; begin the sidesteps before a raster."""
+        if self._handshake is not None or commander.mode == "retreat":
+            return True
+        limits = self._fence.limits
+        if limits is None or self._has_sidestepped or plan.lateral <= SIDESTEP:
+            return False
+        self._has_sidestepped, stated = True, self._stated_now()
+        centre = 0.5 * (np.array(limits["low"]) + np.array(limits["high"]))
+        law = own_law(RETREAT_SPEED, commander.law.acceleration)
+        self._begin(commander, sideways_path(commander.command, commander.plane, centre, law, stated), stated)
+        return True
+
+    def _begin(self, commander: Commander, path: HandshakePath, stated: StatedArm) -> None:
+        self._handshake = Handshake(path, stated, self._robot.motion_state)
+        commander.walk(path.rows)
+
+    def _stated_now(self) -> StatedArm:
+        """What is stated of the arm, with the force that stops it, if one does."""
+        lag, deadband, gives_way = self._stated
+        return StatedArm(lag, deadband, gives_way, self._fence.give - deadband)
+
+    def note_command(self, command: Floats) -> None:
+        """A command (3,) is about to be sent."""
+        if self._handshake is not None:
+            self._handshake.note_command(command, self._robot.target_of(command), clock().now_ns())
+
+    def fault(self, commander: Commander) -> str | None:
+        """Return why the newest state shows that the arm does not obey; None where it does, or nothing is asked."""
+        handshake, robot = self._handshake, self._robot
+        if handshake is None or not robot.is_number:
+            return None
+        if commander.mode not in ("retreat", "stay"):  # it leaves
+            self._handshake = None
+            return None
+        text = handshake.fault(robot.motion_state, robot.base_place, robot.seen)
+        if handshake.is_over:
+            self._handshake, self.answers = None, handshake.answers
+        return text
+
+    def take_answers(self) -> list[dict[str, Any]]:
+        """The answers of the latest handshake, once."""
+        answers, self.answers = self.answers, []
+        return answers

@@ -1,0 +1,291 @@
+"""The handshake: an arm whose poses and commands are of different frames, judged by where its tip truly goes."""
+
+import importlib
+import math
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from palpate import RETREAT, RETREAT_SPEED, ArmLimits, DeviceError, clock
+from palpate_arms.echoed_pose import last_digit
+from palpate_kit.kinematics.rotations import matrix_of, pose_of
+from palpate_testing import simulated_time
+from palpate_trajectories.raster import Raster
+
+from tests.devices.software_arms import NAME, WORK, unlike, use
+
+LIMITS = ArmLimits((-0.02,) * 3, (0.02,) * 3, speed=0.04, acceleration=0.5, orientation=0.1, angular_speed=0.2)
+PRESS = {"bias": 0.001, "amplitude": 1e-4, "frequency": 4.0, "clearance": 0.003}
+RASTER = Raster(size=(0.006, 0.003), pitch=0.003, speed=0.005, press=PRESS)
+
+
+def first_motion(device, software, trajectory=None):
+    """How far and how fast the tip truly went from rest, where it ended, how long it took, and what was said."""
+    said, places = [], []
+    with simulated_time(), device.connect(0) as link:
+
+        def hear():
+            try:
+                for _ in link.batches():
+                    pass
+            except DeviceError as error:
+                said.append(str(error))
+
+        clock().thread(hear, "batches").start()
+        clock().sleep(0.3)
+        arm = software.SoftwareArm.made[-1]
+        link.limit(LIMITS, said.append)
+        if trajectory is None:
+            duration = link.retreat(RETREAT, RETREAT_SPEED)
+        else:
+            link.follow(trajectory)
+            duration = 2.0
+        began = clock().now()
+        while clock().now() < began + duration + 0.3:
+            places.append(arm.place_now())
+            clock().sleep(0.001)
+        health = link.health
+    places = np.array(places)
+    speed = np.linalg.norm(places[2:] - places[:-2], axis=1).max() / 0.002
+    way = places - places[0]
+    farthest = np.linalg.norm(way, axis=1).max()
+    return SimpleNamespace(said="; ".join(said), way=way, farthest=farthest, speed=speed, took=duration, health=health)
+
+
+@pytest.mark.gate
+@pytest.mark.slow
+@pytest.mark.parametrize("offset", ["0 0 -4", "0 0 4", "4 0 0"])
+def test_commands_in_another_frame_than_the_target_move_nothing(rig, offset):
+    rig.fault(f"pose-offset {offset}")
+    begin = rig.state()
+    with pytest.raises(DeviceError, match=r"its controller's target is 4.0\d mm from the pose that it reports"):
+        rig.run()
+    assert rig.world.truth.facts()["fastest_tip"] == 0.0
+    assert rig.state()["pose"] == begin["pose"]
+
+
+@pytest.mark.gate
+@pytest.mark.slow
+@pytest.mark.parametrize("offset", ["0 0 -4", "0 0 4", "0 0 -0.5"])
+def test_commands_in_another_frame_move_the_arm_at_most_by_what_the_frames_are_apart(rig, offset):
+    """4 mm low: 312 mm/s of 40 and 48.3 N of 20 before."""
+    rig.fault(f"frame-offset {offset}")
+    begin = rig.world.position.copy()
+    with pytest.raises(
+        DeviceError, match=r", when it was commanded to stay where it is \(are its commands of the flange"
+    ):
+        rig.run()
+    facts = rig.world.truth.facts()
+    reached = np.maximum(np.array(facts["high"]) - begin, begin - np.array(facts["low"]))
+    assert np.linalg.norm(reached) < 0.25e-3
+    assert facts["fastest_tip"] < LIMITS.speed * 1.1
+    assert rig.truth.force < 0.01
+
+
+def flange_for_tip(base):
+    """It takes a pose of the tip for one of the flange: 120 mm off."""
+    return unlike(base, go_to=lambda self, pose: base.go_to(self, pose_of(matrix_of(pose) @ self.tool)))
+
+
+def changed(base, change):
+    """It takes the way from the first command for another one."""
+
+    def go_to(self, pose):
+        self.first = getattr(self, "first", pose)
+        way = change(np.array(pose[:3]) - self.first[:3])
+        return base.go_to(self, [*(np.array(self.first[:3]) + way).tolist(), *pose[3:]])
+
+    return unlike(base, go_to=go_to)
+
+
+def matrix(*rows):
+    return lambda base: changed(base, lambda way: np.array(rows) @ way)
+
+
+def turned(base):
+    """It takes a rotation vector for one in other units."""
+    return unlike(base, go_to=lambda self, pose: base.go_to(self, [*pose[:3], *(0.95 * np.array(pose[3:])).tolist()]))
+
+
+X, Y, Z = np.eye(3)
+STAY = (
+    r"the arm moved by [\d.]+ mm, at \d+ mm/s, when it was commanded to stay where it is \(are its commands of the fl"
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fault", "words", "farthest"),
+    [
+        (flange_for_tip, STAY, 24e-3),  # 12 mm in each of its ticks, until a state shows it
+        (turned, r"the tool turned by \d", 12e-3),
+        (matrix(X, Y, -Z), "and has moved by 0.0. mm the other way .is the sign of an axis reversed", 0.06e-3),
+        (matrix(Z, Y, X), "in the work frame .are the axes of its commands those of its poses", 0.21e-3),
+        (matrix(X, Y, 1e3 * Z), "are its commands in other units than its poses", 5e-3),
+        (matrix(X, Y, 2 * Z), "are its commands in other units than its poses", 0.45e-3),
+        (matrix(X, Y, 0 * Z), "does it take commands", 1e-5),
+    ],
+)
+def test_a_driver_with_a_mistake_is_refused_with_its_likely_cause(mine, software, monkeypatch, fault, words, farthest):
+    """A tip that was 120 mm off went at 5.95 m/s before."""
+    use(monkeypatch, software, fault(software.SoftwareArm))
+    done = first_motion(mine[0].Arm(host="127.0.0.1", work=WORK), software)
+    assert re.search(words, done.said), done.said
+    assert done.farthest < farthest
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", [matrix(-X, Y, Z), matrix(X, -Y, Z), matrix(Y, X, Z), matrix(-X, -Y, Z)])
+def test_before_a_raster_lateral_axes_are_shown(mine, software, monkeypatch, fault):
+    use(monkeypatch, software, fault(software.SoftwareArm))
+    device = mine[0].Arm(host="127.0.0.1", work=WORK)
+    done = first_motion(device, software, RASTER)
+    assert "the other way" in done.said or "are the axes of its commands" in done.said, done.said
+    assert np.abs(done.way[:, :2]).max() < 0.35e-3
+    assert done.way[:, 2].min() > -1e-5
+
+
+@pytest.mark.slow
+def test_a_sound_arm_shows_its_axes_and_goes_on(mine, software):
+    device = mine[0].Arm(host="127.0.0.1", work=WORK)
+    done = first_motion(device, software, RASTER)
+    assert not done.said
+    assert done.farthest > 1e-3
+    assert [round(1e3 * answer["commanded"], 2) for answer in done.health["handshake"]] == [
+        0,
+        0.05,
+        0.2,
+        0.5,
+        0,
+        0.3,
+        0.42,
+    ]
+
+
+def rounded(place, digit, cut=False):
+    """A place in the last digit [m] of a controller; 0: in all of them."""
+    return [digit * (math.floor if cut else round)(x / digit) for x in place] if digit else list(place)
+
+
+def report(monkeypatch, place):
+    """Let the driver report another place of the tip, made of the true one and of past commands with their times."""
+    driver = importlib.import_module(f"{NAME}.driver").Driver
+    read, send, past = driver.read, driver.send, []
+
+    def sent(self, pose):
+        past.append((clock().now(), pose[:3]))
+        return send(self, pose)
+
+    def reported(self):
+        if (reading := read(self)) is None:
+            return None
+        pose = pose_of(self.model.tip(list(reading.joints), self.tool)[0])
+        return replace(reading, pose=[*place(pose[:3], past), *pose[3:]])
+
+    monkeypatch.setattr(driver, "send", sent)
+    monkeypatch.setattr(driver, "read", reported)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("late", "digit", "cut"),
+    [(0, 0, False), (0.02, 0, False), (0.011, 0, False), (0, 1e-6, False), (0.021, 1e-5, False), (0.02, 1e-6, True)],
+)
+def test_poses_that_are_commands_are_refused_however_late_and_rounded(mine, software, monkeypatch, late, digit, cut):
+    def echo(place, past):
+        due = [command for time, command in past if time <= clock().now() - late]
+        return rounded((due or [place])[-1], digit, cut)
+
+    report(monkeypatch, echo)
+    done = first_motion(mine[0].Arm(host="127.0.0.1", work=WORK), software)
+    assert re.search("is its command, in every digit", done.said), done.said
+    assert done.farthest < RETREAT + 0.05e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lag", [0.005, 0.02, 0.1])
+@pytest.mark.parametrize("digit", [0, 1e-6, 1e-5])
+def test_a_lag_alone_or_no_scatter_is_no_reason(mine, software, monkeypatch, lag, digit):
+    monkeypatch.setattr(software, "JITTER", 0.0)
+    monkeypatch.setattr(software, "LAG", lag)
+    report(monkeypatch, lambda place, past: rounded(place, digit))
+    done = first_motion(mine[0].Arm(host="127.0.0.1", work=WORK, lag=lag), software)
+    assert not done.said
+    assert done.way[-1, 2] == pytest.approx(RETREAT, abs=0.03e-3)
+
+
+def on_a_spring(friction):
+    """Masses on springs in the joints, damping ratio 0.3, held back by dry friction, as it were, of so much [m]."""
+
+    def made(base):
+        def advance(self):
+            omega = 30.0  # [1/s]
+            while self.now + 0.002 <= clock().now():
+                self.now += 0.002
+                pull = omega**2 * (self.target - self.q) - 0.6 * omega * self.qd
+                dry = omega**2 * friction * 2.0
+                moving = np.abs(self.qd) > 1e-4
+                force = np.where(
+                    moving, pull - dry * np.sign(self.qd), np.sign(pull) * np.maximum(np.abs(pull) - dry, 0)
+                )
+                after = self.qd + 0.002 * force
+                self.qd = np.where(moving & (after * self.qd < 0), 0.0, after)
+                self.q = self.q + 0.002 * self.qd
+                self.feel()
+
+        return unlike(base, advance=advance)
+
+    return made
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("friction", "motion"), [(0.0, RASTER), (1e-3, None), (0.1e-3, RASTER)])
+def test_an_arm_that_gives_way_is_judged_by_direction(mine, software, monkeypatch, friction, motion):
+    class Soft(mine[0].Arm):
+        @property
+        def controller_stiffness(self):
+            return 2500.0
+
+    use(monkeypatch, software, on_a_spring(friction)(software.SoftwareArm))
+    done = first_motion(Soft(host="127.0.0.1", work=WORK, lag=0.03), software, motion)
+    assert not done.said
+
+
+def with_deadband(deadband):
+    """It leaves a command undone that is nearer than that."""
+
+    def made(base):
+        def go_to(self, pose):
+            here = self.model.tip(self.target.tolist(), self.tool)[0][:3, 3]
+            way = np.array(pose[:3]) - here
+            gone = max(np.linalg.norm(way) - deadband, 0.0)
+            place = here + way * (gone / max(np.linalg.norm(way), 1e-12))
+            return base.go_to(self, [*place.tolist(), *pose[3:]])
+
+        return unlike(base, go_to=go_to)
+
+    return made
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("true", "stated", "is_sound"), [(0.3e-3, 0.3e-3, True), (0.02e-3, 0, True), (0.3e-3, 0, False)]
+)
+@pytest.mark.parametrize("jitter", [0.0, 2e-6])
+def test_a_deadband_is_stated(mine, software, monkeypatch, true, stated, is_sound, jitter):
+    monkeypatch.setattr(software, "JITTER", jitter)
+    use(monkeypatch, software, with_deadband(true)(software.SoftwareArm))
+    done = first_motion(mine[0].Arm(host="127.0.0.1", work=WORK, deadband=stated), software, RASTER)
+    assert (not done.said) == is_sound, done.said
+    if not is_sound:
+        assert "are its lag and its deadband stated?" in done.said or "does not change in any digit" in done.said
+
+
+@pytest.mark.parametrize(
+    ("places", "digit"),
+    [([[0.1, 0.25, -0.4]], 1e-3), ([[0.45, 0.0, 0.1], [0.45, 0.0, 0.10012]], 1e-5), ([[0.1, 0.2, 1 / 3]], 0.0)],
+)
+def test_the_digits_of_a_pose_are_those_of_all_of_them(places, digit):
+    assert last_digit(np.array(places)) == pytest.approx(digit)
