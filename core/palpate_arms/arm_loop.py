@@ -273,6 +273,7 @@ class ArmLoop:
 
     def _finish(self) -> NoReturn:
         """The motion is over, one way or the other."""
+        self._obedience.end()
         rest = self._come_to_rest(_DISOBEDIENCE, True)
         if rest.complaint or not rest.is_shown:
             fault = rest.complaint.removeprefix(" And ").strip() or _DISOBEDIENCE

@@ -75,12 +75,16 @@ class Obedience:
         if handshake is None or not robot.is_number:
             return None
         if commander.mode not in ("retreat", "stay"):  # it leaves
-            self._handshake = None
+            self.end()
             return None
         text = handshake.fault(robot.motion_state, robot.base_place, robot.seen)
         if handshake.is_over:
             self._handshake, self.answers = None, handshake.answers
         return text
+
+    def end(self) -> None:
+        """Nothing more is commanded: what the arm does from now on answers nothing."""
+        self._handshake = None
 
     def take_answers(self) -> list[dict[str, Any]]:
         """The answers of the latest handshake, once."""
