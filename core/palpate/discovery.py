@@ -41,6 +41,11 @@ class Plugin:
         """Whether the user names it, by a file; else it is installed."""
         return bool(self.digest)
 
+    def holds(self, file: str) -> bool:
+        """Return True for its own file and, of a package, for every file in that package."""
+        is_package = Path(self.place).name == "__init__.py"
+        return file == self.place or (is_package and Path(file).is_relative_to(Path(self.place).parent))
+
 
 _CORE = Plugin(_DISTRIBUTION)
 

@@ -16,12 +16,15 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Iterable, Mapping
+from dataclasses import FrozenInstanceError
 from difflib import get_close_matches
 from pathlib import Path
 from types import FrameType, MappingProxyType
 
 _SHOWN = 12  # names in a message
+_SHARED = "; all plugins share the readings and estimates of a run, so they are read-only: change a copy"
 
 
 class PalpateError(Exception):
@@ -87,10 +90,21 @@ def error_text(error: BaseException) -> str:
     return str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
 
 
-def error_in(error: BaseException, frame: FrameType, line: int) -> str:
-    """``ValueError: no (my_filter.py, line 12, in run)``: an error of other people's code, and its place."""
+def error_in(error: BaseException, frame: FrameType | None = None, line: int = 0) -> str:
+    """``ValueError: no (my_filter.py, line 12, in run)``: an error of other people's code, and its place.
+
+    The place is where it was raised, unless a frame and a line of it are given.
+    """
+    if frame is None:
+        *_, (frame, line) = traceback.walk_tb(error.__traceback__)
     what = " ".join(f"{type(error).__name__}: {error}".split())
-    return f"{what} ({Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name})"
+    place = f"{Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name}"
+    return f"{what} ({place}){_SHARED if _is_write(error) else ''}"
+
+
+def _is_write(error: BaseException) -> bool:
+    """Return True for what numpy, or a frozen dataclass, raises where somebody writes to a shared block."""
+    return isinstance(error, FrozenInstanceError) or (isinstance(error, ValueError) and "read-only" in str(error))
 
 
 def suggest(given: str, allowed: Iterable[str]) -> str:

@@ -16,12 +16,14 @@ from palpate.contact import ContactModel
 from palpate.fit_report import FitReport
 from palpate.flags import Flag
 from palpate.parts import Part
-from palpate.vectors import Floats
+from palpate.vectors import Floats, read_only
 
 
 @dataclass(frozen=True)
 class Samples:
     """A block of samples: what the aligned streams say at the instants of the position stream.
+
+    The blocks of a run are shared by all of its plugins and read-only; ``replace(samples, force=...)`` is another one.
 
     Missing force or velocity is NaN. `force` is what the sensor feels without tare and weight of the tip; the inertia
     of the tip, mass times acceleration, is still in it, since only a process model knows the acceleration.
@@ -51,11 +53,11 @@ class Samples:
 
     @classmethod
     def joined(cls, blocks: Sequence[Samples]) -> Samples:
-        """One block from several in their order."""
+        """One block from several in their order, read-only where there are several."""
         filled = [block for block in blocks if len(block)] or blocks[:1]
         if len(filled) == 1:
             return filled[0]
-        return cls(*[np.concatenate(columns) for columns in zip(*map(_columns, filled), strict=True)])
+        return read_only(cls(*[np.concatenate(columns) for columns in zip(*map(_columns, filled), strict=True)]))
 
 
 _columns = attrgetter(*(f.name for f in fields(Samples)))

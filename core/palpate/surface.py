@@ -12,7 +12,7 @@ import numpy as np
 from palpate.errors import ConfigurationError, PluginError
 from palpate.part_answer import answer_of
 from palpate.parts import Part
-from palpate.vectors import Floats
+from palpate.vectors import Floats, read_only_view
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def surface_points(surface: Surface, places: Floats) -> SurfacePoints:
     Raises ConfigurationError with the first place at which the surface is not known, PluginError naming the surface
     where it raises, or where what it returns is not a finite number for each place.
     """
-    places = np.asarray(places, float)
+    places = read_only_view(np.asarray(places, float))
     ask = surface.uppermost if places.shape[1] == 2 else surface.nearest
     points = answer_of(surface, lambda: ask(places))
     name, count = f"surface {type(surface).__name__}", len(places)

@@ -15,7 +15,7 @@ from palpate.part_answer import answer_of
 from palpate.parts import Part
 from palpate.rotation_vectors import turned_axes
 from palpate.surface import Surface
-from palpate.vectors import Floats
+from palpate.vectors import Floats, read_only, read_only_view
 
 
 @dataclass(frozen=True)
@@ -140,12 +140,12 @@ class Resumable(Protocol):
 
 
 def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
-    """Setpoints of a trajectory at times (n,) [s] since its start.
+    """Setpoints of a trajectory at times (n,) [s] since its start; read-only, as every device is asked about them.
 
     Raises PluginError naming the trajectory if it raises, or if what it returns is not a finite setpoint for each.
     """
     span = f" at {time[0]:.3f} to {time[-1]:.3f} s" if len(time) else ""
-    found = answer_of(trajectory, lambda: trajectory.at(time), span)
+    found = answer_of(trajectory, lambda: trajectory.at(read_only_view(time)), span)
     name, count = _named(trajectory), len(time)
     if not isinstance(found, Setpoint):
         raise PluginError(f"{name}: its `at` returns {type(found).__name__}, not Setpoint")
@@ -162,7 +162,7 @@ def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
         rows = np.isfinite(values).reshape(count, -1).all(axis=1)
         if not rows.all():
             raise PluginError(f"{name}: a setpoint is not a finite number: {field} at {time[np.argmin(rows)]:.3f} s")
-    return found
+    return read_only(found)
 
 
 def duration_of(trajectory: Trajectory) -> float:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 """An array of floats of any shape."""
+
+_Block = TypeVar("_Block")
 
 _FEW = 64  # rows, for which a look at each is as fast as one at their sum
 
@@ -23,6 +26,22 @@ def finite_rows(values: Floats) -> NDArray[np.bool_]:
     for known in np.isfinite(values).T:
         rows &= known
     return rows
+
+
+def read_only_view(values: NDArray[Any]) -> NDArray[Any]:
+    """Return an array that shares its numbers and cannot be written to; the array itself stays writable."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
+def read_only(block: _Block) -> _Block:
+    """Return a dataclass with each of its arrays as a read-only view: one block is shared by all plugins."""
+    shared = object.__new__(type(block))
+    for name, value in vars(block).items():
+        is_writable = isinstance(value, np.ndarray) and value.flags.writeable
+        shared.__dict__[name] = read_only_view(value) if is_writable else value
+    return shared
 
 
 def dot_columns(one: Sequence[Floats] | Floats, other: Sequence[Floats] | Floats) -> Floats:

@@ -150,8 +150,10 @@ def test_noise_of_the_rest_is_taken_where_there_was_one(name):
     samples = in_air(record(), 600)
     rng = np.random.default_rng(3)
     shaken = slice(250, 600)
-    samples.force[shaken] += 0.5 * rng.standard_normal(350)
-    samples.position[:250] = 0.005
+    force, position = samples.force.copy(), samples.position.copy()
+    force[shaken] += 0.5 * rng.standard_normal(350)
+    position[:250] = 0.005
+    samples = replace(samples, force=force, position=position)
     standstill = float(samples.time[250])
     found = []
     for blocks in ([samples], [samples[i : i + 17] for i in range(0, len(samples), 17)]):
@@ -166,7 +168,8 @@ def test_noise_of_the_rest_is_taken_where_there_was_one(name):
 
 def test_a_rest_that_was_none_is_not_taken_for_one():
     samples = in_air(record(), 600)
-    samples.position[:600] += np.linspace(1e-3, 0, 600)
+    start = np.where(np.arange(len(samples)) < 600, np.interp(np.arange(len(samples)), [0, 599], [1e-3, 0]), 0.0)
+    samples = replace(samples, position=samples.position + start)
     tracker = ESTIMATORS["ekf"](noise="measure").start(Problem(MODEL, 0.14, standstill=float(samples.time[400])))
     assert tracker.run(samples).details["noise"]["from"] == "free air"
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.hesitation import hesitations
-from palpate.vectors import Floats
+from palpate.vectors import Floats, read_only_view
 
 _GAP = 2.5  # of the usual interval
 
@@ -34,7 +34,7 @@ class SampleStore:
         step = np.diff(self.time, prepend=self.time[:1])
         usual = float(np.median(step[1:])) if len(step) > 1 else 0.0
         jumps = np.diff(self.index, prepend=self.index[:1] - 1) != 1
-        return np.asarray(np.cumsum(jumps | (step > _GAP * usual)), dtype=np.int64)
+        return read_only_view(np.asarray(np.cumsum(jumps | (step > _GAP * usual)), dtype=np.int64))
 
     @cached_property
     def hesitating(self) -> NDArray[np.bool_]:
@@ -42,4 +42,4 @@ class SampleStore:
         step = np.diff(self.time)
         usual = float(np.median(step)) if len(step) else 0.0
         clock = np.cumsum(np.concatenate([[0.0], np.where(np.diff(self.index) == 1, step, usual)]))[: len(self.time)]
-        return hesitations(clock).hold(clock)
+        return read_only_view(hesitations(clock).hold(clock))

@@ -10,7 +10,7 @@ from palpate.alignment_report import AlignmentReport
 from palpate.alignment_settings import AlignmentSettings
 from palpate.device import Batch
 from palpate.estimation import Samples
-from palpate.vectors import Floats
+from palpate.vectors import Floats, read_only
 
 from palpate_engine.alignment.contact_detector import ContactDetector
 from palpate_engine.alignment.intake import Intake
@@ -56,13 +56,13 @@ class Aligner:
         return self.samples(final)
 
     def samples(self, final: bool = False) -> Samples:
-        """The samples that have become ready; with `final`, all that the record still holds."""
+        """The samples that have become ready, read-only; with `final`, all that the record still holds."""
         block = self._paired(final)
         if not len(block) and not final:
             return block
         if "velocity" in self._roles and len(block):
             self._check.feed(block)
-        samples = self._contact.feed(block, final)
+        samples = read_only(self._contact.feed(block, final))
         self._reader.release(samples.contact)
         return samples
 

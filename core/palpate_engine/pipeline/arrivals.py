@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate.device import Batch, Device, Link, Stream
 from palpate.errors import DeviceError, PalpateError, error_in, suggest
+from palpate.vectors import read_only
 
 Arrivals = Sequence[tuple[str, Batch]]  # batches that arrived together, each with its device
 
@@ -38,7 +38,10 @@ def each(take: Callable[[str, Batch], None]) -> Take:
 
 
 def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterator[Batch]:
-    """The batches of a device; raises DeviceError, with the place, for what it has not declared or itself raises."""
+    """The batches of a device, read-only.
+
+    Raises DeviceError, with the place, for what it has not declared or itself raises.
+    """
     widths = {stream.name: len(stream.channels) for stream in streams}
     batches = iter(link.batches())
     while True:
@@ -47,8 +50,7 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
         except PalpateError:
             raise
         except Exception as error:  # whatever a stranger's device raises
-            *_, last = traceback.walk_tb(error.__traceback__)
-            raise DeviceError(f"device {name} failed: {error_in(error, *last)}") from error
+            raise DeviceError(f"device {name} failed: {error_in(error)}") from error
         if batch is None:
             return
         if batch.stream not in widths:
@@ -63,7 +65,7 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
         if np.shape(batch.values) != wanted:
             sent = f"values of shape {np.shape(batch.values)} in place of {wanted}"
             raise DeviceError(f"device {name} sends {sent} in the stream {batch.stream!r}")
-        yield batch
+        yield read_only(batch)
 
 
 def _first_odd(stamps: NDArray[Any]) -> Any:

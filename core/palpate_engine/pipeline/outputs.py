@@ -16,6 +16,7 @@ from palpate.sink import EstimatesWriter, Run, TakesResult, Writer
 from palpate_engine.config import Pipeline
 from palpate_engine.pipeline.closing_reserve import ClosingReserve
 from palpate_engine.pipeline.folder_watch import FolderWatch
+from palpate_engine.pipeline.plugin_failure import third_party_error
 from palpate_engine.pipeline.tracks import RunningTrack
 
 _Output = TypeVar("_Output")
@@ -91,6 +92,6 @@ class Outputs:
         if self.failure is None:
             if isinstance(error, OSError):
                 error = OutputError(f"{self._run.folder}: cannot write: {error.strerror or error}")
-            self.failure = error
+            self.failure = third_party_error(error, self._pipeline.registry)
             self._room.release()
             self._stop(error_text(self.failure))

@@ -9,12 +9,12 @@ from types import FrameType
 from typing import Any
 
 import numpy as np
-from palpate.errors import error_in
+from palpate.errors import PalpateError, PluginError, error_in
 from palpate.estimation import Estimates, Samples, Status
 from palpate.flags import Flag
 from palpate.parts import Part
 from palpate.registry import Registry
-from palpate.vectors import finite_rows
+from palpate.vectors import finite_rows, read_only
 
 from palpate_engine.config import Track
 
@@ -55,6 +55,21 @@ class PartFailure:
         return (self.track.estimator, *frames[-1])
 
 
+def third_party_error(error: Exception, registry: Registry) -> Exception:
+    """Return a PluginError that names the third-party plugin whose code raised, or called what did.
+
+    An error of palpate's own code, and one that palpate raised on purpose, is returned as it is.
+    """
+    strangers = [plugin for plugin in registry.plugins if not plugin.own]
+    files = [frame.f_code.co_filename for frame, _ in traceback.walk_tb(error.__traceback__)]
+    names = [plugin.name for file in reversed(files) for plugin in strangers if plugin.holds(file)]
+    if isinstance(error, PalpateError) or not names:
+        return error
+    failure = PluginError(f"plugin {names[0]} failed: {error_in(error)}")
+    failure.__cause__ = error
+    return failure
+
+
 def _is_of(frame: FrameType, part: Part) -> bool:
     """Whether a frame runs a part's own method, or, of an estimator, anything in the file of its class."""
     if frame.f_locals.get("self") is part:
@@ -66,7 +81,10 @@ def _is_of(frame: FrameType, part: Part) -> bool:
 
 
 def check_estimates(found: Any, samples: Samples, parameters: int) -> Estimates:
-    """Estimates of the right form, those that are not numbers marked as diverged; raises TypeError or ValueError."""
+    """Estimates of the right form, read-only, those that are not numbers marked as diverged.
+
+    Raises TypeError or ValueError.
+    """
     if not isinstance(found, Estimates):
         raise TypeError(f"the tracker's run answers {type(found).__name__}, not Estimates")
     shape = (len(samples), parameters)
@@ -76,6 +94,6 @@ def check_estimates(found: Any, samples: Samples, parameters: int) -> Estimates:
             raise ValueError(f"the tracker's run answers {name} of shape {given} in place of {shape}")
     lost = ~finite_rows(found.values) & ((found.status & _MUTE) == 0)
     if not lost.any():
-        return found
+        return read_only(found)
     status = np.where(lost, found.status | np.uint32(Status.DIVERGED), found.status).astype(np.uint32)
-    return replace(found, status=status)
+    return read_only(replace(found, status=status))

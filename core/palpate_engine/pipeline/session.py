@@ -20,6 +20,7 @@ from palpate_engine.pipeline.health import HealthReporter
 from palpate_engine.pipeline.interrupt import Interrupt
 from palpate_engine.pipeline.latency import Latency
 from palpate_engine.pipeline.outputs import Outputs
+from palpate_engine.pipeline.plugin_failure import third_party_error
 from palpate_engine.pipeline.run_flow import run_flow
 from palpate_engine.pipeline.tracks import Tracks, declared_noise
 
@@ -52,6 +53,7 @@ class Session:
         self._flow = Flow(pipeline, self._take, interrupt, declared_noise(pipeline))
         self._health = HealthReporter(outputs.writers, self._flow, self._aligner, tracks, pipeline)
         self._interrupt, self._observe, self._begun, self._outputs = interrupt, observe, begun, outputs
+        self._registry = pipeline.registry
 
     def run(self) -> Exception | None:
         """Until no batches and no backlog are left; what ended it early, where that was no request to stop.
@@ -62,9 +64,10 @@ class Session:
         for step in (partial(run_flow, self._flow), self._finish):
             try:
                 step()
-            except Exception as error:
+            except Exception as raised:
+                error = third_party_error(raised, self._registry)
                 if isinstance(error, UserError) and not self._begun.is_set():
-                    raise
+                    raise error from error.__cause__
                 if failure is None and self._outputs.failure is None:
                     what = "a device" if isinstance(error, DeviceError) else "an error"
                     self._interrupt.reason = f"stopped by {what}: {error_text(error)}"

@@ -12,7 +12,7 @@ from palpate.clocks import clock
 from palpate.errors import ConfigurationError, PalpateError, PluginError
 from palpate.estimation import Estimates, Problem, Samples, Tracker
 from palpate.offers import Diagnosis, function_of
-from palpate.vectors import Floats
+from palpate.vectors import Floats, read_only
 
 from palpate_engine.alignment import AlignmentReport, AlignmentSettings
 from palpate_engine.config import Pipeline, Track
@@ -44,19 +44,19 @@ class RunningTrack:
         """Estimates for a block, with the time that they took; none from where the estimator or the model raised."""
         parameters = len(self.track.model.parameters)
         if self.record.failure is not None:
-            return Estimates.idle(samples, parameters)
+            return read_only(Estimates.idle(samples, parameters))
         before = clock().now()
         try:
             share = self._curved_share(samples)
-            flat = samples if share is None else replace(samples, force=samples.force / share)
+            flat = samples if share is None else read_only(replace(samples, force=samples.force / share))
             estimates = check_estimates(self.tracker.run(flat), flat, parameters)
             self.record.add(flat, estimates, clock().now() - before)
         except PalpateError:
             raise  # on purpose: the user can mend it
         except Exception as error:  # whatever third-party code raises: the other tracks continue
             self.record.failure = self.part_failure.flag(error, samples)
-            return Estimates.idle(samples, parameters)
-        return estimates if share is None else replace(estimates, force=estimates.force * share)
+            return read_only(Estimates.idle(samples, parameters))
+        return estimates if share is None else read_only(replace(estimates, force=estimates.force * share))
 
     def _curved_share(self, samples: Samples) -> Floats | None:
         """Force (n,) on the skin as it is curved over that on a flat one; 1 where that is unknown, None where always.
@@ -165,7 +165,7 @@ class Tracks:
 
 def _summed(running: RunningTrack, result: TrackResult) -> TrackResult:
     """What summaries make of a track's result."""
-    for summary in running.record.summaries if running.record.failure is None else ():
+    for summary in running.record.summaries.values() if running.record.failure is None else ():
         result = summary.of(result, running.track.model, running.record.is_sweep)
     return result
 
@@ -198,7 +198,7 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
         except Exception as error:  # whatever third-party code raises
             raise PluginError(f"{pipeline.path}: track {track.name}: {part_failure.complaint(error)}") from error
         # An offline estimate holds for all of its samples, so all of them are looked at.
-        summaries = tuple(function_of(summary)() for summary in pipeline.registry.summaries.values())
+        summaries = {name: function_of(summary)() for name, summary in pipeline.registry.summaries.items()}
         record = TrackRecord(keep if track.estimator.online else math.inf, summaries=summaries)
         curved = pipeline.alignment.surface is not None
         running.append(RunningTrack(track, tracker, record, part_failure, curved))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate.contact import ContactModel
+from palpate.errors import error_in
 from palpate.estimation import Estimator
 from palpate.evidence.condition import Condition, joined
 from palpate.evidence.track_evidence import Diagnosed, TrackEnd, TrackEvidence
@@ -17,6 +18,7 @@ from palpate.fit_report import BudgetRow
 from palpate.flags import Flag
 from palpate.offers import Diagnosis, function_of
 from palpate.parts import Settings
+from palpate.vectors import read_only
 
 from palpate_engine.alignment import AlignmentReport, AlignmentSettings
 from palpate_engine.result.track_record import TrackRecord
@@ -66,7 +68,7 @@ def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) ->
     try:
         return dict(function_of(diagnosis)(evidence))
     except Exception as error:
-        flag = Flag("diagnosis-failed", f"{name}: {type(error).__name__}: {error}")
+        flag = Flag("diagnosis-failed", f"{name}: {error_in(error)}")
         return {track.name: Diagnosed((flag,)) for track in evidence}
 
 
@@ -159,12 +161,12 @@ def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEviden
     found = [track.result.parameters[parameter.name] for parameter in track.model.parameters]
     record, settings = track.record, of_run.settings
     time, force, position = record.keeper.air
-    return TrackEvidence(
+    evidence = TrackEvidence(
         name,
         track.model,
         track.estimator,
         settings.tip_mass,
-        record.keeper.kept,
+        read_only(record.keeper.kept),
         time,
         force,
         position,
@@ -178,12 +180,13 @@ def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEviden
         track.result.parameters,
         record.keeper.air_after,
     )
+    return read_only(evidence)
 
 
 def _with_uncertainties(evidence: TrackEvidence, result: TrackResult) -> TrackEvidence:
     """The evidence with what diagnoses of lower orders have made of the uncertainty of each parameter."""
     combined = np.array([result.parameters[parameter.name].combined for parameter in evidence.model.parameters])
-    return replace(evidence, combined=combined, found=result.parameters)
+    return read_only(replace(evidence, combined=combined, found=result.parameters))
 
 
 def _ending(track: Diagnosable, of_run: RunEvidence) -> TrackEnd | None:
@@ -194,6 +197,6 @@ def _ending(track: Diagnosable, of_run: RunEvidence) -> TrackEnd | None:
     included = {*track.record.details.get("included", ()), *(["timing"] if track.record.timing_included else [])}
     record, run = track.record, of_run
     return TrackEnd(
-        tail, tail.last(average), run.settings, run.report, run.uncertainties, record.held,
+        read_only(tail), read_only(tail.last(average)), run.settings, run.report, run.uncertainties, record.held,
         frozenset(included), run.average, record.tracked, record.samples, record.is_sweep, run.is_simulated,
     )  # fmt: skip

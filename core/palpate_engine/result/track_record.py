@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from palpate.errors import PalpateError, error_in
 from palpate.estimation import Estimates, Samples, Status
 from palpate.evidence.track_tail import Tail
 from palpate.fit_report import FitReport
@@ -35,15 +36,14 @@ class TrackRecord:
     failure: Flag | None = None  # why the track ended before the record did
     _lateral: Floats | None = None  # (2, 2) [m] least and largest x and y while tracked
     keeper: Keeper = field(default_factory=Keeper)  # of the whole record, for diagnoses
-    summaries: tuple[TrackSummary, ...] = ()
+    summaries: dict[str, TrackSummary] = field(default_factory=dict)  # by name
     _blocks: list[Tail] = field(default_factory=list)
 
     def add(self, samples: Samples, estimates: Estimates, seconds: float) -> None:
         """Take in a block."""
         self.seconds += seconds
         self.keeper.add(samples, estimates)
-        for summary in self.summaries:
-            summary.add(samples, estimates)
+        self._summarise(samples, estimates)
         self.details = estimates.details or self.details
         self.report = estimates.report or self.report
         self.timing_included |= estimates.timing_included
@@ -69,6 +69,17 @@ class TrackRecord:
         kept = [column[rows] for column in (*measured, *columns)]
         self._blocks.append(Tail(*kept))
         self._forget(until - self.keep)
+
+    def _summarise(self, samples: Samples, estimates: Estimates) -> None:
+        """Let every summary take in a block; one that raises is dropped, with a flag that names it and the place."""
+        for name, summary in list(self.summaries.items()):
+            try:
+                summary.add(samples, estimates)
+            except PalpateError:
+                raise
+            except Exception as error:  # whatever third-party code raises
+                del self.summaries[name]
+                self.flags += (Flag("diagnosis-failed", f"summary {name}: {error_in(error)}"),)
 
     def _goes_along(self, place: Floats) -> None:
         """Take note of the least and the largest of places (n, 2) that are known."""

@@ -11,6 +11,7 @@ import numpy as np
 from palpate.clocks import clock
 from palpate.device import Arm, Batch, Device, Link, SeparateReceiver
 from palpate.errors import DeviceError
+from palpate.vectors import read_only
 
 from palpate_engine.pipeline.arrivals import declared_batches
 from palpate_engine.pipeline.live.guard import Guard
@@ -137,7 +138,7 @@ def _joined(batches: list[Batch]) -> Batch:
     if len(batches) == 1:
         return batches[0]
     columns = ([getattr(batch, name) for batch in batches] for name in ("time", "received", "values"))
-    return Batch(batches[0].stream, *(np.concatenate(column) for column in columns))
+    return read_only(Batch(batches[0].stream, *(np.concatenate(column) for column in columns)))
 
 
 def connect_devices(rig: Rig, stack: ExitStack) -> dict[str, Link]:
