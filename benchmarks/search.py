@@ -1,21 +1,26 @@
 """Searches side by side on simulated scenes, and how often a patch remains where a search says that none does.
 
-Run it with: python benchmarks/search.py rivals|risk [--count 100] [--first 7000] [--rig]. One process; seconds are
-those of the planned motions, not of the computer. Without --rig the errors of sites are drawn as those of the simulated
-rig's smoother were measured. Settings were chosen on seeds below 7000.
+Run it with: python benchmarks/search.py rivals|risk|skins [--count 100] [--first 7000] [--rig]. One process; seconds
+are those of the planned motions, not of the computer. Without --rig the errors of sites are drawn as those of the
+simulated rig's smoother were measured. Settings were chosen on seeds below 7000.
 
 rivals: two lumps of 15 to 35 % in 60 mm x 40 mm. All begin with one line at 6 mm/s through the middle but the raster,
 whose lines are all; "find by points" makes no others. "found" is when the lumps that `palpate map lumps` finds are both
 and no others, "outlined" when the mean of the field, above 10 %, has an intersection over union of 0.8 with the truth:
 a judge that knows the truth ends the rivals, which have no rule to end by; `find` goes on until its own rule ends it.
+
+skins: as risk, over half an ellipsoid by its formula, by triangles and by touches, and over a bowl of triangles.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +29,7 @@ from palpate import Floats
 from palpate_maps.area_search import AreaSearch, SearchSettings
 from palpate_maps.map_analysis import Knowledge, Sites, area_of, find_lumps
 from palpate_maps.search_motion import SearchMotion
-from search_scenes import BOX, LEAST, Rig, Scene, SiteRig, first_line, judged, scene, wilson
+from search_scenes import BOX, LEAST, SKINS, Rig, Scene, SiteRig, first_line, judged, scene, skin_scene, wilson
 
 BUDGET = 600.0  # [s]
 CONTRAST = 0.1
@@ -150,16 +155,17 @@ class PointMotion(SearchMotion):
 
 def ours(
     rig: Rig, settings: SearchSettings, end: list[AreaSearch], motions: type[SearchMotion] = SearchMotion
-) -> Iterator[Moment]:
+) -> Iterator[tuple[Sites, Knowledge]]:
     """A search by `palpate map search`, until it ends by itself, which is added to `end`."""
     given = rig.scene.pipeline
     sites = rig.palpate(first_line(given))
-    motion = motions(given, "raster", 2.0)
+    (name,) = given.trajectories
+    motion = motions(given, name, 2.0)
     search = AreaSearch(area_of(given, motion.own, sites.place, BOX), motion, settings)
     search.observe(sites, visited=False)
     while True:
         assert search._knowledge is not None
-        yield moment(rig, sites, search._knowledge)
+        yield sites, search._knowledge
         places = search.next_round()
         if rig.seconds >= BUDGET:
             return
@@ -222,16 +228,40 @@ def _moments(name: str, rig: Rig) -> Iterator[Moment]:
     if name in choosers:
         return points(rig, choosers[name]())
     if name == "outline":
-        return ours(rig, SearchSettings("outline", contrast=CONTRAST), [])
+        rounds = ours(rig, SearchSettings("outline", contrast=CONTRAST), [])
+        return (moment(rig, *known) for known in rounds)
     motions = PointMotion if name == "find by points" else SearchMotion
-    return ours(rig, SearchSettings(contrast=CONTRAST, risk=0.05), [], motions)
+    rounds = ours(rig, SearchSettings(contrast=CONTRAST, risk=0.05), [], motions)
+    return (moment(rig, *known) for known in rounds)
 
 
-def risk(seeds: Sequence[int], rig_of: type[Rig], stated: float = 0.05) -> None:
+def flat_scene(seed: int) -> Scene:
+    """0 to 3 patches of the least contrast, or more."""
+    return scene(seed, seed % 4, _peaks(seed), LEAST)
+
+
+def curved_scene(seed: int) -> Scene:
+    """0 to 3 patches below one of the skins, all of which come with each number of patches."""
+    return skin_scene(SKINS[seed % 4], seed, seed // 4 % 4, _peaks(seed // 4), _skin_files())
+
+
+@cache
+def _skin_files() -> Path:
+    """The folder of this process for the files of skins."""
+    return Path(tempfile.mkdtemp(prefix="palpate-skins-"))
+
+
+def _peaks(seed: int) -> tuple[float, float]:
+    return CONTRAST, CONTRAST if seed // 4 % 2 else 3 * CONTRAST
+
+
+def risk(
+    seeds: Sequence[int], rig_of: type[Rig], scene_of: Callable[[int], Scene] = flat_scene, stated: float = 0.05
+) -> None:
     """How often a patch remains where the search says that none does: 0 to 3 patches of the least contrast, or more."""
     remaining, ended, times, told, false = 0, 0, [], [], 0
     for seed in seeds:
-        given = scene(seed, seed % 4, (CONTRAST, CONTRAST if seed // 4 % 2 else 3 * CONTRAST), LEAST)
+        given = scene_of(seed)
         rig, end = rig_of(given), list[AreaSearch]()
         for _ in ours(rig, SearchSettings(contrast=CONTRAST, risk=stated), end):
             pass
@@ -258,7 +288,7 @@ def risk(seeds: Sequence[int], rig_of: type[Rig], stated: float = 0.05) -> None:
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["rivals", "risk"])
+    parser.add_argument("what", choices=["rivals", "risk", "skins"])
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--first", type=int, default=7000)
     parser.add_argument("--rig", action="store_true", help="the simulated rig and its filter, not errors of sites")
@@ -268,7 +298,7 @@ def main() -> None:
     if given.what == "rivals":
         rivals(seeds, rig, given.names)
     else:
-        risk(seeds, rig)
+        risk(seeds, rig, flat_scene if given.what == "risk" else curved_scene)
 
 
 if __name__ == "__main__":

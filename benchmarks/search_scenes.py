@@ -1,4 +1,4 @@
-"""Scenes of a search: lumps in a rough silicone, and rigs that palpate them and count seconds of motion."""
+"""Scenes of a search: lumps in a rough silicone or below a curved skin, rigs that palpate them, seconds of motion."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Floats, Trajectory
+from palpate import Floats, Surface, Trajectory, surface_of
 from palpate_engine.config import Pipeline, load_pipeline
 from palpate_maps.map_analysis import Path2D, Sites, sites_along
 from palpate_maps.path_reader import join_paths
 from palpate_simulation.skin_under_tip import SkinUnderTip
+from palpate_surfaces import HalfEllipsoid
 from sweeps import paths
 
 RASTER = Path(__file__).parent.parent / "pipelines" / "raster.toml"
+BODY = Path(__file__).parent.parent / "pipelines" / "breast.toml"
+HALF_AXES = (0.06, 0.05, 0.04)  # [m] of the body
+HOLLOW = (0.08, 0.06)  # [m] radii of curvature of the bowl
+SKINS = ("half ellipsoid", "dome of triangles", "bowl of triangles", "touched")
 BOX = (-0.03, 0.03, -0.02, 0.02)  # [m] that is searched
 TRAVEL = 0.05  # [m/s] from the end of one part to the beginning of the next
 SPEED = 6.0  # [mm/s] along lines
@@ -36,29 +41,35 @@ class Scene:
     @functools.cached_property
     def pipeline(self) -> Pipeline:
         """The raster over the scene."""
-        return replace(load_pipeline(RASTER, self.settings), sinks={})
+        return replace(load_pipeline(self.file, self.settings), sinks={})
+
+    @property
+    def file(self) -> Path:
+        """The pipeline that the settings change."""
+        return RASTER
+
+    @property
+    def motion(self) -> Any:
+        """The motion of the pipeline along lines."""
+        (motion,) = self.pipeline.trajectories.values()
+        return motion
+
+    def tips(self, places: Floats) -> Floats:
+        """Where (n, 3) [m] the tip is that just touches the skin at places (n, 2) [m]."""
+        return np.pad(places, ((0, 0), (0, 1)))
 
     def contrast(self, places: Floats) -> Floats:
         """The true contrast (n,) over the specimen's own stiffness that the tip feels at places (n, 2) [m]."""
         specimen = self.pipeline.devices["rig"].specimen  # type: ignore[attr-defined]
         plain = specimen.model_copy(update={"inclusions": ()})
-        tips = np.pad(places, ((0, 0), (0, 1)))
+        tips = self.tips(places)
         return SkinUnderTip(specimen, tips).theta[0] / SkinUnderTip(plain, tips).theta[0] - 1
 
 
 def scene(seed: int, count: int, peaks: tuple[float, float], body: str) -> Scene:
     """Spheres 20 mm or more apart anywhere in the box, with contrasts up to a factor between them, on a rough skin."""
     dice = np.random.default_rng(seed)
-    middles: list[tuple[float, float]] = []
-    while len(middles) < count:
-        new = tuple(dice.uniform((BOX[0], BOX[2]), (BOX[1], BOX[3])).tolist())
-        if all(math.dist(new, old) >= 0.02 for old in middles):
-            middles.append(new)
-    heights = [float(np.exp(dice.uniform(*np.log(peaks)))) for _ in middles]
-    bodies = ",".join(
-        f'{{shape="sphere", place=["{1e3 * x} mm","{1e3 * y} mm"], {body}, peak={peak}}}'
-        for (x, y), peak in zip(middles, heights, strict=True)
-    )
+    middles, heights, bodies = _hidden(dice, count, peaks, body)
     rough, tilt, drift = dice.uniform(0.02, 0.1), dice.uniform(-0.5, 0.5, 2), dice.uniform(-5, 5) / 3600
     relief = f'{{roughness="{rough} mm", length="10 mm", tilt_x="{tilt[0]} deg", tilt_y="{tilt[1]} deg", seed={seed}}}'
     settings = [
@@ -74,6 +85,88 @@ def scene(seed: int, count: int, peaks: tuple[float, float], body: str) -> Scene
         "trajectory.raster.settle=1 s",
     ]
     return Scene(seed, middles, heights, settings, drift)
+
+
+def _hidden(
+    dice: np.random.Generator, count: int, peaks: tuple[float, float], body: str
+) -> tuple[list[tuple[float, float]], list[float], str]:
+    """Middles [m] of spheres, the contrasts of each, and both as a pipeline states them."""
+    middles: list[tuple[float, float]] = []
+    while len(middles) < count:
+        new = tuple(dice.uniform((BOX[0], BOX[2]), (BOX[1], BOX[3])).tolist())
+        if all(math.dist(new, old) >= 0.02 for old in middles):
+            middles.append(new)
+    heights = [float(np.exp(dice.uniform(*np.log(peaks)))) for _ in middles]
+    bodies = ",".join(
+        f'{{shape="sphere", place=["{1e3 * x} mm","{1e3 * y} mm"], {body}, peak={peak}}}'
+        for (x, y), peak in zip(middles, heights, strict=True)
+    )
+    return middles, heights, bodies
+
+
+@dataclass(frozen=True)
+class SkinScene(Scene):
+    """A body with a curved skin."""
+
+    @property
+    def file(self) -> Path:
+        """The pipeline that the settings change."""
+        return BODY
+
+    def tips(self, places: Floats) -> Floats:
+        """Where (n, 3) [m] the tip is, a sphere over its centre, that just touches the skin at places (n, 2) [m]."""
+        surface: Surface | None = surface_of(self.motion)
+        assert surface is not None
+        points, specimen = surface.uppermost(places), self.pipeline.devices["rig"].specimen  # type: ignore[attr-defined]
+        return np.asarray(points.position + specimen.tip_radius * (points.normal - [0.0, 0.0, 1.0]))
+
+
+def skin_scene(kind: str, seed: int, count: int, peaks: tuple[float, float], folder: Path) -> SkinScene:
+    """Spheres 20 mm or more apart anywhere in the box, below one of SKINS; its files are written into a folder."""
+    dice = np.random.default_rng(seed)
+    middles, heights, bodies = _hidden(dice, count, peaks, LEAST)
+    drift = dice.uniform(-5, 5) / 3600
+    pitch, width = 1e3 * (BOX[3] - BOX[2]) / 2, 1e3 * (BOX[1] - BOX[0])
+    press = '{bias="4 mm", amplitude="1 mm", frequency="3 Hz"}'
+    settings = [
+        f"run.seed={seed}",
+        f"surface.breast={_skin(kind, folder)}",
+        f"device.rig.specimen.inclusions=[{bodies}]",
+        f"device.rig.drift={drift} N/s",
+        f'trajectory.points={{type="raster", surface="breast", size=["{width} mm", "{2 * pitch} mm"], '
+        f'pitch="{pitch} mm", speed="{SPEED} mm/s", settle="1 s", press={press}}}',
+    ]
+    return SkinScene(seed, middles, heights, settings, drift)
+
+
+def _skin(kind: str, folder: Path) -> str:
+    """The table of a surface; the file of one of triangles, or of touches, is written into a folder."""
+    file = folder / f"{kind.replace(' ', '-')}.{'csv' if kind == 'touched' else 'obj'}"
+    axes = ", ".join(f'"{1e3 * axis} mm"' for axis in HALF_AXES)
+    if kind == "half ellipsoid":
+        return f'{{type="half-ellipsoid", half_axes=[{axes}]}}'
+    x, y = (1e-3 * axis.ravel() for axis in np.meshgrid(np.arange(-44.0, 45.0), np.arange(-36.0, 37.0)))
+    body = HalfEllipsoid(half_axes=HALF_AXES)
+    if kind == "touched":
+        places = np.column_stack([x, y])[(np.hypot(x / 0.046, y / 0.038) < 1) & (np.hypot(x % 0.006, y % 0.006) < 1e-6)]
+        rows = [",".join(f"{1e3 * at:.4f}" for at in place) + ",0.1" for place in body.uppermost(places).position]
+        file.write_text("\n".join(["x [mm],y [mm],z [mm],u [mm]", *rows]) + "\n")
+        return f'{{type="touched", touches=["{file}"]}}'
+    hollow = x**2 / (2 * HOLLOW[0]) + y**2 / (2 * HOLLOW[1])
+    z = hollow if kind.startswith("bowl") else body.uppermost(np.column_stack([x, y])).position[:, 2]
+    _write_sheet(file, x, y, z)
+    return f'{{type="mesh", file="{file}", position_uncertainty="0.3 mm", rotation_uncertainty="1 deg"}}'
+
+
+def _write_sheet(file: Path, x: Floats, y: Floats, z: Floats) -> None:
+    """Write heights (n,) [m] over a whole grid in x and y as triangles, with a hole where the height is unknown."""
+    columns = len(np.unique(x))
+    corner = np.where(np.isfinite(z), np.cumsum(np.isfinite(z)), 0).reshape(-1, columns)
+    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]))
+    whole = np.minimum(np.minimum(a, b), np.minimum(c, d)) > 0
+    faces = np.vstack([np.column_stack([a, b, c])[whole], np.column_stack([a, c, d])[whole]])
+    rows = [f"v {1e3 * p:.6f} {1e3 * q:.6f} {1e3 * r:.6f}" for p, q, r in zip(x, y, z, strict=True) if np.isfinite(r)]
+    file.write_text("\n".join([*rows, *(f"f {i} {j} {k}" for i, j, k in faces.tolist())]) + "\n")
 
 
 @dataclass
@@ -151,14 +244,15 @@ def _smooth(dice: np.random.Generator, count: int, width: int) -> Floats:
 
 def first_line(given: Pipeline, y: float = 0.0) -> Trajectory:
     """One line through the middle of the box."""
-    motion = given.trajectories["raster"]
+    (motion,) = given.trajectories.values()
     part = given.registry.find("trajectory", "line-sweep")
     return part(  # type: ignore[no-any-return, operator]
         start=(BOX[0], y),
         end=(BOX[1], y),
-        speed=motion.speed,
-        settle=motion.settle,
+        speed=motion.speed,  # type: ignore[attr-defined]
+        settle=motion.settle,  # type: ignore[attr-defined]
         press=motion.press,  # type: ignore[attr-defined]
+        surface=motion.surface,  # type: ignore[attr-defined]
     )
 
 

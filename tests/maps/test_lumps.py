@@ -7,7 +7,6 @@ import pytest
 from palpate import LogError
 from palpate_maps import map_grid
 from palpate_maps.map_analysis import (
-    Area,
     Lump,
     LumpSettings,
     Path2D,
@@ -20,6 +19,8 @@ from palpate_maps.map_analysis import (
     sites_along,
     update_progress,
 )
+
+from tests.maps.grids import plate
 
 
 def sweep(dice, lumps, length=0.07, noise=0.005, base=112e3):
@@ -263,7 +264,7 @@ def everywhere(places):
 def searching(sites, before=(), allows=everywhere):
     """What a search says of the lumps of sites."""
     nodes = np.stack(np.meshgrid(np.linspace(-0.04, 0.04, 41), np.linspace(-0.03, 0.03, 31)), axis=-1).reshape(-1, 2)
-    return update_progress(find_lumps(sites), before, sites, Area(nodes, "the plate", allows), 1e-3)
+    return update_progress(find_lumps(sites), before, sites, plate(nodes, allows), 1e-3)
 
 
 def with_points(sites, places, log):

@@ -10,10 +10,12 @@ from palpate_maps.area_search import AreaSearch, SearchSettings
 from palpate_maps.clearance import Clearance, PatchGrid
 from palpate_maps.field_gain import FieldGain
 from palpate_maps.hidden_patches import EXPECTED, Patch, hidden_patches
-from palpate_maps.map_analysis import Area, Knowledge, Sites, area_of, find_lumps
+from palpate_maps.map_analysis import Knowledge, Sites, area_of, find_lumps
 from palpate_maps.next_places import passes
 from palpate_maps.search_actions import ActionGrid
 from palpate_maps.stiffness_field import FieldKernel, StiffnessField, interpolated
+
+from tests.maps.grids import cells_of, plate
 
 PATCH = Patch(5e-3, 0.1)
 NODES = np.stack(np.meshgrid(np.linspace(-0.03, 0.03, 21), np.linspace(-0.02, 0.02, 14)), axis=-1).reshape(-1, 2)
@@ -108,10 +110,6 @@ def test_a_patch_is_missed_as_often_as_stated():
     assert abs(error) < 4
 
 
-def everywhere_allowed(places):
-    return np.ones(len(places), bool)
-
-
 @dataclass
 class Motion:
     """Times of points and lines."""
@@ -136,7 +134,7 @@ FREE, ALL = np.zeros(len(NODES), bool), np.ones(len(NODES), bool)
 
 def first_action(gain, speed, tip=(0.0, 0.0), count=1, closed=FREE, through=ALL):
     """What is done first at a speed along lines."""
-    return ActionGrid(NODES, Motion(speed)).next_round(gain, count, np.array(tip), closed, through)[0]
+    return ActionGrid(NODES, cells_of(NODES), Motion(speed)).next_round(gain, count, np.array(tip), closed, through)[0]
 
 
 def test_a_line_is_taken_where_it_clears_more_in_a_second():
@@ -215,7 +213,7 @@ def test_visits_to_lumps_do_not_make_them_the_background(visits):
 
 def searching(settings, seed, budget=400, lump=(0.012, -0.006)):
     """A search over points that say the truth with noise; seconds of motion it took."""
-    search = AreaSearch(Area(NODES, "the plate", everywhere_allowed), Motion(None), settings)
+    search = AreaSearch(plate(NODES), Motion(None), settings)
     dice = np.random.default_rng(seed)
     sites = points(seed, 12, lump)
     search.observe(sites, visited=False)
@@ -255,7 +253,7 @@ def test_an_outline_goes_to_the_flanks_and_a_map_to_the_unknown():
     where = {"outline": NODES[NODES[:, 0] < 0.0], "map": NODES}
     nexts = {}
     for aim, nodes in where.items():
-        area = Area(nodes, "the plate", everywhere_allowed)
+        area = plate(nodes)
         search = AreaSearch(area, Motion(None), SearchSettings(aim, 1, 0.15))
         for _ in range(2):  # a lump is certain once it stays in place
             search.observe(sites, visited=True)

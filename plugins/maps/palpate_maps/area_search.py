@@ -11,14 +11,16 @@ from palpate import ConfigurationError, Floats
 
 from palpate_maps.clearance import Clearance, PatchGrid
 from palpate_maps.field_gain import FieldGain
-from palpate_maps.hidden_patches import Hiding, Patch, hidden_patches
+from palpate_maps.grid_cells import Cells, grid_steps, thinned
+from palpate_maps.hidden_patches import REACH, Hiding, Patch, hidden_patches
 from palpate_maps.lumps import FEWEST, find_lumps
-from palpate_maps.next_places import Aim, Knowledge, Proposal, near, passes
+from palpate_maps.next_places import Aim, Knowledge, Proposal, passes
 from palpate_maps.search_actions import ActionGrid, Gain, SearchAction
 from palpate_maps.search_area import Area
 from palpate_maps.search_motion import SearchMotion
 from palpate_maps.search_progress import CHECKS, SUSPICIOUS, LumpProgress, footprint, update_progress
 from palpate_maps.sites import Sites, line_coordinate, merge_sites
+from palpate_maps.stiffness_field import near
 from palpate_maps.surface_map import arc_warning
 
 _APART = 4e-3  # [m] between places
@@ -71,6 +73,7 @@ class AreaSearch:
     _knowledge: Knowledge | None = None
     _visited: bool = False
     _std: float = 0.01
+    _visits: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # places (n, k) [m] at which the tip was
     _doubtful: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # places (n, k) [m] to go through
 
     def __post_init__(self) -> None:
@@ -88,20 +91,20 @@ class AreaSearch:
     @cached_property
     def _rows(self) -> NDArray[np.intp]:
         """Of the area's nodes those of a grid 0.6 of a patch's radius apart, also where a surface is steepest."""
-        nodes, stretch = self.area.nodes, 1.0 if self.area.skin is None else float(self.area.skin.stretch.max())
-        kept = np.ones(len(nodes), bool)
-        for axis in (0, 1):
-            values = np.unique(np.round(nodes[:, axis], 7))
-            step = float(np.diff(values).min()) if len(values) > 1 else 1.0
-            stride = max(int(0.6 * self.settings.radius / stretch / step + 1e-6), 1)
-            begin = (len(values) - 1) % stride // 2
-            kept &= np.isin(np.round(nodes[:, axis], 7), values[begin::stride])
-        return np.flatnonzero(kept)
+        stretch = 1.0 if self.area.skin is None else float(self.area.skin.stretch.max())
+        apart = 0.6 * self.settings.radius / stretch
+        strides = apart / grid_steps(self.area.nodes, self.area.cells) + 1e-6
+        return thinned(self.area.cells, (max(int(strides[0]), 1), max(int(strides[1]), 1)))
 
     @cached_property
     def middles(self) -> Floats:
         """Places (m, k) [m] at which a patch may hide, and from and to which the tip goes."""
         return self.area.nodes[self._rows]
+
+    @property
+    def cells(self) -> Cells:
+        """(m, 2) column and row of each of the middles in the area's grid."""
+        return self.area.cells[self._rows]
 
     def observe(self, sites: Sites, visited: bool) -> None:
         """Take up all sites of the run so far; `visited` where the latest came of a round of this search.
@@ -116,6 +119,7 @@ class AreaSearch:
         self._visited = visited
         self._knowledge = Knowledge.of(sites, self.area.nodes, self._knowledge)
         coarse = merge_sites(sites, _WIDTH)
+        self._visits = coarse.place
         self.patches = []
         while True:
             covered, on_lumps = (self._on_lumps(places) for places in (coarse.place, self.middles))
@@ -130,11 +134,13 @@ class AreaSearch:
         self._doubtful = self._doubtful_places(self._knowledge)
 
     def _on_lumps(self, places: Floats) -> NDArray[np.bool_]:
+        """(n,) which places (n, k) [m] are on a known lump or a likely patch, and not far from every visit."""
         found = np.zeros(len(places), bool)
         for item in self.lumps:
             found |= footprint(places, item.lump, self.settings.contrast, _APART)
         patches = self.area.lift(np.array(self.patches).reshape(-1, 2))
-        return found | near(places, patches, 2 * self.settings.radius)
+        found |= near(places, patches, 2 * self.settings.radius)
+        return found & near(places, self._visits, REACH * self.settings.radius)
 
     def next_round(self) -> list[Proposal]:
         """Where to go next: up to so many points, or one line; nothing where every place is known."""
@@ -211,7 +217,7 @@ class AreaSearch:
     @cached_property
     def _grid(self) -> ActionGrid:
         skin = self.area.skin
-        return ActionGrid(self.middles, self.motion, None if skin is None else skin.normal[self._rows])
+        return ActionGrid(self.middles, self.cells, self.motion, None if skin is None else skin.normal[self._rows])
 
     @cached_property
     def _extent(self) -> Floats | None:

@@ -25,12 +25,16 @@ _COUNTS = 0.02  # weight below which a combination is left out, relative to the 
 _MOST = 400  # sites
 _MANY = 200  # of them from which on the sizes that count are not chosen each time
 _GROWTH = 1.25  # times the sites of the latest choice, from which on it is repeated
+REACH = 2.0  # radii of a patch up to which it is felt, there by a sixteenth of its height (0295)
 _FEWEST = 3  # of them that say something
 
 
 @dataclass(frozen=True)
 class Patch:
-    """The least patch that must not be missed: log E rises by log(1 + contrast) 2^-(d/radius)^2 at a distance d."""
+    """The least patch that must not be missed: log E rises by log(1 + contrast) 2^-(d/radius)^2 at a distance d.
+
+    Beyond two radii it is not felt: a site there says nothing of it.
+    """
 
     radius: float  # [m] at half its height
     contrast: float  # of its middle over its surroundings
@@ -48,7 +52,8 @@ class Patch:
 
     def profile(self, place: Floats, middles: Floats) -> Floats:
         """Rise (n, m) of the logarithm at places (n, k) [m] by patches at each of the middles (m, k) [m]."""
-        return np.asarray(self.height * np.exp2(-((distances(place, middles) / self.radius) ** 2)))
+        radii = distances(place, middles) / self.radius
+        return np.where(radii < REACH, self.height * np.exp2(-(radii**2)), 0.0)
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,8 @@ def hidden_patches(
     unknown level. A larger or a stiffer patch raises y and thus L: the least patch is the one that is missed most
     easily. The covariance is not known: scatter between sites, a background that changes over 25 mm, and a drift with
     time have a size each on a grid, and every combination has the weight of its restricted likelihood; of many sites
-    only those that counted `before`, until there are a quarter more.
+    only those that counted `before`, until there are a quarter more. Where no site is within two radii h is 0, L is 1,
+    and as many are left as were expected beforehand.
     """
     expected = np.full(len(middles), EXPECTED / max(len(middles), 1))
     if extent is not None:

@@ -10,6 +10,7 @@ from palpate import Floats
 from palpate_engine import display_unit
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 
+from palpate_maps.grid_cells import Cells, grid_steps
 from palpate_maps.hidden_patches import Hiding
 from palpate_maps.lump_criteria import Findings, Lump
 from palpate_maps.map_grid import StiffnessMap
@@ -42,13 +43,18 @@ def map_picture(
 
 
 @style()
-def hiding_picture(hiding: Hiding, lumps: Sequence[Lump]) -> Any:
-    """Where a patch may still hide: its probability per square centimetre, and the lumps that are known."""
+def hiding_picture(hiding: Hiding, cells: Cells, lumps: Sequence[Lump]) -> Any:
+    """Where a patch may still hide: its probability per square centimetre, and the lumps that are known.
+
+    `cells` has the column and row (m, 2) of each place at which one may hide.
+    """
     figure, axes = figure_of(height=70.0)
     axis, place = axes[0, 0], 1e3 * hiding.middles[:, :2]
-    steps = [np.diff(np.unique(np.round(column, 4))) for column in place.T]
-    wide, high = (float(step.min()) if len(step) else 1.0 for step in steps)
-    columns, rows = (np.round((c - c.min()) / s).astype(int) for c, s in zip(place.T, (wide, high), strict=True))
+    steps, lines = grid_steps(place, cells), [np.unique(along) for along in cells.T]
+    # Every so many lines of the area's grid are shown, each as wide as from one to the next.
+    strides = np.array([np.diff(each).min() if len(each) > 1 else 1 for each in lines])
+    wide, high = np.where(np.isfinite(steps), steps * strides, 1.0)
+    columns, rows = ((cells - cells.min(axis=0)) // strides).T
     field = np.full((rows.max() + 1, columns.max() + 1), np.nan)
     field[rows, columns] = np.minimum(100 * hiding.expected / (wide * high / 100), 100.0)
     half = np.array([wide, high]) / 2

@@ -98,13 +98,3 @@ def passes(sites: Sites, places: Floats, within: float) -> NDArray[np.intp]:
     close = distances(places, sites.place) < within
     again = close[:, 1:] & (~close[:, :-1] | sites.standing[1:])
     return np.asarray(again.sum(axis=1) + close[:, 0])
-
-
-def near(nodes: Floats, places: Floats, apart: float) -> NDArray[np.bool_]:
-    """(m,) which nodes [m] are nearer than `apart` [m] to any of some places (n, k) [m]."""
-    from scipy.spatial import KDTree
-
-    if not len(places):
-        return np.zeros(len(nodes), bool)
-    distance, _ = KDTree(places).query(nodes, distance_upper_bound=apart)
-    return np.asarray(distance < apart)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
+from palpate_maps.grid_cells import Cells, grid_lines
 from palpate_maps.search_motion import SearchMotion
 from palpate_maps.stiffness_field import lengths_along
 
@@ -57,22 +58,14 @@ class ActionGrid:
     """Points at nodes and lines along their rows, with the motions of a rig."""
 
     nodes: Floats  # (m, 2) [m], of a grid; on a surface (m, 3), of a grid in x and y
+    cells: Cells  # (m, 2) column and row of each in the grid
     motion: SearchMotion
     normal: Floats | None = None  # (m, 3) on a surface
 
     @cached_property
     def _rows(self) -> list[NDArray[np.intp]]:
         """Neighbouring nodes along each axis, in their order."""
-        pieces = []
-        for axis in (0, 1):
-            steps = np.diff(np.unique(np.round(self.nodes[:, axis], 7)))
-            across = np.round(self.nodes[:, 1 - axis], 7)
-            for key in np.unique(across) if len(steps) else ():
-                row = np.flatnonzero(across == key)
-                row = row[np.argsort(self.nodes[row, axis], kind="stable")]
-                gaps = np.diff(self.nodes[row, axis])
-                pieces += np.split(row, np.flatnonzero(gaps > 1.5 * np.median(steps)) + 1)
-        return [piece for piece in pieces if len(piece) > 1]
+        return grid_lines(self.cells)
 
     def next_round(
         self, gain: Gain, count: int, tip: Floats, closed: NDArray[np.bool_], through: NDArray[np.bool_]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, KnowsTruth, Setpoint, surface_of, surface_points
 from palpate_engine import Pipeline, ask_devices
 
+from palpate_maps.grid_cells import Cells
 from palpate_maps.search_skin import SearchSkin, skin_share, tips_on
 
 Box = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
@@ -27,6 +28,7 @@ class Area:
     """Places that may be visited: those of a grid that nothing refuses."""
 
     nodes: Floats  # (m, 2) [m], or (m, 3) on a surface
+    cells: Cells  # (m, 2) column and row of each in the grid
     bounded_by: str  # what bounds it, in words
     _allows: Callable[[Floats], NDArray[np.bool_]]
     share: float = 1.0  # of its grid that may be visited; over a surface, of the skin
@@ -71,17 +73,17 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
             return surface_points(surface, place).position
         return np.column_stack([place, motion.surface.at(*known[:1].T)[0]])
 
-    grid = _grid(box)
+    grid, cells = _grid(box)
     allowed = allows(grid)
     if not allowed.any():
         raise ConfigurationError(_why_nothing(pipeline, box, bounded_by, skin_at))
     unbounded = bounded_by == _SPECIMEN  # beyond a specimen there is nothing to visit
     if surface is None:
         nodes = grid[allowed]
-        return Area(nodes, bounded_by, allows, 1.0 if unbounded else len(nodes) / len(grid))
+        return Area(nodes, cells[allowed], bounded_by, allows, 1.0 if unbounded else len(nodes) / len(grid))
     points = surface.uppermost(grid)
     share, skin = skin_share(points, allowed, 0.0 if unbounded else 1.0), SearchSkin.at(surface, points, allowed)
-    return Area(points.position[allowed], bounded_by, allows, share, skin)
+    return Area(points.position[allowed], cells[allowed], bounded_by, allows, share, skin)
 
 
 def _box_of(pipeline: Pipeline, known: Floats, given: Box | None) -> tuple[Box, str]:
@@ -135,8 +137,13 @@ def _refused(pipeline: Pipeline, tips: Setpoint, rows: NDArray[np.intp]) -> Iter
             yield from _refused(pipeline, tips, part)
 
 
-def _grid(box: Box) -> Floats:
-    """Nodes (m, 2) [m] of a box, with an even number of steps, so that every second node reaches its borders, too."""
+def _grid(box: Box) -> tuple[Floats, Cells]:
+    """Nodes (m, 2) [m] of a box, and the column and row of each.
+
+    The number of steps is even, so that every second node reaches the borders, too.
+    """
     x0, x1, y0, y1 = box
     x, y = (np.linspace(a, b, 2 * min(round((b - a) / _STEP / 2), _MOST // 2) + 1) for a, b in ((x0, x1), (y0, y1)))
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    columns, rows = np.meshgrid(np.arange(len(x)), np.arange(len(y)))
+    nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return nodes, np.stack([columns, rows], axis=-1).reshape(-1, 2)

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, Setpoint, Surface, SurfacePoints
 from palpate_kit.kinematics.turns_to_normals import rotation_to
 
+from palpate_maps.hidden_patches import REACH
 from palpate_maps.surface_map import ARC
 
 _STEEPEST = 0.5  # z of a normal: a skin steeper than 60 degrees is not visited, x and y hardly distinguish its places
-_REACH = 2.0  # radii of a patch at which it is still felt, by a sixteenth of its height
 
 
 @dataclass(frozen=True)
@@ -40,14 +40,14 @@ class SearchSkin:
 
     def demand_gentle(self, radius: float, nodes: Floats) -> None:
         """Raise ConfigurationError where a patch of a radius [m] is felt farther than straight distances hold."""
-        if self.reach >= _REACH * radius:
+        if self.reach >= REACH * radius:
             return
         k = int(np.argmax(self.sharpness))
         x, y = (1e3 * nodes[k, :2]).tolist()
         raise ConfigurationError(
             f"--radius: {1e3 * radius:g} mm: at x {x:.1f}, y {y:.1f} mm the surface has a radius of curvature of "
             f"{1e3 / self.sharpness[k]:.3g} mm, on which a search is for patches of up to "
-            f"{1e3 * self.reach / _REACH:.2g} mm; choose a smaller one, or an --area without that place"
+            f"{1e3 * self.reach / REACH:.2g} mm; choose a smaller one, or an --area without that place"
         )
 
 

@@ -47,6 +47,16 @@ def distances(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
 
 
+def near(nodes: Floats, places: Floats, apart: float) -> NDArray[np.bool_]:
+    """(m,) which nodes [m] are nearer than `apart` [m] to any of some places (n, k) [m]."""
+    from scipy.spatial import KDTree
+
+    if not len(places):
+        return np.zeros(len(nodes), bool)
+    distance, _ = KDTree(places).query(nodes, distance_upper_bound=apart)
+    return np.asarray(distance < apart)
+
+
 def lengths_along(nodes: Floats, row: NDArray[np.intp]) -> Floats:
     """(k,) [m] from the first node of a row (k,) to each: of nodes (m, 2) straight, of (m, 3) along the surface."""
     if nodes.shape[1] == 2:

@@ -144,13 +144,13 @@ class TouchedSurface(Surface):
         return bool(np.isfinite(q).all()) and self._region.find_simplex(self._base.unrolled(q[None]))[0] >= 0
 
     def _points(self, feet: list[Floats], places: Floats) -> SurfacePoints:
-        q = np.array(feet).reshape(len(feet), -1)
+        q = np.array(feet).reshape(len(feet), self._field.q.shape[1])
         within = [self._is_within(at) for at in q]
         unknown = {row: "outside of what was touched" for row, known in enumerate(within) if not known}
         patches = [self._patch(at if known else self._field.q[0], True) for at, known in zip(q, within)]
         position, normal, curvature, curvature_std = (
-            np.array([getattr(patch, key) for patch in patches]).reshape(len(q), -1)
-            for key in ("position", "normal", "curvature", "curvature_std")
+            np.array([getattr(patch, key) for patch in patches]).reshape(len(q), width)
+            for key, width in (("position", 3), ("normal", 3), ("curvature", 2), ("curvature_std", 2))
         )
         points = SurfacePoints(
             position=position,

@@ -21,6 +21,7 @@ def check_surface(surface: Surface, lateral: Floats) -> None:
     name = type(surface).__name__
     top = surface_points(surface, np.asarray(lateral, float))
     _check_values(name, top)
+    demand(len(surface_points(surface, top.position[:0])) == 0, f"{name}.nearest answers points for no places")
     far = np.abs(top.position[:, :2] - lateral).max(initial=0.0)
     demand(far <= 1e-7, f"{name}.uppermost answers {1e3 * far:.3g} mm off the requested x and y")
     for side in (_ABOVE, -_ABOVE):

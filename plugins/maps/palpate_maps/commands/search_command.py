@@ -213,7 +213,7 @@ def _tell_hiding(state: AreaSearch, run: Path) -> None:
     hiding, patch, folder = state.hiding, state.settings.patch, RunFolder(run).maps
     assert hiding is not None
     map_files.replace_file(folder / "hidden.csv", map_files.hiding_csv(hiding))
-    save_figure(hiding_picture(hiding, [item.lump for item in state.lumps]), folder / "hidden.png")
+    save_figure(hiding_picture(hiding, state.cells, [item.lump for item in state.lumps]), folder / "hidden.png")
     least = f"of radius {1e3 * patch.radius:.3g} mm, {100 * patch.contrast:.3g} % stiffer than its surroundings"
     besides = "besides these" if state.lumps or state.patches else "in the area"
     typer.echo(
