@@ -23,6 +23,23 @@ def press(seed, rest, deepest=-2.5e-3, viscosity=VISCOSITY, rate=200.0):
     return time, force + noise[0], height + noise[1]
 
 
+def sticking_press(seed, work, start=0.5e-3, deepest=-1.5e-3, rate=200.0):
+    """The same press of an elastic material that sticks with a work of adhesion [J/m^2] (Johnson, Kendall, Roberts)."""
+    random = np.random.default_rng(seed)
+    time = np.arange(int(8.0 * rate)) / rate
+    height = np.interp(time, [1.0, 4.0, 7.0], [start, deepest, start])
+    stiffness, radius = ELASTICITY / 0.75, np.linspace(1e-6, 8e-3, 100_000)
+    depth = radius**2 / RADIUS - np.sqrt(2.0 * np.pi * work * radius / stiffness)
+    force = 4.0 * stiffness * radius**3 / (3.0 * RADIUS) - np.sqrt(8.0 * np.pi * work * stiffness * radius**3)
+    # It sticks at depth 0, and lets go where the branch ends.
+    branch = int(np.argmin(depth))
+    touched = int(np.argmax(height <= 0.0))
+    sticks = (np.arange(len(time)) >= touched) & ((time < 4.0) | (-height > depth[branch]))
+    pushed = np.where(sticks, np.interp(-height, depth[branch:], force[branch:]), 0.0)
+    noise = NOISE * random.standard_normal(len(time)), HEIGHT_NOISE * random.standard_normal(len(time))
+    return time, pushed + noise[0], height + noise[1]
+
+
 def zeroed_press(seed, rest, **others):
     """A press whose force is zeroed while the tip rests."""
     time, force, height = press(seed, rest, **others)

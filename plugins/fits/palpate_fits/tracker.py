@@ -9,6 +9,7 @@ import numpy as np
 from palpate import Estimates, Flag, Floats, Problem, Samples
 from palpate_kit.budget.uncertainty_sources import UncertaintySource
 from palpate_kit.numerics.contact_point import Approach
+from palpate_kit.numerics.force_limit import at_limit
 from palpate_kit.numerics.refusal import NotFitted
 from palpate_kit.numerics.tip_travel import (
     TipTravel,
@@ -44,8 +45,6 @@ from palpate_fits.unknowns import Unknowns
 
 _AIR_SHARE = 0.1  # of the samples, from which on they determine the bias
 _FEWEST = 5  # samples for each unknown
-_STANDS = 10  # equal readings at the end of the range, in contact: the sensor is saturated
-_STANDS_OUT = 4.0  # times those of the next smaller value, which coarse readings stand at as often
 _THIN = 1000
 _NO_GAIN = 1e-9  # of the cost: with 10 000 samples a hundredth of a standard deviation from the minimum
 _SQUARES = LossFunction()
@@ -284,18 +283,14 @@ def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
 
 
 def _without_saturation(samples: Samples, rows: Rows, notes: list[Flag]) -> Rows:
-    """Drop readings that stand at the largest value of the record, and say so.
-
-    Coarse readings stand at the value below it as well.
-    """
-    force = samples.force[rows]
-    values, counts = np.unique(force[np.isfinite(force)], return_counts=True)
-    if not len(values) or counts[-1] < max(_STANDS, _STANDS_OUT * counts[-2:-1].sum()):
+    """Drop readings that stand at the largest value of the record, and say so."""
+    limited = rows & at_limit(samples.force, rows)
+    if not limited.any():
         return rows
-    top = values[-1]
-    what = f"the force stands at {top:.5g} N in {counts[-1]} samples, which are left out"
+    top = float(samples.force[limited][0])
+    what = f"the force stands at {top:.5g} N in {np.count_nonzero(limited)} samples, which are left out"
     notes.append(Flag("saturated", what))
-    return np.asarray(rows & (samples.force != top))
+    return np.asarray(rows & ~limited)
 
 
 def _by_depth(height: Floats) -> Floats:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
+from palpate_kit.numerics.force_limit import at_limit
 
 from palpate_uncertainty import channel_noise
 from palpate_uncertainty.channel_noise import WHITE, Null, null_of
@@ -150,9 +151,13 @@ def judged_rows(track: TrackEvidence) -> NDArray[np.bool_]:
 
 
 def _deep(track: TrackEvidence) -> NDArray[np.bool_]:
-    """(n,) kept samples that are not just below the surface, and all that the track used."""
-    depth = track.surface - track.kept.position
-    return np.asarray((depth > _SHALLOW * np.nanmax(depth)) | track.kept.used)
+    """(n,) kept samples that are not just below the surface, and all that the track used.
+
+    What stands at the limit of the sensor does not measure the force; a track that used it is judged by it.
+    """
+    kept, depth = track.kept, track.surface - track.kept.position
+    deep = (depth > _SHALLOW * np.nanmax(depth)) & ~at_limit(kept.force, np.isfinite(kept.force))
+    return np.asarray(deep | kept.used)
 
 
 def _judges_all(track: TrackEvidence) -> bool:
@@ -241,7 +246,9 @@ def explained(track: TrackEvidence, found: WhitenessTest, base: RefittedModel) -
     terms = dict(zip(names, shifts.tolist(), strict=True))
     unknown = frozenset(name for name, shift in terms.items() if not np.isfinite(shift))
     known = {name: shift for name, shift in terms.items() if name not in unknown}
-    bounds = {name: math.inf if name in unknown else shift for name, shift in terms.items()}
+    # What stands against a measured noise and is not explained has no bound.
+    hidden = not removing and base.null.source == "standstill"
+    bounds = {name: math.inf if hidden or name in unknown else shift for name, shift in terms.items()}
     return Diagnosed((Flag("lack-of-fit", text, effects=bounds),), known, unknown, table)
 
 
