@@ -39,10 +39,10 @@ def read(
     A log that palpate has written states its signals, and what was declared of them; `signals` reads
     some of them elsewhere, and all else stays. Of others, `signals` settles what is what, as in
     ``{"force": "/wrench:wrench.force.z", "height": "z", "rate": "500 Hz"}``; keys of a table's device are taken as
-    they are: ``{"columns.force.scale": 25.0, "decimal": ","}``. The rest is found by what the numbers do together,
-    and what is only a guess is warned of. Delays and tare that are not stated are flagged in the results
-    (`assumed`). Of a file that holds several records, such as the sheets of a workbook, ``{"record": "gel 1"}`` names
-    one. All else as in `palpate.record`.
+    they are: ``{"columns.force.scale": 25.0, "decimal": ","}``. The rest is found by names, units and what the
+    numbers do together; a unit that is only a guess is warned of, and a column that is one is asked for. Delays and
+    tare that are not stated are flagged in the results (`assumed`). Of a file that holds several records, such as the
+    sheets of a workbook, ``{"record": "gel 1"}`` names one. All else as in `palpate.record`.
     What `rig.toml` and `curves.csv` next to the file state counts wherever nothing here states it, as on the command
     line: the record says which of them states what.
 
