@@ -52,7 +52,7 @@ def test_a_table_and_a_path_are_fitted_as_the_file_is(curves):
     plain = pd.read_csv(path).rename(columns={"time_s": "time", "force_N": "force", "height_mm": "height"})
     plain.attrs["units"] = {"time": "s", "force": "N", "height": "mm"}
     assert palpate.fit(plain, tip="paraboloid 3 mm", rig=RIG).elasticity == of_path.elasticity
-    with pytest.raises(LogError, match=r"^table: no two columns can be force and position"):
+    with pytest.raises(LogError, match=r"^table: no column can be the force"):
         palpate.fit(plain[["time", "height"]], tip="paraboloid 3 mm")
 
 
