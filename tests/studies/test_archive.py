@@ -214,7 +214,8 @@ def curves_folder_outside(contents):
 
 
 def tip_outside(contents):
-    _set(contents, "fits/pipeline.toml", r'^type = "paraboloid"\ncurvature_radius = .*$', 'type = "profile"\npoints = "/etc/passwd"')
+    tip = r'^type = "paraboloid"\ncurvature_radius = .*$'
+    _set(contents, "fits/pipeline.toml", tip, 'type = "profile"\npoints = "/etc/passwd"')
 
 
 @pytest.mark.parametrize("change", [curve_outside, device_outside, own_device, live_device, rig_outside, tip_outside,
