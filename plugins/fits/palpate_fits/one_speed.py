@@ -15,7 +15,7 @@ from palpate_fits.uncertainty import ResidualScatter, scaled_inverse, symmetric_
 SIGMAS = 2.0  # standard uncertainties within which a value may be none
 CURVED = 2.0  # ratio of uncertainties at 0 and at the estimate, from which on the latter is made by curvature (choice)
 SAMPLES = 4000  # whose slopes are taken
-SINGULAR = 1e-12  # of the largest eigenvalue of scaled slopes, below which a direction is none
+SINGULAR = 1e-12  # of the largest eigenvalue of scaled slopes, below which a direction does not count
 
 
 @dataclass(frozen=True)
