@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from palpate import Flag, Floats, TrackEnd, TrackEvidence, contact_force
 from palpate_kit.budget.influence import effects_by_name
-from palpate_kit.terminal.phrase import quantity_text
+from palpate_kit.terminal.phrase import Quantity, quantity_text
 
 from palpate_uncertainty.model_alternatives import Refit, refit
 from palpate_uncertainty.refit import Course, make_course, possible
@@ -41,7 +41,7 @@ def zeroed_in_contact(track: TrackEvidence, end: TrackEnd) -> Iterator[Flag]:
     missing = force - float(np.mean(track.air_force[rows]))
     if depth <= 0 or not missing > SIGNIFICANT * error:
         return
-    place = quantity_text(float(f"{depth:.2g}"), "m")
+    place = quantity_text(Quantity(depth, "m", 2))
     text = f"the zero was taken {place} below the estimated surface, where the model has {missing:.2g} +- {error:.1g} N"
     yield Flag("zeroed-in-contact", text, effects=effects_by_name(track.model, _shifts_without(track, height)))
 
