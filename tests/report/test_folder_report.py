@@ -49,7 +49,7 @@ def numbers_of_files(fits):
     versions = json.loads((fits / "provenance.json").read_text())[-1]["versions"]
     yield from (str(len(rows)), str(len(used)), str(len(rejected)), "1", "95")  # coverage factor, interval
     yield from NUMBER.findall(tomllib.loads((fits / "rig.toml").read_text())["instrument"])
-    yield f"{1e3 * pipeline['indenter']['tip']['radius']:.4g}"
+    yield f"{1e3 * pipeline['indenter']['tip']['curvature_radius']:.4g}"
     yield f"{1e3 * pipeline['alignment']['force']['uncertainty']:.3g}"
     (model,) = pipeline["model"].values()
     yield f"{model['poisson']:g}"
@@ -151,7 +151,7 @@ def test_the_page_says_how_its_curves_were_measured_and_fitted(study, palpate):
     assert done.returncode == 0, done.stderr
     page = (study / "fits" / "report.html").read_text()
     for words in (
-        "sphere, radius 3 mm (diameter 6 mm)", "a press (model 7)", "dimensionality-reduction", "Popov and Hess 2015",
+        "paraboloid, curvature radius 3 mm", "a press (model 7)", "dimensionality-reduction", "Popov and Hess 2015",
         "Budget of uncertainty of a typical curve", "What the values hold for",
         "rejected on inspection: the tip slipped",
         "palpate fit ../control ../treated --tip", "palpate 0.", "casadi", "Curves and their fits", "best: ", "worst: ",
