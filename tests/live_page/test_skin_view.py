@@ -4,6 +4,7 @@ import base64
 import io
 import json
 import math
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
@@ -71,6 +72,16 @@ def test_a_vertex_that_is_missing_is_null():
     found = skin_of_map(SurfaceMap(place, np.array([[0, 1, 2]]), one, one, one, "elasticity", "Pa"), [])
     assert found["z"] == [0.0, 0.0, 1.0, None]
     assert found["values"] == [50.0, 50.0, 50.0, None]
+
+
+def test_vertices_a_few_micrometres_off_the_grid_have_their_columns_and_lines():
+    """As points of a mesh have, at x and y of a grid of 1 mm."""
+    made = make_surface_map(sites(), BODY, 1e-3, "elasticity", "Pa").map
+    exact = skin_of_map(made, [])
+    off = 2e-6 * np.random.default_rng(0).standard_normal(made.vertices.shape)
+    found = skin_of_map(replace(made, vertices=made.vertices + off), [])
+    assert [axis[2] for axis in (found["x"], found["y"])] == [axis[2] for axis in (exact["x"], exact["y"])]
+    assert found["values"] == exact["values"]
 
 
 def test_lumps_of_a_run_are_those_of_its_file(tmp_path):

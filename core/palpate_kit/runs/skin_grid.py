@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Extent, Floats, Surface
 from palpate_engine import bounded_text, display_unit, json_document
 
@@ -31,9 +32,8 @@ def skin_over(surface: Surface, extent: Extent) -> dict[str, Any]:
 def skin_of_map(surface_map: SurfaceMap, lumps: list[dict[str, Any]]) -> dict[str, Any]:
     """A map on a surface with its values, their scale and its lumps, in the units that are shown."""
     name, factor = display_unit(surface_map.unit)
-    lateral = np.round(surface_map.vertices[:, :2], 7)
-    x, y = (np.unique(axis) for axis in lateral.T)
-    rows = np.searchsorted(y, lateral[:, 1]), np.searchsorted(x, lateral[:, 0])
+    (x, columns), (y, lines) = (_axis(along, surface_map.faces) for along in surface_map.vertices.T[:2])
+    rows = lines, columns
     height, value = np.full((2, len(y), len(x)), np.nan)
     height[rows], value[rows] = surface_map.vertices[:, 2], factor * surface_map.value
     low, high = (_short(factor * limit) for limit in surface_map.limits)
@@ -45,6 +45,19 @@ def skin_of_map(surface_map: SurfaceMap, lumps: list[dict[str, Any]]) -> dict[st
         "label": f"{surface_map.parameter.replace('_', ' ')}, {name}",
         "lumps": lump_shapes(lumps),
     }
+
+
+def _axis(coordinates: Floats, faces: NDArray[np.int64]) -> tuple[Floats, NDArray[np.intp]]:
+    """Axis (k,) [m] of a map's grid, and the place on it of each vertex (n,), whose coordinate [m] is there but for um.
+
+    A triangle (m, 3) is half a cell of the grid, and as wide as that.
+    """
+    low, high = float(coordinates.min()), float(coordinates.max())
+    step = float(np.median(np.ptp(coordinates[faces], axis=1)))
+    most = max(len(coordinates) - 1, 1)  # steps, whatever a damaged file says
+    step = max(step, (high - low) / most) or 1.0
+    count = round((high - low) / step) + 1
+    return np.linspace(low, high, count), np.rint((coordinates - low) / step).astype(np.intp)
 
 
 def _grid(x: Floats, y: Floats, height: Floats) -> dict[str, Any]:

@@ -92,7 +92,9 @@ def _parsed(content: bytes) -> SurfaceMap:
     unit = next(line for line in lines if line.startswith("comment x")).rpartition("[")[2].rstrip("]")
     place = np.column_stack([vertices[key] for key in _AXES])
     rows = faces["rows"].astype(np.int64)
-    if len(rows) and (rows.min() < 0 or rows.max() >= len(place)):
+    if not len(rows) or not np.isfinite(place).all():
+        raise ValueError("it has no triangles, or a vertex that is not a finite number")
+    if rows.min() < 0 or rows.max() >= len(place):
         raise ValueError("a triangle names an unknown vertex")
     value, std, p = (np.array(vertices[key]) for key in (name, f"{name}_std", "p"))
     return SurfaceMap(place, rows, value, std, p, name, unit)
