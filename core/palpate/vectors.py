@@ -30,7 +30,7 @@ def finite_rows(values: Floats) -> NDArray[np.bool_]:
 
 def read_only_view(values: NDArray[Any]) -> NDArray[Any]:
     """Return an array that shares its numbers and cannot be written to; the array itself stays writable."""
-    view = values.view()
+    view = np.asarray(values).view()
     view.flags.writeable = False
     return view
 
