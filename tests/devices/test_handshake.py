@@ -46,12 +46,12 @@ def first_motion(device, software, trajectory=None):
         while clock().now() < began + duration + 0.3:
             places.append(arm.place_now())
             clock().sleep(0.001)
-        health = link.health
+        health, words = link.health, "; ".join(said)
     places = np.array(places)
     speed = np.linalg.norm(places[2:] - places[:-2], axis=1).max() / 0.002
     way = places - places[0]
     farthest = np.linalg.norm(way, axis=1).max()
-    return SimpleNamespace(said="; ".join(said), way=way, farthest=farthest, speed=speed, took=duration, health=health)
+    return SimpleNamespace(said=words, way=way, farthest=farthest, speed=speed, took=duration, health=health)
 
 
 @pytest.mark.gate

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import (
+    RETREAT,
+    RETREAT_SPEED,
     Arm,
     ArmLimits,
     Batch,
@@ -16,6 +18,7 @@ from palpate import (
     Floats,
     Retractable,
     SupportsLimits,
+    SupportsRetreat,
     Trajectory,
     clock,
     duration_of,
@@ -31,6 +34,8 @@ _STANDS = 0.2e-3  # [m]
 _FIRST = 0.3  # [s] for the first batches
 _ROOM = 0.1  # [m] around a motion, for the way to its start
 _STEP = 2e-3  # [s]
+_OFF_WAY = 0.2e-3  # [m] that a tip may be off the way of the first retreat
+_REPORTS = 10  # places of which one is the mean
 _SHORT, _RETRACTS = 0.05, 3.0  # [s] of looks before and after a retraction begins
 _TELLS = 1.0  # [s] until a lost link is reported
 
@@ -49,13 +54,17 @@ def set_out(link: Arm, trajectory: Trajectory) -> None:
     One that keeps limits by itself gets those of the motion, with room for the way to its start.
     """
     clock().sleep(_FIRST)
+    _set_limits(link, trajectory)
+    link.follow(trajectory)
+
+
+def _set_limits(link: Arm, trajectory: Trajectory) -> None:
     if isinstance(link, SupportsLimits):
         time, place, speed = _motion(trajectory)
         sudden = np.linalg.norm(np.diff(speed, axis=0), axis=1).max(initial=0.0) / float(time[1] - time[0])
         low, high = (tuple((side - _ROOM * sign).tolist()) for side, sign in ((place.min(0), 1), (place.max(0), -1)))
         fastest = float(np.linalg.norm(speed, axis=1).max())
         link.limit(ArmLimits(low, high, 1.1 * fastest, 1.1 * float(sudden), 0.1, 0.2), lambda reason: None)
-    link.follow(trajectory)
 
 
 def check_follows(device: Device, batches: Sequence[Batch], trajectory: Trajectory, is_whole: bool) -> None:
@@ -72,7 +81,14 @@ def check_follows(device: Device, batches: Sequence[Batch], trajectory: Trajecto
 class _MovedArm:
     """An arm on its way through a motion: what it sends, and where a test sees it."""
 
-    def __init__(self, device: Device, link: Arm, trajectory: Trajectory, arm: ArmTest | None) -> None:
+    def __init__(
+        self,
+        device: Device,
+        link: Arm,
+        trajectory: Trajectory,
+        arm: ArmTest | None,
+        begin: Callable[[Arm, Trajectory], None] = set_out,
+    ) -> None:
         self.name, self.link = type(device).__name__, link
         self.failure: DeviceError | None = None
         self.ended = False
@@ -80,7 +96,7 @@ class _MovedArm:
         self._heard: list[Batch] = []
         _, self._motion, _ = _motion(trajectory)
         clock().thread(self._hear, f"{self.name} is moved").start()
-        set_out(link, trajectory)
+        begin(link, trajectory)
 
     def _hear(self) -> None:
         try:
@@ -103,6 +119,11 @@ class _MovedArm:
                 raise AssertionError(f"{self.name} does not begin the motion: {self.failure}")
             clock().sleep(0.01)
         raise AssertionError(f"{self.name} has not begun the motion within {seconds:g} s")
+
+    def reported_way(self) -> Floats:
+        """How far (3,) [m] the tip has gone since the first of its batches, as the arm says."""
+        reported = places(self._device, list(self._heard))
+        return np.asarray(reported[-_REPORTS:].mean(axis=0) - reported[:_REPORTS].mean(axis=0))
 
     def look(self, seconds: float) -> Floats:
         """Where the tip is meanwhile (n, 3) [m]: as the test sees it, or else as the arm says."""
@@ -136,6 +157,36 @@ def _moved(
         moved = _MovedArm(device, link, trajectory, arm)
         moved.wait_until_begun(listen)
         yield moved
+
+
+def check_obeys(device: Device, trajectory: Trajectory, seed: int, arm: ArmTest | None) -> None:
+    """An arm that can retreat does it first: outwards, as far as commanded at most, and as far as it says."""
+
+    def begin(link: Arm, trajectory: Trajectory) -> None:
+        clock().sleep(_FIRST)
+        _set_limits(link, trajectory)
+
+    with device.connect(seed) as link:
+        if not isinstance(link, Arm) or not isinstance(link, SupportsRetreat):
+            return
+        moved = _MovedArm(device, link, trajectory, arm, begin)
+        before = moved.look(_SHORT)
+        way = moved.look(link.retreat(RETREAT, RETREAT_SPEED) + _SHORT) - before.mean(axis=0)
+        apart = float(np.linalg.norm(way[-1] - moved.reported_way()))
+        link.stop()
+        clock().sleep(_REACTS)
+        demand(moved.failure is None, f"{moved.name} does not obey: {moved.failure}")
+        farthest = float(np.linalg.norm(way - np.clip(way, 0.0, (0.0, 0.0, RETREAT)), axis=1).max())
+        demand(
+            farthest < _OFF_WAY,
+            f"{moved.name} does not obey: in its first retreat, of {1e3 * RETREAT:g} mm outwards, its tip was "
+            f"{1e3 * farthest:.2f} mm off that way",
+        )
+        demand(
+            apart < _OFF_WAY,
+            f"{moved.name} does not report where its tip is: after its first retreat it has gone another way than it "
+            f"says, by {1e3 * apart:.2f} mm",
+        )
 
 
 def check_stops(device: Device, trajectory: Trajectory, seed: int, listen: float, arm: ArmTest | None = None) -> None:

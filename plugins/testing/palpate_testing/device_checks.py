@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 from palpate import Arm, Batch, Device, Link, Trajectory, clock
 
-from palpate_testing.arm_checks import ArmTest, check_follows, check_link_loss, check_retracts, check_stops, set_out
+from palpate_testing.arm_checks import (
+    ArmTest,
+    check_follows,
+    check_link_loss,
+    check_obeys,
+    check_retracts,
+    check_stops,
+    set_out,
+)
 from palpate_testing.failure_messages import demand
 
 _MOST = 100  # batches of one instant of simulated time
@@ -23,9 +31,10 @@ def check_device(
     Checked: channels known before connecting, with names that differ; batches only of announced streams, of the right
     width, with time-stamps in whole nanoseconds, one per row; `stop` twice does no harm; a device that is connected
     again with the same seed sends the same readings. A live device is listened to for some time [s], `listen`, and may
-    send other readings the second time. The tip of an arm is where the motion has it, and that of a live arm stands
-    soon once it is stopped on its way, and goes back up once it is retracted: it moves. They are judged by the
-    positions that it sends, or better by those that `arm` sees; with it the link to the controller is cut, too.
+    send other readings the second time. The tip of an arm is where the motion has it, and that of a live arm goes
+    outwards at first, by as much as it says, stands soon once it is stopped on its way, and goes back up once it is
+    retracted: it moves. They are judged by the positions that it sends, or better by those that `arm` sees; with it the
+    link to the controller is cut, too.
     """
     name = type(device).__name__
     names = [stream.name for stream in device.streams]
@@ -47,6 +56,7 @@ def check_device(
     if trajectory is not None and moves(device, seed):
         check_follows(device, first, trajectory, is_whole=not device.live)
         if device.live:
+            check_obeys(device, trajectory, seed, arm)
             check_stops(device, trajectory, seed, listen, arm)
             check_retracts(device, trajectory, seed, listen, arm)
             if arm is not None:

@@ -69,6 +69,22 @@ class Acceptance:
             declared = f"`deceleration` = {self.limits.deceleration:g} m/s^2 is declared"
             yield f"softest braking: {min(softest):.2f} m/s^2; {declared}"
 
+    @property
+    def _answers(self) -> list[Mapping[str, float]]:
+        return [answer for outcome in self.outcomes for answer in outcome.answers]
+
+    def _obedience(self) -> Iterator[str]:
+        """The arm's answers to the first commands of each run."""
+        still = [answer["answered"] for answer in self._answers if answer["commanded"] == 0.0]
+        steps = [answer for answer in self._answers if answer["commanded"] > 0.0]
+        if still and steps:
+            longest = max(step["commanded"] for step in steps)
+            error = max(abs(step["answered"] - step["commanded"]) for step in steps)
+            yield (
+                f"commanded to stay, the arm moved by {1e3 * max(still):.2f} mm at most; it answered first steps of up "
+                f"to {1e3 * longest:.2f} mm to {1e3 * error:.2f} mm"
+            )
+
     def table(self) -> dict[str, Any]:
         """For programs, in SI."""
         declared = ("latency", "deceleration", "sensor_timeout", "speed", "acceleration", "force", "stop_force")
@@ -107,7 +123,7 @@ class Acceptance:
         if "safety_checksum" not in self.identity:
             yield "- safety checksum on the pendant: ______________ (`safety_checksum` of the device is not stated)"
         yield ""
-        yield from (f"- {line}" for line in self.worst())
+        yield from (f"- {line}" for line in (*self._obedience(), *self.worst()))
         if not self.is_whole:
             missing = [v.name for v in self.steps if v.name not in {o.visit.name for o in self.outcomes}]
             yield f"- not done: {', '.join(missing)}"
@@ -176,6 +192,7 @@ def _step(outcome: Outcome) -> dict[str, Any]:
         "measured": None if found is None else asdict(found),
         "declared": declared,
         "problems": list(outcome.problems),
+        "handshake": [dict(answer) for answer in outcome.answers],
         "told": outcome.told,
     }
 

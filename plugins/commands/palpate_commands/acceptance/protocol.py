@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, DeviceError, Floats, clock, host_time_ns
@@ -57,6 +58,7 @@ class Outcome:
     braking: Braking | None  # None where nothing could be measured
     told: str  # what the run gave as its reason, or why nothing was measured
     force_delay: ForceDelay | None = None  # of the force, where that was what the step was for
+    answers: tuple[Mapping[str, float], ...] = ()  # of the arm to its first commands, [m]
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -183,10 +185,15 @@ class AcceptanceProtocol:
             trace = observer.trace(origin)
             if not visit.step.stops:
                 found = measure_force_delay(trace, *self._tared(job, origin))
-                return Outcome(visit, allowed, None, self._told(job) or "it came to its end", found)
+                return Outcome(visit, allowed, None, self._told(job) or "it came to its end", found, self._answers(job))
             event = self._event_of(visit, observer, job, origin) if event is None else event
             braking = measure_braking(trace, event, strokes.speed, visit.step.leaves)
-            return Outcome(visit, allowed, braking, self._told(job))
+            return Outcome(visit, allowed, braking, self._told(job), answers=self._answers(job))
+
+    def _answers(self, job: StrokesJob) -> tuple[Mapping[str, float], ...]:
+        """What the arm has answered to its first commands; nothing of a run that was killed."""
+        devices: Mapping[str, Mapping[str, Any]] = job.run.live_facts.get("devices") or {}
+        return tuple(devices.get(self._arm.name, {}).get("handshake", ()))
 
     def _told(self, job: StrokesJob) -> str:
         stop = job.run.live_facts.get("stop") or {}
