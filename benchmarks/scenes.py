@@ -303,7 +303,7 @@ def broken(scene: Scene, truth: Any, ended: str) -> list[str]:
 
 def unnamed(scene: Scene, ended: str, height: float) -> list[str]:
     """That a tip stays in the material, where the run does not say where it stands."""
-    if height > min(_SURFACE, scene.place[2]) - _LEFT or "refused" in ended or "stands at" in ended:
+    if height > min(_SURFACE, scene.place[2]) - _LEFT or "refused" in ended or "at a height of" in ended:
         return []
     if height > scene.place[2] - _LEFT:  # where it was found
         return []

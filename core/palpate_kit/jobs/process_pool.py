@@ -52,7 +52,7 @@ def _leave(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def _without_ctrl_c() -> Iterator[None]:
-    """Within the context Ctrl-C waits; a process that is started meanwhile does not hear of it before `begin_worker`."""
+    """Within the context Ctrl-C waits; a process that is started meanwhile hears of it from `begin_worker` on."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
 from palpate.vectors import Floats
 
 from palpate_engine.safety import SafetySettings
@@ -27,7 +29,7 @@ class StoppedTip:
         """The arm is to stop now."""
         self._at_stop, self._window = self.height, RestWindow()
 
-    def note(self, times: Floats, heights: Floats) -> None:
+    def note(self, times: NDArray[np.int64], heights: Floats) -> None:
         """Times (n,) [ns] and heights (n,) [m] of states."""
         self.height = float(heights[-1])
         if self._window is not None:
@@ -62,8 +64,8 @@ class StoppedTip:
     def pressed_in(self, felt: float) -> str:
         """What is said of a tip that stands where its way out was stopped, with the force [N] that it feels."""
         return (
-            f"; a later Ctrl-C stopped the way out: the tip stands at a height of {1e3 * self.height:.1f} mm, pressed in "
-            f"at {felt:.1f} N: lift it in freedrive"
+            f"; a later Ctrl-C stopped the way out: the tip stands at a height of {1e3 * self.height:.1f} mm, pressed "
+            f"in at {felt:.1f} N: lift it in freedrive"
         )
 
     def stranded(self, text: str, stands: bool, rest: str) -> str:
