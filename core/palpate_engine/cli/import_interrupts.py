@@ -28,7 +28,7 @@ def deferred_interrupts() -> Iterator[None]:
     if not is_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    press = _Press()
+    press = _KeyPress()
     signal.signal(signal.SIGINT, press.take)
     try:
         yield
@@ -37,7 +37,7 @@ def deferred_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-class _Press:
+class _KeyPress:
     """A press of Ctrl-C, which waits for the end of an import."""
 
     def __init__(self) -> None:
