@@ -1,9 +1,10 @@
 """The verdict, judged: records whose truth is known, right and wrong, and what the product says of each.
 
-``python benchmarks/verdicts.py N SEED [--rows right,nothing,wrong,hidden,real] [-o FILE] [--table FILE]``: N records of
-each rig that are right, with everything stated and with nothing but the tip; of each of forty kinds of wrong at 6, 12
-and 50 standard deviations of its own pattern; of each of fifteen that no record shows. Kinds and sizes are in
-`verdict_records`, written down before the first run; no formula is taken from the product. With ``-o`` each record is a
+``python benchmarks/verdicts.py N SEED [--rows right,nothing,wrong,memory,hidden,real] [-o FILE] [--table FILE]``: N
+records of each rig that are right, with everything stated and with nothing but the tip; of each of forty kinds of wrong
+at 6, 12 and 50 standard deviations of its own pattern; of a material with memory, under a right rig and under one of
+which a fact is wrong; of each of fifteen kinds of wrong that no record shows. Kinds and sizes are in `verdict_records`,
+written down before the first run; no formula is taken from the product. With ``-o`` each record is a
 line of a file, and a run goes on with those that it lacks; ``--table`` only prints the matrix of such a file.
 """
 
@@ -22,12 +23,14 @@ from verdict_records.hidden import HIDDEN
 from verdict_records.judgement import judged
 from verdict_records.matrix import matrix
 from verdict_records.real_logs import REAL, judged_log
+from verdict_records.remembering import FACTS, SIGMA, remembering
 from verdict_records.rigs import RIGS
 from verdict_records.sizes import readings, size_of
 from verdict_records.wrongs import WRONGS
 
 SIGMAS = (6, 12, 50)
-ROWS = ("right", "nothing", "wrong", "hidden", "real")
+ROWS = ("right", "nothing", "wrong", "memory", "hidden", "real")
+_KINDS = {kind.name: kind for kind in WRONGS}
 Case = dict[str, Any]
 
 
@@ -41,6 +44,12 @@ def cases(count: int, rows: Sequence[str]) -> Iterator[Case]:
             for kind in WRONGS:
                 rig = kind.rigs[i % len(kind.rigs)]
                 yield from ({"row": "wrong", "kind": kind.name, "rig": rig, "number": i, "sigma": k} for k in SIGMAS)
+    if "memory" in rows:
+        for i in range(count):
+            yield from ({"row": "memory", "kind": "", "rig": rig, "number": i} for rig in ("press", "robot", "texture"))
+            for name in FACTS:
+                rig = _KINDS[name].rigs[i % len(_KINDS[name].rigs)]
+                yield {"row": "memory", "kind": name, "rig": rig, "number": i}
     if "hidden" in rows:
         for i in range(count):
             for hidden in HIDDEN:
@@ -62,12 +71,20 @@ def measured(case: Case, seed: int, folder: Path) -> Case:
     truth = {"truth": {"elasticity": specimen.elasticity, "viscosity": specimen.viscosity}}
     name, found = "record", None
     if case["row"] == "wrong":
-        kind = next(kind for kind in WRONGS if kind.name == case["kind"])
+        kind = _KINDS[case["kind"]]
         size = size_of(specimen, kind, case["sigma"])
         if size is None:
             return case | {"unreachable": True}
         truth["size"] = size
         name, found = "cut" if kind.place == "cut" else name, readings(specimen, kind, size)
+    elif case["row"] == "memory":
+        material, fact = remembering(specimen, random), _KINDS.get(case["kind"])
+        truth = {"truth": dict(zip(("elasticity", "viscosity"), material.apparent, strict=True))}
+        size = 0.0 if fact is None else size_of(specimen, fact, SIGMA)
+        if size is None:
+            return case | {"unreachable": True}
+        truth["size"] = size
+        name, found = "cut" if fact and fact.place == "cut" else name, readings(material, fact, size)
     elif case["row"] == "hidden":
         found = next(kind for kind in HIDDEN if kind.name == case["kind"]).make(specimen)
     path = write(folder / name, specimen.rig, found or readings(specimen), random)

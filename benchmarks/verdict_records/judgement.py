@@ -20,6 +20,7 @@ _FACTS = {
 # Flags by which a record contradicts its model, whatever that moves.
 _OF_THE_RECORD = (
     "lack-of-fit",
+    "model-discrepancy",
     "tare-unclear",
     "outliers",
     "pull-off",
@@ -74,7 +75,8 @@ def told_by(track: Mapping[str, Any]) -> dict[str, Any]:
             "combined": value.get("combined"),
             "verdict": "good" if word == "note" else word,
         }
-    small = [flag for flag in track.get("immaterial", []) if flag["code"] in _OF_THE_RECORD]
+    notes = [flag for flag in track["flags"] if flag["severity"] == "note"]
+    small = [flag for flag in (*track.get("immaterial", []), *notes) if flag["code"] in _OF_THE_RECORD]
     said["findings"] = [flag["code"] for flag in findings]
     said["immaterial"] = [flag["code"] for flag in small]
     said["words"] = " ".join(_words([*findings, *small])).lower()

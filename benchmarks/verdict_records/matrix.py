@@ -20,6 +20,7 @@ def matrix(rows: Sequence[Row]) -> str:
     for row, words in (("right", "right, everything stated"), ("nothing", "right, nothing stated but the tip")):
         lines += [f"| {words} | {line}" for line in _right([r for r in rows if r["row"] == row], row == "right")]
     lines += [f"| wrong, and it shows | {line}" for line in _wrong([r for r in rows if r["row"] == "wrong"])]
+    lines += [f"| memory | {line}" for line in _remembering([r for r in rows if r["row"] == "memory"])]
     lines += [f"| wrong, and nothing shows | {line}" for line in _hidden([r for r in rows if r["row"] == "hidden"])]
     lines += [f"| real logs | {line}" for line in _real([r for r in rows if r["row"] == "real"])]
     return "\n".join([*lines, "", *_by_rig(rows), *_by_kind(rows)])
@@ -75,6 +76,18 @@ def _wrong(rows: Sequence[Row]) -> Iterator[str]:
         yield from _line(f"with its cause, of those reported at {sigma}", named, "80 %")
         silent = [not _told(row) and not _covered(row, "elasticity", 1.0) for row in here]
         yield from _line(f"E `good` and off by more than u at {sigma}", silent, "none" if sigma == 50 else "")
+
+
+def _remembering(rows: Sequence[Row]) -> Iterator[str]:
+    """Of a material with memory: the Kelvin-Voigt law that is nearest to it is the truth."""
+    reachable = [row for row in rows if not row.get("unreachable")]
+    right = [row for row in reachable if not row["kind"]]
+    wrong = [row for row in reachable if row["kind"]]
+    yield from _line("every fact right: E `good`", [not _told(row) for row in right], "")
+    yield from _line("every fact right: E in 2u", [_covered(row, "elasticity") for row in right], "")
+    yield from _line(
+        "one fact wrong: reported, or E in 2u", [_told(r) or _covered(r, "elasticity") for r in wrong], "67 %"
+    )
 
 
 def _named(row: Row, causes: Sequence[str]) -> bool:

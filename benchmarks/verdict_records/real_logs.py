@@ -38,6 +38,6 @@ def judged_log(path: Path, case: Mapping[str, Any]) -> dict[str, Any]:
     layer: Any = {"thickness": _LAYER} if case["stated"] else {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        record = palpate.record(rate="500 Hz", force=f, height=z, velocity=v, tare="none", **facts)
+        record = palpate.record(rate="500 Hz", force=f, height=z, velocity=v, tare="0 N", **facts)
         found = palpate.fit(record, model=DimensionalityReduction(indenter=Sphere(radius=radius), **layer))
     return {"truth": {"elasticity": truth, "viscosity": None}} | told_by(found.track.document)
