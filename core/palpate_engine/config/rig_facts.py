@@ -120,6 +120,10 @@ class RigFacts(Settings):
         'height of the specimen on its base, as in "22 mm", or "half-space"',
         "thickness", "How thick is the specimen?", "22 mm",
     )  # fmt: skip
+    base: Literal["bonded", "sliding"] | None = _fact(
+        '"bonded": a specimen of a stated thickness is glued to its base; "sliding": it may slide (spheres)',
+        "base", "Is the specimen glued to its base, or may it slide?", "sliding",
+    )  # fmt: skip
     delay: Annotated[Any, BeforeValidator(_Words("s", wants_std=True))] | None = _fact(
         'how late the force is behind the position, as in "0 ms +- 1 ms"',
         "delay", "How late is the force behind the position?", "0 ms +- 1 ms",

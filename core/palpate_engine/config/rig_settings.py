@@ -35,7 +35,8 @@ TABLE = "rig"  # of a source: facts of the command line, as in ``--set rig.thick
 _NUMBER = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)")
 _ALIGNMENT = ("alignment",)
 _RADII = ("radius", "curvature_radius")  # keys of a tip for its radius
-_LAW = "garcia"  # of a layer on its base, for spheres, flats and cones
+LAW = "garcia"  # of a layer glued to its base, for spheres, flats and cones
+SLIDING, SLIDING_LAW = "sliding", "dimitriadis"  # of one that slides, for spheres
 # Where the uncertainty of a fact stands that may be stated without one.
 _UNCERTAINTIES = {
     "thickness": ("run", "uncertainties", "height"),
@@ -183,16 +184,7 @@ def _settings(facts: RigFacts, tables: Mapping[str, Any], known: Registry) -> It
     if facts.tip_uncertainty is not None:
         for key in _radius_keys(facts, models, tables, known):
             yield "tip_uncertainty", ("run", "uncertainties", key), facts.tip_uncertainty
-    if facts.thickness is not None:
-        value, std = (HALF_SPACE, None) if facts.thickness == HALF_SPACE else value_and_std(facts.thickness, "m")
-        for name in _with_key(models, "thickness", known):
-            at, layer = ("model", name, "thickness"), isinstance(models[name].get("thickness"), dict)
-            if value == HALF_SPACE:
-                yield "thickness", at, value
-            else:  # of a layer the law stays
-                yield "thickness", (*at, "height") if layer else at, value if layer else {"law": _LAW, "height": value}
-        if std is not None:
-            yield "thickness", ("run", "uncertainties", "height"), std
+    yield from _layer(facts, models, known)
     if facts.poisson is not None:
         value, std = value_and_std(facts.poisson, "1")
         for name in _with_key(models, "poisson", known):
@@ -205,6 +197,33 @@ def _settings(facts: RigFacts, tables: Mapping[str, Any], known: Registry) -> It
         if std is not None:
             yield "inclination", ("run", "uncertainties", "inclination"), std
     yield from _alignment(facts, tables)
+
+
+def _layer(
+    facts: RigFacts, models: Mapping[str, Mapping[str, Any]], known: Registry
+) -> Iterator[tuple[str, Location, Any]]:
+    """Height and base of the specimen; a model that has a layer keeps its law."""
+    value, std = facts.thickness, None
+    if value not in (None, HALF_SPACE):
+        value, std = value_and_std(value, "m")
+    # Before the first setting is made: it changes the tables.
+    layers = {name: isinstance(models[name].get("thickness"), dict) for name in _with_key(models, "thickness", known)}
+    base = {} if facts.base is None else {"bonded": facts.base != SLIDING}
+    for name, has_layer in layers.items():
+        at = ("model", name, "thickness")
+        if base and (value == HALF_SPACE or (value is None and not has_layer)):
+            raise ConfigurationError('base: only a specimen of a stated thickness has one (thickness = "22 mm")')
+        if value == HALF_SPACE:
+            yield "thickness", at, value
+        elif value is not None and not has_layer:
+            law = SLIDING_LAW if facts.base == SLIDING else LAW
+            yield "thickness", at, {"law": law, "height": value, **base}
+        elif value is not None:
+            yield "thickness", (*at, "height"), value
+        if base and has_layer:
+            yield "base", (*at, "bonded"), base["bonded"]
+    if std is not None:
+        yield "thickness", ("run", "uncertainties", "height"), std
 
 
 def _alignment(facts: RigFacts, tables: Mapping[str, Any]) -> Iterator[tuple[str, Location, Any]]:

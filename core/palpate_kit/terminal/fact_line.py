@@ -98,8 +98,11 @@ def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[Phrase]:
     if isinstance(nu := getattr(model, "poisson", None), float):
         yield "nu ", Quantity(nu)
     if "thickness" in type(model).model_fields:
-        height = getattr(getattr(model, "thickness", None), "height", None)
+        layer = getattr(model, "thickness", None)
+        height = getattr(layer, "height", None)
         yield ("thick",) if height is None else (Quantity(height, "m"), " thick")
+        if (bonded := getattr(layer, "bonded", None)) is not None:
+            yield ("glued to its base" if bonded else "sliding on its base",)
     if inclination := getattr(getattr(model, "skin", None), "inclination", 0.0):
         yield "inclined by ", Quantity(inclination, "rad")
 

@@ -34,7 +34,7 @@ def other_layers(
             continue
         ratios = {"elastic": own[0] / other[0], "viscous": own[1] / other[1]}
         found[name] = _scaled(parameters, theta, ratios)
-    if isinstance(thickness, Thickness) and thickness.law == "dimitriadis" and not thickness.bonded:
+    if isinstance(thickness, Thickness) and thickness.law == "dimitriadis" and not thickness.is_bonded:
         share = 1.0 / (1.0 - _SLIDING_BASE * min(indenter.contact_radius(depth) / thickness.height, 0.5))
         found["a base without friction"] = _scaled(parameters, theta, {"elastic": share, "viscous": share})
     return found
@@ -58,7 +58,7 @@ def _laws(indenter: Indenter, thickness: Layer, depth: float) -> dict[str, Thick
         laws["dimitriadis"] = thickness.model_copy(update=changed | {"law": "dimitriadis"})
     elif thickness.law == "garcia":
         laws["dimitriadis"] = thickness.model_copy(update={"law": "dimitriadis"})
-    elif thickness.bonded:
+    elif thickness.is_bonded:
         laws["garcia"] = thickness.model_copy(update={"law": "garcia"})
     if thickness.law != "finite-cylinder" and depth > _RANGE * thickness.height:
         laws["finite-cylinder"] = thickness.model_copy(update={"law": "finite-cylinder"})

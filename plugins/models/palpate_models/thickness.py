@@ -69,7 +69,10 @@ class Thickness(Settings):
         default=None, description="table: file of `palpate model thickness`, depths and factors"
     )
     height: Depth = Field(default=0.0, ge=0, description="height h of the layer; of a table it is in the file")
-    bonded: bool = Field(default=True, description="whether the layer is glued to its base, or may slide")
+    bonded: bool | None = Field(
+        default=None,
+        description="whether the layer is glued to its base, or may slide; not stated: taken as glued",
+    )
     sticking: bool = Field(default=False, description="finite-cylinder: whether the tip sticks to the surface")
     diameter: Depth | None = Field(default=None, gt=0, description="finite-cylinder: diameter of the specimen")
     radius: Depth | None = Field(
@@ -87,7 +90,7 @@ class Thickness(Settings):
             return self
         if self.height <= 0:
             raise ValueError(f"{self.law} needs the height of the layer")
-        if self.law == "garcia" and not self.bonded:
+        if self.law == "garcia" and not self.is_bonded:
             raise ValueError("garcia is for a bonded layer; dimitriadis has one that is not (for spheres)")
         if self.law == "finite-cylinder":
             if self.diameter is None:
@@ -95,11 +98,16 @@ class Thickness(Settings):
             shape = self.diameter / self.height
             if abs(shape / _CYLINDER_SHAPE - 1) > 0.05:
                 raise ValueError(f"finite-cylinder is for diameter/height 2.27 (50 by 22 mm), not {shape:.2f}")
-            if (self.bonded, self.sticking) not in _CYLINDER:
+            if (self.is_bonded, self.sticking) not in _CYLINDER:
                 raise ValueError("finite-cylinder with a sticking tip is known for a bonded base only")
         elif self.sticking or self.diameter is not None:
             raise ValueError(f"sticking and diameter belong to finite-cylinder, not to {self.law}")
         return self
+
+    @property
+    def is_bonded(self) -> bool:
+        """Return True for a layer that is glued to its base, which one is of which nobody states it."""
+        return self.bonded is not False
 
     def check(self, indenter: Indenter, poisson: float) -> None:
         """Raise ValueError where the correction is not known for a tip or a Poisson's ratio."""
@@ -112,6 +120,10 @@ class Thickness(Settings):
         if poisson != 0.5:
             raise ValueError(f"thickness: the corrections are for poisson = 0.5, not {poisson:g}")
         if self.law == "dimitriadis" and contact.shape != "sphere":
+            if not self.is_bonded:
+                raise ValueError(
+                    f"thickness: a base on which the layer slides is known for spheres, not for a {contact.shape} tip"
+                )
             raise ValueError(f"thickness: dimitriadis is for spheres, not for a {contact.shape} tip; try garcia")
         if self.law == "finite-cylinder":
             if not isinstance(indenter, Sphere):
@@ -150,12 +162,12 @@ class Thickness(Settings):
         contact = self._contact(indenter)
         x = contact.scale / self.height * depth**contact.power
         if self.law == "finite-cylinder":
-            a, b, f, g = _CYLINDER[self.bonded, self.sticking]
+            a, b, f, g = _CYLINDER[self.is_bonded, self.sticking]
             e = depth / contact.radius
             inner = 1.0 + a * x + b * x * x + f * x * e + g * e
             slope = a * x / 2.0 + b * x * x + 1.5 * f * x * e + g * e
             return (1.0 - 0.15 * e) * inner, (1.0 - 0.15 * e) * slope - 0.15 * e * inner
-        _, c1, c2, c3, c4 = _DIMITRIADIS[self.bonded] if self.law == "dimitriadis" else _GARCIA[contact.shape]
+        _, c1, c2, c3, c4 = _DIMITRIADIS[self.is_bonded] if self.law == "dimitriadis" else _GARCIA[contact.shape]
         factor = 1.0 + x * (c1 + x * (c2 + x * (c3 + x * c4)))
         return factor, contact.power * x * (c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * 4.0 * c4)))
 

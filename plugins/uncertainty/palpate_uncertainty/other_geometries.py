@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from palpate import Diagnosed, Floats, TrackEvidence
+from palpate import ContactModel, Diagnosed, Floats, TrackEvidence
 
 from palpate_uncertainty.refit import depths_in_contact
 
@@ -14,7 +14,8 @@ from palpate_uncertainty.refit import depths_in_contact
 def other_geometries(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Of every track whose model names other geometries: how far its values may lie from theirs.
 
-    Not where nothing is stated of the geometry: that is an open fact, and no uncertainty.
+    Not where nothing is stated of the geometry, which is an open fact and no uncertainty, nor where height and base are
+    both stated: one law is left then, and what it does not describe of the record is the model discrepancy.
 
     The truth is taken to lie anywhere between the value and the farthest of them: a rectangular distribution, whose
     standard uncertainty about the value is that distance over sqrt(3) (GUM 4.3.7).
@@ -22,8 +23,7 @@ def other_geometries(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]
     found = {}
     for track in tracks:
         depth = depths_in_contact(track)
-        stated = getattr(track.model, "thickness", "") is not None
-        if stated and len(depth) and np.isfinite(track.values).all():
+        if has_open_law(track.model) and len(depth) and np.isfinite(track.values).all():
             others = track.model.other_geometries(float(np.mean(depth)), track.values.tolist())
             if others:
                 spread = spread_between(others, track.values)
@@ -31,6 +31,12 @@ def other_geometries(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]
                 table = {name: dict(zip(names, values, strict=True)) for name, values in others.items()}
                 found[track.name] = Diagnosed(terms=dict(zip(names, spread.tolist(), strict=True)), table=table)
     return found
+
+
+def has_open_law(model: ContactModel) -> bool:
+    """Return True where several published laws are of what is stated of the specimen's geometry."""
+    thickness = getattr(model, "thickness", "")
+    return thickness is not None and getattr(thickness, "bonded", None) is None
 
 
 def spread_between(others: Mapping[str, Sequence[float]], values: Floats) -> Floats:
