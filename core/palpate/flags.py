@@ -25,9 +25,17 @@ ADVICE: dict[str, str] = {  # a verdict in words, and what a person is to do wit
 }
 
 
-def has_no_number(verdict: str) -> bool:
-    """Whether a verdict forbids calculating with its value: it is not determined, or needs a fact."""
-    return verdict == NOT_DETERMINED or verdict.startswith(NEEDS)
+def is_open(verdict: str) -> bool:
+    """Return True for a value that is not determined, or needs a fact: its word is shown next to its number."""
+    return verdict == NOT_DETERMINED or needs_fact(verdict)
+
+
+def needs_fact(verdict: str) -> bool:
+    """Return True for a value that depends on a fact which nobody has stated, so that it enters no mean.
+
+    A value that is not determined enters: it is within its uncertainty of none, and a mean without it is biased.
+    """
+    return verdict.startswith(NEEDS)
 
 
 def verdict_rank(verdict: str) -> int:
@@ -57,7 +65,8 @@ class Flag:
     message: str
     severity: Severity | None = field(default=None, compare=False)  # from the registry, once a result is made
     effects: Mapping[str, float] | None = field(default=None, compare=False)
-    causes: tuple[str, ...] = field(default=(), compare=False)  # rows of the budget that hold the effects
+    # Rows of the budget that hold the effects; None: that of the diagnosis, (): none of them.
+    causes: tuple[str, ...] | None = field(default=None, compare=False)
     evidence: tuple[Flag, ...] = field(default=(), compare=False)  # other signs of the same cause
     remedy: str = field(default="", compare=False)  # from the registry
 
@@ -132,7 +141,7 @@ def _one(code: str, signs: list[Flag], meanings: Mapping[str, FlagMeaning]) -> F
     effects = {name: max(e.get(name, 0.0) for e in known) for name in names} if known else None
     message = "; ".join(dict.fromkeys(sign.message for sign in own or signs))
     evidence = (*(sign for sign in signs if sign.code != code), *(e for sign in own for e in sign.evidence))
-    causes = tuple(dict.fromkeys(cause for sign in signs for cause in sign.causes))
+    causes = tuple(dict.fromkeys(cause for sign in signs for cause in sign.causes or ()))
     return replace(
         signs[0], code=code, message=message, severity=meaning.severity, effects=effects, causes=causes,
         evidence=evidence, remedy=meaning.remedy,

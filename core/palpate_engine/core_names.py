@@ -9,7 +9,7 @@ from palpate.device import ask_devices, is_live, own_motions, truth_of
 from palpate.discovery import import_plugin_file, plugin_file_of
 from palpate.errors import ConsentError, StoppedError, error_text
 from palpate.evidence.condition import FORMER_FLAGS
-from palpate.flags import SEVERITIES, advice_on, has_no_number, verdict, verdict_rank, verdict_word
+from palpate.flags import SEVERITIES, advice_on, is_open, needs_fact, verdict, verdict_rank, verdict_word
 from palpate.hooks import KINDS
 from palpate.input_file import Enclosure, bounded_text, json_document, toml_tables
 from palpate.offers import function_of

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import palpate as python
 import pytest
-from palpate_engine import Source, build_pipeline, has_no_number, run_pipeline
+from palpate_engine import Source, build_pipeline, is_open, run_pipeline
 from palpate_fits.estimator import CasadiFit
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, fit_curves
@@ -114,7 +114,7 @@ def cells_of(track):
     cells = {"surface": track["surface"]["value"], "surface_combined": track["surface"]["combined"]}
     for name, found in track["parameters"].items():
         cells |= {name: found["value"], f"{name}_std": found["std"], f"{name}_combined": found["combined"]}
-        if has_no_number(found["verdict"]):  # its uncertainties stay
+        if is_open(found["verdict"]):  # its uncertainties stay
             del cells[name]
     codes = " ".join(sorted({flag["code"] for flag in track["flags"]}))
     return {key: repr(value) for key, value in cells.items()} | {"verdict": track["verdict"], "flags": codes}

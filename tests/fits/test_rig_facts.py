@@ -168,14 +168,14 @@ def test_the_file_beside_the_curves_is_found_and_said_and_one_command_is_enough(
     assert done.stdout.startswith(f"tip: paraboloid, curvature radius 3 mm; {models}; force ")
     rows = rows_of(curves / "out")
     assert float(rows["0"]["elasticity"]) == pytest.approx(1e5, rel=0.01)
-    assert rows["1"]["verdict"] == "not determined"  # its record is of no layer of 5 mm
+    assert rows["1"]["verdict"] == "doubtful"  # its record is of no layer of 5 mm
     options = ["--thickness", "half-space", "--rig", "curves/rig.toml"]
     again = palpate("fit", "curves", "--out", "thick", *options)
     rows = rows_of(curves / "thick")
     assert float(rows["1"]["elasticity"]) == pytest.approx(1.1e5, rel=0.01), again.stderr
     changed = palpate("fit", "out", "--where", "curve=curves/0.csv", "--thickness", "5 mm")
     assert changed.returncode == 0, changed.stderr
-    assert rows_of(curves / "out")["0"]["verdict"] == "not determined"
+    assert rows_of(curves / "out")["0"]["verdict"] == "doubtful"
 
 
 @pytest.mark.slow

@@ -107,7 +107,7 @@ def test_parquet_has_numbers_and_texts(palpate, years):
     assert found["animal"] == [row["animal"] for row in rows]
 
 
-def test_a_value_that_was_not_determined_has_no_number(palpate, tmp_path):
+def test_a_value_that_was_not_determined_is_open(palpate, tmp_path):
     nothing = {"value": None, "std": None, "unit": "Pa", "settling": None, "combined": None}
     write_run(tmp_path / "run")
     document = json.loads((tmp_path / "run" / "result.json").read_text())

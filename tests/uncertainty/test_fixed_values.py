@@ -29,13 +29,11 @@ def fit_with(palpate, tmp_path, *settings, **others):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("surface", "least"), [("0.2 mm", 3e3), ("0.01 mm", 0.2e3)])
-def test_a_fixed_surface_that_is_wrong_is_doubted_and_covered(palpate, tmp_path, surface, least):
+@pytest.mark.parametrize("surface", ["0.2 mm", "0.01 mm"])
+def test_a_fixed_surface_that_is_wrong_is_doubted(palpate, tmp_path, surface):
     _, row = fit_with(palpate, tmp_path, f"fixed.surface={surface}")
-    assert row.verdict == "doubtful"
+    assert row.verdict == row.elasticity_verdict == "doubtful"
     assert "lack-of-fit" in row.flags
-    assert least < float(row.elasticity_combined) < 2.0 * abs(float(row.elasticity) - ELASTICITY)
-    assert abs(float(row.elasticity) - ELASTICITY) < 1.2 * float(row.elasticity_combined)
 
 
 @pytest.mark.slow

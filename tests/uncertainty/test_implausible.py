@@ -64,11 +64,11 @@ def test_an_elasticity_of_nothing_soft_is_no_value(elasticity, none):
     from palpate.registry import load
     from palpate_engine.result.materiality import weigh
     from palpate_models import DimensionalityReduction
-    from palpate_uncertainty.plausibility import _bound_flags
+    from palpate_uncertainty.plausibility import _unit_flags
 
     numbers = {"elasticity": elasticity, "viscosity": 300.0}
     last = SimpleNamespace(values=np.array([[*numbers.values()]]), std=np.array([[1e-3, 1.0]]))
-    flags = [*_bound_flags(last, DimensionalityReduction(indenter=Sphere(radius="5 mm")), set())]
+    flags = [*_unit_flags(last, DimensionalityReduction(indenter=Sphere(radius="5 mm")))]
     values = {name: UncertainValue(value, 1e-3, "Pa") for name, value in numbers.items()}
     expected = ("invalid", "doubtful") if none else ("good", "good")
     assert tuple(weigh(flags, values, load()).by_value.values()) == expected
@@ -104,15 +104,19 @@ def test_an_implausible_value_of_a_run_is_in_no_mean(tmp_path, run_point, palpat
     assert group["values"][0] > 1e4
 
 
-@pytest.mark.parametrize(("viscosity", "told"), [(-629471.0, True), (-3.0, False), (5.0, False)])
-def test_a_viscosity_below_nothing_by_more_than_its_std_is_no_value(viscosity, told):
-    """-3 +- 20 Pa s is none at all, as far as is known; -629471 +- 20 is no material."""
+@pytest.mark.parametrize(("viscosity", "impossible"), [(-629471.0, True), (-300.0, False), (-3.0, False), (5.0, False)])
+def test_a_viscosity_below_none_by_more_than_its_uncertainty_is_no_value(viscosity, impossible):
+    """-300 +- 200 Pa s is none at all, as far as is known; -629471 +- 200 is no material. The estimator claims 20."""
     from types import SimpleNamespace
 
     from palpate.registry import load
     from palpate_models import Maxwell
-    from palpate_uncertainty.plausibility import _bound_flags
+    from palpate_uncertainty.possible_values import impossible_values
 
-    last = SimpleNamespace(values=np.array([[1e5, viscosity]]), std=np.array([[1e3, 20.0]]))
-    flags = load().judged(_bound_flags(last, Maxwell(indenter=Sphere(radius="5 mm")), set()))
-    assert [(flag.code, flag.severity) for flag in flags] == ([("implausible", "doubtful")] if told else [])
+    model = Maxwell(indenter=Sphere(radius="5 mm"))
+    track = SimpleNamespace(
+        model=model, values=np.array([1e5, viscosity]), combined=np.array([1e3, 200.0]), ending=None
+    )
+    flags = load().judged(impossible_values(track))
+    expected = [("implausible", "doubtful")] if impossible else []
+    assert [(flag.code, flag.severity) for flag in flags] == expected

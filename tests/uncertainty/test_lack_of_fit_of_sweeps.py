@@ -49,12 +49,13 @@ def test_a_clean_sweep_is_not_flagged_nor_one_over_a_lump(softer):
 
 
 @pytest.mark.slow
-def test_a_layer_under_a_sweep_is_flagged_and_the_value_has_no_uncertainty():
+def test_a_layer_under_a_sweep_is_flagged_and_the_value_has_a_larger_uncertainty():
     track = sweep(2, height=8e-3)
     assert track.values[0] > 2 * E
     found = lack_of_fit([track])["t"]
-    assert [flag.code for flag in found.flags] == ["lack-of-fit"]
-    assert "elasticity" in found.unknown or found.terms["elasticity"] > 0.02 * track.values[0]
+    assert {flag.code for flag in found.flags} <= {"lack-of-fit", "model-discrepancy"}
+    assert found.flags
+    assert found.terms["elasticity"] > 0.02 * track.values[0]
 
 
 @pytest.mark.slow

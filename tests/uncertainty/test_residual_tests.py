@@ -73,10 +73,10 @@ def test_with_nothing_stated_elasticity_is_good_and_viscosity_needs_the_delay(ju
 
 
 @pytest.mark.slow
-def test_a_wrong_record_of_a_small_tip_is_off_by_as_much_as_is_said(judged):
+def test_a_material_with_memory_under_a_small_tip_has_the_discrepancy_of_a_large_one(judged):
     """Values of 1e4 Pa beside a surface of 1e-7 m: the shifts of one are no rounding of the other."""
     found, specimen = judged("afm", "a power law", 50)
-    assert abs(found["elasticity"]["value"] - specimen.elasticity) < 2 * found["elasticity"]["combined"]
+    assert 0.005 < found["elasticity"]["combined"] / specimen.elasticity < 0.05
     assert "can move elasticity" in found["words"]
 
 
@@ -115,7 +115,7 @@ def test_single_readings_are_found_beside_a_steep_ramp(judged, rig):
 )
 def test_what_is_wrong_by_twelve_standard_deviations_is_told_with_its_cause(judged, rig, kind, cause):
     found, _ = judged(rig, kind, 12)
-    assert "lack-of-fit" in (*found["findings"], *found["immaterial"])
+    assert {"lack-of-fit", "model-discrepancy"} & {*found["findings"], *found["immaterial"]}
     assert cause in found["words"]
 
 

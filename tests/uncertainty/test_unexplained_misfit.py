@@ -1,4 +1,4 @@
-"""A lack of fit that no alternative explains, and one that a clipped force only seems to have."""
+"""A lack of fit that nothing explains has its size, and a clipped force only seems to have one."""
 
 import csv
 from types import SimpleNamespace
@@ -23,13 +23,12 @@ def fitted_row(palpate, tmp_path, columns):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("work", [1.0, 2.0])
-def test_no_other_row_of_the_budget_hides_a_lack_of_fit_that_nothing_explains(palpate, tmp_path, work):
-    """Adhesion of 2 J/m^2 is 33 +- 16 kPa for 25: drift in steps explains most of it, and free air adds as much."""
+def test_a_lack_of_fit_that_nothing_explains_has_the_size_of_its_discrepancy(palpate, tmp_path, work):
+    """Adhesion of 2 J/m^2 is 33 +- 14 kPa for 25: drift in steps explains most of it, and free air adds as much."""
     row = fitted_row(palpate, tmp_path, sticking_press(1, work))
-    assert row.verdict == "doubtful"
-    assert "lack-of-fit" in row.flags
+    assert {"lack-of-fit", "model-discrepancy"} & {*row.flags.split()}
     assert float(row.elasticity) > 1.08 * ELASTICITY
-    assert abs(float(row.elasticity) - ELASTICITY) < float(row.elasticity_combined)
+    assert abs(float(row.elasticity) - ELASTICITY) < 2.0 * float(row.elasticity_combined)
 
 
 @pytest.mark.slow

@@ -69,6 +69,11 @@ class Parameter:
     start: float | None = None  # first guess, of the order that soft silicone and tissue have
     start_std: float | None = None  # how far off it may be
 
+    @property
+    def lowest_estimate(self) -> float:
+        """Lower bound of least squares: none for a viscosity, so that many of a material without one average to 0."""
+        return -math.inf if self.role == "viscous" else self.lower
+
 
 @dataclass(frozen=True)
 class MaterialValue:

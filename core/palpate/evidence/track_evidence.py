@@ -65,6 +65,7 @@ class TrackEvidence:
     air_after: Floats = field(
         default_factory=lambda: np.zeros((3, 0))
     )  # (3, a) time [s], force [N], position [m] after the last contact, at most 4096 samples
+    surface_uncertainty: float = 0.0  # [m] combined, with what diagnoses of a lower order say
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,7 @@ class Diagnosed:
     settles: frozenset[str] = frozenset()  # codes of flags by lower orders whose effect this diagnosis accounts for
     left: Mapping[str, float] = field(default_factory=dict)  # in place of `terms` for a corrected value
     conditions: tuple[Condition, ...] = ()  # facts that the record cannot show and nobody has stated
+    surface: float = 0.0  # [m] standard uncertainty that it adds to the surface
     known: frozenset[str] = frozenset()  # facts that the record itself measures, so that they are not conditions
 
 

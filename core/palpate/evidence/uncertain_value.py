@@ -11,7 +11,6 @@ import numpy as np
 
 from palpate.contact import ContactModel
 from palpate.fit_report import Effect
-from palpate.flags import has_no_number
 from palpate.vectors import Floats
 
 
@@ -70,10 +69,8 @@ class UncertainValue:
         return replace(self, value=value, systematic=systematic, budget=budget, left={}, bias=None)
 
     def table(self) -> dict[str, Any]:
-        """As in ``result.json``; what is not a finite number becomes null, as the value of what is not determined."""
+        """As in ``result.json``; what is not a finite number becomes null."""
         known: dict[str, Any] = {"value": self.value, "std": self.std, "unit": self.unit, "settling": self.settling}
-        if has_no_number(self.verdict or ""):
-            known |= {"value": None, "estimate": self.value}
         if self.systematic is not None:
             known["systematic"] = self.systematic
         known["combined"] = self.combined

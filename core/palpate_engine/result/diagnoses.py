@@ -95,11 +95,12 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
     return replace(
         result,
         parameters=parameters,
+        surface=result.surface.diagnosed(cause, finding.surface),
         budget=(*result.budget, *_rows(result, names, name, finding)),
         derived=tuple(_derived(value, model, result, finding, cause) for value in result.derived),
         flags=(
             *(replace(flag, effects={}) if flag.code in finding.settles else flag for flag in result.flags),
-            *(flag if flag.causes else replace(flag, causes=(cause,)) for flag in finding.flags),
+            *(replace(flag, causes=(cause,)) if flag.causes is None else flag for flag in finding.flags),
         ),
         conditions=_open_facts((*result.conditions, *_with_derived(finding.conditions, model, result)), finding.known),
         diagnoses=dict(result.diagnoses) | ({name: finding.table} if finding.table else {}),
@@ -186,7 +187,9 @@ def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEviden
 def _with_uncertainties(evidence: TrackEvidence, result: TrackResult) -> TrackEvidence:
     """The evidence with what diagnoses of lower orders have made of the uncertainty of each parameter."""
     combined = np.array([result.parameters[parameter.name].combined for parameter in evidence.model.parameters])
-    return read_only(replace(evidence, combined=combined, found=result.parameters))
+    return read_only(
+        replace(evidence, combined=combined, found=result.parameters, surface_uncertainty=result.surface.combined)
+    )
 
 
 def _ending(track: Diagnosable, of_run: RunEvidence) -> TrackEnd | None:

@@ -94,7 +94,7 @@ def _moved(flag: Flag, values: Mapping[str, UncertainValue]) -> tuple[str, ...]:
 
 def _ratio(flag: Flag, name: str, value: UncertainValue) -> float:
     """What a flag names over the standard uncertainty of everything else."""
-    effect, others = (flag.effects or {})[name], value.without(*flag.causes)
+    effect, others = (flag.effects or {})[name], value.without(*(flag.causes or ()))
     return effect / others if others > 0 else math.inf if effect > 0 else 0.0
 
 

@@ -19,7 +19,6 @@ from palpate_engine import (
     TrackResult,
     UncertainValue,
     build_pipeline,
-    has_no_number,
     inherited_approval,
 )
 
@@ -148,11 +147,10 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
     if found.usable:
         table = dict(_values(found)) | dict(zip(("x", "y"), _place(outcome, name), strict=True))
     told = {key: repr(float(value)) for key, value in table.items() if np.isfinite(value)}
-    for name, value in named_values(found).items():
-        if has_no_number(value.verdict or ""):
-            told.pop(name, None)  # its uncertainties stay
     told |= {f"{name}_verdict": value.verdict or "" for name, value in named_values(found).items()}
     said = (f"{one.fact}: {one.sentence(named_values(found)).replace('; ', ', ')}" for one in found.conditions)
+    predicted = found.diagnoses.get("model-discrepancy", {}).get("prediction", {}).get("error")
+    told |= {} if predicted is None else {"prediction": repr(float(predicted))}
     told |= {"conditions": "; ".join(said), "needs": " ".join(_needed(found))}
     flags: tuple[Flag, ...] = (*outcome.result.flags, *found.flags)
     failed = next((flag.message for flag in found.flags if flag.code == "failed"), "")

@@ -20,7 +20,7 @@ from palpate_engine import (
     bounded_text,
     dialect_tables,
     file_in_place,
-    has_no_number,
+    is_open,
     resolved_text,
     toml_tables,
     with_dialect,
@@ -39,7 +39,7 @@ CURVES = "curves"  # key of its [run]: the folder from which the files of curves
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
 _TEXTS = ("curve", "track", "conditions", "needs", "flags", "settings", "error")
 _LINE = 1 << 16  # [bytes] of the head
-_TAIL = ("rms", "samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
+_TAIL = ("rms", "prediction", "samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
 _LATER = ("conditions", "needs")  # columns that tables before schema 5 lack, as they lack the verdict of each value
 
 
@@ -306,7 +306,7 @@ def _wanted(name: str, cell: str) -> str:
     if not cell or name in _TEXTS:
         return ""
     if name == "verdict" or name.endswith("_verdict"):
-        return "" if cell in ADVICE or has_no_number(cell) else "verdict"
+        return "" if cell in ADVICE or is_open(cell) else "verdict"
     return "" if is_number(cell) else "number"
 
 

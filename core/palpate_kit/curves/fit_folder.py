@@ -24,6 +24,7 @@ from palpate_engine import (
     build_pipeline,
     facts_left_open,
     inherited_approval,
+    needs_fact,
     read_rig,
     registry,
     toml_tables,
@@ -80,6 +81,10 @@ class CurveRow:
         except ValueError:
             return None
         return value if math.isfinite(value) else None
+
+    def usable_number(self, name: str) -> float | None:
+        """A value of the row [SI] that may enter statistics; None if it has none, or one that needs a fact."""
+        return None if needs_fact(self.verdict_of(name)) else self.number(name)
 
     def systematic(self, name: str) -> float | None:
         """Uncertainty of a value [SI] that curves of one rig share, in addition to its own fit's; None if unknown."""

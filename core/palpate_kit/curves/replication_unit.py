@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from palpate import ConfigurationError, suggest
-from palpate_engine import has_no_number
 
 from palpate_kit.curves.curve_list import FACTS, PLACES, columns_of
 from palpate_kit.curves.fit_folder import CurveRow
@@ -33,7 +32,7 @@ def compare_rows(
         name: [
             (unit_of(row.curve, row.groups, chosen), value)
             for row in found
-            if (value := row.number(parameter)) is not None and row.usable and not has_no_number(row.verdict)
+            if row.usable and (value := row.usable_number(parameter)) is not None
         ]
         for name, found in groups.items()
     }

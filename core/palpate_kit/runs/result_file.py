@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import Flag, LogError
-from palpate_engine import SCHEMA, bounded_text, has_no_number, json_document, registry as registries, verdict
+from palpate_engine import SCHEMA, bounded_text, json_document, needs_fact, registry as registries, verdict
 
 from palpate_kit.runs.result_model import FitFileDocument, ResultDocument, problems
 from palpate_kit.runs.run_model import Document
@@ -73,7 +73,7 @@ def read_flags(tables: Iterable[Mapping[str, Any]]) -> tuple[Flag, ...]:
 def _is_number(found: Mapping[str, Any]) -> bool:
     """Whether the verdict of a value leaves a number to calculate with; results before schema 5 have none."""
     verdict = found.get("verdict") or ""
-    return verdict != "invalid" and not has_no_number(verdict)
+    return verdict != "invalid" and not needs_fact(verdict)
 
 
 def value_verdict(track: Mapping[str, Any], found: Mapping[str, Any]) -> str:
@@ -125,8 +125,8 @@ def _result(document: Any, path: Path, place: str = "") -> dict[str, Any]:
     checked: dict[str, Any] = document
     for track in checked["tracks"].values():
         for found in (*track["parameters"].values(), *track["derived"].values()):
-            if has_no_number(found.get("verdict") or "") and found["value"] is not None:
-                found |= {"value": None, "estimate": found["value"]}  # as it was written before
+            if found["value"] is None and found.get("estimate") is not None:  # as it was written before
+                found["value"] = found.pop("estimate")
     return checked
 
 

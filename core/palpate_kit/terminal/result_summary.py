@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from palpate import Flag, ReportSection
-from palpate_engine import Result, TrackResult, UncertainValue, display_unit, function_of, has_no_number, verdict_word
+from palpate_engine import Result, TrackResult, UncertainValue, display_unit, function_of, is_open, verdict_word
 
 from palpate_kit.terminal.flag_summary import summary_lines
 from palpate_kit.terminal.quantities import round_number, value_or_fixed
@@ -49,7 +49,7 @@ def _meanings(tracks: Iterable[TrackResult]) -> Iterator[str]:
     words = dict.fromkeys(verdict_word(track.verdict) for track in tracks)
     words |= dict.fromkeys(
         value.verdict for track in tracks for value in track.parameters.values()
-        if track.usable and value.verdict is not None and has_no_number(value.verdict)
+        if track.usable and value.verdict is not None and is_open(value.verdict)
     )  # fmt: skip
     for word in words:
         yield f"{word} means: {_MEANINGS.get(word, 'it depends on that fact, which nobody has stated')}"
@@ -214,9 +214,9 @@ def _plain(value: float) -> str:
 def _shown(found: UncertainValue) -> str:
     if found.verdict == "invalid":
         return "none"
-    if found.verdict is not None and has_no_number(found.verdict):
-        return found.verdict
-    return value_or_fixed(_scaled(found.value, found.unit), _scaled(found.combined, found.unit))
+    number = value_or_fixed(_scaled(found.value, found.unit), _scaled(found.combined, found.unit))
+    word = found.verdict or ""
+    return f"{number} {word}" if is_open(word) else number
 
 
 def _cells(track: TrackResult, names: list[str]) -> list[str]:

@@ -175,7 +175,7 @@ class AppliedCalibration:
         known, tip = pipeline.registry, self.calibration.tip
         mounted = [plain_settings(one, known) for one in pipeline.indenters.values()]
         if tip is not None and mounted and not any(is_same_tip(tip, one, known) for one in mounted):
-            yield Flag("calibration-tip", f"{self.path} was made with another tip: {_shown(self.calibration.tip)}")
+            yield Flag("calibration-tip", f"{self.path} was made with another tip: {_shown(tip)}")
 
     def _other_devices(self, stated: AlignmentSettings, devices: Mapping[str, Mapping[str, str]]) -> Iterator[Flag]:
         channels = {"force": stated.force, "position": stated.position}

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError
-from palpate_engine import SPHERE, display_unit, registry, write_whole
+from palpate_engine import SPHERE, display_unit, is_open, registry, write_whole
 from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.terminal.quantities import value_or_fixed
@@ -43,6 +43,7 @@ def _row(row: CurveRow, units: dict[str, float]) -> dict[str, Any]:
         value, combined = row.number(name), row.number(f"{name}_combined")
         if value is not None:
             text = value_or_fixed(value * factor, math.nan if combined is None else combined * factor)
+            text = f"{text} {verdict}" if is_open(verdict := row.verdict_of(name)) else text
             values[name] = [value * factor, None if combined is None else combined * factor, text]
     return {
         "curve": row.curve, "track": row.track, "values": values, "rms": row.number("rms"), "verdict": row.verdict,

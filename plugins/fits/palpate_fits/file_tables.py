@@ -12,7 +12,7 @@ from palpate_engine import (
     Registry,
     display_unit,
     facts_stated,
-    has_no_number,
+    is_open,
     verdict_word,
     words_that_state,
 )
@@ -26,7 +26,7 @@ from palpate_fits.fit_tables import each_table
 MOST = 40  # rows of a table on the terminal
 _NAME = 28  # characters of a file's name
 _SHOWN = ("elasticity", "viscosity")
-_DETAILS = {"rms": ("RMS\nN", ".3g"), "samples": ("samples", ".0f")}
+_DETAILS = {"rms": ("RMS\nN", ".3g"), "prediction": ("predicted\nwithin", ".1%"), "samples": ("samples", ".0f")}
 
 
 def is_usable(row: Row) -> bool:
@@ -112,14 +112,13 @@ def file_table(rows: Sequence[Row], pipeline: Pipeline, details: bool = False) -
 
 def _cell(row: Mapping[str, Any], name: str, unit: str) -> str:
     word = row.get(f"{name}_verdict") or ""
-    if has_no_number(word):
-        return word
     if not row.get(name):
-        return "-"
+        return word if is_open(word) else "-"
     factor = display_unit(unit)[1]
     combined = row.get(f"{name}_combined")
     value = float(row[name]) * factor
-    return value_or_fixed(value, float(combined) * factor) if combined else f"{value:.4g} ± ?"
+    number = value_or_fixed(value, float(combined) * factor) if combined else f"{value:.4g} ± ?"
+    return f"{number} {word}" if is_open(word) else number
 
 
 def _short(name: str) -> str:

@@ -71,7 +71,7 @@ def unknowns_of(
 ) -> Unknowns:
     """The unknowns of a model under the settings; raises ConfigurationError where they contradict each other."""
     units = {p.name: p.unit for p in model.parameters} | dict(zip(EXTRAS, _EXTRA_UNITS, strict=True))
-    limits = {p.name: (p.lower, p.upper) for p in model.parameters}
+    limits = {p.name: (p.lowest_estimate, p.upper) for p in model.parameters}
     limits |= dict.fromkeys(EXTRAS, (-np.inf, np.inf)) | {"tip_mass": (0.0, np.inf)}
     limits["delay"] = (-_LONGEST_DELAY, _LONGEST_DELAY)
     for table, given in (("fixed", fixed), ("start_at", guesses), ("bounds", bounds)):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Estimates, Flag, FlagMeaning, Floats, GuardState, Run, Samples
-from palpate_engine import display_unit, finite_tree, has_no_number
+from palpate_engine import display_unit, finite_tree, is_open
 from palpate_kit.page.datagrams import pack, pack_rows, pieces
 
 from palpate_live.row_columns import RowColumns, Table, beyond, describe_run, rows_of
@@ -145,4 +145,4 @@ class PageFeed:
 def _value(part: Mapping[str, Any]) -> list[Any]:
     """Value and combined standard uncertainty [SI], its unit, how many of it one SI unit is, or why it has none."""
     word = part.get("verdict") or ""
-    return [part["value"], part["combined"], *display_unit(part["unit"]), word if has_no_number(word) else ""]
+    return [part["value"], part["combined"], *display_unit(part["unit"]), word if is_open(word) else ""]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,6 +65,12 @@ class Fit:
         return self.track.residual
 
     @property
+    def prediction(self) -> float:
+        """Error of the force that one half of the record predicts of the other, in parts of it; NaN without halves."""
+        table = self.track.document.get("diagnoses", {}).get("model-discrepancy", {}).get("prediction", {})
+        return float(table.get("error", math.nan))
+
+    @property
     def force(self) -> Floats:
         """The model's contact force (n,) [N] at each sample; NaN where nothing was fitted."""
         return self.run.track_tables[self.track.name].others["force"]
@@ -95,6 +102,7 @@ class Fit:
             "track": self.track.name,
             **numbers,
             "rms": self.residual,
+            "prediction": self.prediction,
             "samples": samples,
             **judged,
         }

@@ -39,7 +39,9 @@ class FolderFacts:
     @cached_property
     def values(self) -> list[str]:
         """Names of the values of which a used row has a number, but for the surface."""
-        return [name for name in self.folder.values[:-1] if any(row.number(name) is not None for row in self.used)]
+        return [
+            name for name in self.folder.values[:-1] if any(row.usable_number(name) is not None for row in self.used)
+        ]
 
     @cached_property
     def exclusions(self) -> dict[str, int]:
@@ -72,13 +74,13 @@ class FolderFacts:
 
     def typical(self, name: str) -> CurveRow | None:
         """The used row whose value is the middle one; None where none has a number."""
-        known = sorted((value, row.curve, row) for row in self.used if (value := row.number(name)) is not None)
+        known = sorted((value, row.curve, row) for row in self.used if (value := row.usable_number(name)) is not None)
         return known[(len(known) - 1) // 2][2] if known else None
 
     def relative_uncertainty(self, name: str) -> tuple[float, float] | None:
         """Median of the relative combined uncertainty of a value, and of its part that all curves share."""
         pairs = [
-            (row.number(f"{name}_combined"), row.systematic(name), row.number(name))
+            (row.number(f"{name}_combined"), row.systematic(name), row.usable_number(name))
             for row in self.used
         ]  # fmt: skip
         known = [(u / abs(v), (shared or 0.0) / abs(v)) for u, shared, v in pairs if u is not None and v]

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 from palpate import Indenter, PalpateError, printable, to_si
-from palpate_engine import Pipeline, display_unit, has_no_number, numbers_of
+from palpate_engine import Pipeline, display_unit, needs_fact, numbers_of
 from palpate_kit.curves.replication_unit import compare_rows
 from palpate_kit.numerics.group_comparison import GroupComparison
 from palpate_kit.terminal.phrase import Phrase, Quantity, curve_count, merged_phrases, phrase_text, quantity_text
@@ -191,7 +191,9 @@ def _thickness(pipeline: Pipeline) -> Phrase:
     by = f"the law of {law.capitalize()} et al.{cite(keys)}" if keys else f"the law '{law}'"
     height: float = getattr(layer, "height", 0.0)
     size = (", ", Quantity(height, "m"), *_std(pipeline, "height", "m"), ",") if height else ()  # a table has its own
-    return ("The finite thickness of the specimens", *size, f" was corrected by {by}")
+    bonded = getattr(layer, "bonded", None)
+    base = "" if bonded is None else " glued to their base" if bonded else " sliding on their base"
+    return (f"The finite thickness of the specimens{base}", *size, f" was corrected by {by}")
 
 
 def _inclination(pipeline: Pipeline) -> Phrase:
@@ -231,8 +233,8 @@ def _exclusions(facts: FolderFacts) -> Iterator[str]:
         told = ", ".join(f"{code}: {count}" for code, count in codes.most_common())
         yield f"{len(doubtful)} of those used {'is' if len(doubtful) == 1 else 'are'} doubtful ({told})."
     for name in facts.values:
-        if lost := sum(has_no_number(row.verdict_of(name)) for row in facts.used):
-            yield f"{readable(name).capitalize()} could not be determined from {lost} of them."
+        if lost := sum(needs_fact(row.verdict_of(name)) for row in facts.used):
+            yield f"{readable(name).capitalize()} of {lost} of them needs a fact that was not stated, and is left out."
     if facts.own_settings:
         yield f"{facts.own_settings} {_curves(facts.own_settings)} had settings of their own."
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from palpate_engine import display_unit, has_no_number
+from palpate_engine import display_unit, is_open
 from palpate_kit.terminal.quantities import FIXED, is_fixed, value_with_uncertainty
 
 
@@ -27,13 +27,14 @@ def value_of(found: Mapping[str, Any]) -> str:
     >>> value_of({"value": 112836.1, "combined": 1772.7, "unit": "Pa"})
     '112.8 ± 1.8 kPa'
     """
-    word = found.get("verdict") or ""
-    if found["value"] is None or word == "invalid":
-        return word if has_no_number(word) else "–"
+    verdict = found.get("verdict") or ""
+    if found["value"] is None or verdict == "invalid":
+        return verdict if is_open(verdict) else "–"
     word, factor = display_unit(found["unit"])
     combined = found.get("combined")
     number = value_with_uncertainty(found["value"] * factor, math.nan if combined is None else combined * factor)
-    return f"{number} {word}".removesuffix(" 1") + (FIXED if is_fixed(found["value"], combined) else "")
+    text = f"{number} {word}".removesuffix(" 1") + (FIXED if is_fixed(found["value"], combined) else "")
+    return f"{text} {verdict}" if is_open(verdict) else text
 
 
 def parts_of(found: Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from palpate import ConfigurationError, is_number
-from palpate_engine import display_unit, write_whole
+from palpate_engine import display_unit, is_open, write_whole
 from palpate_kit.curves.fit_folder import CurveRow
 from palpate_kit.terminal.layout import text_of
 from palpate_kit.terminal.quantities import value_with_uncertainty
@@ -62,7 +62,9 @@ def _value(row: CurveRow, name: str, factor: float) -> str:
     value, combined = row.number(name), row.number(f"{name}_combined")
     if value is None:
         return ""
-    return value_with_uncertainty(factor * value, float("nan") if combined is None else factor * combined)
+    number = value_with_uncertainty(factor * value, float("nan") if combined is None else factor * combined)
+    verdict = row.verdict_of(name)
+    return f"{number} {verdict}" if is_open(verdict) else number
 
 
 def _rms(row: CurveRow) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 from palpate import ConfigurationError, Flag, LogError, UserError, suggest
-from palpate_engine import has_no_number, registry, verdict
+from palpate_engine import needs_fact, registry, verdict
 from palpate_kit.curves.curve_filter import CurveFilter, curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder, stale_words
 from palpate_kit.runs.result_file import read_flags, read_results, value_verdict
@@ -40,7 +40,7 @@ class ParameterValue:
     @property
     def usable(self) -> bool:
         """Whether its value may enter statistics."""
-        has_number = self.value is not None and self.verdict != "invalid" and not has_no_number(self.verdict)
+        has_number = self.value is not None and self.verdict != "invalid" and not needs_fact(self.verdict)
         return has_number and self.rejected is None
 
 
@@ -114,7 +114,7 @@ def _of_curve(
     return ParameterValue(
         f"{folder.path}#{row.curve}", folder.path, row.curve, track, row.number(parameter),
         row.number(f"{parameter}_combined"), folder.units.get(parameter, ""), row.systematic(parameter),
-        row.number("rms"), flags, row.verdict or "invalid", row.rejected, row.groups,
+        row.number("rms"), flags, row.verdict_of(parameter) or row.verdict or "invalid", row.rejected, row.groups,
     )  # fmt: skip
 
 

@@ -22,10 +22,16 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "late-force": Diagnosis("palpate_uncertainty.delay.late_force:late_force", order=10, quick=True, lost=True),
         # Settles what the budget states of undeclared timing.
         "self-timed": Diagnosis("palpate_uncertainty.delay.delay_from_motion:diagnose_delay", order=11),
-        "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
+        "model-discrepancy": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
+        # After the uncertainty of the surface.
+        "touched-surface": Diagnosis(
+            "palpate_uncertainty.touched_surface:touched_surface", order=55, quick=True, lost=True
+        ),
         "model-choice": Diagnosis("palpate_uncertainty.model_choice:model_choice"),
         # Last, since a filter's bias that is predicted is not a distance.
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability", order=60),
+        # By the whole uncertainty: a viscosity below none within it is one of none.
+        "possible-values": Diagnosis("palpate_uncertainty.possible_values:possible_values", order=70, quick=True),
         "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
         "force-across": Diagnosis("palpate_uncertainty.inclined_skin:inclined_skin", order=11, quick=True),
         "tool-off-normal": Diagnosis("palpate_uncertainty.tool_off_normal:tool_off_normal", order=10, quick=True),
@@ -40,8 +46,11 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 
 @plugin
 def palpate_report_sections() -> dict[str, ReportSection]:
-    """What the values of a run assume to be exact."""
-    return {"assumptions": ReportSection("palpate_uncertainty.assumption_line:assumption_lines", order=80, detail=True)}
+    """What the values of a run assume to be exact, and how well its law predicts."""
+    return {
+        "prediction": ReportSection("palpate_uncertainty.prediction:prediction_lines", order=79, detail=True),
+        "assumptions": ReportSection("palpate_uncertainty.assumption_line:assumption_lines", order=80, detail=True),
+    }
 
 
 @plugin

@@ -47,7 +47,7 @@ def scores(course: Course, base: Refit, null: Null, frequency: float | None) -> 
     slopes of the model's own numbers leave, over its variance.
     """
     runs = course.runs[course.used]
-    own, added = _model_slopes(course, base), dict(_added_slopes(course, base, frequency))
+    own, added = model_slopes(course, base), dict(_added_slopes(course, base, frequency))
     columns = np.column_stack([own, *added.values()]).T
     white = np.array([null.whitened(column, runs)[0] for column in columns])
     left, known = null.whitened(base.residual, runs)
@@ -76,7 +76,7 @@ def _explained(square: Floats, product: Floats) -> float:
     return float(np.sum(shares[powers > _ROUNDING] / powers[powers > _ROUNDING]))
 
 
-def _model_slopes(course: Course, base: Refit) -> Floats:
+def model_slopes(course: Course, base: Refit) -> Floats:
     """Slopes (n, k + 1) of the fitted samples' force by the model's parameters and the surface."""
     at, columns = course.forces(base.theta, base.surface), []
     for i, value in enumerate(base.theta.tolist()):

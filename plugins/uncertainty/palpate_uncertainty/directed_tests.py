@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +11,6 @@ from palpate import Floats
 from palpate_uncertainty.channel_noise import Null, Runs, without_outliers
 from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.model_alternatives import Refit
-
-_NEARLY = 10.0  # of BIC, within which an alternative explains as well as the best
 
 
 @dataclass(frozen=True)
@@ -41,12 +39,6 @@ def directed_tests(base: Refit, others: Iterable[Refit], runs: Runs, null: Null)
             bic = gain - other.extra * float(np.log(n))
             found[other.reason] = DirectedTest(chance_of_more(other.extra, gain), gain * null.excess / n, bic)
     return found
-
-
-def near_best(found: Mapping[str, DirectedTest]) -> list[str]:
-    """The reasons that explain a record nearly as well as the best of them."""
-    most = max((test.bic for test in found.values()), default=0.0)
-    return [reason for reason, test in found.items() if most - test.bic < _NEARLY]
 
 
 def _whitened(residual: Floats, runs: Runs, null: Null) -> Floats:

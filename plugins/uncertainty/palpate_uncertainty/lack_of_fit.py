@@ -1,17 +1,17 @@
-"""Lack of fit: whether what a track leaves of its record is the noise of the channel, and what else it may be."""
+"""Lack of fit: whether the residual of a model on a record is the noise of its channel, and what else it may be."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from palpate import Condition, Diagnosed, Flag, TrackEvidence
 
+from palpate_uncertainty.discrepancy import Misfit, judge_misfit
 from palpate_uncertainty.model_alternatives import refit
-from palpate_uncertainty.refit import make_course, possible, sweeps
+from palpate_uncertainty.refit import free_unknowns, make_course, moves_along, possible
 from palpate_uncertainty.refitted_model import (
     ENOUGH,
     SETTLED,
@@ -19,15 +19,14 @@ from palpate_uncertainty.refitted_model import (
     by_innovations,
     explained,
     judged_rows,
-    misfit_sentence,
+    judges_all,
     misfit_table,
     refitted_model,
     with_noise,
 )
 from palpate_uncertainty.residual_null import air_readings
-from palpate_uncertainty.residual_tests import LEVEL, ResidualTests, refit_tests, residual_tests
+from palpate_uncertainty.residual_tests import LEVEL, refit_tests, residual_tests
 
-_IDENTIFIABLE = 10.0  # times one step to the alternative, beyond which a refit of it is not identifiable
 _STRETCH = 4.0  # [s] of a sweep
 _OF_A_SWEEP = 0.015  # of the variance of innovations; the most of 28 tracks of clean sweeps was 0.008
 _UNTESTED = "the residual is noise alone, which was not tested"
@@ -35,20 +34,40 @@ _DEEP = 3e-3  # [m], where the surface is looked for first
 
 
 def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Findings on all tracks; see docs/uncertainty.md."""
-    known: dict[Any, RefittedModel] = {}
-    found = {}
-    for track in tracks:
-        try:
-            finding = _beside_open_noise(track, _judge(track, known))
-        except (ValueError, ArithmeticError) as error:  # a model without a force at such numbers; the others are judged
-            finding = Diagnosed((Flag("diagnosis-failed", f"lack-of-fit: {error}"),))
+    """Findings on all tracks; see docs/verdict.md.
+
+    A judgement is of model, record and rig: all tracks of a model that is to hold for the whole record share one, of
+    the fit where there is one. A fit of a part of the record, with unknowns of its own, and a sweep are judged alone.
+    """
+    judgements: dict[int, Diagnosed | None] = {}
+    findings = {}
+    for track in sorted(tracks, key=lambda track: not _is_fit(track)):
+        shared = judges_all(track)
+        if shared and id(track.model) in judgements:
+            finding = judgements[id(track.model)]
+        else:
+            finding = _with_open_noise(track, _judged(track))
+        if shared:
+            judgements.setdefault(id(track.model), finding)
         if finding is not None:
-            found[track.name] = finding
-    return found
+            findings[track.name] = finding
+    return {track.name: findings[track.name] for track in tracks if track.name in findings}
 
 
-def _beside_open_noise(track: TrackEvidence, finding: Diagnosed | None) -> Diagnosed | None:
+def _is_fit(track: TrackEvidence) -> bool:
+    """Return True for a fit that reports its residuals."""
+    return track.report is not None and bool(np.isfinite(track.kept.innovation).any())
+
+
+def _judged(track: TrackEvidence) -> Diagnosed | None:
+    """The judgement of a track; a model without a force at such numbers is one that could not be judged."""
+    try:
+        return _judge(track)
+    except (ValueError, ArithmeticError) as error:  # the others are judged
+        return Diagnosed((Flag("diagnosis-failed", f"lack-of-fit: {error}"),))
+
+
+def _with_open_noise(track: TrackEvidence, finding: Diagnosed | None) -> Diagnosed | None:
     """A finding, with the condition on the noise where no air shows that; None where nothing was tested and it does."""
     if track.ending is None or air_readings(track) is not None:
         return finding
@@ -57,50 +76,51 @@ def _beside_open_noise(track: TrackEvidence, finding: Diagnosed | None) -> Diagn
     return replace(finding or Diagnosed(), conditions=(noise,))
 
 
-def _judge(track: TrackEvidence, known: dict[Any, RefittedModel]) -> Diagnosed | None:
+def _judge(track: TrackEvidence) -> Diagnosed | None:
     """By the residual along each alternative; by refits where the noise is open, or the model remembers."""
     if not possible(track):
         return None
-    fitted = track.report is not None and bool(np.isfinite(track.kept.innovation).any())
+    fitted = _is_fit(track)
     if not np.isfinite(track.kept.velocity).any():
         raise ValueError("no sample in contact has a known speed; is [alignment] gap below the interval of readings?")
     judged = judged_rows(track)
     if not make_course(track, judged).used.any():
         return None
     enough = np.count_nonzero(track.kept.used & ~track.kept.hesitating) >= ENOUGH
-    if sweeps(track) and not fitted:
+    if moves_along(track) and not fitted:
         return _along_a_sweep(track) if enough else None
     if fitted and getattr(track.estimator, "unloading", "following") == "ting":  # which no refit here does
         own = by_innovations(track)
-        return explained(track, own, refitted_model(track, known)) if own.p < LEVEL else misfit_table(own)
+        return explained(track, own, refitted_model(track)) if own.p < LEVEL else misfit_table(own)
     tests = (residual_tests if fitted else refit_tests)(track, judged)
     if tests is not None:
-        return Diagnosed(table=tests.table(), settles=SETTLED) if tests.is_right else _named(track, tests, known)
+        if tests.is_right:
+            return Diagnosed(table=tests.table(), settles=SETTLED)
+        about = f"; no alternative explains all of its pattern over {tests.unexplained}" if tests.unexplained else ""
+        finding = judge_misfit(tests.misfit, track.model.parameters, tests.table(), about)
+        return replace(finding, settles=SETTLED)
+    base = refitted_model(track)
     if not enough:
-        return None
-    base = refitted_model(track, known)
+        return _untested(track, base)
     found = base.test(base.fit.residual)
     if fitted and (own := by_innovations(track)).p < found.p:
         found = base.by_motion(own, float(np.var(base.fit.residual)))
-    return explained(track, found, base) if min(found.p, base.p) < LEVEL else misfit_table(found)
+    if min(found.p, base.p) < LEVEL:
+        return explained(track, found, base)
+    table = misfit_table(found)
+    # The residual is noise as far as the tests show.
+    prediction = base.prediction(free_unknowns(track), float(np.var(base.fit.residual)))
+    return replace(table, table=dict(table.table) | {"prediction": prediction.table()}) if prediction else table
 
 
-def _named(track: TrackEvidence, own: ResidualTests, known: dict[Any, RefittedModel]) -> Diagnosed:
-    """What a residual that is not that of a right model says: its causes, and by how much each value may be off.
-
-    By one step to what explains at least half of it, and by a refit of that where it is identifiable; unknown where
-    the residual is too large.
-    """
-    reasons = [cause.partition(" of ")[0] for cause in own.explaining()]
-    far = refitted_model(track, known).shifts_to(reasons, track.values) if reasons else own.shifts
-    shifts = np.where(far < _IDENTIFIABLE * own.shifts, np.maximum(far, own.shifts), own.shifts)
-    terms = dict(zip((parameter.name for parameter in track.model.parameters), shifts.tolist(), strict=True))
-    likely = f"; likely {' or '.join(own.causes)}" if own.causes else ""
-    if own.left:
-        likely += f"; no alternative explains all of its pattern over {own.left}"
-    text = f"the residual is not the noise of the channel (p {max(own.p, 1e-99):.0e}){likely}"
-    effects = dict.fromkeys(terms, math.inf) if own.floor else terms
-    return Diagnosed((Flag("lack-of-fit", text, effects=effects),), terms, table=own.table())
+def _untested(track: TrackEvidence, base: RefittedModel) -> Diagnosed:
+    """All of the residual as a discrepancy: too few readings, of a noise that is not known, test nothing."""
+    excess = float(np.mean(base.fit.residual**2))
+    misfit = Misfit(1.0, excess, math.inf, 0.0, base.slopes, free_unknowns(track).tolist(), {})
+    names = [parameter.name for parameter in track.model.parameters]
+    *uncertainties, surface = misfit.uncertainty(track.model.parameters).tolist()
+    row = dict(zip(names, uncertainties, strict=True))
+    return Diagnosed(terms=row, surface=surface, table={"discrepancy": math.sqrt(excess)})
 
 
 def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
@@ -126,9 +146,5 @@ def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
     fit = refit(local, track.values, float(np.median(course.height[here])) + _DEEP)
     base = with_noise(track, local, fit)
     if base.test(fit.residual).p >= LEVEL:  # the stretch alone does not show what it is
-        names = [parameter.name for parameter in track.model.parameters]
-        flag = Flag(
-            "lack-of-fit", misfit_sentence(found, [], False, found.null), effects=dict.fromkeys(names, math.inf)
-        )
-        return Diagnosed((flag,), {}, frozenset(names), misfit_table(found).table)
+        found = replace(found, p=min(found.p, LEVEL))
     return explained(replace(track, values=fit.theta, surface=fit.surface), found, base)

@@ -70,7 +70,7 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
     rows = rows[:: max(1, -(-len(rows) // _MOST))]
     sizes = np.where(theta != 0, np.abs(theta), 1.0)
     scale = np.concatenate([sizes, [1e-4], np.subtract(made.upper, made.lower)])
-    lower = np.array([*(p.lower for p in course.model.parameters), -_FARTHEST, *made.lower]) / scale
+    lower = np.array([*(p.lowest_estimate for p in course.model.parameters), -_FARTHEST, *made.lower]) / scale
     upper = np.array([*(p.upper for p in course.model.parameters), _FARTHEST, *made.upper]) / scale
     start = np.array([*theta, 0.0, *made.start]) / scale
     margin = 1e-9 * np.maximum(1.0, np.abs(start))

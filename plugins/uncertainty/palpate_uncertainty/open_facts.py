@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from palpate import Condition, Diagnosed, Floats, Indenter, TrackEnd, TrackEvidence
+from palpate import Condition, Diagnosed, Floats, Indenter, TrackEnd, TrackEvidence, contact_force
 from palpate_engine import words_that_state
 from palpate_kit.budget.force_sensitivity import Along, along
 
@@ -99,6 +100,30 @@ def _thickness(track: _OpenTrack) -> Iterator[Condition]:
     )  # fmt: skip
 
 
+def _base(track: _OpenTrack) -> Iterator[Condition]:
+    """A layer of a stated height is taken as glued to its base; one that slides is softer (Dimitriadis 2002)."""
+    layer = getattr(track.evidence.model, "thickness", None)
+    if getattr(layer, "height", 0.0) <= 0 or getattr(layer, "bonded", True) is not None:
+        return
+    depth = depths_in_contact(track.evidence)
+    shifts = track.scaled(stiffness_share(track.evidence, float(np.mean(depth)))) if len(depth) else {}
+    yield Condition("base", "specimen glued to its base", words_that_state("base"), "sliding", shifts)
+
+
+def stiffness_share(track: TrackEvidence, depth: float) -> float:
+    """Return by what share of it a value changes where the layer slides; 0 for a tip of which no law is known."""
+    model: Any = track.model
+    sliding = model.thickness.model_copy(update={"law": "dimitriadis", "bonded": False})
+    try:
+        glued, slid = (
+            float(contact_force(one, depth, 0.0, track.values.tolist()))
+            for one in (model, model.model_copy(update={"thickness": sliding}))
+        )
+    except ValueError:
+        return 0.0
+    return glued / slid - 1.0
+
+
 def _delay(track: _OpenTrack) -> Iterator[Condition]:
     if track.end.settings.timing_uncertainty is not None or "timing" in track.end.included:
         return
@@ -127,10 +152,10 @@ def _tare(track: _OpenTrack) -> Iterator[Condition]:
     tare, found = track.end.report.tare, track.found
     if found is None or "tare" in track.end.included or (tare is not None and tare.offset_std is not None):
         return
-    zero = TARE * float(np.max(np.abs(found.force)))
+    offset = TARE * float(np.max(np.abs(found.force)))
     yield Condition(
         "tare", "no force without contact", words_that_state("tare"),
-        f"{zero:.2g} N", track.against(np.full(len(found.force), zero)), "tare-undeclared",
+        f"{offset:.2g} N", track.against(np.full(len(found.force), offset)), "tare-undeclared",
     )  # fmt: skip
 
 
@@ -206,7 +231,7 @@ def _frequency(track: _OpenTrack) -> Iterator[Condition]:
 
 
 _FACTS: tuple[Callable[[_OpenTrack], Iterator[Condition]], ...] = (
-    _thickness, _delay, _tare, _mass, _poisson, _level, _mount, _beam, _position, _frequency,
+    _thickness, _base, _delay, _tare, _mass, _poisson, _level, _mount, _beam, _position, _frequency,
 )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from palpate import (
@@ -16,10 +16,7 @@ from palpate import (
     Tail,
     TrackEnd,
     TrackEvidence,
-    contact_force,
 )
-from palpate_kit.budget.force_sensitivity import along
-from palpate_kit.budget.influence import answer
 
 from palpate_uncertainty.information_bound import bounds_at_best, correlation, slope_by_chance, steady, white_noise
 
@@ -29,9 +26,7 @@ _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be
 _COLOURED = 0.3  # autocorrelation of innovations; 0.1 occurs by chance alone
 _WEAK = 5.0  # standard deviations of its noise that a force swings by: above, it is not tested what it determines
 _DETERMINED = 0.2  # of a value: a weak force must determine it to this, by the Cramer-Rao bound
-_EXPLAINED = 2.0  # standard deviations outside of what is possible
 _SOFT = (10.0, 1e9)  # [Pa] from the softest gels to hard rubber
-_SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 
 
 def plausibility(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -52,7 +47,7 @@ def ending_flags(end: TrackEnd, kept: SampleStore, model: ContactModel, online: 
     An offline estimate is one of the whole record: it does not drift, and its first seconds are those that settle.
     """
     tail, last = end.tail, end.last
-    yield from _bound_flags(last, model, end.held)
+    yield from _unit_flags(last, model)
     if online:
         yield from _convergence_flags(end, model)
     else:
@@ -61,18 +56,14 @@ def ending_flags(end: TrackEnd, kept: SampleStore, model: ContactModel, online: 
         yield from _colour_flags(begun, model, last.std[-1])
     if not fitted:  # a fit itself flags what its record does not determine
         yield from _force_flags(end, kept, model)
-    yield from _surface_flags(end, model)
     yield from _validity_flags(model, last)
 
 
-def _bound_flags(last: Tail, model: ContactModel, held: Set[str]) -> Iterator[Flag]:
+def _unit_flags(last: Tail, model: ContactModel) -> Iterator[Flag]:
+    """An elasticity that nothing soft has, by which force or height are in another unit than is stated."""
     for column, parameter in enumerate(model.parameters):
-        value, std = float(last.values[:, column].mean()), float(last.std[-1, column])
-        beyond = max(parameter.lower - value, value - parameter.upper)
-        if parameter.name not in held and beyond > _EXPLAINED * std:  # nearer it is at the edge, as far as is known
-            text = f"{parameter.name} of {value:.3g} {parameter.unit} is outside what is possible"
-            yield Flag("implausible", text, effects={parameter.name: math.inf})
-        elif parameter.role == "elastic" and parameter.unit == "Pa" and not _SOFT[0] <= value <= _SOFT[1]:
+        value = float(last.values[:, column].mean())
+        if parameter.role == "elastic" and parameter.unit == "Pa" and not _SOFT[0] <= value <= _SOFT[1]:
             text = f"{parameter.name} of {value:.3g} Pa is not that of anything soft ({_SOFT[0]:g} Pa to 1 GPa)"
             others = {p.name: abs(float(last.values[:, k].mean())) for k, p in enumerate(model.parameters)}
             text = f"{text}: are force and height in the units that are declared?"
@@ -145,33 +136,6 @@ def _determines_all(end: TrackEnd, kept: SampleStore, model: ContactModel, noise
     values, bounds = np.abs(end.last.values.mean(axis=0)), bounds_at_best(end.tail, kept, model, noise, end.samples)
     free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in end.held]
     return bool((bounds < _DETERMINED * values)[free].all())
-
-
-def _surface_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
-    """The model at the estimate must give the force of first touch where that was; none, where contact began there.
-
-    The effect is what least squares would find if the surface were held there.
-    """
-    last, report = end.last, end.report
-    if report.first_touch is None or report.tare is None or report.tare.noise is None or model.memory:
-        return  # what a material that relaxes answers to a first touch depends on the approach
-    theta, surface = last.values.mean(axis=0), float(last.surface.mean())
-    depths = np.linspace(0.0, 0.02, 2001)
-    force = contact_force(model, depths, 0.0, theta)
-    # Where contact began is noticed between none and the noise, else where the force passes a threshold.
-    ends = (0.0, report.tare.noise) if report.by_change_point else (report.touch_force, report.touch_force)
-    least, most = (float(depths[min(int(np.searchsorted(force, end)), len(depths) - 1)]) for end in ends)
-    below = surface - report.first_touch[1]
-    apart = below - min(max(below, least), most)
-    if abs(apart) > _SURFACE_TOLERANCE:
-        text = f"the estimated surface is {1e3 * apart:+.2f} mm from where the tip touched"
-        if apart < 0:  # below it: something else moves the force in air
-            text = f"{text}, so that the force changes in air"
-        course = along(model, end.tail, last, theta, end.held)
-        moved = None if course is None else answer(course.jacobian[:, :-1], apart * course.jacobian[:, -1])
-        names = [parameter.name for parameter in model.parameters]
-        effects = None if moved is None else dict(zip(names, np.abs(moved).tolist(), strict=True))
-        yield Flag("surface-mismatch", text, effects=effects)
 
 
 def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, SampleStore, TrackEvidence, Unknown, contact_force, force_over_time
+from palpate_kit.budget.force_sensitivity import free_columns
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 
 from palpate_uncertainty.channel_noise import Runs
@@ -112,11 +113,21 @@ class Course:
         return np.asarray(by_depth * self.rate + by_rate * self.acceleration)
 
 
-def sweeps(track: TrackEvidence) -> bool:
-    """Whether the tip went along the surface, so that one value is not valid for the whole record."""
+def moves_along(track: TrackEvidence) -> bool:
+    """Return True where the tip went along the surface, so that one value is not valid for the whole record."""
     place = track.kept.lateral[track.kept.used]
     place = place[np.isfinite(place).all(axis=1)]
-    return track.estimator.follows_changes or (len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > APART))
+    return len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > APART)
+
+
+def sweeps(track: TrackEvidence) -> bool:
+    """Return True where no value holds for the whole record: of a path along the surface, or as the filter takes it."""
+    return track.estimator.follows_changes or moves_along(track)
+
+
+def free_unknowns(track: TrackEvidence) -> NDArray[np.bool_]:
+    """(k + 1,) parameters, and the surface, that a track determines; all where nothing says which are held fixed."""
+    return free_columns(track.model, track.ending.held if track.ending is not None else ())
 
 
 def depths_in_contact(track: TrackEvidence) -> Floats:
@@ -137,7 +148,7 @@ def zero_without_air(track: TrackEvidence) -> Unknown | None:
 def possible(track: TrackEvidence) -> bool:
     """Whether all of a track's numbers are within what is possible, so that its model can be asked for forces."""
     pairs = zip(track.model.parameters, track.values.tolist(), strict=True)
-    return all(parameter.lower <= value <= parameter.upper for parameter, value in pairs)
+    return all(parameter.lowest_estimate <= value <= parameter.upper for parameter, value in pairs)
 
 
 def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Diagnosed, Flag, Floats, TrackEvidence
+from palpate import Diagnosed, Floats, TrackEvidence
 from palpate_kit.numerics.force_limit import at_limit
 
 from palpate_uncertainty import channel_noise
 from palpate_uncertainty.channel_noise import WHITE, Null, null_of
-from palpate_uncertainty.directed_scores import SUSPICIOUS, scores
-from palpate_uncertainty.directed_tests import DirectedTest, directed_tests, near_best
+from palpate_uncertainty.chi_square import chance_of_more
+from palpate_uncertainty.directed_scores import SUSPICIOUS, model_slopes, scores
+from palpate_uncertainty.directed_tests import DirectedTest, directed_tests
+from palpate_uncertainty.discrepancy import Explanation, Misfit, judge_misfit
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
-from palpate_uncertainty.refit import Course, make_course, sweeps
+from palpate_uncertainty.prediction import Prediction, predict_other_half
+from palpate_uncertainty.refit import Course, free_unknowns, make_course, moves_along
 from palpate_uncertainty.residual_null import standstill_count
-from palpate_uncertainty.residual_rows import FIXED
 from palpate_uncertainty.residual_tests import LEVEL
 from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
 ENOUGH = 300  # samples
-_LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
-_FAINT = 0.01  # the same, of the variance of the noise
-_DRIFTS = 1.5  # times the drift that is allowed, as one of the record is known to some half of it
-_NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
+_MOST_OF_ALL = 0.999  # of a variance, that may be a pattern; the rest is noise, over which a gain is counted
 _SHALLOW = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
 _WHOLE = ("active", "contact", "all")  # segments of a fit that leave no part of the contact out on purpose
 # What innovations and residuals say where those of the model itself are noise: the noise given to a filter is then
@@ -69,16 +66,17 @@ class RefittedModel:
                 self._refits[reason] = self._alternatives[reason]()
         return [self._refits[reason] for reason in reasons]
 
-    def shifts_to(self, reasons: Iterable[str], values: Floats) -> Floats:
-        """How far (k,) values are from those of the refits that there are for some reasons.
+    @cached_property
+    def slopes(self) -> Floats:
+        """Derivatives (n, k + 1) of the fitted samples' force by the parameters and the surface."""
+        return model_slopes(self.course, self.fit)
 
-        That of the model itself has everything free that a fit held fixed.
-        """
-        names = dict.fromkeys(reasons)
-        found = self._refitted([reason for reason in names if reason in self._alternatives])
-        found += [self.fit] if FIXED in names else []
-        away = [np.zeros(len(values)), *(np.max(np.abs(other.candidates - values), axis=0) for other in found)]
-        return np.asarray(np.max(away, axis=0))
+    def prediction(self, free: NDArray[np.bool_], noise_variance: float) -> Prediction | None:
+        """How well a half of the record predicts the other one, by what is `free` (k + 1,)."""
+        force = self.course.forces(self.fit.theta, self.fit.surface)[self.course.used]
+        return predict_other_half(
+            self.slopes[:, free], self.fit.residual, force, noise_variance, self.frequency is not None
+        )
 
     @property
     def others(self) -> list[Refit]:
@@ -124,18 +122,13 @@ class RefittedModel:
         return self.course.motion_noise(self.fit.theta, self.fit.surface)
 
 
-def refitted_model(track: TrackEvidence, known: dict[Any, RefittedModel]) -> RefittedModel:
-    """The model fitted to all samples in contact, whether the track used them or not; once for all tracks of a model.
+def refitted_model(track: TrackEvidence) -> RefittedModel:
+    """The model fitted to all samples in contact, whether the track used them or not.
 
     Of a fit that leaves a part of the contact out on purpose, or has unknowns besides the model's, what it used.
     """
-    used = judged_rows(track)
-    key = id(track.model), int(np.count_nonzero(used)), float(track.kept.time[used][0])
-    if key not in known:
-        course = make_course(track, used)
-        fit = refit(course, track.values, track.surface)
-        known[key] = with_noise(track, course, fit)
-    return known[key]
+    course = make_course(track, judged_rows(track))
+    return with_noise(track, course, refit(course, track.values, track.surface))
 
 
 def with_noise(track: TrackEvidence, course: Course, fit: Refit) -> RefittedModel:
@@ -147,7 +140,7 @@ def with_noise(track: TrackEvidence, course: Course, fit: Refit) -> RefittedMode
 
 def judged_rows(track: TrackEvidence) -> NDArray[np.bool_]:
     """(n,) kept samples for which a track's model is to hold."""
-    return _deep(track) if _judges_all(track) else track.kept.used
+    return _deep(track) if judges_all(track) else track.kept.used
 
 
 def _deep(track: TrackEvidence) -> NDArray[np.bool_]:
@@ -160,17 +153,17 @@ def _deep(track: TrackEvidence) -> NDArray[np.bool_]:
     return np.asarray(deep | kept.used)
 
 
-def _judges_all(track: TrackEvidence) -> bool:
+def judges_all(track: TrackEvidence) -> bool:
     """Whether a track's model is to hold for all samples in contact."""
     names = {*(parameter.name for parameter in track.model.parameters), "surface"}
     unknowns = track.report.unknowns if track.report is not None else {}
     beside = any(unknown.free and name not in names for name, unknown in unknowns.items())
-    return not beside and not sweeps(track) and getattr(track.estimator, "segment", "active") in _WHOLE
+    return not beside and not moves_along(track) and getattr(track.estimator, "segment", "active") in _WHOLE
 
 
 def left_by(track: TrackEvidence) -> Floats:
     """What the model, fitted again to a track's samples, leaves of the force (n,) [N]."""
-    return refitted_model(track, {}).fit.residual
+    return refitted_model(track).fit.residual
 
 
 def standstill(track: TrackEvidence) -> Floats:
@@ -210,119 +203,30 @@ def misfit_table(found: WhitenessTest) -> Diagnosed:
 
 
 def explained(track: TrackEvidence, found: WhitenessTest, base: RefittedModel) -> Diagnosed:
-    """The reason shown by the pattern, and by how much each parameter may be off for it.
+    """The row, and the note or finding, of a misfit that `found` shows in a refit or in what an estimator left.
 
-    A drift of the sensor's zero that the alignment allows is not a reason for a doubt, and a row of the budget.
+    Without a noise that is known, the misfit is the share of the variance that has a pattern, and an alternative
+    explains as much as its refit takes of the variance.
     """
-    names = [parameter.name for parameter in track.model.parameters]
-    first = base.test(base.fit.residual)
-    others = _others(base, first)
-    left = _left(others, first)
-    removing = [other for other, test in others if _removes(test, first)]
-    if first.p >= LEVEL and base.p < LEVEL:  # too faint for any test but one that knows where to look
-        near = near_best(base.directed)
-        removing += [other for other in base.others if other.reason in near]
-    if slow := [other for other in removing if _is_allowed_drift(track, base, other)]:
-        terms = dict(zip(names, _shifts(track, slow).tolist(), strict=True))
-        return replace(misfit_table(found), terms=terms, settles=SETTLED)
-    naming = [other for other, _ in others if left.get(other.reason, 1.0) < _NAMED]
-    shifts = _shifts(track, removing or naming or [base.fit])
-    if not removing:
-        shifts = np.maximum(shifts, _by_size(base, first.misfit))
-    named = dict.fromkeys(
-        other.reason for other in removing or naming if other.reason
-    )  # in one order where all leave 1
-    reasons = sorted(named, key=lambda name: left.get(name, 1.0))
-    effects = shifts / np.maximum(np.abs(track.values), 1e-300)
-    table = dict(misfit_table(found).table) | {
-        "directed": {reason: test.p for reason, test in base.directed.items()},
-        "effect": dict(zip(names, (100.0 * effects).tolist(), strict=True)),  # per cent
-        "reasons": reasons,
-        "explained": bool(removing),
-        "left": left,
-        "alternatives": _values(names, [other for other, _ in others]),
-    }
-    text = misfit_sentence(replace(found, p=min(found.p, base.p)), reasons, bool(removing), base.null.source)
-    terms = dict(zip(names, shifts.tolist(), strict=True))
-    unknown = frozenset(name for name, shift in terms.items() if not np.isfinite(shift))
-    known = {name: shift for name, shift in terms.items() if name not in unknown}
-    # What stands against a measured noise and is not explained has no bound.
-    hidden = not removing and base.null.source == "standstill"
-    bounds = {name: math.inf if hidden or name in unknown else shift for name, shift in terms.items()}
-    return Diagnosed((Flag("lack-of-fit", text, effects=bounds),), known, unknown, table)
-
-
-def _is_allowed_drift(track: TrackEvidence, base: RefittedModel, other: Refit) -> bool:
-    """Whether a refit is a drift of the force within what the alignment allows."""
-    if other.reason != "drift" or not other.numbers or track.ending is None:
-        return False
-    tare = track.ending.report.tare
-    drift = track.ending.settings.drift if tare is None or tare.air is None else tare.air.slope_std
-    return abs(other.numbers[0]) <= _DRIFTS * drift * base.course.span
-
-
-def _left(others: Sequence[tuple[Refit, WhitenessTest]], first: WhitenessTest) -> dict[str, float]:
-    """What share of the misfit each reason leaves."""
-    return {other.reason: _ratio(test.misfit, first.misfit) for other, test in others if other.reason}
-
-
-def _others(base: RefittedModel, first: WhitenessTest) -> list[tuple[Refit, WhitenessTest]]:
-    """What else the record may be, tested; the model as it is where that is right and the track is far from it."""
-    if first.p >= LEVEL:
-        return [(base.fit, first)]
-    return [(other, base.test(other.residual)) for other in base.others]
-
-
-def _shifts(track: TrackEvidence, others: Sequence[Refit]) -> Floats:
-    """How far (k,) the parameters may be from those of some refits."""
-    return np.asarray(np.max([np.max(np.abs(other.candidates - track.values), axis=0) for other in others], 0))
-
-
-def _values(names: Sequence[str], others: Sequence[Refit]) -> dict[str, dict[str, list[float]]]:
-    """Every value of each parameter by the reason that makes it."""
-    named = [other for other in others if other.reason]
-    return {other.reason: {name: other.candidates[:, i].tolist() for i, name in enumerate(names)} for other in named}
-
-
-def _ratio(part: float, whole: float) -> float:
-    return part / whole if whole > 0 else 1.0
-
-
-def _removes(test: WhitenessTest, first: WhitenessTest) -> bool:
-    """Whether an alternative takes the pattern away, which more than a p just beyond the level is needed for."""
-    if test.misfit > _NAMED * first.misfit + test.chance:
-        return first.p >= LEVEL
-    return test.p >= LEVEL or test.misfit < max(_LEFT * first.misfit, _FAINT)
-
-
-def misfit_sentence(found: WhitenessTest, reasons: list[str], is_explained: bool, null: str) -> str:
-    """The sentence on residuals that failed the tests of whiteness: p value, likely reasons, what is unexplained."""
-    level = f"p {found.p:.0e}" if found.p > 1e-99 else "p < 1e-99"
-    likely = f"; likely {' or '.join(reasons)}" if reasons else ""
-    unknown = "" if is_explained else "; no alternative explains all of it"
-    if not is_explained and null != "standstill":
-        unknown += ", and no standstill gives the noise"
-    return f"the residual is not the noise of the channel ({level}){likely}{unknown}"
-
-
-def _by_size(base: RefittedModel, misfit: float) -> Floats:
-    """Shift (k,) of each parameter by a force as large as the pattern, along the parameter's own slope.
-
-    The slope is what is left of it when the other parameters and the surface have taken their share: what a residual
-    that a fit has left could have moved, had it not been at right angles to the fit.
-    """
-    course, fit = base.course.reduced(3000), base.fit
-    columns = []
-    for i, value in enumerate(fit.theta):
-        step = np.zeros_like(fit.theta)
-        step[i] = 1e-4 * (abs(value) or 1.0)
-        columns.append((course.forces(fit.theta + step, fit.surface) - course.forces(fit.theta, fit.surface)) / step[i])
-    columns.append((course.forces(fit.theta, fit.surface + 1e-6) - course.forces(fit.theta, fit.surface)) / 1e-6)
-    slopes = np.column_stack(columns)
-    size, shifts = float(np.std(base.fit.residual)) * float(np.sqrt(misfit)), []
-    for i in range(len(fit.theta)):
-        others = np.delete(slopes, i, axis=1)
-        others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
-        own = slopes[:, i] - others @ np.linalg.lstsq(others, slopes[:, i], rcond=None)[0]
-        shifts.append(size / max(float(np.sqrt(np.mean(own**2))), 1e-300))
-    return np.array(shifts)
+    residual = base.fit.residual
+    n, variance = len(residual), max(float(np.var(residual)), 1e-300)
+    directed = [test.share for test in base.directed.values() if test.p * len(base.directed) < LEVEL]
+    share = min(max(base.test(residual).misfit, found.misfit, *directed, 0.0), _MOST_OF_ALL)
+    noise = variance * (1.0 - share)
+    explanations = {}
+    for other in base.others:
+        gain = n * max(variance - float(np.var(other.residual)), 0.0) / noise
+        shifts = np.max(np.abs(other.candidates - base.fit.theta), axis=0)
+        if other.reason and gain > 0:
+            chance = chance_of_more(max(other.extra, 1), gain)
+            explanations[other.reason] = Explanation(gain, other.extra, chance, n, shifts)
+    force = base.course.force[base.course.used]
+    misfit = Misfit(
+        min(found.p, base.p), variance * share, float(np.std(force)), n * share / (1.0 - share), base.slopes,
+        free_unknowns(track).tolist(), explanations,
+    )  # fmt: skip
+    about = "" if base.null.source == "standstill" else "; no standstill gives the noise"
+    prediction = base.prediction(free_unknowns(track), noise)
+    table = dict(misfit_table(found).table) | {"directed": {name: test.p for name, test in base.directed.items()}}
+    table |= {"prediction": prediction.table()} if prediction else {}
+    return replace(judge_misfit(misfit, track.model.parameters, table, about), settles=SETTLED)

@@ -12,15 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, TrackEvidence
-from palpate_kit.budget.force_sensitivity import free_columns
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 from palpate_kit.numerics.tip_travel import noise_of
 
-from palpate_uncertainty.refit import IN_AIR, Course, zero_without_air
+from palpate_uncertainty.refit import IN_AIR, Course, free_unknowns, zero_without_air
 from palpate_uncertainty.residual_null import slopes_of
 
-# Alternatives that only add to the force what their derivative says: a negative size is not one of them.
-ONE_SIDED = ("memory", "compliance", "force at its limit", "drag", "friction", "adhesion", "unloading that is softer")
 FIXED = "a fixed value"  # the cause that is tested by freeing what is fixed
 _BINS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
 _STEPS = 8  # bins of what moves in time
@@ -30,6 +27,7 @@ _STEP = 20.0  # times the noise of a height, of depths that are distinguished
 _CLEAR = 10.0  # times the noise of an acceleration, from which on it is one
 _SLOW = 0.05  # of the largest speed, below which friction is not full
 _DEEP = 0.04  # of the largest depth, above which a bin is not judged
+_SECOND_CONTACTS = (0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest depth, from which on something else bears as well
 _TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)  # [s] of what may relax
 _SMALL = 0.5e-3  # [m] radius of a tip
 _WIDE, _NARROW = 0.08, 11  # [s] and samples of the window of slow accelerations
@@ -68,7 +66,7 @@ class JudgedRows:
             track, course, whole(course.time[used], time), whole(course.depth(track.surface)[used], depth),
             whole(course.rate[used], rate), whole(slow_acceleration(course)[used], bend), whole(force), whole(jacobian),
             whole(by_depth), whole(by_rate), read - (track.tip_mass or 0.0) * bend, int(np.count_nonzero(used)),
-            free_columns(track.model, track.ending.held if track.ending is not None else ()),
+            free_unknowns(track),
         )  # fmt: skip
 
     @property
@@ -186,19 +184,23 @@ class JudgedRows:
             yield "unloading that is softer", 0.3, -elastic * back
 
     def _of_the_rig(self) -> Iterator[tuple[Any, ...]]:
-        end, most = self.track.ending, float(np.max(np.abs(self.force)))
+        end, most, deepest = self.track.ending, float(np.max(np.abs(self.force))), float(np.max(self.depth))
         if end is not None and end.settings.timing_uncertainty is not None:
             yield "timing", 5e-3, self.change
         if end is not None and end.settings.tip_mass is not None and not self._is_small:
             yield "mass", 0.1, self.acceleration
-        if end is not None and end.settings.series_stiffness is None:
+        if end is not None:  # a stated mount as well: it may give more
             yield "compliance", 1.0 / 5e3, -self.by_depth * self.force - self.by_rate * self.change
         yield "force at its limit", 1.0, -np.maximum(self.force - _LIMIT * most, 0.0)
         if self._bends:
             yield "command", _AHEAD**2, self.by_depth * self.acceleration
-        if end is not None and not self._tells_zero:
-            # A force that was zeroed in contact lacks what the tip already bore.
+        if self._tells_zero:  # zeroed in air: another zero in contact is one that the contact itself has
+            yield "zero of the force", 0.05 * most, self.contact.astype(float)
+        elif end is not None:  # a force that was zeroed in contact lacks what the tip already bore
             yield "zero of the force", (0.05 if self._has_air else 0.5) * most, np.ones(len(self.time))
+        for part in _SECOND_CONTACTS:
+            beyond = np.maximum(self.depth - part * deepest, 0.0)
+            yield f"second contact of {part:g}", 0.3 * float(np.max(self._elastic)) / deepest, beyond
         yield "drift", 0.05 * most, self._since
         yield "drift in steps", math.inf, bins_of(self.time, _STEPS)
 

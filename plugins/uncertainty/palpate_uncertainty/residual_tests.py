@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
@@ -12,43 +12,23 @@ from numpy.typing import NDArray
 from palpate import Floats, Samples, TrackEvidence
 from palpate_kit.numerics.tip_travel import zero_phase_motion
 
+from palpate_uncertainty.causes import cause_of
 from palpate_uncertainty.chi_square import chance_of_more
+from palpate_uncertainty.discrepancy import FARTHEST, NEARLY, Explanation, Misfit
 from palpate_uncertainty.model_alternatives import refit
+from palpate_uncertainty.prediction import Prediction, predict_other_half
 from palpate_uncertainty.refit import Course, make_course, zero_without_air
 from palpate_uncertainty.residual_null import ForceNoise, ResidualNull, motion_noise
-from palpate_uncertainty.residual_rows import FIXED, ONE_SIDED, JudgedRows, slow_acceleration
+from palpate_uncertainty.residual_rows import FIXED, JudgedRows, slow_acceleration
+from palpate_uncertainty.whiteness import oscillation
 
 LEVEL = 1e-3  # of a record
 _NOTHING = 10.0 * LEVEL  # a chance from which on a test says nothing
 _ENOUGH = 100  # samples
 _SHOWS = 4.0  # standard deviations by which an alternative of its typical size must show
-_LOUD = 2.0  # times the rms of the null, from which on a residual is not a good one
-_MATTERS = 0.5  # of the uncertainty of an elastic parameter
-_NEARLY = 0.7  # of what the best alternative explains, from which on another one is said as well
-_PARTLY = 0.5  # the same, from which on it may be what moves a value
-_MOST = 10.0  # times its typical size, from which on an alternative explains nothing
 _RANK = 1e-6  # of the largest variance, below which a direction does not count
+_INDEPENDENT = 1e-4  # of the largest singular value, below which a direction of an alternative is rounding
 _OUTLIER = 6.0  # standard deviations, beyond which a reading counts as an outlier, which is flagged as such
-
-
-@dataclass(frozen=True)
-class ScoreTest:
-    """What the residual is along the derivatives of an alternative, without a refit."""
-
-    gain: float  # chi square, and twice the logarithm of the ratio of likelihoods
-    freedom: int
-    p: float
-    samples: int
-    shifts: Floats = field(default_factory=lambda: np.zeros(0))  # (k,) of the parameters, of one step to a cause
-    times: float = 0.0  # a typical size, that the step is
-
-    @property
-    def evidence(self) -> float:
-        """The gain less what numbers of no use would gain (Schwarz 1978).
-
-        Several numbers also follow a pattern that is not theirs, by as much as makes another cause nearly as good.
-        """
-        return (self.gain if self.freedom == 1 else _NEARLY * self.gain) - self.freedom * math.log(self.samples)
 
 
 @dataclass(frozen=True)
@@ -56,48 +36,30 @@ class ResidualTests:
     """What a residual says of its model."""
 
     p: float  # of all tests together
-    bins: Mapping[str, ScoreTest]  # by what they are over
-    scores: Mapping[str, ScoreTest]  # by cause
+    bins: Mapping[str, Explanation]  # by what they are over
+    scores: Mapping[str, Explanation]  # by cause
     ratio: float  # rms of the residual over that of the null
-    floor: bool  # whether it is so large that no value is good
-    by_size: Floats  # (k,) shifts by a force of the size of what is too much, along each parameter's own slope
+    misfit: Misfit  # what is made of it where the tests fail
+    prediction: Prediction | None = None
 
     @property
     def is_right(self) -> bool:
         """Whether nothing counts against the model."""
         return self.p >= LEVEL
 
-    def explaining(self, share: float = _PARTLY) -> list[str]:
-        """Alternatives that explain a share of what the best one does, the one of the most evidence first."""
-        count = len(self.scores) + len(self.bins)
-        found = [name for name, score in self.scores.items() if score.p * count < LEVEL and score.times < _MOST]
-        found.sort(key=lambda name: -self.scores[name].evidence)
-        return [name for name in found if self.scores[name].gain >= share * self.scores[found[0]].gain]
-
     @property
-    def causes(self) -> list[str]:
-        """The alternative of the most evidence, and the second where it explains nearly as much."""
-        return self.explaining(_NEARLY)[:2]
-
-    @property
-    def left(self) -> str:
+    def unexplained(self) -> str:
         """What the pattern is over that no alternative explains; empty where one does."""
         explained = max((score.gain for score in self.scores.values()), default=0.0)
         name = max(self.bins, key=lambda name: self.bins[name].evidence, default="")
-        return name if name and _NEARLY * (self.bins[name].gain - self.bins[name].freedom) > explained else ""
-
-    @property
-    def shifts(self) -> Floats:
-        """(k,) by how much the parameters may be off: by one step to a cause, and at least by the size of it all."""
-        steps = (np.abs(self.scores[name].shifts) for name in self.explaining())
-        return np.asarray(np.max([self.by_size, *steps], axis=0))
+        return name if name and NEARLY * (self.bins[name].gain - self.bins[name].numbers) > explained else ""
 
     def table(self) -> dict[str, object]:
         """As in ``result.json``."""
         bins, scores = ({name: test.p for name, test in tests.items()} for tests in (self.bins, self.scores))
         return {
-            "p": self.p, "bins": bins, "scores": scores, "reasons": self.causes, "left": self.left,
-            "ratio": self.ratio, "null": "noise",
+            "p": self.p, "bins": bins, "scores": scores, "left": self.unexplained, "ratio": self.ratio, "null": "noise",
+            **({"prediction": self.prediction.table()} if self.prediction else {}),
         }  # fmt: skip
 
 
@@ -127,16 +89,14 @@ def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> Residual
 def _by_what_is_fixed(
     track: TrackEvidence, course: Course, residual: Floats, force: ForceNoise, tests: ResidualTests
 ) -> ResidualTests:
-    """Return failed tests with the fixed numbers as their only causes where the model is right once they are free.
-
-    Then nothing is left whose size is not known.
-    """
-    fixed = {cause: score for cause, score in tests.scores.items() if cause.startswith(FIXED)}
+    """Return failed tests with the fixed numbers as their only causes where the model is right once they are free."""
+    fixed = {cause: test for cause, test in tests.misfit.explanations.items() if cause.startswith(FIXED)}
     if not fixed or track.ending is None:
         return tests
     free = replace(track, ending=replace(track.ending, held=frozenset()))
-    others = _tests(free, course, residual, force)
-    return replace(tests, scores=fixed, floor=others.floor, by_size=others.by_size) if others.is_right else tests
+    if not _tests(free, course, residual, force).is_right:
+        return tests
+    return replace(tests, scores=fixed, misfit=replace(tests.misfit, explanations=fixed))
 
 
 def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTests | None:
@@ -163,6 +123,11 @@ def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTes
     return _tests(replace(track, values=fit.theta, surface=fit.surface), course, fit.residual, force)
 
 
+def oscillates(course: Course) -> bool:
+    """Return True for a motion of one frequency, whose halves see the same depths and speeds."""
+    return oscillation(course.time[course.used], course.height[course.used]) is not None
+
+
 def _disturbed(track: TrackEvidence) -> NDArray[np.bool_]:
     """(n,) samples whose acceleration is derived over a hesitation of the arm."""
     hesitating = track.kept.hesitating
@@ -185,6 +150,7 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     null = ResidualNull(noise, rows.by_depth, rows.by_rate, track.tip_mass or 0.0, height, speed, kernels)
     space = _Space.of(null.std, rows.jacobian, rows.free, [*rows.open()], [*rows.stated()])
     null = replace(null, stated=space.stated * space.std[:, None])
+    in_contact = residual
     residual = space.beside(np.concatenate([residual, rows.air_force]) / space.std) * space.std
     limit = _OUTLIER * np.maximum(null.std, 1.4826 * float(np.median(np.abs(residual))))
     tested = _Tested(space, null, np.clip(residual, -limit, limit), len(track.values))
@@ -195,25 +161,29 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
         for (cause, columns, typical), found in zip(patterns, tested.along_each(patterns), strict=True)
         if tested.shows(found, typical)
     }
-    scores = {cause: tested.test(found, _is_one_sided(cause)) for cause, (_, _, found) in shown.items()}
+    scores = {cause: tested.test(found, cause_of(cause).one_sided) for cause, (_, _, found) in shown.items()}
     directions = [
-        found.sharp[:, 0] for cause, (*_, found) in shown.items() if scores[cause].freedom == len(found.sums) == 1
+        found.sharp[:, 0] for cause, (*_, found) in shown.items() if scores[cause].numbers == len(found.sums) == 1
     ]
     count_of_all = len(bins) + len(scores)
-    for cause, (columns, typical, _) in shown.items():
-        if scores[cause].p * count_of_all < LEVEL:  # by itself: the same digits whatever else is tested
-            scores[cause] = tested.step(columns, typical, _is_one_sided(cause))
+    significant = [cause for cause in shown if scores[cause].p * count_of_all < LEVEL]
+    for cause in significant:  # by itself: the same digits whatever else is tested
+        columns, typical, _ = shown[cause]
+        scores[cause] = tested.step(columns, typical, cause_of(cause).one_sided, rows.count)
     every = [test.p for test in (*bins.values(), *scores.values())]
     p = min(1.0, (len(bins) + _count(directions)) * min(every, default=1.0))
     inside = slice(rows.count)
-    usual, found = (float(np.sqrt(np.mean(values[inside] ** 2))) for values in (null.std, tested.residual))
-    excess = math.sqrt(max(found**2 - usual**2, 0.0)) / max(float(np.sqrt(np.mean(rows.force[inside] ** 2))), 1e-300)
-    elastic = [i for i, parameter in enumerate(track.model.parameters) if parameter.role == "elastic"]
-    least = min((track.combined[i] / max(abs(track.values[i]), 1e-300) for i in elastic), default=math.inf)
-    floor = found > _LOUD * usual and excess > _MATTERS * least
-    by_size = np.zeros(len(rows.free))
-    by_size[rows.free] = _by_size(rows.jacobian[inside][:, rows.free], tested.residual[inside], usual)
-    return ResidualTests(p, bins, scores, found / usual, floor, by_size[: len(track.values)])
+    usual, size = (float(np.sqrt(np.mean(values[inside] ** 2))) for values in (null.std, tested.residual))
+    explanations = {cause: scores[cause] for cause in significant if scores[cause].times < FARTHEST}
+    misfit = Misfit(
+        p, tested.excess(rows.count, explanations.values()), float(np.std(course.force[course.used])),
+        max((test.gain for test in (*bins.values(), *scores.values())), default=0.0), rows.jacobian[inside],
+        rows.free.tolist(), explanations,
+    )  # fmt: skip
+    prediction = predict_other_half(
+        rows.jacobian[inside][:, rows.free], in_contact, rows.force[inside], usual**2, oscillates(course)
+    )
+    return ResidualTests(p, bins, scores, size / usual, misfit, prediction)
 
 
 @dataclass(frozen=True)
@@ -269,22 +239,40 @@ class _Tested:
         spread = math.sqrt(max(float(sizes @ found.covariance @ sizes), 1e-300))
         return float(sizes @ found.overlap @ sizes) >= _SHOWS * spread
 
-    def test(self, found: _Alternative, one_sided: bool = False) -> ScoreTest:
+    def test(self, found: _Alternative, one_sided: bool = False) -> Explanation:
         """The test along an alternative."""
         powers, axes = self._axes(found)
         freedom, value = axes.shape[1], axes.T @ found.sums
         gain = 0.0 if one_sided and found.sums[0] < 0 else float(np.sum(value**2 / powers))
         p = _tail(freedom, gain, self.null.force.readings) if freedom else 1.0
-        return ScoreTest(gain, freedom, p, len(self.residual))
+        return Explanation(gain, freedom, p, len(self.residual))
 
-    def step(self, columns: Floats, typical: float, one_sided: bool) -> ScoreTest:
-        """The test along the derivatives (n, m) of an alternative, with one step to it."""
-        found = self.along(columns)
-        axes = self._axes(found)[1]
-        sizes = np.linalg.lstsq(axes.T @ found.overlap, axes.T @ found.sums, rcond=_RANK)[0]
-        moved = -self.space.taken_by(found.scaled @ sizes)[: self.count]
-        times = float(np.max(np.abs(sizes) / found.lengths)) / typical
-        return replace(self.test(found, one_sided), shifts=moved, times=times)
+    def step(self, columns: Floats, typical: float, one_sided: bool, inside: int) -> Explanation:
+        """The test along the derivatives (n, m) of an alternative, with one step to it; `inside`: rows in contact."""
+        alternative = self.along(columns)
+        test, axes = self.test(alternative, one_sided), self._axes(alternative)[1]
+        sizes = np.linalg.lstsq(axes.T @ alternative.overlap, axes.T @ alternative.sums, rcond=_RANK)[0]
+        moved = -self.space.taken_by(alternative.scaled @ sizes)[: self.count]
+        times = float(np.max(np.abs(sizes) / alternative.lengths)) / typical
+        return replace(test, shifts=moved, times=times, power=self._power(alternative, test, inside))
+
+    def _power(self, alternative: _Alternative, test: Explanation, inside: int) -> float:
+        """Mean square [N^2] in contact of the residual along an alternative, less what chance has there."""
+        directions, sizes, _ = np.linalg.svd(self.space.beside(alternative.scaled), full_matrices=False)
+        directions = directions[:, sizes > _INDEPENDENT * sizes[0]]
+        along = directions @ (directions.T @ (self.residual / self.space.std)) * self.space.std
+        beyond_chance = max(1.0 - test.numbers / test.gain, 0.0) if test.gain > 0 else 0.0
+        return beyond_chance * float(np.mean(along[:inside] ** 2))
+
+    def excess(self, inside: int, explanations: Iterable[Explanation]) -> float:
+        """Mean square [N^2] in contact of what neither noise nor declared inputs within their uncertainty explain.
+
+        At least that along the best alternative: a pattern far below the noise of single readings is seen there alone.
+        """
+        undeclared = self.space.sharpest(self.residual / self.space.std) * self.space.std
+        noise = float(np.mean(self.null.std[:inside] ** 2))
+        visible = float(np.mean(undeclared[:inside] ** 2)) - noise
+        return max(visible, 0.0, *(explanation.power for explanation in explanations))
 
     @staticmethod
     def _axes(found: _Alternative) -> tuple[Floats, Floats]:
@@ -336,10 +324,6 @@ class _Space:
         return np.asarray(values - self.stated @ np.linalg.solve(both, self.stated.T @ values))
 
 
-def _is_one_sided(cause: str) -> bool:
-    return cause.partition(" of ")[0] in ONE_SIDED
-
-
 def _count(directions: list[Floats]) -> float:
     """How many tests along correlated directions (n,) amount to (Nyholt 2004)."""
     if len(directions) < 2:
@@ -347,15 +331,6 @@ def _count(directions: list[Floats]) -> float:
     rows = np.array([direction / np.linalg.norm(direction) for direction in directions])
     powers = np.linalg.eigvalsh(rows @ rows.T)
     return 1.0 + (len(directions) - 1.0) * (1.0 - float(np.var(powers, ddof=1)) / len(directions))
-
-
-def _by_size(jacobian: Floats, residual: Floats, rms: float) -> Floats:
-    """Shift (k,) of each unknown by a force as large as the residual is too large, along its own slope."""
-    excess = math.sqrt(max(float(np.mean(residual**2)) - rms**2, (0.1 * rms) ** 2))
-    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-    inverse = np.linalg.pinv((jacobian / size).T @ (jacobian / size), hermitian=True)
-    own = size / np.sqrt(np.maximum(np.diag(inverse), 1e-300))
-    return np.asarray(excess * math.sqrt(len(residual)) / own)
 
 
 def _tail(freedom: int, value: float, readings: int) -> float:

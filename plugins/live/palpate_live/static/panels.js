@@ -52,7 +52,8 @@ export class Cards {
         const final = found?.final ? found.parameters[parameter.name] : null;
         const value = final ? final[0] ?? NaN : record.last(track.begin + k, rows);
         const u = final ? final[1] : record.last(track.begin + n + k, rows);
-        card.rows[k].textContent = final?.[4] || measured(value * parameter.factor, u === null ? null : u * parameter.factor);
+        const number = measured(value * parameter.factor, u === null ? null : u * parameter.factor);
+        card.rows[k].textContent = final?.[4] ? `${number} ${final[4]}` : number;
       });
       for (const [name, [value, combined, unit, factor, word]] of Object.entries(found?.derived ?? {})) {
         if (!card.derived.has(name)) card.derived.set(name, this.row(card.table, `${name} (derived)`, unit));

@@ -1,0 +1,143 @@
+"""Model discrepancy: what a law that does not describe a record to its noise leaves open of every value, and its cause.
+
+A misfit is *visible*: its mean square s^2 in contact is what the residual has beyond the noise. A part of it that lies
+along the derivatives of the force by the fitted parameters is taken by them, and is hidden. With a misfit that is
+spread evenly over m patterns, a direction of the parameters hides as much of it as any other:
+
+    C = s^2 (n / m) (J^T J)^-1
+
+J (n, f) are the derivatives by what was fitted, the surface and a fitted zero included.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from palpate import Diagnosed, Flag, Floats, Parameter
+
+from palpate_uncertainty.causes import cause_of
+
+# Patterns m that a misfit is spread over. Chosen on point palpations of one silicone by two tips, whose E and eta agree
+# within the uncertainty that follows; 2 and 8 give the same verdicts.
+PATTERNS = 4.0
+VISCOUS_PATTERNS = 2.0  # a viscosity follows slow patterns of the loading alone
+RIVAL_EVIDENCE = 0.7  # of the evidence of a cause of the rig, below which no cause of the material rivals it
+SEVERAL_NUMBERS = 0.7  # of a gain by several numbers, which follow a pattern that is not theirs as well
+LEAST_SHARE = 0.1  # of the visible pattern, that a cause of the rig explains at least
+NO_FIT = 0.3  # of the force's own variation in contact, above which a misfit is not one of the law any more
+FARTHEST = 10.0  # times its typical size, from which on an alternative explains nothing
+NEARLY = 0.7  # of what the best alternative explains, from which on a second one is named
+DISCREPANCY, CONTRADICTION = "model-discrepancy", "lack-of-fit"  # codes of a note, and of a doubt
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A residual along the derivatives of one alternative."""
+
+    gain: float  # chi square, and twice the logarithm of the ratio of likelihoods
+    numbers: int  # that the alternative adds to the model
+    p: float
+    samples: int
+    shifts: Floats = field(default_factory=lambda: np.zeros(0))  # (k,) [SI] of the parameters, of one step to it
+    times: float = 0.0  # a typical size, that the step is
+    power: float = 0.0  # [N^2] mean square in contact along it, less what chance has there
+
+    @property
+    def evidence(self) -> float:
+        """The gain less what numbers of no use would gain (Schwarz 1978)."""
+        gain = self.gain if self.numbers <= 1 else SEVERAL_NUMBERS * self.gain
+        return gain - self.numbers * math.log(max(self.samples, 1))
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """A residual that is not the noise of a right model."""
+
+    p: float
+    excess: float  # [N^2] mean square in contact beyond the noise
+    variation: float  # [N] standard deviation of the force in contact
+    pattern: float  # chi square of what is visible of it, by any test
+    jacobian: Floats  # (n, k + 1) [N/SI] derivatives of the force in contact by the parameters and the surface
+    is_fitted: Sequence[bool]  # (k + 1,) of these, False for what is fixed
+    explanations: Mapping[str, Explanation]  # by cause, those that are significant
+
+    @property
+    def is_of_the_law(self) -> bool:
+        """Return False for a residual that is as large as the force's own course: nothing was fitted."""
+        return math.sqrt(self.excess) <= NO_FIT * self.variation
+
+    @property
+    def causes(self) -> list[str]:
+        """The alternative of the most evidence, and the second one where it explains nearly as much."""
+        ranked = sorted(self.explanations, key=lambda name: -self.explanations[name].evidence)
+        return [name for name in ranked if self.explanations[name].gain >= NEARLY * self.explanations[ranked[0]].gain][
+            :2
+        ]
+
+    @property
+    def wrong_facts(self) -> list[str]:
+        """Causes of the rig that explain the residual about equally well, where none of the material rivals them."""
+        evidence = {name: explanation.evidence for name, explanation in self.explanations.items()}
+        of_rig = sorted((name for name in evidence if cause_of(name).of_rig), key=lambda name: -evidence[name])
+        if not of_rig:
+            return []
+        best = of_rig[0]
+        rival = max((evidence[name] for name in evidence if not cause_of(name).of_rig), default=0.0)
+        explains = self.explanations[best].gain > LEAST_SHARE * self.pattern
+        if not explains or max(rival, 0.0) >= RIVAL_EVIDENCE * evidence[best]:
+            return []
+        return [name for name in of_rig if evidence[name] >= NEARLY * evidence[best]]
+
+    def uncertainty(self, parameters: Sequence[Parameter]) -> Floats:
+        """Standard uncertainties (k + 1,) [SI] of parameters and surface by the misfit, 0 for what is fixed."""
+        fitted = np.asarray(self.is_fitted)
+        unit = np.zeros(len(fitted))
+        unit[fitted] = spread_of(self.jacobian[:, fitted])
+        patterns = [VISCOUS_PATTERNS if parameter.role == "viscous" else PATTERNS for parameter in parameters]
+        return np.asarray(math.sqrt(self.excess) * unit / np.sqrt([*patterns, PATTERNS]))
+
+
+def spread_of(jacobian: Floats) -> Floats:
+    """Standard uncertainties (f,) by a misfit of 1 N^2 in one pattern: sqrt(diag(n (J^T J)^-1)), J (n, f)."""
+    lengths = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    scaled = jacobian / lengths
+    inverse = np.linalg.pinv(scaled.T @ scaled, hermitian=True)
+    return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0.0) * len(jacobian)) / lengths)
+
+
+def judge_misfit(misfit: Misfit, parameters: Sequence[Parameter], table: Mapping[str, Any], about: str) -> Diagnosed:
+    """Return the row of the budget that a misfit adds, with its note or its finding; `about` ends the sentence.
+
+    A misfit of the material is a note: the row holds what it does. A fact of the rig that explains it better is a
+    finding, as far as that moves a value beyond its uncertainty, this row included.
+    """
+    names = [parameter.name for parameter in parameters]
+    *uncertainties, surface = misfit.uncertainty(parameters).tolist()
+    row = dict(zip(names, uncertainties, strict=True))
+    level = f"p {misfit.p:.0e}" if misfit.p > 1e-99 else "p < 1e-99"
+    likely = f"; likely {' or '.join(misfit.causes)}" if misfit.causes else "; no alternative explains it"
+    text = f"the residual is not the noise of the channel ({level}){likely}{about}"
+    flags = []
+    if not misfit.is_of_the_law:
+        size = 100.0 * math.sqrt(misfit.excess) / misfit.variation
+        text = f"the law does not describe the record: {size:.0f} % of the force's variation remain"
+        flags.append(Flag(CONTRADICTION, text, effects=dict.fromkeys(names, math.inf), causes=()))
+    elif misfit.wrong_facts:
+        shifts = np.max([np.abs(misfit.explanations[fact].shifts) for fact in misfit.wrong_facts], axis=0)
+        flags.append(Flag(CONTRADICTION, text, effects=dict(zip(names, shifts.tolist(), strict=True)), causes=()))
+    else:
+        flags.append(Flag(DISCREPANCY, text, effects=row))
+        if moving := [name for name in misfit.causes[:1] if cause_of(name).moves]:
+            viscous = [parameter.name for parameter in parameters if parameter.role == "viscous"]
+            text = f"{moving[0]} acts with the speed, which bounds no viscosity"
+            flags.append(Flag(CONTRADICTION, text, effects=dict.fromkeys(viscous, math.inf), causes=()))
+    table = dict(table) | {
+        "reasons": misfit.causes,
+        "wrong_facts": misfit.wrong_facts,
+        "discrepancy": math.sqrt(misfit.excess),
+    }
+    return Diagnosed(tuple(flags), row, table=table, surface=surface)

@@ -1,0 +1,66 @@
+"""Prediction: how well the law, fitted to one half of a record, gives the force of the other half."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats
+from palpate_engine import Result
+
+BLOCKS = 20  # of a press, of which every second one is fitted: each half sees all depths
+FEWEST_SAMPLES = 100  # of a record, below which a half determines nothing
+LEAST_SHOWN = 0.05  # per cent of the force
+HALF, BLOCK = "the fit of the first half predicts the second half", "every second block predicts the others"
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The error of a predicted force."""
+
+    error: float  # in parts of the mean force that is predicted, noise removed
+    words: str  # which part predicts which
+
+    def table(self) -> dict[str, Any]:
+        """As in ``result.json``."""
+        return {"error": self.error, "words": self.words}
+
+
+def predict_other_half(
+    jacobian: Floats, residual: Floats, force: Floats, noise_variance: float, oscillates: bool
+) -> Prediction | None:
+    """Return the error of the half of a record that was held out; None where a record is too short.
+
+    `jacobian` (n, f) are the derivatives of the force by what is fitted, at the estimate of the whole record, and
+    `residual` (n,) [N] what that leaves. The half that is fitted leaves r_A; one Gauss-Newton step to its own estimate,
+    x = J_A^+ r_A, changes the residual of the other half to r_B - J_B x. Its mean square less that of the noise [N^2]
+    is the error. An oscillation is split in its middle, a press in blocks.
+    """
+    n = len(residual)
+    if n < FEWEST_SAMPLES or not jacobian.shape[1]:
+        return None
+    shown: NDArray[np.bool_] = np.arange(n) < n // 2 if oscillates else np.arange(n) * BLOCKS // n % 2 == 0
+    lengths = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    scaled = jacobian / lengths
+    step = np.linalg.lstsq(scaled[shown], residual[shown], rcond=None)[0]
+    predicted = residual[~shown] - scaled[~shown] @ step
+    mean_force = float(np.mean(np.abs(force[~shown])))
+    if not mean_force > 0:
+        return None
+    excess = max(float(np.mean(predicted**2)) - noise_variance, 0.0)
+    return Prediction(math.sqrt(excess) / mean_force, HALF if oscillates else BLOCK)
+
+
+def prediction_lines(result: Result) -> list[str]:
+    """One line for each model of a run that predicts a half of its record."""
+    lines = dict[str, str]()
+    for track in result.tracks.values():
+        if found := track.diagnoses.get("model-discrepancy", {}).get("prediction"):
+            name = f"{track.model}: " if len({one.model for one in result.tracks.values()}) > 1 else ""
+            share = 100.0 * found["error"]
+            size = f"within {share:.1f} % of the force" if share >= LEAST_SHOWN else "to the noise of the force"
+            lines.setdefault(track.model, f"{name}{found['words']} {size}")
+    return list(lines.values())
