@@ -39,10 +39,10 @@ class ValueDocument(Document):
     model_config = ConfigDict(json_schema_extra={"patternProperties": {f"^{_SHARE}[a-z_]+$": _SHARE_SCHEMA}})
 
     value: Number = Field(
-        description="mean over the last [run] average of the estimates; of a sweep over its places of 1 mm [SI]; null "
-        "where the record does not determine it, or it needs a fact"
+        description="mean over the last [run] average of the estimates; of a sweep over its places of 1 mm [SI]; what "
+        "it is worth, `verdict` says"
     )
-    estimate: Number = Field(None, description="that mean of what has no value: none to calculate with [SI]")
+    estimate: Number = Field(None, description="of older results: that mean, of what needs a fact or is not determined")
     std: Number = Field(description="standard deviation at the end, as the estimator gives it [SI]")
     unit: str = Field(description="SI unit of all numbers of this table")
     settling: Number = Field(description="standard uncertainty from an estimate that has not come to rest")
