@@ -12,7 +12,7 @@ Whole = NDArray[np.int64]
 EXACT = 1e-9  # [m] of a pose that is computed in full: rounding of its frames, and of joints from a pose and back
 DELAY_STEP = 500_000  # [ns] between two delays that are tried: a quarter of a period
 FINE = 1e-6  # [m] of a digit; a quarter of what the tip goes in a period of the retreat
-_FINEST, _COARSEST = 8, 3  # decimal digits of a metre in which a controller may report
+_FINEST, _COARSEST = 8, 5  # decimal digits of a metre: in coarser ones every arm is near its command
 _WHOLE = 1e-4  # of the last digit: rounding of a number in binary
 _FEW = 16  # places that are compared first
 

@@ -9,11 +9,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from palpate import RETREAT, RETREAT_SPEED, ArmLimits, DeviceError, clock
-from palpate_arms.echoed_pose import last_digit
+from palpate_arms.arm_state import ArmState
+from palpate_arms.echoed_pose import echo_delay, last_digit
+from palpate_arms.handshake import Handshake, target_problem
+from palpate_arms.handshake_path import StatedArm, outward_path, sideways_path
+from palpate_arms.servo_law import own_law, straight_path
+from palpate_arms.station_plane import LEVEL
 from palpate_kit.kinematics.rotations import matrix_of, pose_of
 from palpate_testing import simulated_time
 from palpate_trajectories.raster import Raster
 
+from tests.devices.simulated_bench import PIPELINE
 from tests.devices.software_arms import NAME, WORK, unlike, use
 
 LIMITS = ArmLimits((-0.02,) * 3, (0.02,) * 3, speed=0.04, acceleration=0.5, orientation=0.1, angular_speed=0.2)
@@ -285,7 +291,92 @@ def test_a_deadband_is_stated(mine, software, monkeypatch, true, stated, is_soun
 
 @pytest.mark.parametrize(
     ("places", "digit"),
-    [([[0.1, 0.25, -0.4]], 1e-3), ([[0.45, 0.0, 0.1], [0.45, 0.0, 0.10012]], 1e-5), ([[0.1, 0.2, 1 / 3]], 0.0)],
+    [([[0.1, 0.25, -0.4]], 1e-5), ([[0.45, 0.0, 0.1], [0.45, 0.0, 0.100123]], 1e-6), ([[0.1, 0.2, 1 / 3]], 0.0)],
 )
 def test_the_digits_of_a_pose_are_those_of_all_of_them(places, digit):
     assert last_digit(np.array(places)) == pytest.approx(digit)
+
+
+LINE = np.linspace(0.0, 0.5e-3, 200)[:, None] * np.array([0.0, 0.6, 0.8])
+SENT = 2_000_000 * np.arange(200)
+
+
+@pytest.mark.parametrize(
+    ("places", "late"),
+    [
+        (LINE, 0),
+        (np.vstack([LINE[:1].repeat(7, 0), LINE[:-7]]), 14_000_000),
+        (np.round(LINE, 6), 0),
+        (np.floor(1e6 * LINE) / 1e6, 0),
+        (LINE + 1e-7 * np.sin(np.arange(200))[:, None], None),
+        (np.zeros((200, 3)), None),
+    ],
+)
+def test_an_echo_is_a_command_in_every_sample(places, late):
+    delay = echo_delay(LINE, SENT, places, SENT + 1_000_000, 60_000_000)
+    assert (delay is None) if late is None else (abs(delay - late) <= 2_000_000)
+
+
+STIFF = StatedArm(lag=0.02, deadband=0.0, gives_way=False)
+
+
+def answered(answer, stated=STIFF):
+    """What a handshake makes of an arm that stands at `answer(command)` [m] outwards."""
+    path = outward_path(np.zeros(3), Z, RETREAT, own_law(RETREAT_SPEED, 0.5), stated)
+    state = lambda place: ArmState(place, np.zeros(3), np.eye(3), [], True)  # noqa: E731
+    handshake = Handshake(path, stated, state(np.zeros(3)))
+    for number, command in enumerate(path.rows):
+        handshake.note_command(command, command, 2_000_000 * number)
+        place = np.array([0.0, 0.0, answer(command[2])]) + 2e-6 * np.sin(7.0 * number + np.arange(3))
+        if (text := handshake.fault(state(place), place, 2_000_000 * number + 1)) is not None:
+            return text
+    assert handshake.is_over
+    return None
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (lambda z: z, None),
+        (lambda z: 0.7 * z, None),
+        (lambda z: 0.5 * z, "are its commands in other units"),
+        (lambda z: 1.5 * z, "are its commands in other units"),
+        (lambda z: -z, "is the sign of an axis reversed"),
+        (lambda z: 0.0, "does it take commands"),
+        (lambda z: 0.3e-3, "when it was commanded to stay"),
+    ],
+)
+def test_an_answer_has_the_direction_and_the_size_of_the_command(answer, words):
+    text = answered(answer)
+    assert (text is None) if words is None else (words in text)
+
+
+@pytest.mark.parametrize(
+    ("answer", "passes"),
+    [(lambda z: 0.0, True), (lambda z: 0.5 * z, True), (lambda z: -z, False), (lambda z: 2 * z, False)],
+)
+def test_a_spring_may_stand_still_and_not_go_elsewhere(answer, passes):
+    assert (answered(answer, replace(STIFF, gives_way=True)) is None) == passes
+
+
+@pytest.mark.parametrize(
+    ("target", "gap"), [((0, 0, 0.19e-3), None), ((0, 0, 0.21e-3), "0.21 mm"), ((4e-3, 0, 0), "4.00 mm")]
+)
+def test_a_target_is_compared_with_the_pose(target, gap):
+    text = target_problem([*target, 0, 0, 0], [0.0] * 6, 0.0)
+    assert (text is None) if gap is None else (gap in text)
+    assert target_problem([*target, 0, 0, 0], [0.0] * 6, 5e-3) is None
+
+
+def test_a_deadband_above_the_retreat_is_refused(palpate):
+    done = palpate("check", str(PIPELINE), "--set", "device.arm.deadband=0.6 mm")
+    assert done.returncode == 2
+    assert "deadband" in done.stderr
+
+
+def test_first_steps_take_at_most_two_seconds_more():
+    for lag in (0.0, 0.0045, 0.02, 0.1, 0.5):
+        stated, law = replace(STIFF, lag=lag), own_law(RETREAT_SPEED, 0.5)
+        usual = straight_path(np.zeros(3), RETREAT * Z, law).times[-1]
+        across = sideways_path(np.zeros(3), LEVEL, np.ones(3), law, stated).duration
+        assert outward_path(np.zeros(3), Z, RETREAT, law, stated).duration + across - usual <= 2.0
