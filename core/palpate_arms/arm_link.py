@@ -129,6 +129,11 @@ class ArmLink:
                 f"{self._child.name}: the tip is at the top of the workspace, at {1e3 * place[2]:.1f} mm: no "
                 "room for the retreat that checks whether it is free; bring it down by hand or raise [safety] high"
             )
+        if way <= self._settings.deadband:
+            raise DeviceError(
+                f"{self._child.name}: the workspace leaves {1e3 * way:.2f} mm for the first retreat, and the arm's "
+                f"deadband is {1e3 * self._settings.deadband:g} mm: bring the tip down by hand or raise [safety] high"
+            )
         self._child.tell("retreat", way=way, speed=speed, foot=plane.foot.tolist(), normal=plane.normal.tolist())
         law = own_law(speed, self._settings.acceleration)
         if self._has_retreated:
