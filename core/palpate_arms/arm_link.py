@@ -202,14 +202,20 @@ class ArmLink:
                 self._answers += message["answers"]
             case "limit":
                 self._has_stopped(message)
-            case "failing" if self._trip is not None:  # it is being stopped, which takes its time
-                self._trip(f"{self._child.name}: {message['text']}")
+            case "failing":  # it is being stopped, which takes its time
+                self._stop_others(message)
             case "fault":
                 self._stands = bool(message["stands"])
+                self._stop_others(message)
             case "astray":
                 error = UnstoppedArmError(f"{self._child.name}: {message['text']}")
                 error.speed = message["speed"]
                 raise error
+
+    def _stop_others(self, message: Mapping[str, Any]) -> None:
+        """Let the guard know of a fault before the process has ended."""
+        if self._trip is not None:
+            self._trip(f"{self._child.name}: {message['text']}")
 
     def _check_child(self) -> None:
         """Raise DeviceError where the arm's process has failed; it knows whether the arm has come to rest."""

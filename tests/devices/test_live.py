@@ -152,11 +152,11 @@ def check_fault(twin, fault, error, table, folder):
 
 
 QUICK = ("protective-stop",)
-TICK, STALE = 0.002, 0.104  # [s] of the controller; after which a controller is silent
+TICK, STALE = 0.002, 0.105  # [s] of the controller; after which a controller is silent
 # From the fault to the stop [s], with the pipeline's own limits.
 REACTIONS = {
-    **dict.fromkeys(("protective-stop", "emergency-stop", "safeguard-stop", "stop-program", "pause-program"), 0.008),
-    **dict.fromkeys(("close", "reset", "gone"), 0.008),
+    **dict.fromkeys(("protective-stop", "emergency-stop", "safeguard-stop", "stop-program", "pause-program"), 0.004),
+    **dict.fromkeys(("close", "reset", "gone"), 0.004),
     **dict.fromkeys(("unplug", "overrange"), 0.002),
     **dict.fromkeys(("silent", "reboot"), 0.118),
 }
