@@ -113,7 +113,6 @@ def test_ctrl_c_during_an_import_is_not_lost(palpate, point_pipeline, tmp_path, 
     )
     done = palpate("check", point_pipeline, "--plugin", "own.py")
     assert done.returncode == 130, done.stdout
-    assert done.stderr.endswith("palpate: stopped\n")
     assert "Traceback" not in done.stderr
     assert (tmp_path / "whole").exists()
 
