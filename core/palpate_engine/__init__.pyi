@@ -69,7 +69,6 @@ from .config.rig_settings import (
     rig_assignments as rig_assignments,
 )
 from .config.tip_words import (
-    SPHERE as SPHERE,
     is_same_tip as is_same_tip,
     tip_table as tip_table,
     tip_values as tip_values,

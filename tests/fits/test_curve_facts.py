@@ -30,6 +30,7 @@ STATED = {
     "tip": "sphere 4 mm",
     "tip_uncertainty": "200 um",
     "thickness": "10 mm",
+    "base": "sliding",
     "delay": "3 ms +- 0.1 ms",
     "tare": "20 mN +- 1 mN",
     "tip_mass": "50 g",
@@ -39,10 +40,12 @@ STATED = {
     "beam": "2 N/mm +- 5 %",
     "position_of": "tip",
 }
+NEEDED = {"base": {"thickness": "10 mm"}}  # facts that another one needs
 SENTENCES = {
-    "tip": "The tip was an exact sphere with a radius of 4 or 5 mm (11 curves).",
+    "tip": "The tip was an exact sphere with a radius of 4 or 5 mm (12 curves).",
     "tip_uncertainty": "The tip was an exact sphere with a radius of 5 mm (standard uncertainty 0.2 mm) (1 curve).",
     "thickness": "The finite thickness of the specimens, 10 mm, was corrected by the law of Garcia et al. [3] (1 ",
+    "base": "The finite thickness of the specimens sliding on their base, 10 mm, was corrected by the law of Dimitriadis",
     "delay": "a delay of the force of 3 ms (standard uncertainty 0.1 ms) was corrected (1 curve).",
     "tare": "The zero of the force was 0.02 N (standard uncertainty 0.001 N); ",
     "tip_mass": "The inertia of the 50 g behind the force sensor was subtracted (1 curve).",
@@ -89,7 +92,11 @@ def rows_of(folder):
 def study_once(tmp_path_factory):
     """A curve for each fact that ``curves.csv`` may state, one without any, and their folder of fits, not fitted."""
     folder = tmp_path_factory.mktemp("facts")
-    write_study(folder, {key: {key: text} for key, text in STATED.items()}, dict.fromkeys(["plain", *STATED]))
+    write_study(
+        folder,
+        {key: {key: text, **NEEDED.get(key, {})} for key, text in STATED.items()},
+        dict.fromkeys(["plain", *STATED]),
+    )
     done = call("fit", "study", "--no-refit", "--out", "fits", cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder

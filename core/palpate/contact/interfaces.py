@@ -18,6 +18,7 @@ class Indenter(Part, ABC):
     """A rigid axisymmetric tip as the method of dimensionality reduction sees it (Popov and Hess 2015)."""
 
     kind: ClassVar[str] = "indenter"
+    word: ClassVar[str] = ""  # by which people name it on a command line, where its type is called otherwise
 
     @property
     def sphere_radius(self) -> float | None:

@@ -10,14 +10,12 @@ from palpate.errors import ConfigurationError, suggest
 from palpate.registry import Registry
 from palpate.units import to_si
 
-SPHERE, BALL = "sphere", "exact-sphere"  # in words, and its type: type = "sphere" is the paper's paraboloid (0435)
-
 
 def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     """The table of a tip such as "sphere 3 mm", "sphere diameter 6 mm" or "blunt-cone angle 30 deg tip_radius 1 mm".
 
-    A sphere in words is a ball, `exact-sphere`. A single value is that of the one key that the tip needs, the radius of
-    a sphere; messages call the whole `said`. Raises ConfigurationError.
+    A sphere in words is the tip that states this word of itself, a ball. A single value is that of the one key that the
+    tip needs, the radius of a sphere; messages call the whole `said`. Raises ConfigurationError.
     """
     table = tip_values(text, known, said)
     name, values = table["type"], {key: value for key, value in table.items() if key != "type"}
@@ -32,7 +30,7 @@ def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     """The table of a tip as `tip_table` reads it, its values not yet checked; raises ConfigurationError."""
     name, *words = text.split() or [""]
     tips = known.parts["indenter"]
-    kind = BALL if name == SPHERE else name
+    kind = kind_in_words(name, known)
     if kind not in tips:
         hint = '; write it as in "sphere 3 mm"' if not name[:1].isalpha() else suggest(name, list(tips))
         raise ConfigurationError(f"{said} {text!r}: no tip {name!r}{hint}")
@@ -61,13 +59,20 @@ def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     return {"type": kind, **values}
 
 
+def kind_in_words(word: str, known: Registry) -> str:
+    """Return the type of a tip by the word that it states of itself, else the word as the name of its type."""
+    tips = known.parts["indenter"].items()
+    return next((kind for kind, entry in tips if entry.problem is None and entry.part.word == word), word)
+
+
 def with_stated_law(text: str, stated: Mapping[str, Any], known: Registry, said: str = "tip") -> dict[str, Any]:
-    """Return the table of a tip in words; a `sphere` has the law of a ball that a `stated` table of a tip has chosen.
+    """Return the table of a tip in words; a sphere has the law of a ball that a `stated` table of a tip has chosen.
 
     Raises ConfigurationError.
     """
     table = tip_table(text, known, said)
-    if text.split()[0] != SPHERE or not is_ball(stated, known):
+    name = text.split()[0]
+    if kind_in_words(name, known) == name or not is_ball(stated, known):
         return table
     return {**stated, "radius": table["radius"]}
 

@@ -39,8 +39,9 @@ CURVES = "curves"  # key of its [run]: the folder from which the files of curves
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
 _TEXTS = ("curve", "track", "conditions", "needs", "flags", "settings", "error")
 _LINE = 1 << 16  # [bytes] of the head
-_TAIL = ("rms", "prediction", "samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
-_LATER = ("conditions", "needs")  # columns that tables before schema 5 lack, as they lack the verdict of each value
+PREDICTION = "prediction"  # a column that tables lack which were written before 0461
+_TAIL = ("rms", PREDICTION, "samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
+_LATER = (PREDICTION, "conditions", "needs")  # those before schema 5, as they lack the verdict of each value
 
 
 class FitTable:
@@ -81,6 +82,9 @@ class FitTable:
         found: dict[str, str] = {}
         name, count = "", 0
         head, end = _head_of(self.path)
+        if head == _without_prediction(self.columns):
+            replace_columns(self.path, self.columns)
+            head, end = _head_of(self.path)
         if head != self.columns:
             raise OutputError(f"{self.path}: has the columns of another version; nothing is mixed: give --out another")
         for behind, row in rows_of_fits(self.path):
@@ -189,12 +193,18 @@ def _columns(names: Sequence[str]) -> tuple[str, ...]:
     return (*_HEAD, *of_values, *_TAIL)
 
 
+def _without_prediction(columns: tuple[str, ...]) -> tuple[str, ...]:
+    """Columns as the version before wrote them."""
+    return tuple(name for name in columns if name != PREDICTION)
+
+
 def demand_columns(path: Path) -> None:
     """Raise LogError for a table of fits that another version has written, or that is not one."""
     head, _ = _head_of(path)
     names = [name.removesuffix("_std") for name in head if name.endswith("_std")]
     now = _columns(names)
-    if head not in (now, tuple(name for name in now if name not in _LATER and not name.endswith("_verdict"))):
+    before_verdicts = tuple(name for name in now if name not in _LATER and not name.endswith("_verdict"))
+    if head not in (now, _without_prediction(now), before_verdicts):
         about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is not a table of fits"
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError
-from palpate_engine import SPHERE, display_unit, is_open, registry, write_whole
+from palpate_engine import display_unit, is_open, registry, write_whole
 from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.terminal.quantities import value_or_fixed
@@ -75,7 +75,7 @@ def folder_message(desk: Desk) -> dict[str, Any]:
 def _tip(tables: dict[str, Any]) -> str:
     """The tip as ``--tip`` takes it."""
     tip: dict[str, Any] = next(iter(tables.get("indenter", {}).values()), {})
-    if tip.get("type") == SPHERE:  # in words a ball; that of a pipeline is a paraboloid
+    if tip.get("type") == "sphere":  # in words a ball; that of a pipeline is a paraboloid
         tip = {"type": "paraboloid", "curvature_radius": tip["radius"]}
     texts = [f"{key} {1e3 * value:.6g} mm" if key in ("radius", "curvature_radius", "tip_radius") else f"{key} {value}"
              for key, value in tip.items() if key != "type"]  # fmt: skip

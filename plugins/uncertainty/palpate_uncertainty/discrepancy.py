@@ -31,7 +31,6 @@ LEAST_SHARE = 0.1  # of the visible pattern, that a cause of the rig explains at
 NO_FIT = 0.3  # of the force's own variation in contact, above which a misfit is not one of the law any more
 FARTHEST = 10.0  # times its typical size, from which on an alternative explains nothing
 NEARLY = 0.7  # of what the best alternative explains, from which on a second one is named
-DISCREPANCY, CONTRADICTION = "model-discrepancy", "lack-of-fit"  # codes of a note, and of a doubt
 
 
 @dataclass(frozen=True)
@@ -125,16 +124,16 @@ def judge_misfit(misfit: Misfit, parameters: Sequence[Parameter], table: Mapping
     if not misfit.is_of_the_law:
         size = 100.0 * math.sqrt(misfit.excess) / misfit.variation
         text = f"the law does not describe the record: {size:.0f} % of the force's variation remain"
-        flags.append(Flag(CONTRADICTION, text, effects=dict.fromkeys(names, math.inf), causes=()))
+        flags.append(Flag("lack-of-fit", text, effects=dict.fromkeys(names, math.inf), causes=()))
     elif misfit.wrong_facts:
         shifts = np.max([np.abs(misfit.explanations[fact].shifts) for fact in misfit.wrong_facts], axis=0)
-        flags.append(Flag(CONTRADICTION, text, effects=dict(zip(names, shifts.tolist(), strict=True)), causes=()))
+        flags.append(Flag("lack-of-fit", text, effects=dict(zip(names, shifts.tolist(), strict=True)), causes=()))
     else:
-        flags.append(Flag(DISCREPANCY, text, effects=row))
+        flags.append(Flag("model-discrepancy", text, effects=row))
         if moving := [name for name in misfit.causes[:1] if cause_of(name).moves]:
             viscous = [parameter.name for parameter in parameters if parameter.role == "viscous"]
             text = f"{moving[0]} acts with the speed, which bounds no viscosity"
-            flags.append(Flag(CONTRADICTION, text, effects=dict.fromkeys(viscous, math.inf), causes=()))
+            flags.append(Flag("lack-of-fit", text, effects=dict.fromkeys(viscous, math.inf), causes=()))
     table = dict(table) | {
         "reasons": misfit.causes,
         "wrong_facts": misfit.wrong_facts,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from palpate import Depth, Indenter, select, tanh
 from pydantic import Field
@@ -39,6 +39,7 @@ class ExactSphere(Indenter):
     Source: Sneddon 1965; Popov and Hess 2015, table 2.1.
     """
 
+    word: ClassVar[str] = "sphere"  # type = "sphere" is the paper's paraboloid (0435)
     radius: Depth = Field(gt=0, description="radius R of the sphere, half of its diameter")
 
     @property
