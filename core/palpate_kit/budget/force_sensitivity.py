@@ -96,8 +96,11 @@ class Along:
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """(k + 1,) parameters and surface that are not held fixed."""
-        return free_columns(self.model, self.held)
+        """(c,) columns that are not held fixed: of k parameters, of the surface, and any that stand behind them."""
+        free = np.ones(self.jacobian.shape[1], bool)
+        own = free_columns(self.model, self.held)
+        free[: len(own)] = own
+        return free
 
     def shifts(self, error: Floats) -> Floats | None:
         """Shift (k,) of the parameters by an error (n,) of the force [N]; None where indistinct from the surface."""

@@ -41,7 +41,7 @@ from palpate_fits.residual import Residual
 from palpate_fits.segments import RecordCourse, Rows, Window, passage, segment_rows
 from palpate_fits.solvers import Solution, solve_lm, solve_trf
 from palpate_fits.uncertainty import scatter
-from palpate_fits.unknowns import Unknowns
+from palpate_fits.unknowns import Unknowns, at_physical_bounds
 
 _AIR_SHARE = 0.1  # of the samples, from which on they determine the bias
 _FEWEST = 5  # samples for each unknown
@@ -85,7 +85,8 @@ class FitTracker:
         """The fit of a record; raises NotFitted where it cannot be done."""
         settings, notes = self._settings, list[Flag]()
         begins_in_contact = cache(partial(self._begins_in_contact, samples))
-        if self._problem.force_zero != "air" and begins_in_contact():
+        is_without_air = self._problem.force_zero != "air" and begins_in_contact()
+        if is_without_air:
             samples = touching_from_start(samples)
         course = passage(samples)
         motion = zero_phase_motion(samples, settings.smoothing, self._longest_window(samples, course.travel))
@@ -93,6 +94,8 @@ class FitTracker:
         rows = _without_saturation(samples, rows, notes)
         by_force = SurfaceByForce(samples, course, settings.threshold)
         unknowns = self._prepared(samples, rows, by_force, notes)
+        if is_without_air:  # a viscosity below none would be a higher surface, see `one_speed_bounds`
+            unknowns = at_physical_bounds(unknowns, self._problem.model)
         enough = max(_FEWEST * len(unknowns.free), 10)
         if np.count_nonzero(rows) < enough:
             raise NotFitted("too-few-samples", f"{np.count_nonzero(rows)} samples to fit; {enough} are needed")

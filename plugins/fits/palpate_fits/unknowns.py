@@ -95,6 +95,14 @@ def unknowns_of(
     return Unknowns(tuple(found))
 
 
+def at_physical_bounds(unknowns: Unknowns, model: ContactModel) -> Unknowns:
+    """Return the unknowns with the lower bounds that a material has, in place of those of least squares."""
+    for parameter in model.parameters:
+        item = unknowns.items[unknowns.index(parameter.name)]
+        unknowns = unknowns.changed(parameter.name, lower=max(item.lower, parameter.lower))
+    return unknowns
+
+
 def _limits(name: str, unit: str, usual: tuple[float, float], bounds: Mapping[str, Any]) -> tuple[float, float]:
     if name not in bounds:
         return usual
