@@ -45,7 +45,7 @@ SENTENCES = {
     "tip": "The tip was an exact sphere with a radius of 4 or 5 mm (12 curves).",
     "tip_uncertainty": "The tip was an exact sphere with a radius of 5 mm (standard uncertainty 0.2 mm) (1 curve).",
     "thickness": "The finite thickness of the specimens, 10 mm, was corrected by the law of Garcia et al. [",
-    "base": "The finite thickness of the specimens sliding on their base, 10 mm, was corrected by the law of Dimitriadis",
+    "base": "The finite thickness of the specimens sliding on their base, 10 mm, was corrected by the law of Dim",
     "delay": "a delay of the force of 3 ms (standard uncertainty 0.1 ms) was corrected (1 curve).",
     "tare": "The zero of the force was 0.02 N (standard uncertainty 0.001 N); ",
     "tip_mass": "The inertia of the 50 g behind the force sensor was subtracted (1 curve).",
