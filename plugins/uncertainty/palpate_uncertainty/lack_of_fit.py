@@ -39,18 +39,17 @@ def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     A judgement is of model, record and rig: all tracks of a model that is to hold for the whole record share one, of
     the fit where there is one. A fit of a part of the record, with unknowns of its own, and a sweep are judged alone.
     """
-    judgements: dict[int, Diagnosed | None] = {}
+    judgements: dict[int, Diagnosed] = {}
     findings = {}
     for track in sorted(tracks, key=lambda track: not _is_fit(track)):
-        shared = judges_all(track)
-        if shared and id(track.model) in judgements:
-            finding = judgements[id(track.model)]
-        else:
-            finding = _with_open_noise(track, _judged(track))
-        if shared:
-            judgements.setdefault(id(track.model), finding)
-        if finding is not None:
-            findings[track.name] = finding
+        key = id(track.model) if judges_all(track) else id(track)
+        finding = judgements.get(key) or _with_open_noise(track, _judged(track))
+        if finding is None:
+            continue
+        findings[track.name] = finding
+        # A track that could not be judged, such as one that diverged, says nothing of the others.
+        if finding.table:
+            judgements[key] = finding
     return {track.name: findings[track.name] for track in tracks if track.name in findings}
 
 
