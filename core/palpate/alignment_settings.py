@@ -171,10 +171,13 @@ class AlignmentSettings(Settings):
 
     @property
     def force_zero(self) -> Literal["air", "stated", "open"]:
-        """Source of the zero of the force: the record's own air, a statement, or none."""
+        """Source of the zero of the force: the record's own air, a statement, or none.
+
+        A force as it was recorded whose zero has an uncertainty is one that was zeroed, which states it.
+        """
         if self.tare == "free-air":
             return "air"
-        return "open" if self.tare == "none" else "stated"
+        return "open" if self.tare == "none" and self.tare_uncertainty is None else "stated"
 
     @property
     def orientation_uncertainties(self) -> dict[str, tuple[float, bool]]:

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from palpate import Problem, Samples
+from palpate_engine import AlignmentSettings
 from palpate_fits import CasadiFit
 from palpate_models import DimensionalityReduction, Paraboloid
 
@@ -89,3 +90,16 @@ def test_a_file_that_was_zeroed_in_contact_has_the_right_value_and_says_where_th
     assert abs(value["value"] - truth) < 2 * value["combined"]
     assert track["parameters"]["viscosity"]["verdict"] == "not determined"
     assert "found with the surface" in {one["fact"]: one["message"] for one in track["conditions"]}["tare"]
+
+
+@pytest.mark.parametrize(
+    ("zero", "source"),
+    [
+        ({"tare": "free-air"}, "air"),
+        ({"tare": "none"}, "open"),
+        ({"tare": "none", "tare_uncertainty": "50 mN"}, "stated"),  # zeroed before the record begins
+        ({"tare": "0 N"}, "stated"),
+    ],
+)
+def test_a_zero_is_stated_by_its_value_or_by_its_uncertainty(zero, source):
+    assert AlignmentSettings(force="log.f", position="log.z", **zero).force_zero == source
