@@ -12,7 +12,7 @@ from palpate_uncertainty.lack_of_fit import lack_of_fit
 from palpate_uncertainty.model_alternatives import alternatives, refit
 from palpate_uncertainty.refit import make_course
 from palpate_uncertainty.relaxation_alternatives import relaxing_share
-from palpate_uncertainty.residual_tests import LEVEL
+from palpate_uncertainty.score_tests import LEVEL
 
 STRENGTHS = (0.0, 3.0, 10.0, 30.0, 100.0, 1e3)  # of the effects below
 
@@ -82,6 +82,6 @@ def test_a_steady_force_relaxes_as_a_branch_does(ratio):
 
 
 def test_a_right_model_is_stepped_to_no_alternative(evidence, monkeypatch):
-    monkeypatch.setattr("palpate_uncertainty.residual_tests._Tested.step", None)
+    monkeypatch.setattr("palpate_uncertainty.score_tests.TestedResidual.step", None)
     found = lack_of_fit([evidence("clean", CasadiFit(), seed=5)])["model/track"]
     assert found.table["p"] > LEVEL

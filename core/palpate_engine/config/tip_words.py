@@ -62,7 +62,9 @@ def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
 def kind_in_words(word: str, known: Registry) -> str:
     """Return the type of a tip by the word that it states of itself, else the word as the name of its type."""
     tips = known.parts["indenter"].items()
-    return next((kind for kind, entry in tips if entry.problem is None and entry.part.word == word), word)
+    return next(
+        (kind for kind, entry in tips if entry.problem is None and getattr(entry.part, "word", "") == word), word
+    )
 
 
 def with_stated_law(text: str, stated: Mapping[str, Any], known: Registry, said: str = "tip") -> dict[str, Any]:

@@ -25,7 +25,8 @@ from palpate_uncertainty.refitted_model import (
     with_noise,
 )
 from palpate_uncertainty.residual_null import air_readings
-from palpate_uncertainty.residual_tests import LEVEL, refit_tests, residual_tests
+from palpate_uncertainty.residual_tests import refit_tests, residual_tests
+from palpate_uncertainty.score_tests import LEVEL
 
 _STRETCH = 4.0  # [s] of a sweep
 _OF_A_SWEEP = 0.015  # of the variance of innovations; the most of 28 tracks of clean sweeps was 0.008

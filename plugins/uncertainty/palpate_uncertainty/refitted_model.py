@@ -21,7 +21,7 @@ from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.prediction import Prediction, predict_other_half
 from palpate_uncertainty.refit import Course, free_unknowns, make_course, moves_along
 from palpate_uncertainty.residual_null import standstill_count
-from palpate_uncertainty.residual_tests import LEVEL
+from palpate_uncertainty.score_tests import LEVEL
 from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
 ENOUGH = 300  # samples
