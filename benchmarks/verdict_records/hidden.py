@@ -75,8 +75,8 @@ def _base(share: float) -> Callable[[Specimen], Readings]:
 
 _SPHERES = ("press", "robot", "robot-ramp", "beam")
 HIDDEN = (
-    Hidden("radius 5 % larger", _resized(1.05), ("indenter.radius",), _SPHERES),
-    Hidden("twice the radius", _resized(2.0), ("indenter.radius",), _SPHERES),
+    Hidden("radius 5 % larger", _resized(1.05), ("indenter.radius", "indenter.curvature_radius"), _SPHERES),
+    Hidden("twice the radius", _resized(2.0), ("indenter.radius", "indenter.curvature_radius"), _SPHERES),
     Hidden("flat tip 5 % larger", _resized(1.05), ("indenter.radius",), ("texture", "dma")),
     Hidden("cone 2 degrees steeper", _resized(47 / 45), ("indenter.angle",), ("cone",)),
     Hidden("force 8 % too large", _scaled(force=1.08), ("force_scale",), (*_SPHERES, "texture")),

@@ -23,7 +23,7 @@ _LAYER = {"law": "dimitriadis", "height": "22 mm", "bonded": False}
 
 def judged_log(path: Path, case: Mapping[str, Any]) -> dict[str, Any]:
     """The fit of a log; `absent` where it is not there."""
-    from palpate_models import DimensionalityReduction, Sphere
+    from palpate_models import DimensionalityReduction, ExactSphere
 
     if not path.exists():
         return {"absent": True}
@@ -39,5 +39,5 @@ def judged_log(path: Path, case: Mapping[str, Any]) -> dict[str, Any]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         record = palpate.record(rate="500 Hz", force=f, height=z, velocity=v, tare="0 N", **facts)
-        found = palpate.fit(record, model=DimensionalityReduction(indenter=Sphere(radius=radius), **layer))
+        found = palpate.fit(record, model=DimensionalityReduction(indenter=ExactSphere(radius=radius), **layer))
     return {"truth": {"elasticity": truth, "viscosity": None}} | told_by(found.track.document)

@@ -12,6 +12,7 @@ _WORDS = {
     "force_scale": "force",
     "position_scale": "height",
     "indenter.radius": "tip radius",
+    "indenter.curvature_radius": "tip radius",
     "poisson": "Poisson's ratio",
     "thickness.height": "thickness",
 }
