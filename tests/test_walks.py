@@ -23,6 +23,7 @@ WALKS = {
     "a referee": "plus-minus",
     "an owner of a rheometer": "rheometer",
     "an author of a paper": "paper",
+    "an owner of two tips": "two-tips",
     "an owner of another arm": "own-robot",
 }
 # Pages show pictures by IPython, which the tests do not need: a picture is read instead.

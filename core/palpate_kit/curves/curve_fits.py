@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, ContactModel, Device, Flag, Floats, PalpateError
@@ -151,11 +152,19 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
     said = (f"{one.fact}: {one.sentence(named_values(found)).replace('; ', ', ')}" for one in found.conditions)
     predicted = found.diagnoses.get("model-discrepancy", {}).get("prediction", {}).get("error")
     told |= {} if predicted is None else {"prediction": repr(float(predicted))}
+    told |= {key: repr(number) for key, number in motion_numbers(found.diagnoses.get("motion", {})).items()}
     told |= {"conditions": "; ".join(said), "needs": " ".join(_needed(found))}
     flags: tuple[Flag, ...] = (*outcome.result.flags, *found.flags)
     failed = next((flag.message for flag in found.flags if flag.code == "failed"), "")
     codes = " ".join(sorted({flag.code for flag in flags}))
     return told | {"verdict": found.verdict, "samples": str(found.samples), "flags": codes, "error": failed}
+
+
+def motion_numbers(table: Mapping[str, Any]) -> dict[str, float]:
+    """Return the numbers of the diagnosis `motion` as columns of a row [SI]."""
+    depth = dict(zip(("shallowest", "deepest"), table.get("depth", ()), strict=False))
+    numbers = {key: number for key, number in table.items() if key != "depth"} | depth
+    return {key: float(number) for key, number in numbers.items()}
 
 
 def named_values(found: TrackResult) -> dict[str, UncertainValue]:

@@ -39,9 +39,11 @@ CURVES = "curves"  # key of its [run]: the folder from which the files of curves
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
 _TEXTS = ("curve", "track", "conditions", "needs", "flags", "settings", "error")
 _LINE = 1 << 16  # [bytes] of the head
-PREDICTION = "prediction"  # a column that tables lack which were written before 0461
-_TAIL = ("rms", PREDICTION, "samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
-_LATER = (PREDICTION, "conditions", "needs")  # those before schema 5, as they lack the verdict of each value
+_MOTION = ("frequency", "speed", "shallowest", "deepest", "half_space_from")
+_RECENT = ("prediction", *_MOTION)  # columns that tables may lack which were written before 0462
+_OF_TRACK = ("samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
+_TAIL = ("rms", *_RECENT, *_OF_TRACK)
+_LATER = (*_RECENT, "conditions", "needs")  # those before schema 5, as they lack the verdict of each value
 
 
 class FitTable:
@@ -82,7 +84,7 @@ class FitTable:
         found: dict[str, str] = {}
         name, count = "", 0
         head, end = _head_of(self.path)
-        if head == _without_prediction(self.columns):
+        if head != self.columns and _lacks_recent_alone(head, self.columns):
             replace_columns(self.path, self.columns)
             head, end = _head_of(self.path)
         if head != self.columns:
@@ -193,9 +195,9 @@ def _columns(names: Sequence[str]) -> tuple[str, ...]:
     return (*_HEAD, *of_values, *_TAIL)
 
 
-def _without_prediction(columns: tuple[str, ...]) -> tuple[str, ...]:
-    """Columns as the version before wrote them."""
-    return tuple(name for name in columns if name != PREDICTION)
+def _lacks_recent_alone(head: tuple[str, ...], columns: tuple[str, ...]) -> bool:
+    """Return True for the columns of this version, or of one before it that lacks some of the recent ones."""
+    return head == tuple(name for name in columns if name in head or name not in _RECENT)
 
 
 def demand_columns(path: Path) -> None:
@@ -204,7 +206,7 @@ def demand_columns(path: Path) -> None:
     names = [name.removesuffix("_std") for name in head if name.endswith("_std")]
     now = _columns(names)
     before_verdicts = tuple(name for name in now if name not in _LATER and not name.endswith("_verdict"))
-    if head not in (now, _without_prediction(now), before_verdicts):
+    if head != before_verdicts and not _lacks_recent_alone(head, now):
         about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is not a table of fits"
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
 

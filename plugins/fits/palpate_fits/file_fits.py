@@ -19,6 +19,7 @@ from palpate_kit.curves.curve_fits import CurveReader, Row
 from palpate_kit.curves.curve_list import RECORD, Entries, cells_beside, fact_counts, stated_in
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
 from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.shared_specimen import setup_pairs
 from palpate_kit.curves.stated_facts import StatedFacts, keep_facts
 from palpate_kit.terminal.fact_line import columns_line, fact_line
 from palpate_kit.terminal.json_output import print_json
@@ -30,7 +31,8 @@ from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, reader_k
 from palpate_fits.file_questions import FileQuestion
 from palpate_fits.file_tables import count_line, is_usable, show_rows
 from palpate_fits.folder_fits import FEW, fit_each
-from palpate_fits.name_groups import group_table, groups_by_name, name_pattern
+from palpate_fits.name_groups import group_table, groups_of
+from palpate_fits.setup_tables import pairs_document, show_pairs
 from palpate_fits.sitting import ask_of_files, ask_of_rig, is_asking, keep_answers, prompt
 
 _GUESSES = 6  # that are printed
@@ -48,22 +50,21 @@ class FileFit:
     as_json: bool
     fitting: bool = True
     details: bool = False
-    by: str | None = None  # pattern of names by which they are grouped
+    by: str | None = None  # column of curves.csv, or pattern of names, by which they are grouped
 
 
 def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     """Fit files that bring no pipeline, and print what was found of each; exit 1 where one was not usable."""
     refused: dict[str, str] = {}
     notes: list[str] = []
-    pattern = None if wanted.by is None else name_pattern(wanted.by)
     with progress("look for files"):
         known = registry.load()
         stated = reader_keys(wanted.stated.settings)
         logs = logs_among(sources, known)
         files = [part for log in logs for part in specimens_of(log, known, stated)]
-    by_name = {} if pattern is None else groups_by_name(files, sources, pattern)
     curves = [Curve(str(file), str(file.path.resolve()), record=file.part) for file in files]
     beside = cells_beside(sources, curves)
+    by_name = groups_of(files, sources, wanted.by, beside)
     groups, wanted = _groups(files, wanted, refused, notes, beside)
     if wanted.stated.is_read:
         notes.insert(0, f"facts of the rig: {wanted.stated.path}")
@@ -92,12 +93,14 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     table.list_unread(refused, list(order))
     rows += [{"curve": name, "error": error} for name, error in refused.items()]
     rows.sort(key=lambda row: order[row["curve"]])
+    pairs = setup_pairs(FitFolder(folder), [row["curve"] for row in rows], known)
     if wanted.as_json:
-        print_json({"table": str(folder / TABLE), "files": rows})
+        print_json({"table": str(folder / TABLE), "files": rows, "specimens": pairs_document(pairs)})
     else:
         _show(rows, groups, parts, folder, known, wanted, _command(sources, wanted))
         if by_name:
             console().print(group_table(rows, by_name, groups[0].pipeline).view())
+        show_pairs(pairs)
     if not all(map(is_usable, rows)):
         raise typer.Exit(1)
 

@@ -13,11 +13,20 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError, UserError
-from palpate_engine import Pipeline, approved_plugins, load_pipeline, make_folder, parsed_assignment, toml_tables
+from palpate_engine import (
+    Pipeline,
+    approved_plugins,
+    load_pipeline,
+    make_folder,
+    parsed_assignment,
+    registry,
+    toml_tables,
+)
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, offline
 from palpate_kit.curves.curve_list import Entries, cells_beside, fact_counts, stated_in
-from palpate_kit.curves.fit_folder import is_fit_folder
+from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
+from palpate_kit.curves.shared_specimen import setup_pairs
 from palpate_kit.curves.stated_facts import StatedFacts, keep_facts, rig_beside, stated_facts
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_no_jobs, demand_scheduler
 from palpate_kit.runs.replay_source import read_run_log
@@ -31,6 +40,7 @@ from palpate_fits.curve_files import curve_files, curves_by
 from palpate_fits.fit_sources import log_device
 from palpate_fits.fit_tables import each_table
 from palpate_fits.folder_fits import fit_each
+from palpate_fits.setup_tables import pairs_document, show_pairs
 from palpate_fits.whole_logs import (
     JsonOption,
     OutOption,
@@ -74,8 +84,8 @@ def fit(
     by: Annotated[
         str | None,
         typer.Option(
-            help='With --tip: groups by a pattern of the names, as in "(ctrl|treat)". With --each: a new curve begins '
-            "where this channel changes."
+            help='With --tip: groups by a pattern of the names, as in "(ctrl|treat)", or a column of curves.csv. With '
+            "--each: a new curve begins where this channel changes."
         ),
     ] = None,
     jobs: Annotated[
@@ -223,10 +233,14 @@ def _each(
         typer.echo(f"{len(files)} curves to fit: palpate fit {folder}")
         return
     found = table.summary()
+    of_folder = FitFolder(folder)
+    pairs = setup_pairs(of_folder, of_folder.names, registry.load())
     if as_json:
-        typer.echo(json.dumps({"table": str(table.path), "tracks": found}, indent=2))
+        document = {"table": str(table.path), "tracks": found, "specimens": pairs_document(pairs)}
+        typer.echo(json.dumps(document, indent=2))
     else:
         console().print(each_table(found, pipeline).view())
+        show_pairs(pairs)
         typer.echo(f"written to {table.path}")
     if failed := sum(track["failed"] for track in found.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)

@@ -30,6 +30,7 @@ from palpate_kit.curves.curve_list import FILE, LIST, add_groups, fact_counts, s
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable, columns_of_fits, replace_columns, write_dialects
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import change_assignments, write_own
+from palpate_kit.curves.shared_specimen import setup_pairs
 from palpate_kit.runs.replay_source import added_table
 from palpate_kit.runs.rig_file import write_rig
 from palpate_kit.terminal.json_output import print_json
@@ -38,6 +39,7 @@ from palpate_kit.terminal.progress import progress, report_progress
 from palpate_fits.file_tables import show_rows
 from palpate_fits.folder_fits import refit
 from palpate_fits.new_files import add_new_files
+from palpate_fits.setup_tables import pairs_document, show_pairs
 
 _NAMED = 6  # new files
 
@@ -100,14 +102,16 @@ def _show(path: Path, count: int, change: FolderChange, refused: Mapping[str, st
     if change.where is None:
         table.list_unread(refused, [*folder.names, *refused])
     found = table.summary()
+    pairs = setup_pairs(folder, folder.names, registry.load())
     if change.as_json:
-        print_json({"table": str(path / TABLE), "fitted": count, "tracks": found, "not_read": dict(refused)})
+        document = {"table": str(path / TABLE), "fitted": count, "tracks": found, "not_read": dict(refused)}
+        print_json({**document, "specimens": pairs_document(pairs)})
     else:
         places = {name: place for place, name in enumerate(folder.names)}
         rows = sorted(table.rows, key=lambda row: places[row["curve"]])
         rows += [{"curve": name, "error": error} for name, error in refused.items()]
         show_rows(rows, pipeline, registry.load(), shlex.join(["palpate", "fit", str(path)]), change.details)
-    if not change.as_json:
+        show_pairs(pairs)
         typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted again; every number: {path / TABLE}")
     if failed := sum(track["failed"] for track in found.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)

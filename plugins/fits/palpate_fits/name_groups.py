@@ -10,7 +10,7 @@ from palpate import ConfigurationError
 from palpate_engine import Pipeline, display_unit
 from palpate_kit.curves.alike_logs import LogPart
 from palpate_kit.curves.curve_fits import Row, value_units
-from palpate_kit.curves.curve_list import OWN, Entries
+from palpate_kit.curves.curve_list import OWN, Entries, columns_of
 from palpate_kit.curves.curve_table import summary_of
 from palpate_kit.terminal.table import Table
 
@@ -27,10 +27,23 @@ def name_pattern(text: str) -> re.Pattern[str]:
     except re.error as error:
         raise ConfigurationError(f"--by {text!r}: is not a pattern of names: {error}") from error
     if not pattern.groups:
-        raise ConfigurationError(f'--by {text!r}: has no group in brackets, as in --by "(ctrl|treat)"')
+        brackets = 'has no group in brackets, as in --by "(ctrl|treat)"'
+        raise ConfigurationError(f"--by {text!r}: {brackets}, and curves.csv has no such column")
     if wrong := next((name for name in pattern.groupindex if name in OWN), None):
         raise ConfigurationError(f"--by {text!r}: a group cannot be called {wrong!r}, as a column of curves.csv is")
     return pattern
+
+
+def groups_of(files: Sequence[LogPart], sources: Sequence[Path], by: str | None, cells: Entries) -> Entries:
+    """Return the groups of each file: by a column of ``curves.csv`` next to the files, else by a pattern of names.
+
+    Raises ConfigurationError.
+    """
+    if by is None:
+        return {}
+    if by in columns_of(cells.values()):
+        return {name: {by: of_curve[by]} for name, of_curve in cells.items() if by in of_curve}
+    return groups_by_name(files, sources, name_pattern(by))
 
 
 def groups_by_name(files: Sequence[LogPart], sources: Sequence[Path], pattern: re.Pattern[str]) -> Entries:

@@ -32,6 +32,8 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability", order=60),
         # By the whole uncertainty: a viscosity below none within it is one of none.
         "possible-values": Diagnosis("palpate_uncertainty.possible_values:possible_values", order=70, quick=True),
+        # By the whole uncertainty, within which a stated half-space has to hold.
+        "motion": Diagnosis("palpate_uncertainty.measured_motion:measured_motion", order=75),
         "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
         "force-across": Diagnosis("palpate_uncertainty.inclined_skin:inclined_skin", order=11, quick=True),
         "tool-off-normal": Diagnosis("palpate_uncertainty.tool_off_normal:tool_off_normal", order=10, quick=True),

@@ -17,10 +17,10 @@ def stiffer_by(radius: float, height: float) -> float:
     return share * (_BONDED[0] + share * (_BONDED[1] + share * (_BONDED[2] + share * _BONDED[3])))
 
 
-def half_space_from(track: TrackEvidence) -> float | None:
-    """How thick [m] the specimen has to be for its elasticity to be within 5 %; None where a thickness is stated."""
+def half_space_from(track: TrackEvidence, share: float = _MATTERS) -> float | None:
+    """Return how thick [m] the specimen has to be for its elasticity to be within a share; None for a layer."""
     radius = _contact_radius(track)
-    return None if radius is None else radius * _BONDED[0] / _MATTERS
+    return None if radius is None else radius * _BONDED[0] / share
 
 
 def _contact_radius(track: TrackEvidence) -> float | None:

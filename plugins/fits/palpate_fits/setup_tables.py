@@ -1,0 +1,40 @@
+"""Tips and depths on one specimen as people and programs read them: E_n of each pair, and one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+from palpate_kit.curves.shared_specimen import SPECIMEN, SetupPair, agreement_sentence
+from palpate_kit.terminal.table import Table, console
+
+SHOWN_PAIRS = 24  # on the terminal, those that agree least
+
+
+def show_pairs(pairs: Sequence[SetupPair]) -> None:
+    """Print E_n of the pairs that agree least, and what all of them say of the facts; nothing without any."""
+    if pairs:
+        console().print(pair_table(pairs[:SHOWN_PAIRS]).view())
+        typer.echo(agreement_sentence(pairs))
+
+
+def pair_table(pairs: Sequence[SetupPair]) -> Table:
+    """Return a row for each pair."""
+    names = list(dict.fromkeys(name for pair in pairs for name in pair.e_n))
+    by_track = len({pair.track for pair in pairs}) > 1
+    rows = [
+        [
+            f"{pair.specimen}\n{pair.track}" if by_track else pair.specimen,
+            "\n".join(setup.words for setup in pair.setups),
+            *(f"{pair.e_n[name]:.2f}" if name in pair.e_n else "-" for name in names),
+        ]
+        for pair in pairs
+    ]
+    left = [SPECIMEN, "tip and depth"]
+    return Table.of("two tips or depths on one specimen", [*left, *(f"{name}\nE_n" for name in names)], rows, left)
+
+
+def pairs_document(pairs: Sequence[SetupPair]) -> dict[str, Any]:
+    """Return every pair and the sentence as plain data."""
+    return {"pairs": [pair.table for pair in pairs], "says": agreement_sentence(pairs)}
