@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, ContactModel, Device, Flag, Floats, PalpateError
@@ -25,6 +24,7 @@ from palpate_engine import (
 
 from palpate_kit.curves.curve import Curve
 from palpate_kit.runs.shared_tips import name_tips
+from palpate_kit.terminal.motion_text import motion_numbers
 
 Row = dict[str, str]
 _KINDS = 16  # of settings of single curves whose tracks are kept in a process
@@ -158,13 +158,6 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
     failed = next((flag.message for flag in found.flags if flag.code == "failed"), "")
     codes = " ".join(sorted({flag.code for flag in flags}))
     return told | {"verdict": found.verdict, "samples": str(found.samples), "flags": codes, "error": failed}
-
-
-def motion_numbers(table: Mapping[str, Any]) -> dict[str, float]:
-    """Return the numbers of the diagnosis `motion` as columns of a row [SI]."""
-    depth = dict(zip(("shallowest", "deepest"), table.get("depth", ()), strict=False))
-    numbers = {key: number for key, number in table.items() if key != "depth"} | depth
-    return {key: float(number) for key, number in numbers.items()}
 
 
 def named_values(found: TrackResult) -> dict[str, UncertainValue]:

@@ -33,14 +33,14 @@ from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
 from palpate_kit.curves.curve_list import RECORD
 from palpate_kit.curves.fit_provenance import add_provenance
 from palpate_kit.runs.pipeline_diff import differences
+from palpate_kit.terminal.motion_text import MOTION_COLUMNS
 
 TABLE, SETTINGS = "fits.csv", "pipeline.toml"
 CURVES = "curves"  # key of its [run]: the folder from which the files of curves are seen
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
 _TEXTS = ("curve", "track", "conditions", "needs", "flags", "settings", "error")
 _LINE = 1 << 16  # [bytes] of the head
-_MOTION = ("frequency", "speed", "shallowest", "deepest", "half_space_from")
-_RECENT = ("prediction", *_MOTION)  # columns that tables may lack which were written before 0462
+_RECENT = ("prediction", *MOTION_COLUMNS)  # columns that tables may lack which were written before 0462
 _OF_TRACK = ("samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
 _TAIL = ("rms", *_RECENT, *_OF_TRACK)
 _LATER = (*_RECENT, "conditions", "needs")  # those before schema 5, as they lack the verdict of each value

@@ -7,20 +7,22 @@ from collections.abc import Iterable, Iterator, Sequence
 from palpate import ContactModel, Indenter, printable
 from palpate_engine import AlignmentSettings, Pipeline, Registry, numbers_of
 
+from palpate_kit.terminal.motion_text import Numbers, motion_text
 from palpate_kit.terminal.phrase import Phrase, Quantity, curve_count, merged_phrases, phrase_text, quantity_text
 
 _TARES = {"free-air": "force zeroed in air", "none": "force as recorded", "calibrated": "force zeroed by calibration"}
 Counted = Sequence[tuple[Pipeline, int]]  # pipelines of curves, each with their number
 
 
-def fact_line(pipelines: Counted) -> str:
-    """Tip, model and force of the first track of the pipelines.
+def fact_line(pipelines: Counted, motions: Sequence[Numbers] = ()) -> str:
+    """Tip, model and force of the first track of the pipelines, and the motions that the records measured.
 
-    As in "tip: sphere, radius 6 mm (diameter 12 mm); dr, nu 0.5, 10 to 22 mm thick; force zeroed in air".
+    As in "tip: sphere, radius 6 mm (diameter 12 mm); dr, nu 0.5, 10 to 22 mm thick; force zeroed in air; press 1 mm/s,
+    0 to 2 mm deep".
     """
     words = facts_in_words(pipelines)
     head = [f"tip: {words['tip']}"] if "tip" in words else []
-    return "; ".join([*head, words["model"], words["force"]])
+    return "; ".join(filter(None, [*head, words["model"], words["force"], motion_text(motions)]))
 
 
 def columns_line(pipeline: Pipeline) -> str:

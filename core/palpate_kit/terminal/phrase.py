@@ -6,7 +6,12 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-_SHOWN = {"kg": ("g", 1e3), "s": ("ms", 1e3), "rad": ("deg", math.degrees(1.0))}  # units with their factors
+_SHOWN = {
+    "kg": ("g", 1e3),
+    "s": ("ms", 1e3),
+    "m/s": ("mm/s", 1e3),
+    "rad": ("deg", math.degrees(1.0)),
+}  # units with their factors
 
 
 @dataclass(frozen=True)

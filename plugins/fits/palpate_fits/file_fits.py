@@ -23,6 +23,7 @@ from palpate_kit.curves.shared_specimen import setup_pairs
 from palpate_kit.curves.stated_facts import StatedFacts, keep_facts
 from palpate_kit.terminal.fact_line import columns_line, fact_line
 from palpate_kit.terminal.json_output import print_json
+from palpate_kit.terminal.motion_text import row_motion
 from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.table import console
 from palpate_records.recording import Suggestion
@@ -193,7 +194,7 @@ def _show(
     command: str,
 ) -> None:
     fitted = FitFolder(folder).pipelines(row["curve"] for row in rows if not row.get("error"))
-    typer.echo(fact_line(fitted or [(groups[0].pipeline, len(rows))]))
+    typer.echo(fact_line(fitted or [(groups[0].pipeline, len(rows))], [row_motion(row) for row in rows]))
     for line in _columns_lines(groups):
         typer.echo(line)
     show_rows(rows, groups[0].pipeline, known, command, wanted.details)

@@ -18,11 +18,13 @@ from palpate_engine import (
 )
 from palpate_kit.curves.curve_fits import Row, row_conditions, value_units
 from palpate_kit.curves.curve_table import summary_of
+from palpate_kit.terminal.motion_text import motion_text, row_motion
 from palpate_kit.terminal.quantities import value_or_fixed
 from palpate_kit.terminal.table import Table, console
 
 from palpate_fits.fit_tables import each_table
 
+_MEASURED = "measured"
 MOST = 40  # rows of a table on the terminal
 _NAME = 28  # characters of a file's name
 _SHOWN = ("elasticity", "viscosity")
@@ -90,7 +92,7 @@ def file_table(rows: Sequence[Row], pipeline: Pipeline, details: bool = False) -
     shown = [name for name in _SHOWN if name in units] or list(units)[:2]
     heads = ["file", *(["track"] if len(pipeline.tracks) > 1 else [])]
     values = [f"{name}\n{display_unit(units[name])[0]}" for name in shown]
-    more = [head for head, _ in _DETAILS.values()] if details else []
+    more = [*(head for head, _ in _DETAILS.values()), _MEASURED] if details else []
     cells = [
         [
             row["curve"] if details else _short(row["curve"]),
@@ -101,13 +103,19 @@ def file_table(rows: Sequence[Row], pipeline: Pipeline, details: bool = False) -
                 for name, (_, form) in _DETAILS.items()
                 if details
             ),
+            *([_lines(motion_text([row_motion(row)]))] if details else []),
             verdict_word(row.get("verdict") or "not read"),
             *([row.get("flags", "").replace(" ", "\n")] if details else []),
         ]
         for row in rows
     ]
     behind = ["verdict", *(["flags"] if details else [])]
-    return Table.of("", [*heads, *values, *more, *behind], cells, [*heads, *behind])
+    return Table.of("", [*heads, *values, *more, *behind], cells, [*heads, *behind, _MEASURED])
+
+
+def _lines(motion: str) -> str:
+    """Return the parts of a motion below one another."""
+    return motion.replace("; ", "\n").replace(", ", "\n")
 
 
 def _cell(row: Mapping[str, Any], name: str, unit: str) -> str:

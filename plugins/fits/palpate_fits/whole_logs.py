@@ -21,6 +21,7 @@ from palpate_engine import (
     write_whole,
 )
 from palpate_kit.jobs.engines import demand_scheduler
+from palpate_kit.terminal.motion_text import motion_numbers, motion_text
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
 
@@ -131,6 +132,9 @@ def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
 def _show(logs: Sequence[LogFit], document: dict[str, Any], folder: Path, details: bool) -> None:
     terminal = console(160) if details else console()
     tables = {log.name: (log.result.tracks, log.result.flags) for log in logs}
+    motions = [next(iter(log.result.tracks.values())).diagnoses.get("motion", {}) for log in logs if log.result.tracks]
+    if words := motion_text([motion_numbers(table) for table in motions]):
+        terminal.print(f"measured: {words}", highlight=False, markup=False, soft_wrap=True)
     for view in fit_views(tables) if details else fit_overview(tables):
         terminal.print(view)
     if document["evaluation"]:

@@ -9,6 +9,7 @@ from palpate import PalpateError
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.figures import WIDTHS
 from palpate_kit.terminal.fact_line import facts_in_words
+from palpate_kit.terminal.motion_text import motion_text, row_motion
 from palpate_kit.terminal.phrase import curve_count
 
 from palpate_report.bibliography import sources_of
@@ -53,6 +54,8 @@ def _measured(facts: FolderFacts) -> Mapping[str, str]:
     words = facts_in_words(pipelines)
     for key, name in (("tip", "tip"), ("model", "model"), ("force", "force and position")):
         found[name] = words.get(key, "none")
+    if motion := motion_text([row_motion(row.cells) for row in facts.used]):
+        found["motion"] = motion
     pipeline = pipelines[0][0]
     track = pipeline.tracks[0]
     found["model by name"] = pipeline.registry.name_of(type(track.model))

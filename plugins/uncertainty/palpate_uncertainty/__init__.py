@@ -48,8 +48,9 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 
 @plugin
 def palpate_report_sections() -> dict[str, ReportSection]:
-    """What the values of a run assume to be exact, and how well its law predicts."""
+    """What a run measured, what its values assume to be exact, and how well its law predicts."""
     return {
+        "motion": ReportSection("palpate_uncertainty.measured_motion:motion_lines", order=5),
         "prediction": ReportSection("palpate_uncertainty.prediction:prediction_lines", order=79, detail=True),
         "assumptions": ReportSection("palpate_uncertainty.assumption_line:assumption_lines", order=80, detail=True),
     }

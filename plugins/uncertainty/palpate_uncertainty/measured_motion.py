@@ -7,17 +7,27 @@ from typing import Any
 
 import numpy as np
 from palpate import Diagnosed, Floats, TrackEvidence
+from palpate_engine import Result, verdict_rank
+from palpate_kit.terminal.motion_text import motion_numbers, motion_text
 
 from palpate_uncertainty.undeclared_thickness import half_space_from
 from palpate_uncertainty.whiteness import oscillation
 
 WAY_IN = (0.1, 0.9)  # of the depths, between which the way in is timed: noise moves neither crossing much
+AT_TOUCH = 0.02  # of the deepest depth; a press whose first sample is above that begins at the touch
 
 
 def measured_motion(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Return a table of the motion of each track on a point, and how thick its stated half-space has to be."""
     tables = {track.name: motion_table(track) for track in tracks if not (track.ending and track.ending.is_sweep)}
     return {name: Diagnosed(table=table) for name, table in tables.items() if table}
+
+
+def motion_lines(result: Result) -> list[str]:
+    """Return the motion that the best track of a run measured, in words; nothing of a sweep."""
+    tracks = sorted(result.tracks.values(), key=lambda track: verdict_rank(track.verdict))
+    tables = [track.diagnoses["motion"] for track in tracks if track.diagnoses.get("motion")]
+    return [f"measured: {motion_text([motion_numbers(table)])}" for table in tables[:1]]
 
 
 def motion_table(track: TrackEvidence) -> dict[str, Any]:
@@ -36,7 +46,8 @@ def motion_table(track: TrackEvidence) -> dict[str, Any]:
         table: dict[str, Any] = {"frequency": frequency, "depth": turns(time, depth, frequency)}
     else:
         speed = approach_speed(time, depth)
-        table = ({} if speed is None else {"speed": speed}) | {"depth": [max(float(np.min(depth)), 0.0), _max(depth)]}
+        shallowest = float(np.min(depth)) if np.min(depth) > AT_TOUCH * _max(depth) else 0.0
+        table = ({} if speed is None else {"speed": speed}) | {"depth": [shallowest, _max(depth)]}
     if getattr(track.model, "thickness", None) == "half-space" and (thick := _half_space(track)) is not None:
         table["half_space_from"] = thick
     return table

@@ -1,0 +1,66 @@
+"""The motion that records measured in a few words, as in "2 Hz, 2.2 to 4.3 mm deep; half-space: above 96 mm"."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from palpate_kit.terminal.phrase import Phrase, Quantity, curve_count, merged_phrases, phrase_text, quantity_text
+
+Numbers = Mapping[str, float]  # `frequency` or `speed`, `shallowest`, `deepest`, `half_space_from` of a record [SI]
+MOTION_COLUMNS = ("frequency", "speed", "shallowest", "deepest", "half_space_from")  # columns of a row of fits
+
+
+def row_motion(row: Mapping[str, str]) -> dict[str, float]:
+    """Return the numbers of the motion of a row of fits; empty where it has none."""
+    return {name: float(row[name]) for name in MOTION_COLUMNS if row.get(name)}
+
+
+def motion_numbers(table: Mapping[str, Any]) -> dict[str, float]:
+    """Return the numbers of the diagnosis `motion` of a track by the columns of a row [SI]."""
+    depth = dict(zip(("shallowest", "deepest"), table.get("depth", ()), strict=False))
+    return {key: float(number) for key, number in {**table, **depth}.items() if key in MOTION_COLUMNS}
+
+
+def motion_text(motions: Sequence[Numbers]) -> str:
+    """Return kind, rate and depths of the motions of some records, by their ranges; empty without any.
+
+    A stated half-space holds within the uncertainty of every record above the largest of their thicknesses.
+    """
+    shown = [motion for motion in motions if "deepest" in motion]
+    if not shown:
+        return ""
+    groups = merged_phrases((_rate(motion), 1) for motion in shown)
+    texts = [phrase_text(phrases, quantity_text) for phrases, _ in groups]
+    if len(groups) > 1:
+        texts = [f"{text} ({curve_count(count)})" for text, (_, count) in zip(texts, groups, strict=True)]
+    depths = _interval(min(one["shallowest"] for one in shown), max(one["deepest"] for one in shown))
+    words = f"{' or '.join(texts)}, {depths} deep"
+    thick = max((one["half_space_from"] for one in shown if "half_space_from" in one), default=None)
+    return words if thick is None else f"{words}; half-space: above {_length(thick)}"
+
+
+def _rate(motion: Numbers) -> Phrase:
+    if "frequency" in motion:
+        return (_rounded(motion["frequency"], "Hz"),)
+    return ("press ", _rounded(motion["speed"], "m/s")) if "speed" in motion else ("in contact",)
+
+
+def _rounded(value: float, unit: str) -> Quantity:
+    """Return a quantity of two digits, which are enough to describe a motion, without a power of ten."""
+    return Quantity(float(f"{value:.2g}"), unit)
+
+
+def _length(length: float) -> str:
+    return quantity_text(_rounded(length, "m"))
+
+
+def _interval(low: float, high: float) -> str:
+    """Return two lengths [m] with one unit where they share it.
+
+    >>> _interval(2.2e-3, 4.31e-3), _interval(0.0, 2e-6), _interval(5e-5, 1e-3)
+    ('2.2 to 4.3 mm', '0 to 2 um', '50 um to 1 mm')
+    """
+    least, most = _length(low), _length(high)
+    number, _, unit = least.partition(" ")
+    return f"{number if not low or unit == most.partition(' ')[2] else least} to {most}"
