@@ -113,3 +113,10 @@ def test_every_cause_that_is_tested_has_a_class():
     assert len(causes) > 15
     assert causes <= CAUSES.keys()
     assert cause_of("second contact of 0.5").of_rig
+
+
+def test_laws_are_named_that_describe_the_material_and_none_for_a_wrong_fact():
+    remembering = judge_misfit(misfit({"memory of 0.3 s": explanation(500.0)}), LAW, {}, "").table
+    assert remembering["better_laws"] == ("standard-linear-solid", "generalised-maxwell-2")
+    for cause in ("thickness", "drift", "friction"):
+        assert "better_laws" not in judge_misfit(misfit({cause: explanation(500.0)}), LAW, {}, "").table

@@ -150,9 +150,11 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
     told = {key: repr(float(value)) for key, value in table.items() if np.isfinite(value)}
     told |= {f"{name}_verdict": value.verdict or "" for name, value in named_values(found).items()}
     said = (f"{one.fact}: {one.sentence(named_values(found)).replace('; ', ', ')}" for one in found.conditions)
-    predicted = found.diagnoses.get("model-discrepancy", {}).get("prediction", {}).get("error")
+    misfit = found.diagnoses.get("model-discrepancy", {})
+    predicted = misfit.get("prediction", {}).get("error")
     told |= {} if predicted is None else {"prediction": repr(float(predicted))}
     told |= {key: repr(number) for key, number in motion_numbers(found.diagnoses.get("motion", {})).items()}
+    told |= {"better_laws": " ".join(misfit.get("better_laws", ()))}
     told |= {"conditions": "; ".join(said), "needs": " ".join(_needed(found))}
     flags: tuple[Flag, ...] = (*outcome.result.flags, *found.flags)
     failed = next((flag.message for flag in found.flags if flag.code == "failed"), "")

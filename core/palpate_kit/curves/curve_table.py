@@ -38,9 +38,9 @@ from palpate_kit.terminal.motion_text import MOTION_COLUMNS
 TABLE, SETTINGS = "fits.csv", "pipeline.toml"
 CURVES = "curves"  # key of its [run]: the folder from which the files of curves are seen
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
-_TEXTS = ("curve", "track", "conditions", "needs", "flags", "settings", "error")
+_TEXTS = ("curve", "track", "better_laws", "conditions", "needs", "flags", "settings", "error")
 _LINE = 1 << 16  # [bytes] of the head
-_RECENT = ("prediction", *MOTION_COLUMNS)  # columns that tables may lack which were written before 0462
+_RECENT = ("prediction", *MOTION_COLUMNS, "better_laws")  # columns that tables may lack which were written before 0462
 _OF_TRACK = ("samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
 _TAIL = ("rms", *_RECENT, *_OF_TRACK)
 _LATER = (*_RECENT, "conditions", "needs")  # those before schema 5, as they lack the verdict of each value

@@ -30,7 +30,7 @@ from palpate_records.recording import Suggestion
 
 from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, reader_keys, with_overrides
 from palpate_fits.file_questions import FileQuestion
-from palpate_fits.file_tables import count_line, is_usable, show_rows
+from palpate_fits.file_tables import count_line, is_usable, law_line, show_rows
 from palpate_fits.folder_fits import FEW, fit_each
 from palpate_fits.name_groups import group_table, groups_of
 from palpate_fits.setup_tables import pairs_document, show_pairs
@@ -198,6 +198,10 @@ def _show(
     for line in _columns_lines(groups):
         typer.echo(line)
     show_rows(rows, groups[0].pipeline, known, command, wanted.details)
+    if len(rows) == 1:
+        laws = rows[0].get("better_laws", "").split()
+        if line := law_line(folder, groups[0].pipeline.tracks[0], known, laws):
+            typer.echo(line)
     _show_guesses(groups, wanted.details)
     typer.echo(f"{folder / TABLE}: every number; {SETTINGS} next to it: how the files were read")
     first = next((row["curve"] for row in rows if is_usable(row)), None)

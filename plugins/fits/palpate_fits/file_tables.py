@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import typer
 from palpate_engine import (
     Pipeline,
     Registry,
+    Track,
     display_unit,
     facts_stated,
     is_open,
@@ -77,6 +80,15 @@ def verdict_lines(rows: Sequence[Row], known: Registry, command: str) -> Iterato
     ordered = dict.fromkeys(fact for count in (needed, counts) for fact, _ in count.most_common())
     if words := [words_that_state(fact) for fact in ordered if fact in facts_stated()]:
         yield f"state them, with your values: {command} {' '.join(words)}"
+
+
+def law_line(source: Path, track: Track, known: Registry, better_laws: Sequence[str]) -> str:
+    """Return the command that compares a track's law with those that describe its record better; empty without any."""
+    laws = [law for law in better_laws if law != known.name_of(type(track.model))]
+    if not laws:
+        return ""
+    models = ",".join([track.name.model, *laws])
+    return f"a better law? {shlex.join(['palpate', 'fit', 'choose', str(source), '--models', models])}"
 
 
 def count_line(rows: Sequence[Row], known: Registry) -> str:

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 from palpate import OutputError, PalpateError
 from palpate_engine import (
+    PIPELINE,
     bounded_text,
     finite_tree,
     json_document,
@@ -25,6 +26,7 @@ from palpate_kit.terminal.motion_text import motion_numbers, motion_text
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
 
+from palpate_fits.file_tables import law_line
 from palpate_fits.fit_jobs import LogFit, fits_of
 from palpate_fits.fit_sources import leave_out, named_pipelines
 from palpate_fits.fit_tables import by_cycle, evaluation, fit_overview, fit_views
@@ -132,16 +134,37 @@ def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
 def _show(logs: Sequence[LogFit], document: dict[str, Any], folder: Path, details: bool) -> None:
     terminal = console(160) if details else console()
     tables = {log.name: (log.result.tracks, log.result.flags) for log in logs}
-    motions = [next(iter(log.result.tracks.values())).diagnoses.get("motion", {}) for log in logs if log.result.tracks]
-    if words := motion_text([motion_numbers(table) for table in motions]):
-        terminal.print(f"measured: {words}", highlight=False, markup=False, soft_wrap=True)
+    _print_words(_motion_words(logs))
     for view in fit_views(tables) if details else fit_overview(tables):
         terminal.print(view)
     if document["evaluation"]:
         terminal.print(evaluation(document["evaluation"]))
     if document["cycles"]:
         terminal.print(by_cycle(document["cycles"]))
+    _print_words(_law_words(logs))
     terminal.print(f"written to {folder}", highlight=False, markup=False, soft_wrap=True)
+
+
+def _print_words(words: str) -> None:
+    if words:
+        console().print(words, highlight=False, markup=False, soft_wrap=True)
+
+
+def _motion_words(logs: Sequence[LogFit]) -> str:
+    """Return what was measured, by the first track of each log; empty where none was on a point."""
+    motions = [next(iter(log.result.tracks.values())).diagnoses.get("motion", {}) for log in logs if log.result.tracks]
+    words = motion_text([motion_numbers(table) for table in motions])
+    return f"measured: {words}" if words else ""
+
+
+def _law_words(logs: Sequence[LogFit]) -> str:
+    """Return the command that compares laws, of one fit of one log whose misfit is the material's; else nothing."""
+    if len(logs) != 1 or len(logs[0].pipeline.tracks) != 1:
+        return ""
+    (log,), (track,) = logs, logs[0].pipeline.tracks
+    misfit = log.result.tracks[str(track.name)].diagnoses.get("model-discrepancy", {})
+    source = Path(str(log.result.folder)) / PIPELINE
+    return law_line(source, track, log.pipeline.registry, misfit.get("better_laws", ()))
 
 
 def _write(folder: Path, document: dict[str, Any]) -> None:

@@ -13,14 +13,16 @@ class Cause:
     one_sided: bool = False  # it only adds to the force what its derivative says: a negative size is not one
     # It acts with the speed or its direction, as a viscosity does: of 23 records 10 had theirs within 2u.
     moves: bool = False
+    laws: tuple[str, ...] = ()  # models that describe it, by type
 
 
+FADING = ("standard-linear-solid", "generalised-maxwell-2")  # laws of a modulus that fades with time
 _MATERIAL, _RIG = Cause(of_rig=False), Cause(of_rig=True)
 CAUSES = {
-    "memory": Cause(of_rig=False, one_sided=True),
+    "memory": Cause(of_rig=False, one_sided=True, laws=FADING),
     "stiffness that changes": _MATERIAL,
     "unloading": Cause(of_rig=False, moves=True),
-    "unloading that is softer": Cause(of_rig=False, one_sided=True),
+    "unloading that is softer": Cause(of_rig=False, one_sided=True, laws=FADING),
     "lift-off": _MATERIAL,
     "surface moved": _MATERIAL,
     "surface moved in steps": _MATERIAL,

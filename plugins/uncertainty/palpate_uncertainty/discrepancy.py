@@ -139,4 +139,6 @@ def judge_misfit(misfit: Misfit, parameters: Sequence[Parameter], table: Mapping
         "wrong_facts": misfit.wrong_facts,
         "discrepancy": math.sqrt(misfit.excess),
     }
+    if misfit.causes and not misfit.wrong_facts and (laws := cause_of(misfit.causes[0]).laws):
+        table["better_laws"] = laws
     return Diagnosed(tuple(flags), row, table=table, surface=surface)
