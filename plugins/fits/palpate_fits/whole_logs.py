@@ -24,6 +24,7 @@ from palpate_engine import (
 from palpate_kit.jobs.engines import demand_scheduler
 from palpate_kit.terminal.motion_text import motion_numbers, motion_text
 from palpate_kit.terminal.progress import progress
+from palpate_kit.terminal.stiffness_text import stiffness_lines
 from palpate_kit.terminal.table import console
 
 from palpate_fits.file_tables import law_line
@@ -141,6 +142,8 @@ def _show(logs: Sequence[LogFit], document: dict[str, Any], folder: Path, detail
         terminal.print(evaluation(document["evaluation"]))
     if document["cycles"]:
         terminal.print(by_cycle(document["cycles"]))
+    for log in logs if details else []:
+        _print_words("\n".join(stiffness_lines(log.result)))
     _print_words(_law_words(logs))
     terminal.print(f"written to {folder}", highlight=False, markup=False, soft_wrap=True)
 

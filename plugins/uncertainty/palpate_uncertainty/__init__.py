@@ -34,6 +34,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "possible-values": Diagnosis("palpate_uncertainty.possible_values:possible_values", order=70, quick=True),
         # By the whole uncertainty, within which a stated half-space has to hold.
         "motion": Diagnosis("palpate_uncertainty.measured_motion:measured_motion", order=75),
+        "stiffness-over-depth": Diagnosis("palpate_uncertainty.stiffness_over_depth:stiffness_over_depth"),
         "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
         "force-across": Diagnosis("palpate_uncertainty.inclined_skin:inclined_skin", order=11, quick=True),
         "tool-off-normal": Diagnosis("palpate_uncertainty.tool_off_normal:tool_off_normal", order=10, quick=True),
@@ -52,6 +53,7 @@ def palpate_report_sections() -> dict[str, ReportSection]:
     return {
         "motion": ReportSection("palpate_uncertainty.measured_motion:motion_lines", order=5),
         "prediction": ReportSection("palpate_uncertainty.prediction:prediction_lines", order=79, detail=True),
+        "stiffness": ReportSection("palpate_kit.terminal.stiffness_text:stiffness_lines", order=78, detail=True),
         "assumptions": ReportSection("palpate_uncertainty.assumption_line:assumption_lines", order=80, detail=True),
     }
 

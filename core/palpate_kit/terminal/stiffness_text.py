@@ -1,0 +1,33 @@
+"""Moduli over depth, as in "elasticity 348.0 ± 2.0, 218.33 ± 0.46 kPa over 0.33-1.1, 1.1-2.2 mm"."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+from palpate_engine import Result, TrackResult, display_unit
+
+from palpate_kit.terminal.quantities import value_with_uncertainty
+
+
+def stiffness_lines(result: Result) -> list[str]:
+    """Return a line for each model whose law a press does not follow to its noise."""
+    lines = dict[str, str]()
+    for track in result.tracks.values():
+        table = track.diagnoses.get("stiffness-over-depth")
+        if table and "reasons" in track.diagnoses.get("model-discrepancy", {}):  # of a misfit
+            several = len({other.model for other in result.tracks.values()}) > 1
+            lines.setdefault(track.model, f"{track.model}: " * several + stiffness_text(track, table))
+    return list(lines.values())
+
+
+def stiffness_text(track: TrackResult, table: Mapping[str, Any]) -> str:
+    """Return moduli over depth, as in "elasticity 336.0 ± 2.1, 217.1 ± 1.4 kPa over 0.3-1, 1-2 mm"."""
+    unit, factor = display_unit(track.parameters[table["parameter"]].unit)
+    pairs = zip(table["values"], table["std"], strict=True)
+    values = ", ".join(value_with_uncertainty(factor * value, factor * std) for value, std in pairs)
+    length, scale = ("mm", 1e3) if table["depth"][-1] >= 1e-4 else ("um", 1e6)
+    edges = [f"{scale * edge:.2g}" for edge in table["depth"]]
+    stretches = ", ".join(f"{low}-{high}" for low, high in pairwise(edges))
+    return f"{table['parameter']} {values} {unit} over {stretches} {length}"
