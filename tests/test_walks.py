@@ -70,7 +70,12 @@ def test_the_readme_leads_from_a_table_to_a_number(palpate, tmp_path):
     what, folder, *options = shlex.split(command)
     time = np.arange(0.0, 8.0, 0.004)
     depth = np.interp(time, [0, 1, 3, 8], [-1e-3, -1e-3, 3e-3, 3e-3]) + 5e-4 * np.sin(4 * np.pi * time) * (time > 3)
-    force = 16 / 9 * 100e3 * np.sqrt(5e-3) * np.maximum(depth, 0) ** 1.5
+    radius = 5e-3  # of a ball: d = (a/2) ln((R + a)/(R - a)) gives its contact radius (Sneddon 1965)
+    radii = np.linspace(0.0, 0.99 * radius, 2001)
+    logarithm = np.log((radius + radii) / (radius - radii))
+    contact = np.interp(np.maximum(depth, 0.0), radii / 2 * logarithm, radii)
+    logarithm = np.log((radius + contact) / (radius - contact))
+    force = 100e3 / 0.75 * ((contact**2 + radius**2) / 2 * logarithm - contact * radius)
     force += 0.02 * np.random.default_rng(1).standard_normal(len(time))
     rows = np.column_stack([time, force, 1e3 * (20e-3 - depth)])
     (tmp_path / folder).mkdir()

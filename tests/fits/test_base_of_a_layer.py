@@ -46,7 +46,7 @@ def test_a_base_that_nobody_states_is_a_condition_with_the_other_as_its_alternat
     assert open_base["elasticity"] == glued["elasticity"]  # what is not stated is taken as glued
     assert glued["elasticity_verdict"] == "doubtful"  # and this record shows that it was not
     assert "base: specimen glued to its base (sliding: elasticity 3.3 % higher)" in open_base["conditions"]
-    assert "--base sliding" in done.stdout
+    assert "--base bonded" in done.stdout
 
 
 @pytest.mark.slow

@@ -51,7 +51,7 @@ SENTENCES = {
     "tip_mass": "The inertia of the 50 g behind the force sensor was subtracted (1 curve).",
     "poisson": "with a Poisson's ratio of 0.45 or 0.5 (standard uncertainty 0.01 or 0.01155).",
     "inclination": "The skin under the tip was inclined by 8 deg (1 curve).",
-    "mount": "The compliance of the rig (2e+04 N/m) was corrected (1 curve).",
+    "mount": "The compliance of the rig (2e+04 N/m) was counted as an uncertainty (1 curve).",
     "beam": "the deflection of the beam of 2000 N/m (standard uncertainty 100 N/m) on it was subtracted (1 curve).",
     "position_of": "The tip was an exact sphere",
 }

@@ -122,7 +122,7 @@ class RigFacts(Settings):
     )  # fmt: skip
     base: Literal["bonded", "sliding"] | None = _fact(
         '"bonded": a specimen of a stated thickness is glued to its base; "sliding": it may slide (spheres)',
-        "base", "Is the specimen glued to its base, or may it slide?", "sliding",
+        "base", "Is the specimen glued to its base, or may it slide?", "bonded",
     )  # fmt: skip
     delay: Annotated[Any, BeforeValidator(_Words("s", wants_std=True))] | None = _fact(
         'how late the force is behind the position, as in "0 ms +- 1 ms"',

@@ -215,10 +215,14 @@ def at_samples(
 
 
 def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> Along | None:
-    """By differences, the model's states carried along."""
-    time, rate = tail.time[-_MOST:], -tail.velocity[-_MOST:]
-    depth = float(last.surface.mean()) - tail.position[-_MOST:]
-    second = acceleration(time, tail.velocity[-_MOST:])
+    """By differences, the states of the model carried along, without samples at the ends that have no motion."""
+    known = np.flatnonzero(np.isfinite(tail.position[-_MOST:]) & np.isfinite(tail.velocity[-_MOST:]))
+    if not len(known):
+        return None
+    whole_rows = slice(known[0], known[-1] + 1)
+    time, rate = tail.time[-_MOST:][whole_rows], -tail.velocity[-_MOST:][whole_rows]
+    depth = float(last.surface.mean()) - tail.position[-_MOST:][whole_rows]
+    second = acceleration(time, -rate)
     rows = (time >= last.time[0]) & np.isfinite(second)
     if rows.sum() < 2 or not (np.isfinite(depth).all() and np.isfinite(rate).all()):
         return None

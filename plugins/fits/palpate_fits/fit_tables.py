@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from palpate import BudgetRow, Effect, FitReport, Flag
-from palpate_engine import Pipeline, Result, TrackResult, UncertainValue, display_unit
+from palpate_engine import Pipeline, Result, TrackResult, UncertainValue, display_unit, is_open
 from palpate_kit.curves.curve_fits import value_units
 from palpate_kit.terminal.flag_summary import summary_lines
 from palpate_kit.terminal.quantities import value_or_fixed, value_with_uncertainty
@@ -74,7 +74,9 @@ def _value(found: UncertainValue | None) -> str:
     if found is None or not math.isfinite(found.value):
         return "-"
     factor = display_unit(found.unit)[1]
-    return value_or_fixed(found.value * factor, found.combined * factor)
+    number = value_or_fixed(found.value * factor, found.combined * factor)
+    word = found.verdict or ""
+    return f"{number} {word}" if is_open(word) else number
 
 
 def _verdict(track: TrackResult) -> str:

@@ -159,7 +159,9 @@ def _beam(pipeline: Pipeline) -> Phrase:
 
 def _mount(pipeline: Pipeline) -> Phrase:
     stiffness = pipeline.alignment.series_stiffness
-    return () if stiffness is None else ("The compliance of the rig (", Quantity(stiffness, "N/m"), ") was corrected")
+    if stiffness is None:
+        return ()
+    return ("The compliance of the rig (", Quantity(stiffness, "N/m"), ") was counted as an uncertainty")
 
 
 def _model(values: Sequence[str], pipeline: Pipeline) -> Phrase:

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from palpate import Diagnosed, Flag, TrackEvidence
 
-EXPLAINED = 2.0  # combined uncertainties, within which a value beyond a bound is one at the bound
+EXPLAINED = 3.5  # combined uncertainties, which one of 4000 values at a bound is beyond by chance
+UNDETERMINED = 2.0  # combined uncertainties of none, within which a value is not determined by itself
 
 
 def possible_values(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -17,10 +18,16 @@ def possible_values(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def impossible_values(track: TrackEvidence) -> Iterator[Flag]:
-    """Yield a flag for each estimate that lies beyond a bound of its parameter; a value held fixed has none."""
+    """Yield a flag for each estimate that lies beyond a bound of its parameter; a value held fixed has none.
+
+    Within what chance explains it is a value at the bound, which the record does not determine.
+    """
     held = track.ending.held if track.ending is not None else frozenset[str]()
     for parameter, value, u in zip(track.model.parameters, track.values.tolist(), track.combined.tolist(), strict=True):
         beyond = max(parameter.lower - value, value - parameter.upper)
         if parameter.name not in held and beyond > EXPLAINED * u:
             text = f"{parameter.name} of {value:.3g} {parameter.unit} is outside what is possible"
             yield Flag("implausible", text, effects={parameter.name: math.inf})
+        elif parameter.name not in held and beyond > UNDETERMINED * u:
+            text = f"{parameter.name} is at its bound as far as the record shows"
+            yield Flag("undetermined", text, effects={parameter.name: u})

@@ -75,6 +75,11 @@ class JudgedRows:
         return self.by_depth * self.rate + self.by_rate * self.acceleration
 
     @property
+    def _given_way(self) -> Floats:
+        """Derivative (n,) [N^2/m] of the force by the compliance of a mount, to first order."""
+        return -self.by_depth * self.force - self.by_rate * self.change
+
+    @property
     def contact(self) -> NDArray[np.bool_]:
         """(n,) whether a sample is in contact."""
         return np.arange(len(self.time)) < self.count
@@ -107,6 +112,8 @@ class JudgedRows:
         elif mass:
             share = end.settings.tip_mass_uncertainty
             yield (0.05 * mass if share is None else share) * self.acceleration
+        if end.settings.series_stiffness is not None:  # its way is an uncertainty, and is not taken off
+            yield self._given_way / end.settings.series_stiffness
         if end.settings.drift != type(end.settings).model_fields["drift"].default:
             yield end.settings.drift * (self.time - self.course.begin)
 
@@ -190,7 +197,7 @@ class JudgedRows:
         if end is not None and end.settings.tip_mass is not None and not self._is_small:
             yield "mass", 0.1, self.acceleration
         if end is not None:  # a stated mount as well: it may give more
-            yield "compliance", 1.0 / 5e3, -self.by_depth * self.force - self.by_rate * self.change
+            yield "compliance", 1.0 / 5e3, self._given_way
         yield "force at its limit", 1.0, -np.maximum(self.force - _LIMIT * most, 0.0)
         if self._bends:
             yield "command", _AHEAD**2, self.by_depth * self.acceleration
