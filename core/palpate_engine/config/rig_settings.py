@@ -208,6 +208,7 @@ def _layer(
         value, std = value_and_std(value, "m")
     # Before the first setting is made: it changes the tables.
     layers = {name: isinstance(models[name].get("thickness"), dict) for name in _with_key(models, "thickness", known)}
+    laws = {name: models[name]["thickness"].get("law") for name, has_layer in layers.items() if has_layer}
     base = {} if facts.base is None else {"bonded": facts.base != SLIDING}
     for name, has_layer in layers.items():
         at = ("model", name, "thickness")
@@ -222,6 +223,8 @@ def _layer(
             yield "thickness", (*at, "height"), value
         if base and has_layer:
             yield "base", (*at, "bonded"), base["bonded"]
+            if facts.base == SLIDING and laws[name] == LAW:
+                yield "base", (*at, "law"), SLIDING_LAW
     if std is not None:
         yield "thickness", ("run", "uncertainties", "height"), std
 
