@@ -37,7 +37,7 @@ def test_calibration_turns_a_delay_into_a_viscosity(palpate, late, tmp_path):
     weighed = ("--set", "alignment.tip_mass=163 g")
     before, flags = viscosity(palpate, late, tmp_path / "before", *weighed)
     assert "delay" in flags
-    off = before["viscosity"]["estimate"] - truth  # no value: it needs the delay
+    off = before["viscosity"]["value"] - truth  # it needs the delay
     assert off == pytest.approx(-shear * 7e-3, rel=0.05), "the force late by 7 ms takes G times 7 ms away"
     unsure = ("--set", "alignment.force.uncertainty=7 ms")
     found, _ = viscosity(palpate, late, tmp_path / "unsure", *weighed, *unsure)

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from palpate_engine import is_open
 from palpate_report.run_contents import RunContents
 from palpate_report.run_verdict import LEVELS, judge
 
@@ -41,7 +42,7 @@ def test_what_is_to_be_trusted_is_right(runs, case):
     for track in verdict.of(TRUST):
         found = record.document["tracks"][track.track]["parameters"]
         for parameter, value in found.items():
-            if value["value"] is not None:
+            if value["value"] is not None and not is_open(value["verdict"]):
                 assert abs(value["value"] - record.document["truth"][parameter]) < 2 * value["combined"], (
                     case,
                     parameter,

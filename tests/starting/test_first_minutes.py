@@ -43,7 +43,7 @@ def test_describe_alone_lists(palpate):
 def test_the_words_of_a_verdict_are_explained_where_they_are_shown(palpate, point_pipeline):
     few = ("--set", "trajectory.press.duration=1 s", "--set", 'run.tracks=["*/ekf"]')
     shown = palpate("run", point_pipeline, *few).stdout
-    word = next(line for line in shown.splitlines() if line.startswith("│ dr/ekf")).split("│")[-2].strip()
+    word = next(line.partition(": ")[2] for line in shown.splitlines() if line.startswith("verdict: "))
     assert word
     assert f"\n{word} means: " in shown
     assert f"\n{word} means: " not in palpate("run", point_pipeline, *few, "--details").stdout

@@ -60,7 +60,7 @@ def test_the_truth_is_chosen(palpate, tmp_path, truth, values, others):
     assert second["behind"] > 6
     assert first["best_blocks"] >= 3
     wrong = next(one for one in found["candidates"] if one["model"] == second["model"])
-    assert "lack-of-fit" in wrong["doubts"]
+    assert wrong["lack_of_fit"]
     assert first["held_out"] == pytest.approx(0.045, rel=0.15)  # the sensor's noise between two readings
     assert found["sentence"].startswith(f"The data of the record support {truth} (weight 100 %)")
 

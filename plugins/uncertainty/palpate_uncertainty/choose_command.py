@@ -118,7 +118,7 @@ def _candidate(record: str, model: str, found: TrackResult, blocks: Floats) -> C
         bic, share = report.bic, min((report.effective_samples or report.samples) / max(report.samples, 1), 1.0)
     return Candidate(
         record, model, float(bic), float(share), blocks, report.rms if report else np.nan,
-        any(flag.code == "lack-of-fit" for flag in found.flags), found.verdict,
+        any(flag.code in ("lack-of-fit", "model-discrepancy") for flag in found.flags), found.verdict,
         (float(value.value), float(value.combined)) if value is not None and np.isfinite(value.value) else None,
         tuple(dict.fromkeys(flag.code for flag in found.flags if flag.severity != "note")),
     )  # fmt: skip
