@@ -78,9 +78,9 @@ class Suggestion:
     def rival_words(self, role: str) -> str:
         """Return which columns can be a role, of which only a person knows the right one."""
         columns = self.rivals[role]
-        if len(columns) > 1:
-            return f"the {role} can be {', '.join(columns)}"
-        return f"no name or unit states which column is the {role}; by its numbers it can be {columns[0]}"
+        if len(columns) == 1:
+            return f"no name or unit states which column is the {role}; by its numbers it can be {columns[0]}"
+        return f"the {role} can be {', '.join(columns)}"
 
 
 @dataclass(frozen=True)

@@ -42,9 +42,12 @@ def test_a_short_hold_up_ends_nothing(simulated, process, duration):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hold_up", [HoldUp("robot", 0.014, 0.2, 0.2), HoldUp("sensor", 0.06, 0.3, 0.3)])
+@pytest.mark.parametrize("hold_up", [HoldUp("robot", 0.014, 0.33, 0.2), HoldUp("sensor", 0.06, 0.33, 0.3)])
 def test_an_arm_that_starts_again_on_its_way_down_touches_once(simulated, hold_up):
-    """It sets the mass of the tip in motion: 0.2 N, as much as counts as touch."""
+    """It sets the mass of the tip in motion: 0.2 N, as much as counts as touch.
+
+    The first motion begins 0.33 s late, after the arm has answered the question whether it obeys.
+    """
     from tests.devices.simulated_bench import SHORT
 
     soft = "twin.bench.specimen.elasticity=20 kPa", "twin.bench.specimen.viscosity=60 Pa*s"
