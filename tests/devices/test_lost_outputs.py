@@ -41,12 +41,13 @@ def file_size_limits():
 
 
 def check_arm(rig, seen, table, within):
-    """It left the material at once, and the result says why."""
+    """It left the material at once, and the result says why: it stops within 0.5 mm, having gone on at 15 mm/s."""
     ((time, height),) = seen
+    delay = table["run"]["live"]["stop"]["monotonic"] - time
     state = rig.wait_at_rest()
     assert state["height"] > 0.002
-    assert state["low"][2] > height - 0.002
-    assert 0 < table["run"]["live"]["stop"]["monotonic"] - time < within
+    assert 0 < delay < within
+    assert state["low"][2] > height - 0.0005 - 0.015 * delay
 
 
 @pytest.mark.gate
