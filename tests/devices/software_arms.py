@@ -4,7 +4,7 @@ import importlib
 import sys
 
 import pytest
-from palpate import clock
+from palpate import DeviceError, clock
 from palpate_commands.distribution import distribution
 from palpate_engine import trust_plugin
 from palpate_engine.config import load_pipeline
@@ -74,3 +74,18 @@ def use(monkeypatch, software, arm):
     """Let the driver make this arm."""
     monkeypatch.setattr(importlib.import_module(f"{NAME}.driver"), "SoftwareArm", arm)
     monkeypatch.setattr(software, "SoftwareArm", arm)
+
+
+def listen(link):
+    """Take the batches of a link in a thread, until they end; the list that what ends them is appended to."""
+    said = []
+
+    def hear():
+        try:
+            for _ in link.batches():
+                pass
+        except DeviceError as error:
+            said.append(str(error))
+
+    clock().thread(hear, "batches").start()
+    return said

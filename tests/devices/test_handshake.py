@@ -20,7 +20,7 @@ from palpate_testing import simulated_time
 from palpate_trajectories.raster import Raster
 
 from tests.devices.simulated_bench import PIPELINE
-from tests.devices.software_arms import NAME, WORK, unlike, use
+from tests.devices.software_arms import NAME, WORK, listen, unlike, use
 
 LIMITS = ArmLimits((-0.02,) * 3, (0.02,) * 3, speed=0.04, acceleration=0.5, orientation=0.1, angular_speed=0.2)
 PRESS = {"bias": 0.001, "amplitude": 1e-4, "frequency": 4.0, "clearance": 0.003}
@@ -29,17 +29,9 @@ RASTER = Raster(size=(0.006, 0.003), pitch=0.003, speed=0.005, press=PRESS)
 
 def first_motion(device, software, trajectory=None):
     """How far and how fast the tip truly went from rest, where it ended, how long it took, and what was said."""
-    said, places = [], []
+    places = []
     with simulated_time(), device.connect(0) as link:
-
-        def hear():
-            try:
-                for _ in link.batches():
-                    pass
-            except DeviceError as error:
-                said.append(str(error))
-
-        clock().thread(hear, "batches").start()
+        said = listen(link)
         clock().sleep(0.3)
         arm = software.SoftwareArm.made[-1]
         link.limit(LIMITS, said.append)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import typer
-from palpate import ArmLimits, ConfigurationError, DeviceError, clock
+from palpate import ArmLimits, ConfigurationError, clock
 from palpate_arms.arm_lag import LagMeter
 from palpate_arms.arm_link import ArmLink
 from palpate_arms.arm_states import low_rate
@@ -22,7 +22,7 @@ from palpate_testing import ArmTest, check_device, simulated_time
 from palpate_testing.arm_checks import set_out
 from palpate_trajectories.point import Point
 
-from tests.devices.software_arms import NAME, WORK, unlike
+from tests.devices.software_arms import NAME, WORK, listen, unlike
 
 PRESS = Point(bias=0.003, amplitude=0.001, clearance=0.003, duration=0.5, standstill=0.0)
 
@@ -240,16 +240,7 @@ def test_what_is_wrong_with_an_arm_is_told_and_its_limits_are_kept(rehearse, arm
 def followed(device, seconds):
     """What ends the batches of an arm that is stopped after some time [s] of a motion."""
     with device.connect(0) as link:
-        said = []
-
-        def hear():
-            try:
-                for _ in link.batches():
-                    pass
-            except DeviceError as error:
-                said.append(str(error))
-
-        clock().thread(hear, "batches").start()
+        said = listen(link)
         set_out(link, PRESS)
         clock().sleep(seconds)
         link.stop()

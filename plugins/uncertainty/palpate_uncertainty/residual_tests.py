@@ -50,9 +50,10 @@ class ResidualTests:
 
     def table(self) -> dict[str, object]:
         """As in ``result.json``."""
-        bins, scores = ({name: test.p for name, test in tests.items()} for tests in (self.bins, self.scores))
+        over, scores = ({name: test.p for name, test in tests.items()} for tests in (self.bins, self.scores))
         return {
-            "p": self.p, "bins": bins, "scores": scores, "left": self.unexplained, "ratio": self.ratio, "null": "noise",
+            "p": self.p, "tests": over, "scores": scores, "unexplained": self.unexplained, "ratio": self.ratio,
+            "null": "noise",
             **({"prediction": self.prediction.table()} if self.prediction else {}),
         }  # fmt: skip
 
