@@ -14,6 +14,8 @@ from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 _SHORTEST = 5  # samples
 _LONGEST = 0.2  # [s] that the window is widened to by itself
 _NOISE_SHARE = 0.02  # of the RMS rate, below which noise of the rate no longer bends an estimate
+_MAX_BLUR = 0.01  # of a viscosity; a third of the smallest uncertainty that one is given
+_SIGNIFICANT = 3.0  # standard errors, beyond which a slope is not by chance
 _FORGOTTEN = 10.0  # times of the fastest state that are at least averaged
 _SHALLOW = 0.2  # of the depth that is reached: where it is the fastest
 _REACH, _MOST_SHALLOW = 5e-3, 1e-3  # [m] of a robot: where no record says how deep it goes, and however deep that is
@@ -50,7 +52,61 @@ def zero_phase_motion(samples: Samples, window: float | None, longest: float = _
     known = np.isfinite(samples.velocity)
     squares = float(np.add.reduce(np.where(known, samples.velocity, 0.0) ** 2))
     speed = float(np.sqrt(squares / max(int(np.count_nonzero(known)), 1)))
-    return _motion(samples, interval, _width(noise, speed, interval, min(longest, _LONGEST)), noise)
+    width = _width(noise, speed, interval, min(longest, _LONGEST))
+    return _least_blurred_motion(samples, interval, width, noise, speed)
+
+
+def _least_blurred_motion(
+    samples: Samples, interval: float, width: int, noise: tuple[float, float], speed: float
+) -> TipTravel:
+    """The motion over at most `width` samples; over fewer where blurring costs a viscosity more than noise does.
+
+    Third differences take a sine of few samples a period for noise, and a window made for that noise flattens it; so
+    does a velocity by central differences, which is left out last of all.
+    """
+    motion = _motion(samples, interval, width, noise)
+    by_position = noise[0], np.inf
+    sharp_rate = _sharp_rate(samples, interval)
+    sharper = [(w, noise) for w in reversed(_widths(width)) if w < width] + [(_SHORTEST, by_position)]
+    for narrower, its_noise in sharper:
+        blur = _blur(sharp_rate, motion.rate)
+        if blur < max(_MAX_BLUR, (_rate_noise(its_noise, narrower, interval) / max(speed, 1e-300)) ** 2):
+            break
+        motion = _motion(samples, interval, narrower, its_noise)
+    return motion
+
+
+def _sharp_rate(samples: Samples, interval: float) -> Floats:
+    """The rate (n,) [m/s] by the shortest local cubics through the positions alone; 0 in stretches that are shorter."""
+    rate = np.zeros(len(samples))
+    for rows in _stretches(samples.interval, interval):
+        if rows.stop - rows.start >= _SHORTEST:
+            step = local_cubic(samples.time[rows], _SHORTEST, 1)
+            rate[rows] = -local_cubic(samples.position[rows], _SHORTEST, 1) / step
+    return rate
+
+
+def _blur(sharp_rate: Floats, rate: Floats) -> float:
+    """Share by which a viscosity would be too high since `rate` (n,) [m/s] is a smoothed `sharp_rate` (n,) [m/s].
+
+    The slope of the sharp rate over the smooth one, less 1 and less three of its standard errors. White noise adds
+    nothing: a wider window of least squares has no less variance than its covariance with a narrower one.
+    """
+    square = float(rate @ rate)
+    if not square > 0:
+        return 0.0
+    slope = float(sharp_rate @ rate) / square
+    error = sharp_rate - slope * rate
+    standard_error = np.sqrt(_SHORTEST * float(error @ error) / square / len(rate))
+    return slope - 1.0 - _SIGNIFICANT * float(standard_error)
+
+
+def _widths(longest: int) -> list[int]:
+    """Widths [samples] that are tried, from the shortest to `longest`."""
+    widths = [_SHORTEST]
+    while widths[-1] < longest:
+        widths.append(_odd(1.2 * widths[-1] + 2))
+    return widths
 
 
 def _width(noise: tuple[float, float], speed: float, interval: float, longest: float) -> int:
@@ -179,6 +235,8 @@ def _length(width: int, derivative: int) -> float:
 
 def _rate_noise(noise: tuple[float, float], width: int, interval: float) -> float:
     slope, value = _variances(noise, width, interval)
+    if value == np.inf:
+        return float(np.sqrt(slope))
     return float(np.sqrt(slope * value / (slope + value))) if slope + value > 0 else 0.0
 
 
