@@ -7,40 +7,30 @@ it: its area is the default integral.
 
 from __future__ import annotations
 
-import math
 import statistics
 import sys
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Indenter, Length, Problem, contact_force
+from palpate_engine import Source, build_parts
 from palpate_filters.ekf import ExtendedKalmanFilter
 from palpate_models import (
-    BluntCone,
-    Cone,
     DimensionalityReduction,
-    Ellipsoid,
-    ExactSphere,
-    Flat,
     FreeHuntCrossley,
     HuntCrossley,
     KelvinVoigt,
     Maxwell,
-    Paraboloid,
     PlateCompression,
-    Power,
-    Profile,
-    Quartic,
-    Sphere,
     StandardLinearSolid,
-    TruncatedCone,
 )
 from palpate_models.thickness import Thickness
 from palpate_testing import synthetic_samples
 
-R, ANGLE = 5e-3, math.radians(30)
+R = 5e-3  # radius [m] of the tips
 STEPS, NUMBERS = 20_000, 1_000_000
 
 
@@ -54,19 +44,10 @@ class Quadrature(Indenter):
         return (self.radius * depth) ** 0.5
 
 
+EXAMPLE = Path(__file__).parents[1] / "pipelines" / "parts" / "tips.toml"
 TIPS: Mapping[str, Indenter] = {
-    "sphere": Sphere(radius=R),
+    **build_parts(Source.read(EXAMPLE, named=False), "indenter"),
     "quadrature": Quadrature(radius=R),
-    "exact-sphere": ExactSphere(radius=R),
-    "paraboloid": Paraboloid(curvature_radius=R),
-    "ellipsoid": Ellipsoid(radius=R, height=2 * R),
-    "flat": Flat(radius=R),
-    "cone": Cone(angle=ANGLE),
-    "blunt-cone": BluntCone(angle=ANGLE, tip_radius=1e-3),
-    "truncated-cone": TruncatedCone(angle=ANGLE, face_radius=1e-3),
-    "quartic": Quartic(),
-    "power": Power(exponent=3, coefficient=2e4),
-    "profile": Profile(formula="R - sqrt(R**2 - r**2)", constants={"R": R}, radius=0.9 * R),
 }
 OTHERS: Mapping[str, tuple[ContactModel, list[float]]] = {
     "dimitriadis": (

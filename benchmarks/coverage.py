@@ -35,8 +35,7 @@ from palpate_engine.result.diagnoses import Diagnosable, RunEvidence, apply_diag
 from palpate_engine.track_name import TrackName
 from palpate_filters import KinematicFilter, KinematicSmoother
 from palpate_fits import CasadiFit
-from palpate_models import DimensionalityReduction
-from palpate_models.indenters import Cone, ExactSphere, Flat, Power, Sphere
+from palpate_models import Cone, DimensionalityReduction, ExactSphere, Flat, Power, Sphere
 
 RATE = 500.0  # [Hz]
 AIR, APPROACH, LASTS = 1.0, 1.0, 10.0  # [s]

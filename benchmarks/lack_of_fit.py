@@ -17,8 +17,7 @@ from palpate import Diagnosed, Estimator, Problem, Status, TrackEvidence
 from palpate_engine.result.sample_keeper import Keeper
 from palpate_filters import ExtendedKalmanFilter, KinematicFilter
 from palpate_fits import CasadiFit
-from palpate_models import DimensionalityReduction
-from palpate_models.indenters import Sphere
+from palpate_models import DimensionalityReduction, Sphere
 from palpate_uncertainty.lack_of_fit import LEVEL, lack_of_fit
 from wrong_records import KINDS, S2, Palpation, record
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,90 +10,66 @@ from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Indenter, contact_force, force_over_time, tip_profile
+from palpate.offers import import_target
+from palpate_engine import Source, build_parts
 from palpate_kit.figures import WIDTHS, figure_of, legend_outside, save_figure, style
-from palpate_models import (
-    Burgers,
-    DerjaguinMullerToporov,
-    DimensionalityReduction,
-    DimensionalityReductionMaxwell,
-    FractionalKelvinVoigt,
-    FreeHuntCrossley,
-    FreeTwoLayers,
-    Fung,
-    GeneralisedMaxwell2,
-    GeneralisedMaxwell3,
-    GeneralisedMaxwell4,
-    HuntCrossley,
-    JohnsonKendallRoberts,
-    KelvinVoigt,
-    Maxwell,
-    PlateCompression,
-    Poroelastic,
-    PowerLaw,
-    StandardLinearSolid,
-    TwoLayers,
-    palpate_indenters,
-    palpate_models,
-)
+from palpate_models import DimensionalityReduction, palpate_indenters, palpate_models
 from palpate_models.thickness import Thickness
 
 FOLDER = Path(__file__).parent / "pictures"
+EXAMPLE = Path(__file__).parents[1] / "pipelines" / "parts" / "tips.toml"
 ELASTICITY, VISCOSITY = 112.5e3, 362.0  # the paper's soft silicone
 DEPTH = 4e-3  # [m]
 
-TIPS: Mapping[str, dict[str, Any]] = {
-    "sphere": {"radius": 5e-3},
-    "exact-sphere": {"radius": 5e-3},
-    "neo-hookean-sphere": {"radius": 5e-3},
-    "paraboloid": {"curvature_radius": 5e-3},
-    "ellipsoid": {"radius": 3e-3, "height": 6e-3},
-    "flat": {"radius": 3e-3},
-    "tilted-flat": {"radius": 3e-3, "tilt": math.radians(2)},
-    "cone": {"angle": math.radians(45)},
-    "blunt-cone": {"angle": math.radians(45), "tip_radius": 2e-3},
-    "truncated-cone": {"angle": math.radians(45), "face_radius": 1.5e-3},
-    "quartic": {"coefficient": 1e7},
-    "power": {"exponent": 3.0, "coefficient": 3e4},
-    "profile": {"formula": "r**2/(2*R) + h*(1 - cos(3*r/R))/2", "constants": {"R": 5e-3, "h": 5e-4}, "radius": 4.5e-3},
+# Settings of a model that it cannot do without, apart from the tip.
+SETTINGS: Mapping[str, dict[str, Any]] = {
+    "dmt": {"radius": 5e-3},
+    "jkr": {"radius": 5e-3},
+    "two-layers": {"skin_thickness": 3e-3},
+    "compression": {"diameter": 51e-3, "height": 22e-3},
+}
+# Parameters [SI] in the order of the model's.
+NUMBERS: Mapping[str, list[float]] = {
+    "dimensionality-reduction": [ELASTICITY, VISCOSITY],
+    "standard-linear-solid": [ELASTICITY, 60e3, 0.1],
+    "dimensionality-reduction-maxwell": [ELASTICITY, VISCOSITY, 60e3, 0.1],
+    "maxwell": [ELASTICITY, 30e3],
+    "generalised-maxwell-2": [ELASTICITY, 60e3, 0.1, 60e3, 0.5],
+    "generalised-maxwell-3": [ELASTICITY, 4e4, 0.05, 4e4, 0.2, 4e4, 1.0],
+    "generalised-maxwell-4": [ELASTICITY, 3e4, 0.05, 3e4, 0.2, 3e4, 1.0, 3e4, 5.0],
+    "burgers": [2 * ELASTICITY, 60e3, 2 * ELASTICITY, 3e3],
+    "power-law": [ELASTICITY, 0.2],
+    "fractional-kelvin-voigt": [ELASTICITY, 30e3, 0.4],
+    "poroelastic": [ELASTICITY, 0.1, 3e-6],
+    "kelvin-voigt": [1000.0, 15.0],
+    "hunt-crossley": [0.45, 5.0],
+    "hunt-crossley-free": [0.5, 5.0, 1.4],
+    "dmt": [ELASTICITY, 20.0],
+    "jkr": [ELASTICITY, 20.0],
+    "fung": [ELASTICITY, VISCOSITY, 4.0],
+    "two-layers": [2 * ELASTICITY, 0.5 * ELASTICITY, VISCOSITY],
+    "two-layers-free": [2 * ELASTICITY, 0.5 * ELASTICITY, VISCOSITY, 1.5e-3],
+    "compression": [ELASTICITY],
 }
 
 
 def tips() -> dict[str, Indenter]:
-    """Every shipped tip."""
-    return {name: part(**TIPS[name]) for name, part in palpate_indenters().items()}
+    """Return every shipped tip with the settings of its example; ends the script where one has none."""
+    examples: dict[str, Indenter] = build_parts(Source.read(EXAMPLE, named=False), "indenter")
+    if missing := [name for name in palpate_indenters() if name not in examples]:
+        raise SystemExit(f"{EXAMPLE} has no [indenter.{missing[0]}]")
+    return {name: examples[name] for name in palpate_indenters()}
 
 
 def models(tip: Indenter) -> dict[str, tuple[ContactModel, list[float]]]:
-    """Every shipped model, with numbers that make forces of the same order."""
-    settings: dict[str, tuple[ContactModel, list[float]]] = {
-        "dimensionality-reduction": (DimensionalityReduction(indenter=tip), [ELASTICITY, VISCOSITY]),
-        "standard-linear-solid": (StandardLinearSolid(indenter=tip), [ELASTICITY, 60e3, 0.1]),
-        "dimensionality-reduction-maxwell": (
-            DimensionalityReductionMaxwell(indenter=tip),
-            [ELASTICITY, VISCOSITY, 60e3, 0.1],
-        ),
-        "maxwell": (Maxwell(indenter=tip), [ELASTICITY, 30e3]),
-        "generalised-maxwell-2": (GeneralisedMaxwell2(indenter=tip), [ELASTICITY, 60e3, 0.1, 60e3, 0.5]),
-        "generalised-maxwell-3": (GeneralisedMaxwell3(indenter=tip), [ELASTICITY, 4e4, 0.05, 4e4, 0.2, 4e4, 1.0]),
-        "generalised-maxwell-4": (
-            GeneralisedMaxwell4(indenter=tip),
-            [ELASTICITY, 3e4, 0.05, 3e4, 0.2, 3e4, 1.0, 3e4, 5.0],
-        ),
-        "burgers": (Burgers(indenter=tip), [2 * ELASTICITY, 60e3, 2 * ELASTICITY, 3e3]),
-        "power-law": (PowerLaw(indenter=tip), [ELASTICITY, 0.2]),
-        "fractional-kelvin-voigt": (FractionalKelvinVoigt(indenter=tip), [ELASTICITY, 30e3, 0.4]),
-        "poroelastic": (Poroelastic(indenter=tip), [ELASTICITY, 0.1, 3e-6]),
-        "kelvin-voigt": (KelvinVoigt(), [1000.0, 15.0]),
-        "hunt-crossley": (HuntCrossley(), [0.45, 5.0]),
-        "hunt-crossley-free": (FreeHuntCrossley(), [0.5, 5.0, 1.4]),
-        "dmt": (DerjaguinMullerToporov(radius=5e-3), [ELASTICITY, 20.0]),
-        "jkr": (JohnsonKendallRoberts(radius=5e-3), [ELASTICITY, 20.0]),
-        "fung": (Fung(indenter=tip), [ELASTICITY, VISCOSITY, 4.0]),
-        "two-layers": (TwoLayers(indenter=tip, skin_thickness=3e-3), [2 * ELASTICITY, 0.5 * ELASTICITY, VISCOSITY]),
-        "two-layers-free": (FreeTwoLayers(indenter=tip), [2 * ELASTICITY, 0.5 * ELASTICITY, VISCOSITY, 1.5e-3]),
-        "compression": (PlateCompression(diameter=51e-3, height=22e-3), [ELASTICITY]),
-    }
-    return {name: settings[name] for name in palpate_models()}
+    """Return every shipped model, with numbers that make forces of the same order or those at which a fit begins."""
+    shown = dict[str, tuple[ContactModel, list[float]]]()
+    for name, target in palpate_models().items():
+        part = import_target(target)
+        tip_setting = {"indenter": tip} if "indenter" in part.model_fields else {}
+        model = part(**tip_setting, **SETTINGS.get(name, {}))
+        shown[name] = model, NUMBERS.get(name, [parameter.start for parameter in model.parameters])
+    return shown
 
 
 @style()

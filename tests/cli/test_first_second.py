@@ -11,11 +11,8 @@ import pytest
 ROOT = Path(__file__).parent.parent.parent
 LAZY = [
     "palpate",
-    "palpate_models",
-    "palpate_filters",
-    "palpate_devices",
-    "palpate_trajectories",
-    "palpate_notebook",
+    *(f"palpate_{family}" for family in ("devices", "filters", "fits", "logs", "models", "notebook", "ros2")),
+    *(f"palpate_{family}" for family in ("simulation", "surfaces", "testing", "trajectories")),
 ]
 SLOW = ("numpy", "pydantic", "typer", "rich", "casadi", "scipy")
 
@@ -55,7 +52,7 @@ def test_every_public_name_is_there_and_type_checkers_see_it(name):
     places = [(node, f"{name}.{node.module}" if node.level else node.module) for node in nodes]
     seen = {alias.name: place for node, place in places for alias in node.names}
     assert module.__all__
-    assert set(module.__all__) <= set(seen)
+    assert set(module.__all__) - set(seen) == set(), f"to be imported below TYPE_CHECKING in {file}"
     for public in module.__all__:
         place = importlib.import_module(seen[public])
         found = (
@@ -67,3 +64,5 @@ def test_every_public_name_is_there_and_type_checkers_see_it(name):
 def test_a_name_that_is_not_there():
     with pytest.raises(ImportError, match="cannot import name 'Spere'"):
         exec("from palpate_models import Spere")
+    with pytest.raises(AttributeError, match="palpate_models has no 'Spere'; did you mean 'Sphere'"):
+        _ = importlib.import_module("palpate_models").Spere

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from palpate import ContactModel, Indenter, Parameter, Samples
+from palpate_models import Power, Sphere
 from palpate_models.dimensionality_reduction import DimensionalityReduction
-from palpate_models.indenters import Power, Sphere
 from pydantic import Field
 
 Recording = Callable[[str, int], tuple[Samples, np.ndarray]]

@@ -13,8 +13,8 @@ from palpate_filters.kinematic_settings import KinematicSettings
 from palpate_filters.process_models import KinematicProcess
 from palpate_filters.recursion import Carry
 from palpate_filters.smoother import KinematicSmoother
+from palpate_models import Power, Sphere
 from palpate_models.dimensionality_reduction import DimensionalityReduction
-from palpate_models.indenters import Power, Sphere
 from palpate_testing import synthetic_samples
 
 Floats = Any

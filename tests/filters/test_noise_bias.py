@@ -10,8 +10,7 @@ from palpate_engine.result.sample_keeper import Keeper
 from palpate_filters import AdaptiveFadingUkf, ExtendedKalmanFilter, KinematicFilter, KinematicSmoother
 from palpate_filters.noise_bias import noise_bias
 from palpate_fits import CasadiFit
-from palpate_models import DimensionalityReduction, Sphere
-from palpate_models.indenters import Flat
+from palpate_models import DimensionalityReduction, Flat, Sphere
 
 E, ETA, RADIUS, MASS = 112.5e3, 362.0, 5e-3, 0.14
 MODEL = DimensionalityReduction(indenter=Sphere(radius=RADIUS))

@@ -13,8 +13,8 @@ from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
 from palpate_filters.filterpy_filter import FilterpyFilter
 from palpate_filters.predictions import sigma_directions
 from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
+from palpate_models import Power, Sphere
 from palpate_models.dimensionality_reduction import DimensionalityReduction
-from palpate_models.indenters import Power, Sphere
 from palpate_testing import synthetic_samples
 
 SPHERE = DimensionalityReduction(indenter=Sphere(radius=5e-3))

@@ -10,8 +10,8 @@ from palpate import Estimates, Problem, Samples, Status
 from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
 from palpate_filters.kinematic_filter import KinematicFilter
 from palpate_filters.ukf import AdaptiveFadingUkf
+from palpate_models import Sphere
 from palpate_models.dimensionality_reduction import DimensionalityReduction
-from palpate_models.indenters import Sphere
 
 Recording = Callable[[str, int], tuple[Samples, np.ndarray]]
 

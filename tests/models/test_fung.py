@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 from palpate import ConfigurationError
-from palpate_models import DimensionalityReduction, Fung, NeoHookeanSphere, Sphere
+from palpate_models import DimensionalityReduction, Flat, Fung, NeoHookeanSphere, Sphere
 from palpate_models.finite_elements import Cylinder, press_cylinder
-from palpate_models.indenters import Flat
 from palpate_models.rigid_tip import TipProfile
 
 R = 5e-3

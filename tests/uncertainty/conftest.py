@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from palpate import Problem, Status, TrackEvidence
 from palpate_engine.result.sample_keeper import Keeper
-from palpate_models import DimensionalityReduction
-from palpate_models.indenters import Sphere
+from palpate_models import DimensionalityReduction, Sphere
 
 _specification = importlib.util.spec_from_file_location(
     "wrong_records", Path(__file__).parents[2] / "benchmarks" / "wrong_records.py"

@@ -4,34 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import lazy_loader
 from palpate import Command, Fact, plugin
+from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from palpate_devices.bota.device import BotaSensor
-    from palpate_devices.mcap_replay import McapReplay
-    from palpate_devices.mcap_sink import McapSink
-    from palpate_devices.rdt.device import RdtSensor
-    from palpate_devices.ur.device import UR
-
-__getattr__, _, _ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "bota.device": ["BotaSensor"],
-        "mcap_replay": ["McapReplay"],
-        "mcap_sink": ["McapSink"],
-        "rdt.device": ["RdtSensor"],
-        "ur.device": ["UR"],
-    },
-)
-
-__all__ = [
-    "UR",
-    "BotaSensor",
-    "McapReplay",
-    "McapSink",
-    "RdtSensor",
-]
+    from palpate_devices.bota.device import BotaSensor as BotaSensor
+    from palpate_devices.mcap_replay import McapReplay as McapReplay
+    from palpate_devices.mcap_sink import McapSink as McapSink
+    from palpate_devices.rdt.device import RdtSensor as RdtSensor
+    from palpate_devices.ur.device import UR as UR
 
 
 @plugin
@@ -63,3 +44,6 @@ def palpate_sinks() -> dict[str, str]:
 def palpate_facts() -> dict[str, Fact]:
     """Whether a robot can be driven from here."""
     return {"robots": Fact("palpate_devices.ur.client_library:robots_here")}
+
+
+__getattr__, __all__ = lazy_names(__name__, *palpate_devices().values(), *palpate_sinks().values())

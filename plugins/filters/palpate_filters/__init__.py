@@ -4,42 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import lazy_loader
 from palpate import Command, Diagnosis, Fact, Template, plugin
+from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from palpate import FlagMeaning
 
-    from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
-    from palpate_filters.filterpy_filter import FilterpyFilter
-    from palpate_filters.kinematic_filter import KinematicFilter
-    from palpate_filters.process_models import InertialProcess, KinematicProcess
-    from palpate_filters.smoother import KinematicSmoother
-    from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
-
-__getattr__, _, _ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "ekf": ["AdaptiveFadingEkf", "ExtendedKalmanFilter"],
-        "filterpy_filter": ["FilterpyFilter"],
-        "kinematic_filter": ["KinematicFilter"],
-        "process_models": ["InertialProcess", "KinematicProcess"],
-        "smoother": ["KinematicSmoother"],
-        "ukf": ["AdaptiveFadingUkf", "UnscentedKalmanFilter"],
-    },
-)
-
-__all__ = [
-    "AdaptiveFadingEkf",
-    "AdaptiveFadingUkf",
-    "ExtendedKalmanFilter",
-    "FilterpyFilter",
-    "InertialProcess",
-    "KinematicFilter",
-    "KinematicProcess",
-    "KinematicSmoother",
-    "UnscentedKalmanFilter",
-]
+    from palpate_filters.ekf import AdaptiveFadingEkf as AdaptiveFadingEkf, ExtendedKalmanFilter as ExtendedKalmanFilter
+    from palpate_filters.filterpy_filter import FilterpyFilter as FilterpyFilter
+    from palpate_filters.kinematic_filter import KinematicFilter as KinematicFilter
+    from palpate_filters.process_models import InertialProcess as InertialProcess, KinematicProcess as KinematicProcess
+    from palpate_filters.smoother import KinematicSmoother as KinematicSmoother
+    from palpate_filters.ukf import (
+        AdaptiveFadingUkf as AdaptiveFadingUkf,
+        UnscentedKalmanFilter as UnscentedKalmanFilter,
+    )
 
 
 @plugin
@@ -91,3 +70,11 @@ def palpate_flags() -> dict[str, FlagMeaning]:
     from palpate_filters.noise_bias import BIAS_FLAGS
 
     return BIAS_FLAGS
+
+
+__getattr__, __all__ = lazy_names(
+    __name__,
+    *palpate_estimators().values(),
+    "palpate_filters.process_models:InertialProcess",
+    "palpate_filters.process_models:KinematicProcess",
+)

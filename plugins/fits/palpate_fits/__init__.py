@@ -10,27 +10,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import lazy_loader
 from palpate import Command, ReportSection, plugin
+from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from palpate import FlagMeaning
 
-    from palpate_fits.estimator import CasadiFit
-    from palpate_fits.ting_fit import TingFit
-
-__getattr__, _, _ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "estimator": ["CasadiFit"],
-        "ting_fit": ["TingFit"],
-    },
-)
-
-__all__ = [
-    "CasadiFit",
-    "TingFit",
-]
+    from palpate_fits.estimator import CasadiFit as CasadiFit
+    from palpate_fits.ting_fit import TingFit as TingFit
 
 
 @plugin
@@ -81,3 +68,6 @@ def palpate_flags() -> dict[str, FlagMeaning]:
     from palpate_fits.flags import FIT_FLAGS
 
     return FIT_FLAGS
+
+
+__getattr__, __all__ = lazy_names(__name__, *palpate_estimators().values())

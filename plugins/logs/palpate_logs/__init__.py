@@ -4,31 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import lazy_loader
 from palpate import Command, Template, plugin
+from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from palpate_logs.afm_replay import AfmReplay
-    from palpate_logs.csv_replay import CsvReplay
-    from palpate_logs.csv_sink import CsvSink
-    from palpate_logs.rosbag2_replay import Rosbag2Replay
-
-__getattr__, _, _ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "afm_replay": ["AfmReplay"],
-        "csv_replay": ["CsvReplay"],
-        "csv_sink": ["CsvSink"],
-        "rosbag2_replay": ["Rosbag2Replay"],
-    },
-)
-
-__all__ = [
-    "AfmReplay",
-    "CsvReplay",
-    "CsvSink",
-    "Rosbag2Replay",
-]
+    from palpate_logs.afm_replay import AfmReplay as AfmReplay
+    from palpate_logs.csv_replay import CsvReplay as CsvReplay
+    from palpate_logs.csv_sink import CsvSink as CsvSink
+    from palpate_logs.rosbag2_replay import Rosbag2Replay as Rosbag2Replay
 
 
 @plugin
@@ -62,3 +45,6 @@ def palpate_commands() -> dict[str, Command]:
         "log export": Command(f"{where}.export:export", "A log as CSV, NPZ, MAT or Parquet.", "logs"),
         "log recover": Command(f"{where}.recover:recover", "The undamaged part of a log as a new log.", "logs"),
     }
+
+
+__getattr__, __all__ = lazy_names(__name__, *palpate_devices().values(), *palpate_sinks().values())

@@ -4,146 +4,67 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import lazy_loader
 from palpate import Command, Diagnosis, FlagMeaning, plugin
+from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from palpate import Indenter
-
-    from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
-    from palpate_models.dimensionality_reduction import DimensionalityReduction
-    from palpate_models.fractional import FractionalKelvinVoigt, PowerLaw
-    from palpate_models.fung import Fung
+    from palpate_models.adhesion import (
+        DerjaguinMullerToporov as DerjaguinMullerToporov,
+        JohnsonKendallRoberts as JohnsonKendallRoberts,
+    )
+    from palpate_models.dimensionality_reduction import DimensionalityReduction as DimensionalityReduction
+    from palpate_models.fractional import FractionalKelvinVoigt as FractionalKelvinVoigt, PowerLaw as PowerLaw
+    from palpate_models.fung import Fung as Fung
     from palpate_models.generalised_maxwell import (
-        Burgers,
-        GeneralisedMaxwell2,
-        GeneralisedMaxwell3,
-        GeneralisedMaxwell4,
+        Burgers as Burgers,
+        GeneralisedMaxwell2 as GeneralisedMaxwell2,
+        GeneralisedMaxwell3 as GeneralisedMaxwell3,
+        GeneralisedMaxwell4 as GeneralisedMaxwell4,
     )
-    from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
-    from palpate_models.indenters import (
-        BluntCone,
-        Cone,
-        Ellipsoid,
-        ExactSphere,
-        Flat,
-        NeoHookeanSphere,
-        Paraboloid,
-        Power,
-        Profile,
-        Quartic,
-        Sphere,
-        TiltedFlat,
-        TruncatedCone,
+    from palpate_models.hunt_crossley import FreeHuntCrossley as FreeHuntCrossley, HuntCrossley as HuntCrossley
+    from palpate_models.indenters.cones import BluntCone as BluntCone, Cone as Cone, TruncatedCone as TruncatedCone
+    from palpate_models.indenters.power_profiles import (
+        Flat as Flat,
+        Paraboloid as Paraboloid,
+        Power as Power,
+        Quartic as Quartic,
+        Sphere as Sphere,
     )
-    from palpate_models.kelvin_voigt import KelvinVoigt
-    from palpate_models.plate_compression import PlateCompression
-    from palpate_models.poroelastic import Poroelastic
-    from palpate_models.relaxing_models import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
-    from palpate_models.two_layers import FreeTwoLayers, TwoLayers
-
-__getattr__, _, _ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "adhesion": ["DerjaguinMullerToporov", "JohnsonKendallRoberts"],
-        "generalised_maxwell": ["Burgers", "GeneralisedMaxwell2", "GeneralisedMaxwell3", "GeneralisedMaxwell4"],
-        "plate_compression": ["PlateCompression"],
-        "dimensionality_reduction": ["DimensionalityReduction"],
-        "fractional": ["FractionalKelvinVoigt", "PowerLaw"],
-        "hunt_crossley": ["FreeHuntCrossley", "HuntCrossley"],
-        "indenters": [
-            "BluntCone",
-            "Cone",
-            "Ellipsoid",
-            "ExactSphere",
-            "Flat",
-            "NeoHookeanSphere",
-            "Paraboloid",
-            "Power",
-            "Profile",
-            "Quartic",
-            "Sphere",
-            "TiltedFlat",
-            "TruncatedCone",
-        ],
-        "kelvin_voigt": ["KelvinVoigt"],
-        "poroelastic": ["Poroelastic"],
-        "fung": ["Fung"],
-        "two_layers": ["FreeTwoLayers", "TwoLayers"],
-        "relaxing_models": ["DimensionalityReductionMaxwell", "Maxwell", "StandardLinearSolid"],
-    },
-)
-
-__all__ = [
-    "BluntCone",
-    "Burgers",
-    "Cone",
-    "DerjaguinMullerToporov",
-    "DimensionalityReduction",
-    "DimensionalityReductionMaxwell",
-    "Ellipsoid",
-    "ExactSphere",
-    "Flat",
-    "FractionalKelvinVoigt",
-    "FreeHuntCrossley",
-    "FreeTwoLayers",
-    "Fung",
-    "GeneralisedMaxwell2",
-    "GeneralisedMaxwell3",
-    "GeneralisedMaxwell4",
-    "HuntCrossley",
-    "JohnsonKendallRoberts",
-    "KelvinVoigt",
-    "Maxwell",
-    "NeoHookeanSphere",
-    "Paraboloid",
-    "PlateCompression",
-    "Poroelastic",
-    "Power",
-    "PowerLaw",
-    "Profile",
-    "Quartic",
-    "Sphere",
-    "StandardLinearSolid",
-    "TiltedFlat",
-    "TruncatedCone",
-    "TwoLayers",
-]
+    from palpate_models.indenters.profile import Profile as Profile
+    from palpate_models.indenters.spheres import (
+        Ellipsoid as Ellipsoid,
+        ExactSphere as ExactSphere,
+        NeoHookeanSphere as NeoHookeanSphere,
+    )
+    from palpate_models.indenters.tilted_flat import TiltedFlat as TiltedFlat
+    from palpate_models.kelvin_voigt import KelvinVoigt as KelvinVoigt
+    from palpate_models.plate_compression import PlateCompression as PlateCompression
+    from palpate_models.poroelastic import Poroelastic as Poroelastic
+    from palpate_models.relaxing_models import (
+        DimensionalityReductionMaxwell as DimensionalityReductionMaxwell,
+        Maxwell as Maxwell,
+        StandardLinearSolid as StandardLinearSolid,
+    )
+    from palpate_models.two_layers import FreeTwoLayers as FreeTwoLayers, TwoLayers as TwoLayers
 
 
 @plugin
-def palpate_indenters() -> dict[str, type[Indenter]]:
+def palpate_indenters() -> dict[str, str]:
     """Tips."""
-    from palpate_models.indenters import (
-        BluntCone,
-        Cone,
-        Ellipsoid,
-        ExactSphere,
-        Flat,
-        NeoHookeanSphere,
-        Paraboloid,
-        Power,
-        Profile,
-        Quartic,
-        Sphere,
-        TiltedFlat,
-        TruncatedCone,
-    )
-
     return {
-        "sphere": Sphere,
-        "exact-sphere": ExactSphere,
-        "neo-hookean-sphere": NeoHookeanSphere,
-        "paraboloid": Paraboloid,
-        "ellipsoid": Ellipsoid,
-        "flat": Flat,
-        "tilted-flat": TiltedFlat,
-        "cone": Cone,
-        "blunt-cone": BluntCone,
-        "truncated-cone": TruncatedCone,
-        "quartic": Quartic,
-        "power": Power,
-        "profile": Profile,
+        "sphere": "palpate_models.indenters.power_profiles:Sphere",
+        "exact-sphere": "palpate_models.indenters.spheres:ExactSphere",
+        "neo-hookean-sphere": "palpate_models.indenters.spheres:NeoHookeanSphere",
+        "paraboloid": "palpate_models.indenters.power_profiles:Paraboloid",
+        "ellipsoid": "palpate_models.indenters.spheres:Ellipsoid",
+        "flat": "palpate_models.indenters.power_profiles:Flat",
+        "tilted-flat": "palpate_models.indenters.tilted_flat:TiltedFlat",
+        "cone": "palpate_models.indenters.cones:Cone",
+        "blunt-cone": "palpate_models.indenters.cones:BluntCone",
+        "truncated-cone": "palpate_models.indenters.cones:TruncatedCone",
+        "quartic": "palpate_models.indenters.power_profiles:Quartic",
+        "power": "palpate_models.indenters.power_profiles:Power",
+        "profile": "palpate_models.indenters.profile:Profile",
     }
 
 
@@ -204,3 +125,6 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "Hold for five times the longest time found, or give E(t) within the record in place of E at rest.",
         ),
     }
+
+
+__getattr__, __all__ = lazy_names(__name__, *palpate_indenters().values(), *palpate_models().values())

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from palpate import Condition, ConfigurationError, ContactModel, Diagnosed, Floats, TrackEvidence
 from palpate_kit.budget.force_sensitivity import along
 
-from palpate_models.indenters import ExactSphere, Sphere
+from palpate_models.indenters.power_profiles import Sphere
+from palpate_models.indenters.spheres import ExactSphere
 
 SHALLOW = 0.1  # of the radius: up to there the force of a ball is within 1 % of that of its paraboloid
 _REMEDY = 'type = "exact-sphere"'

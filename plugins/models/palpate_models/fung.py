@@ -9,7 +9,8 @@ from typing import Any, ClassVar, Self
 from palpate import ContactModel, Indenter, MaterialValue, Parameter
 from pydantic import Field, model_validator
 
-from palpate_models.indenters import ExactSphere, NeoHookeanSphere, Sphere
+from palpate_models.indenters.power_profiles import Sphere
+from palpate_models.indenters.spheres import ExactSphere, NeoHookeanSphere
 from palpate_models.parameters import ELASTICITY, VISCOSITY
 
 STIFFENING = Parameter(

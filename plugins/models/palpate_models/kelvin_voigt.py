@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from palpate import ContactModel, Indenter, MaterialValue, Parameter
 from pydantic import Field
 
-from palpate_models.indenters import Flat
+from palpate_models.indenters.power_profiles import Flat
 from palpate_models.parameters import DAMPING, STIFFNESS
 
 

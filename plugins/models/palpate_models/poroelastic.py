@@ -9,7 +9,9 @@ from typing import Any, ClassVar, Self
 from palpate import Floats, Indenter, MaterialValue, Parameter, select
 from pydantic import model_validator
 
-from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, Paraboloid, Sphere
+from palpate_models.indenters.cones import Cone
+from palpate_models.indenters.power_profiles import Flat, Paraboloid, Sphere
+from palpate_models.indenters.spheres import Ellipsoid, ExactSphere
 from palpate_models.parameters import LASTING_ELASTICITY
 from palpate_models.relaxation_spectrum import RelaxationSpectrum
 from palpate_models.relaxing_models import RelaxingModel

@@ -11,7 +11,9 @@ from palpate import Angle, Depth, Floats, Indenter, Settings, select
 from pydantic import Field, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
-from palpate_models.indenters import Flat, TiltedFlat, TruncatedCone
+from palpate_models.indenters.cones import TruncatedCone
+from palpate_models.indenters.power_profiles import Flat
+from palpate_models.indenters.tilted_flat import TiltedFlat
 from palpate_models.thickness import Layer, Thickness, contact_validity, corrected_contact
 
 FLAT: Literal["flat"] = "flat"

@@ -10,7 +10,9 @@ from palpate import Depth, Indenter, InputFile, Settings
 from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
-from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, NeoHookeanSphere, Paraboloid, Sphere
+from palpate_models.indenters.cones import Cone
+from palpate_models.indenters.power_profiles import Flat, Paraboloid, Sphere
+from palpate_models.indenters.spheres import Ellipsoid, ExactSphere, NeoHookeanSphere
 from palpate_models.thickness_table import read_table
 
 # Coefficients of 1, X, X^2, X^3, X^4 at nu = 0.5; X is contact radius over layer height.

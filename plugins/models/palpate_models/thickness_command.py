@@ -14,7 +14,7 @@ from palpate_engine import Source, build_parts, write_new
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption
 
-from palpate_models.indenters import Flat
+from palpate_models.indenters.power_profiles import Flat
 
 if TYPE_CHECKING:
     from palpate_models.finite_elements import Cylinder

@@ -4,25 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import lazy_loader
 from palpate import FlagMeaning, plugin
+from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from palpate_ros2.device import Ros2Device
-    from palpate_ros2.sink import Ros2Sink
-
-__getattr__, _, _ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "device": ["Ros2Device"],
-        "sink": ["Ros2Sink"],
-    },
-)
-
-__all__ = [
-    "Ros2Device",
-    "Ros2Sink",
-]
+    from palpate_ros2.device import Ros2Device as Ros2Device
+    from palpate_ros2.sink import Ros2Sink as Ros2Sink
 
 
 @plugin
@@ -79,3 +66,6 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "Check who publishes them, and whether the type given is theirs.",
         ),
     }
+
+
+__getattr__, __all__ = lazy_names(__name__, *palpate_devices().values(), *palpate_sinks().values())

@@ -4,25 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import lazy_loader
 from palpate import Command, plugin
+from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from palpate_simulation.simulated_rig import SimulatedRig
-    from palpate_simulation.twins.bench import VirtualBench
-
-__getattr__, _, _ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "simulated_rig": ["SimulatedRig"],
-        "twins.bench": ["VirtualBench"],
-    },
-)
-
-__all__ = [
-    "SimulatedRig",
-    "VirtualBench",
-]
+    from palpate_simulation.simulated_rig import SimulatedRig as SimulatedRig
+    from palpate_simulation.twins.bench import VirtualBench as VirtualBench
 
 
 @plugin
@@ -42,3 +29,6 @@ def palpate_commands() -> dict[str, Command]:
     """A run without its rig."""
     target = "palpate_simulation.rehearse:rehearse"
     return {"rehearse": Command(target, "Run the pipeline of a robot in simulated time.", "hardware")}
+
+
+__getattr__, __all__ = lazy_names(__name__, *palpate_devices().values(), *palpate_twins().values())

@@ -4,26 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import lazy_loader
 from palpate import Command, plugin
+from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from palpate_surfaces.half_ellipsoid import HalfEllipsoid
-    from palpate_surfaces.mesh import Mesh
-    from palpate_surfaces.plane import Plane
-    from palpate_surfaces.touched_surface import TouchedSurface
-
-__getattr__, _, _ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "half_ellipsoid": ["HalfEllipsoid"],
-        "mesh": ["Mesh"],
-        "plane": ["Plane"],
-        "touched_surface": ["TouchedSurface"],
-    },
-)
-
-__all__ = ["HalfEllipsoid", "Mesh", "Plane", "TouchedSurface"]
+    from palpate_surfaces.half_ellipsoid import HalfEllipsoid as HalfEllipsoid
+    from palpate_surfaces.mesh import Mesh as Mesh
+    from palpate_surfaces.plane import Plane as Plane
+    from palpate_surfaces.touched_surface import TouchedSurface as TouchedSurface
 
 
 @plugin
@@ -48,3 +36,6 @@ def palpate_commands() -> dict[str, Command]:
             "palpate_surfaces.touches_command:touches", "The touches of runs as a table.", "hardware"
         ),
     }
+
+
+__getattr__, __all__ = lazy_names(__name__, *palpate_surfaces().values())

@@ -12,48 +12,40 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import lazy_loader
 from palpate import Check, plugin
+from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from palpate_kit.acquisition.simulated_computer import simulated_time
+    from palpate_kit.acquisition.simulated_computer import simulated_time as simulated_time
 
-    from palpate_testing.arm_checks import ArmTest
-    from palpate_testing.contact_checks import check_indenter, check_model
-    from palpate_testing.device_checks import check_device
-    from palpate_testing.estimator_checks import check_estimator, synthetic_samples
-    from palpate_testing.simulated_time_checks import check_simulated_time
-    from palpate_testing.surface_checks import check_surface
-    from palpate_testing.trajectory_checks import check_trajectory
-
-__getattr__, _, _ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "arm_checks": ["ArmTest"],
-        "contact_checks": ["check_indenter", "check_model"],
-        "device_checks": ["check_device"],
-        "estimator_checks": ["check_estimator", "synthetic_samples"],
-        "simulated_time_checks": ["check_simulated_time", "simulated_time"],
-        "surface_checks": ["check_surface"],
-        "trajectory_checks": ["check_trajectory"],
-    },
-)
-
-__all__ = [
-    "ArmTest",
-    "check_device",
-    "check_estimator",
-    "check_indenter",
-    "check_model",
-    "check_simulated_time",
-    "check_surface",
-    "check_trajectory",
-    "simulated_time",
-    "synthetic_samples",
-]
+    from palpate_testing.arm_checks import ArmTest as ArmTest
+    from palpate_testing.contact_checks import check_indenter as check_indenter, check_model as check_model
+    from palpate_testing.device_checks import check_device as check_device
+    from palpate_testing.estimator_checks import (
+        check_estimator as check_estimator,
+        synthetic_samples as synthetic_samples,
+    )
+    from palpate_testing.simulated_time_checks import check_simulated_time as check_simulated_time
+    from palpate_testing.surface_checks import check_surface as check_surface
+    from palpate_testing.trajectory_checks import check_trajectory as check_trajectory
 
 
 @plugin
 def palpate_offers() -> dict[str, dict[str, Check]]:
     """Every tip, and third-party contact models, before anything moves."""
     return {"check": {"conformance": Check("palpate_testing.third_party_checks:check_parts")}}
+
+
+__getattr__, __all__ = lazy_names(
+    __name__,
+    "palpate_testing.arm_checks:ArmTest",
+    "palpate_testing.device_checks:check_device",
+    "palpate_testing.estimator_checks:check_estimator",
+    "palpate_testing.contact_checks:check_indenter",
+    "palpate_testing.contact_checks:check_model",
+    "palpate_testing.simulated_time_checks:check_simulated_time",
+    "palpate_testing.surface_checks:check_surface",
+    "palpate_testing.trajectory_checks:check_trajectory",
+    "palpate_kit.acquisition.simulated_computer:simulated_time",
+    "palpate_testing.estimator_checks:synthetic_samples",
+)

@@ -4,60 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import lazy_loader
 from palpate import Command, plugin
+from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from palpate_trajectories.excitation import Chirp, MultiSine
-    from palpate_trajectories.force_hold import ForceHold
-    from palpate_trajectories.grid_points import GridPoints
-    from palpate_trajectories.lifted_motion import LiftedTrajectory
-    from palpate_trajectories.line_sweep import LineSweep
-    from palpate_trajectories.load_unload import Compression, LoadUnload
-    from palpate_trajectories.point import Point
-    from palpate_trajectories.ramp_hold import RampHold
-    from palpate_trajectories.raster import Raster
-    from palpate_trajectories.shake import Shake
-    from palpate_trajectories.stay import Stay
-    from palpate_trajectories.translation import TranslatedTrajectory
-    from palpate_trajectories.waypoint_file import FromFile
-
-__getattr__, _, _ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "excitation": ["Chirp", "MultiSine"],
-        "force_hold": ["ForceHold"],
-        "waypoint_file": ["FromFile"],
-        "grid_points": ["GridPoints"],
-        "lifted_motion": ["LiftedTrajectory"],
-        "line_sweep": ["LineSweep"],
-        "load_unload": ["Compression", "LoadUnload"],
-        "translation": ["TranslatedTrajectory"],
-        "point": ["Point"],
-        "ramp_hold": ["RampHold"],
-        "raster": ["Raster"],
-        "shake": ["Shake"],
-        "stay": ["Stay"],
-    },
-)
-
-__all__ = [
-    "Chirp",
-    "Compression",
-    "ForceHold",
-    "FromFile",
-    "GridPoints",
-    "LiftedTrajectory",
-    "LineSweep",
-    "LoadUnload",
-    "MultiSine",
-    "Point",
-    "RampHold",
-    "Raster",
-    "Shake",
-    "Stay",
-    "TranslatedTrajectory",
-]
+    from palpate_trajectories.excitation import Chirp as Chirp, MultiSine as MultiSine
+    from palpate_trajectories.force_hold import ForceHold as ForceHold
+    from palpate_trajectories.grid_points import GridPoints as GridPoints
+    from palpate_trajectories.lifted_motion import LiftedTrajectory as LiftedTrajectory
+    from palpate_trajectories.line_sweep import LineSweep as LineSweep
+    from palpate_trajectories.load_unload import Compression as Compression, LoadUnload as LoadUnload
+    from palpate_trajectories.point import Point as Point
+    from palpate_trajectories.ramp_hold import RampHold as RampHold
+    from palpate_trajectories.raster import Raster as Raster
+    from palpate_trajectories.shake import Shake as Shake
+    from palpate_trajectories.stay import Stay as Stay
+    from palpate_trajectories.translation import TranslatedTrajectory as TranslatedTrajectory
+    from palpate_trajectories.waypoint_file import FromFile as FromFile
 
 
 @plugin
@@ -90,3 +53,6 @@ def palpate_commands() -> dict[str, Command]:
             "palpate_trajectories.plan.plan_command:plan", "Preview a motion before running it.", "begin"
         )
     }
+
+
+__getattr__, __all__ = lazy_names(__name__, *palpate_trajectories().values())
