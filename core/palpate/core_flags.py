@@ -140,7 +140,10 @@ _RECORD = {
         "Make the driver's calls faster, or use a less busy computer with real-time priority; values are those of the "
         "motion that was made.",
     ),
-    "device": _note("A device or log has something to say of itself.", "Read the message."),
+    "device": _note(
+        "A device, a log or a third party's distribution has something to say, such as that it was left out.",
+        "Read the message.",
+    ),
 }
 
 

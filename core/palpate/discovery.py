@@ -6,7 +6,7 @@ import importlib.metadata
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from inspect import isabstract, isfunction
 from pathlib import Path
@@ -16,7 +16,10 @@ from typing import Any, TypeVar
 import pluggy
 
 from palpate import core_flags, hooks
+from palpate.claims import settle_claims
 from palpate.errors import PluginError, suggest
+from palpate.plugin_origin import Plugin
+from palpate.plugin_switch import PluginSwitch
 from palpate.safe_path import without_current_folder
 from palpate.trust import PluginFile
 
@@ -27,27 +30,7 @@ _SOURCE = "__palpate_source__"  # what a plugin file's module is of
 _Checked = TypeVar("_Checked")
 
 
-@dataclass(frozen=True)
-class Plugin:
-    """Where parts come from: a distribution's entry point, or a file."""
-
-    name: str  # "palpate-punch 1.0 (punch)" or the file's path
-    place: str = ""  # file of its module
-    own: bool = False  # of palpate's own distribution
-    digest: str = ""  # SHA-256 of what was executed, of a file
-
-    @property
-    def is_file(self) -> bool:
-        """Whether the user names it, by a file; else it is installed."""
-        return bool(self.digest)
-
-    def holds(self, file: str) -> bool:
-        """Return True for its own file and, of a package, for every file in that package."""
-        is_package = Path(self.place).name == "__init__.py"
-        return file == self.place or (is_package and Path(file).is_relative_to(Path(self.place).parent))
-
-
-_CORE = Plugin(_DISTRIBUTION)
+_CORE = Plugin(_DISTRIBUTION, own=True)
 
 
 @dataclass(frozen=True)
@@ -56,13 +39,16 @@ class Discovery:
 
     manager: pluggy.PluginManager
     failures: dict[str, str]  # by plugin: a sentence that names it; of its hooks as they are asked
+    left_out: tuple[str, ...] = ()  # sentences on distributions that PALPATE_PLUGINS does not name
+    clashes: list[str] = field(default_factory=list)  # sentences on names that several plugins claim, as they are asked
+    ambiguous: dict[tuple[str, str], str] = field(default_factory=dict)  # by kind and name: those that nobody owns
 
     @cached_property
     def plugins(self) -> dict[Any, Plugin]:
         """Every plugin but the core itself, by its module."""
-        mine = f"{_DISTRIBUTION} {importlib.metadata.version(_DISTRIBUTION)} ("
+        own = _own_prefix()
         return {
-            module: Plugin(name, getattr(module, "__file__", None) or "", name.startswith(mine), _digest(module))
+            module: Plugin(name, getattr(module, "__file__", None) or "", name.startswith(own), _digest(module))
             for name, module in self.manager.list_name_plugin()
             if module is not core_flags
         }
@@ -70,26 +56,34 @@ class Discovery:
     @property
     def oddities(self) -> tuple[str, ...]:
         """What is in plugins that were loaded, and is not as it was meant."""
-        return tuple(odd for module, plugin in self.plugins.items() for odd in _oddities(module, plugin))
+        odd = (odd for module, plugin in self.plugins.items() for odd in _oddities(module, plugin))
+        return (*self.clashes, *odd)
 
     def named(self, kind: str, hook: str, root: type) -> dict[str, tuple[Any, Plugin]]:
-        """Everything of a kind by name, with the plugin it comes from; raises PluginError where two claim one name."""
-        found: dict[str, tuple[Any, Plugin]] = {}
-        for plugin, items in self._offers(hook, lambda offer: dict(_checked(offer, kind, root))):
-            _claim(found, kind, items, plugin)
-        return found
+        """Everything of a kind by name, with the plugin it comes from; raises PluginError like `settle_claims`."""
+        return self._settled(kind, self._offers(hook, lambda offer: dict(_checked(offer, kind, root))))
 
     @property
     def offers(self) -> dict[str, dict[str, Any]]:
         """What is returned by `palpate_offers`: by field of the registry, by name; raises PluginError like `named`."""
-        found: dict[str, dict[str, tuple[Any, Plugin]]] = {kind: {} for kind in hooks.OFFERS}
-        for plugin, kinds in self._offers("palpate_offers", _checked_kinds):
-            for kind, items in kinds.items():
-                _claim(found[kind], kind, items, plugin)
+        answers = list(self._offers("palpate_offers", _checked_kinds))
+        answers.sort(key=lambda answer: not answer[0].is_file)  # of which one is used, the user's file goes first
         return {
-            field: {name: offer for name, (offer, _) in found[kind].items()}
+            field: {
+                name: offer
+                for name, (offer, _) in self._settled(
+                    kind, ((plugin, kinds[kind]) for plugin, kinds in answers if kind in kinds)
+                ).items()
+            }
             for kind, (field, _) in hooks.OFFERS.items()
         }
+
+    def _settled(self, kind: str, offers: Iterable[tuple[Plugin, Mapping[str, Any]]]) -> dict[str, tuple[Any, Plugin]]:
+        """The offers of a kind by the name that reaches each; names that several plugins claim are noted."""
+        claims = settle_claims(kind, offers)
+        self.clashes.extend(claims.notices)
+        self.ambiguous.update({(kind, name): sentence for name, sentence in claims.ambiguous.items()})
+        return claims.offers
 
     def _offers(self, hook: str, check: Callable[[Any], _Checked]) -> Iterator[tuple[Plugin, _Checked]]:
         """What each plugin, and the core, answers to a hook, once it is checked.
@@ -125,7 +119,12 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
     manager.add_hookspecs(hooks)
     manager.register(core_flags, "palpate")
     failures: dict[str, str] = {}
-    for name, entry in _installed(tuple(sys.path)):
+    installed = _installed(tuple(sys.path))
+    switch = PluginSwitch.of_environment()
+    third_parties = {name: Plugin(name).distribution for name, _ in installed if not name.startswith(_own_prefix())}
+    for name, entry in installed:
+        if name in third_parties and not switch.admits(third_parties[name]):
+            continue
         try:
             _register(manager, entry.load(), name)
         except Exception as error:  # whatever a third-party import raises
@@ -137,7 +136,7 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
             _register(manager, module, str(file.path))
         except Exception as error:
             raise PluginError(f"plugin file {file.path} could not be loaded: {_cause(error)}") from error
-    return Discovery(manager, failures)
+    return Discovery(manager, failures, switch.left_out(third_parties))
 
 
 def _cause(error: Exception) -> str:
@@ -172,12 +171,22 @@ def _register(manager: pluggy.PluginManager, module: ModuleType, name: str) -> N
 def _installed(_: tuple[str, ...]) -> tuple[tuple[str, importlib.metadata.EntryPoint], ...]:
     """Every installed plugin with its name; looked up once in a process, which may build a thousand pipelines.
 
-    pluggy's own loader drops a second distribution's entry of a taken name without a word, so it is not asked.
+    palpate's own come first and the others by name, in one order on every machine. pluggy's own loader drops a second
+    distribution's entry of a taken name without a word, so it is not asked.
     """
-    return tuple(
+    named = [
         (f"{entry.dist.name} {entry.dist.version} ({entry.name})" if entry.dist else entry.name, entry)
         for entry in importlib.metadata.entry_points(group=hooks.PROJECT)
-    )
+    ]
+    own = [(name, entry) for name, entry in named if name.startswith(_own_prefix())]
+    others = [(name, entry) for name, entry in named if not name.startswith(_own_prefix())]
+    return (*own, *sorted(others, key=lambda plugin: plugin[0]))
+
+
+@cache
+def _own_prefix() -> str:
+    """``palpate 0.2.0 (``: how the names of palpate's own plugins begin."""
+    return f"{_DISTRIBUTION} {importlib.metadata.version(_DISTRIBUTION)} ("
 
 
 def import_plugin_file(file: PluginFile) -> ModuleType:
@@ -247,15 +256,6 @@ def _oddities(module: Any, plugin: Plugin) -> Iterator[str]:
         yield f"plugin {plugin.name} offers nothing: it has no function marked @palpate.plugin, such as palpate_models"
 
 
-def _claim(found: dict[str, tuple[Any, Plugin]], kind: str, items: Mapping[str, Any], plugin: Plugin) -> None:
-    """Add a plugin's items of a kind to those found; raises PluginError where another has claimed a name."""
-    for name, item in items.items():
-        if name in found:
-            first = found[name][1].name
-            raise PluginError(f"{kind} {name!r} is claimed by two plugins: {first} and {plugin.name}")
-        found[name] = item, plugin
-
-
 def _checked_kinds(offer: Any) -> dict[str, dict[str, Any]]:
     """The items of `palpate_offers` by kind; raises PluginError for an unknown kind, or an item not of its kind."""
     if not isinstance(offer, Mapping):
@@ -271,7 +271,7 @@ def _checked(offer: Any, kind: str, root: type) -> Iterator[tuple[str, Any]]:
     if not isinstance(offer, Mapping):
         raise PluginError(f"returns {offer!r}, not a mapping of names")
     for name, item in offer.items():
-        if not isinstance(name, str):
+        if not isinstance(name, str) or ":" in name:
             raise PluginError(f"offers {name!r}, which is not a name")
         if isinstance(item, str) and ":" in item and kind in hooks.KINDS:
             yield name, item  # a part that is imported when it is asked for

@@ -92,10 +92,10 @@ def palpate_diagnoses() -> Mapping[str, Diagnosis]:  # type: ignore[empty-body]
 def palpate_offers() -> Mapping[str, Mapping[str, Offer]]:  # type: ignore[empty-body]
     """What serves one command, or one moment of a run: by kind, by name, as in ``{"check": {"blunt": Check(blunt)}}``.
 
-    - ``calibration``: reads the file of ``[run] calibration``; of several the first by name is used.
+    - ``calibration``: reads the file of ``[run] calibration``; of several that of a file is used, then palpate's own.
     - ``check``: is called with the parts of each pipeline that is built, and refuses wrong ones.
-    - ``control chart``: reads the chart of ``[run] control``; of several the first by name is used.
-    - ``display``: shows a run on the terminal while it goes on; of several the first by name is used.
+    - ``control chart``: reads the chart of ``[run] control``; of several that of a file is used, then palpate's own.
+    - ``display``: shows a run on the terminal while it goes on; of several that of a file is used, then palpate's own.
     - ``file suggestion``: what can be done with a file that is not a log, for ``palpate info FILE --suggest``.
     - ``recorder``: writes down the estimates of every run, in addition to the sinks that a pipeline requests.
     - ``report``: what ``palpate run --report`` makes of a run, by the name of the command that makes it later, too.
@@ -165,6 +165,7 @@ _KINDS = {
     "sink": ("palpate_sinks", "palpate.sink:Sink"),
     "twin": ("palpate_twins", "palpate.twin:Twin"),
 }
+PART_KINDS = tuple(_KINDS)
 
 if TYPE_CHECKING:
     # What a plugin offers besides parts -> (hook, class that each must be, or derive from where it is a class).

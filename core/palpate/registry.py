@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate import hooks
-from palpate.discovery import Plugin, discover, missing_methods
+from palpate.discovery import discover
+from palpate.entries import Entry, FlagEntry, full_name, resolve_older_name, unique_initials, version_number
 from palpate.errors import ConfigurationError, PalpateError, PluginError, suggest
+from palpate.first_versions import FIRST_VERSIONS, KINDS_WITH_OLDER_NAMES
 from palpate.flags import Flag, FlagMeaning, judged_flags
 from palpate.offers import (
     CalibrationReader,
@@ -28,60 +30,12 @@ from palpate.offers import (
     Summary,
     Template,
     function_of,
-    import_target,
 )
+from palpate.plugin_origin import Plugin, normalized_name
 from palpate.trust import PluginFile, plugin_files_at_hand
 
 if TYPE_CHECKING:
     from palpate.parts import Part, Settings
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One part that can be named in a pipeline."""
-
-    name: str
-    offered: type[Part] | str  # or "module:Class", which is imported when it is asked for
-    plugin: Plugin
-    root: type[Part]
-
-    @cached_property
-    def part(self) -> type[Part]:
-        """The part; raises PluginError where what the plugin names cannot be imported or is not a part."""
-        try:
-            found: Any = import_target(self.offered) if isinstance(self.offered, str) else self.offered
-        except PluginError as error:
-            raise PluginError(f"plugin {self.plugin.name}: {self.name!r}: {error}") from error
-        if not (isinstance(found, type) and issubclass(found, self.root)):
-            raise PluginError(
-                f"plugin {self.plugin.name}: {self.name!r} ({self.offered}) is not of kind {self.root.__name__}"
-            )
-        if missing := missing_methods(found):
-            raise PluginError(f"plugin {self.plugin.name}: {self.name!r} ({found.__name__}) does not define {missing}")
-        return found
-
-    @cached_property
-    def problem(self) -> str | None:
-        """Why the part cannot be used; None where it can."""
-        try:
-            _ = self.part
-        except PluginError as error:
-            return str(error)
-        return None
-
-    def is_of(self, part: type[Part]) -> bool:
-        """Whether this is the entry of a part; imports nothing of another name."""
-        if isinstance(self.offered, str):
-            return self.offered.rpartition(":")[2] == part.__qualname__ and self.part is part
-        return self.offered is part
-
-
-@dataclass(frozen=True)
-class FlagEntry:
-    """What a flag's code means, and who registered it."""
-
-    meaning: FlagMeaning
-    plugin: Plugin
 
 
 @dataclass(frozen=True)
@@ -107,11 +61,14 @@ class Registry:
     controls: Mapping[str, ControlReader] = field(default_factory=dict)
     facts: Mapping[str, Fact] = field(default_factory=dict)
     file_suggestions: Mapping[str, FileSuggestion] = field(default_factory=dict)
+    ambiguous: Mapping[tuple[str, str], str] = field(default_factory=dict)  # by kind and name: names that nobody owns
+    left_out: tuple[str, ...] = ()  # sentences on distributions that PALPATE_PLUGINS does not name
+    older_names: tuple[str, ...] = ()  # sentences on names that mean another part than in a new pipeline
 
     @property
     def notices(self) -> tuple[str, ...]:
         """What is wrong with plugins and does not stop anything."""
-        return (*self.failures.values(), *self.oddities)
+        return (*self.failures.values(), *self.oddities, *self.left_out, *self.older_names)
 
     def judged(self, flags: Iterable[Flag]) -> tuple[Flag, ...]:
         """Flags with severity and remedy, one for each cause; an unregistered one is doubtful."""
@@ -134,34 +91,43 @@ class Registry:
 
     def find(self, kind: str, name: str) -> type[Part]:
         """The part of a kind and name, or its initials; raises PluginError with what there is and what was meant."""
-        entries = self.parts[kind]
-        if full := self._full_name(kind, name):
-            return entries[full].part
-        raise PluginError(f"no {kind} {name!r}{suggest(name, entries)}{self._lost}")
+        if full := full_name(self.parts[kind], name):
+            return self.parts[kind][full].part
+        raise PluginError(self._absence(kind, name, self.parts[kind]))
 
     def named(self, kind: str, name: str) -> str:
         """The full name of a part, from it or from its initials ("dr"); raises ConfigurationError."""
-        if full := self._full_name(kind, name):
+        if full := full_name(self.parts[kind], name):
             return full
-        raise ConfigurationError(
-            f"no {kind} {name!r}{suggest(name, [*self.parts[kind], *self._initials(kind)])}{self._lost}"
-        )
+        raise ConfigurationError(self._absence(kind, name, [*self.parts[kind], *unique_initials(self.parts[kind])]))
 
-    def _full_name(self, kind: str, name: str) -> str:
-        """The full name of a part, from it or from initials that only one has; empty if it matches none."""
-        return name if name in self.parts[kind] else self._initials(kind).get(name, "")
+    def _absence(self, kind: str, name: str, names: Iterable[str]) -> str:
+        """Return why no part has a name: several claim it, its distribution is not there, or it is unknown."""
+        if sentence := self.ambiguous.get((kind, name)):
+            return sentence
+        distribution, colon, _ = name.partition(":")
+        installed = {plugin.distribution for plugin in self.plugins}
+        if colon and normalized_name(distribution) not in installed:
+            return f"no {kind} {name!r}: the distribution {distribution} is not installed, or left out{self._lost}"
+        return f"no {kind} {name!r}{suggest(name, names)}{self._lost}"
 
-    def _initials(self, kind: str) -> dict[str, str]:
-        """Full names by initials that only one has, such as "dr"."""
-        found: dict[str, list[str]] = {}
-        for full in self.parts[kind]:
-            if "-" in full:
-                found.setdefault("".join(word[:1] for word in full.split("-")), []).append(full)
-        return {short: names[0] for short, names in found.items() if len(names) == 1}
+    def of_version(self, version: str) -> Registry:
+        """Return the registry for a pipeline of a version, which may mean another part by a name that is newer."""
+        parts = {kind: dict(entries) for kind, entries in self.parts.items()}
+        ambiguous, sentences = dict(self.ambiguous), list(self.older_names)
+        for (kind, name), first in FIRST_VERSIONS.items():
+            if version_number(version) < version_number(first):
+                new = f"{kind} {name!r} is new in palpate {first}, and the pipeline is of {version}"
+                meant, refused = resolve_older_name(parts[kind], name, kind in KINDS_WITH_OLDER_NAMES)
+                sentences += [f"{new}: {meant}"] if meant else []
+                ambiguous |= {(kind, name): f"{new}: {refused}"} if refused else {}
+        return replace(self, parts=parts, ambiguous=ambiguous, older_names=tuple(sentences))
 
     def command(self, name: str) -> Command:
         """A command by its whole name; raises PluginError with what there is, and what may have been meant."""
         if name not in self.commands:
+            if sentence := self.ambiguous.get(("command", name)):
+                raise PluginError(sentence)
             if below := self.subcommands(name):
                 raise PluginError(f"{name!r} is the first word of commands (there are: {', '.join(sorted(below))})")
             first = {whole.partition(" ")[0] for whole in self.commands}
@@ -184,20 +150,23 @@ class Registry:
         return "".join(f"; {notice}" for notice in self.notices)
 
     def name_of(self, part: type[Part]) -> str:
-        """The name by which a pipeline asks for a part."""
-        return next(name for name, entry in self.parts[part.kind].items() if entry.is_of(part))
+        """The name by which a pipeline asks for a part on every machine."""
+        return next(entry.qualified for entry in self.parts[part.kind].values() if entry.is_of(part))
 
 
 def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
     """Load every installed plugin, those of ``palpate --plugin FILE``, and the given files, which are executed.
 
     A distribution whose plugin fails to import, or has a hook that raises or offers something else than its kind, is
-    noted in `failures` and does not stop the others. Raises PluginError where two plugins claim one name, or where a
-    file fails in such a manner.
+    noted in `failures` and does not stop the others; so is a name that two plugins claim, in `oddities`. Raises
+    PluginError where a file fails, or claims a name of palpate's own.
     """
     found = discover(_with_those_at_hand(files))
     parts = {
-        kind: {name: Entry(name, part, plugin, root) for name, (part, plugin) in found.named(kind, hook, root).items()}
+        kind: {
+            key: Entry(key.rpartition(":")[2], part, plugin, root)
+            for key, (part, plugin) in found.named(kind, hook, root).items()
+        }
         for kind, (hook, root) in hooks.KINDS.items()
     }
     offered: dict[str, Any] = {
@@ -209,6 +178,7 @@ def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
     }
     plugins = tuple(found.plugins.values())
     offered |= found.offers
+    offered |= {"ambiguous": found.ambiguous, "left_out": found.left_out}
     return Registry(parts, plugins, found.failures, found.oddities, **offered)
 
 
@@ -225,8 +195,15 @@ def load_commands() -> Registry:
     """Only the commands of every installed plugin and of ``palpate --plugin FILE``; raises like `load`."""
     found = discover(plugin_files_at_hand())
     offered = found.named("command", "palpate_commands", Command)
-    commands = {name: command for name, (command, _) in offered.items()}
-    return Registry({}, tuple(found.plugins.values()), found.failures, found.oddities, commands=commands)
+    return Registry(
+        {},
+        tuple(found.plugins.values()),
+        found.failures,
+        found.oddities,
+        commands={name: command for name, (command, _) in offered.items()},
+        ambiguous=found.ambiguous,
+        left_out=found.left_out,
+    )
 
 
 def offers(hook: str, root: type) -> dict[str, Any]:

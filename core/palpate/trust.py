@@ -15,9 +15,9 @@ from functools import cached_property
 from pathlib import Path
 
 from palpate.errors import ConsentError, OutputError, PluginError
+from palpate.plugin_switch import SWITCH, PluginSwitch
 from palpate.printable_text import printable
 
-SWITCH = "PALPATE_PLUGINS"  # environment variable: "off" refuses every plugin file of a pipeline
 NAMED = "PALPATE_NAMED_PLUGINS"  # environment variable: the files of `palpate --plugin FILE`, for its own processes
 
 _LINE = re.compile(r"([0-9a-f]{64})(?:  (.*))?")  # of the record: as `sha256sum` writes it; older ones have no path
@@ -173,7 +173,7 @@ def approved_files(files: Iterable[Path], place: Path, named: bool) -> tuple[Plu
 
 
 def _approved(path: Path, place: Path, named: bool) -> PluginFile:
-    if os.environ.get(SWITCH, "").lower() == "off" and path.absolute() not in _paths_at_hand():
+    if PluginSwitch.of_environment().is_off and path.absolute() not in _paths_at_hand():
         raise ConsentError(f"plugin file {path} is not executed: --no-plugins or {SWITCH}=off forbids it")
     file, consent = PluginFile.read(path), _consent.get()
     if file.digest in consent.approved:

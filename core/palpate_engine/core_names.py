@@ -7,6 +7,7 @@ from palpate import registry
 from palpate.contact import force_slopes
 from palpate.device import ask_devices, is_live, own_motions, truth_of
 from palpate.discovery import import_plugin_file, plugin_file_of
+from palpate.entries import FlagEntry
 from palpate.errors import ConsentError, StoppedError, error_text
 from palpate.evidence.condition import FORMER_FLAGS
 from palpate.flags import SEVERITIES, advice_on, is_open, needs_fact, verdict, verdict_rank, verdict_word
@@ -14,7 +15,8 @@ from palpate.hooks import KINDS
 from palpate.input_file import Enclosure, bounded_text, json_document, toml_tables
 from palpate.offers import function_of
 from palpate.parts import input_files, nested_settings, numbers_of, part_kind
-from palpate.registry import FlagEntry, Registry, analysis
+from palpate.plugin_switch import PluginSwitch, only_plugins
+from palpate.registry import Registry, analysis
 from palpate.safe_path import safe_processes
 from palpate.sound_force import SoundForce
 from palpate.trust import announce, approved_files, approved_plugins, inherited_approval, trust_plugin, trusted_plugins

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from palpate import trust
 from palpate.errors import ConfigurationError, PluginError
+from palpate.plugin_switch import SWITCH
 from palpate.units import to_si
 from palpate_engine.config import load_pipeline
 
@@ -99,11 +100,11 @@ def test_plugin_files_are_named_when_executed_and_can_be_forbidden(palpate, stra
     done = palpate("--no-plugins", *command, stranger)
     assert done.returncode == 2
     assert f"plugin file {tmp_path}/mine.py is not executed" in done.stderr
-    assert trust.SWITCH not in os.environ
-    monkeypatch.setenv(trust.SWITCH, "off")
+    assert SWITCH not in os.environ
+    monkeypatch.setenv(SWITCH, "off")
     assert palpate(*command, stranger).returncode == 2
     assert not (tmp_path / "trace").exists()
-    monkeypatch.delenv(trust.SWITCH)
+    monkeypatch.delenv(SWITCH)
     done = palpate(*command, stranger)
     assert done.returncode == 0, done.stderr
     assert done.stderr.count(f"executing plugin file {tmp_path}/mine.py") == 1

@@ -7,14 +7,15 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from palpate.errors import PalpateError
 from palpate.offers import function_of
+from palpate.plugin_switch import OFF, only_plugins
 from palpate.printable_text import printable
 from palpate.safe_path import safe_processes, without_current_folder
-from palpate.trust import SWITCH, at_the_command_line, inherited_approval, with_plugin_files
+from palpate.trust import at_the_command_line, inherited_approval, with_plugin_files
 
 from palpate_engine.cli.commands import (
     CommandCall,
@@ -84,22 +85,8 @@ def call(arguments: Sequence[str], ends: bool = False) -> None:
     Raises PalpateError, and without `ends` also what the reader of the command's own arguments raises.
     """
     invocation = parse_arguments(arguments)
-    with _forbidding(invocation.forbids), with_plugin_files(invocation.files):
+    with only_plugins(OFF if invocation.forbids else None), with_plugin_files(invocation.files):
         _do(invocation, ends)
-
-
-@contextlib.contextmanager
-def _forbidding(forbids: bool) -> Iterator[None]:
-    """Within the context, and in processes that are started in it, no plugin file of a pipeline is executed."""
-    before = os.environ.get(SWITCH)
-    if forbids:
-        os.environ[SWITCH] = "off"
-    try:
-        yield
-    finally:
-        if forbids:
-            os.environ.pop(SWITCH)
-            os.environ.update({SWITCH: before} if before is not None else {})
 
 
 def _do(invocation: Invocation, ends: bool) -> None:

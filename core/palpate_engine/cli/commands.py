@@ -98,6 +98,8 @@ def call_of(invocation: Invocation) -> CommandCall:
     registry = command_offers()
     first, *rest = invocation.words
     below = registry.subcommands(first)
+    if rest and (sentence := registry.ambiguous.get(("command", f"{first} {rest[0]}"))):
+        raise PluginError(sentence)
     if rest and rest[0] in below:
         return CommandCall(f"{first} {rest[0]}", below[rest[0]], tuple(rest[1:]), {})
     if below and rest and rest[0] not in _HELP:

@@ -22,7 +22,7 @@ def calibration_of(
     if not registry.calibrations:
         return None, [Mistake(("run", "calibration"), "is given, but no plugin here reads calibration files")]
     try:
-        reader = registry.calibrations[min(registry.calibrations)]
+        reader = next(iter(registry.calibrations.values()))  # that of a plugin file, then palpate's own
         use: CalibrationUse = function_of(reader)(run.calibration, run.calibration_valid)
     except PalpateError as error:
         return None, [Mistake(("run", "calibration"), f"{error}; `palpate calibrate` makes one")]

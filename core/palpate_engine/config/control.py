@@ -17,7 +17,7 @@ def control_of(run: RunSettings | None, registry: Registry) -> tuple[ControlUse 
     if not registry.controls:
         return None, [Mistake(("run", "control"), "is given, but no plugin here reads control charts")]
     try:
-        reader = registry.controls[min(registry.controls)]
+        reader = next(iter(registry.controls.values()))  # that of a plugin file, then palpate's own
         use: ControlUse = function_of(reader)(run.control, run.control_valid)
     except PalpateError as error:
         return None, [Mistake(("run", "control"), f"{error}; `palpate calibrate control` makes one")]

@@ -12,17 +12,21 @@ FORMAT = "0.2"  # version of palpate in whose names pipelines are written today
 KEY = "palpate"  # of a pipeline, at the top: the version for which it was written
 
 
-def demand_version(source: Source) -> None:
-    """Raise ConfigurationError for a pipeline of a newer palpate, or with an invalid version."""
+def demand_version(source: Source) -> str:
+    """Return the version of a pipeline, that of today where it states none.
+
+    Raises ConfigurationError for one of a newer palpate, or with an invalid version.
+    """
     given = source.tables.get(KEY)
     if given is None:
-        return
+        return FORMAT
     where = source.where((KEY,))
     if not isinstance(given, str) or not re.fullmatch(r"\d+\.\d+(\.\d+)?", given):
         raise ConfigurationError(f'{where}: {KEY} is {given!r}; write a version, such as {KEY} = "{FORMAT}"')
     if _version(given) > _version(FORMAT):
         problem = f'written for palpate {given}, but this palpate reads up to "{FORMAT}": update it'
         raise ConfigurationError(f"{where}: {problem}")
+    return given
 
 
 def _version(text: str) -> tuple[int, int]:

@@ -6,6 +6,7 @@ from contextlib import suppress
 from typing import Any
 
 from palpate import hooks
+from palpate.claims import CORE_TABLES
 from palpate.errors import PalpateError, PluginError, suggest
 from palpate.key_mistakes import Location, Mistake, mistakes_of
 from palpate.parts import Part, Settings, nested_settings, part_kind, table_of_parts
@@ -158,11 +159,8 @@ class Builder:
         raise _PartError
 
 
-CORE_TABLES = ("run", "alignment", "safety")
-
-
 def unknown_tables(tables: dict[str, Any], registry: Registry) -> list[Mistake]:
     """A mistake for every top-level table that neither the core nor a plugin knows."""
-    allowed = (*CORE_TABLES, *registry.tables, *hooks.KINDS)
+    allowed = (*CORE_TABLES, *registry.tables, *hooks.PART_KINDS)
     unknown = [name for name in tables if name not in (*allowed, KEY)]
     return [Mistake((name,), f"unknown table{suggest(name, allowed)}") for name in unknown]

@@ -45,6 +45,11 @@ class RunSettings(Settings):
         default=("*",), description='which model/estimator pairs run, as patterns: "dr/*", "*/ekf"'
     )
     plugins: tuple[File, ...] = Field(default=(), description="Python files next to the pipeline with your own parts")
+    distributions: tuple[str, ...] = Field(
+        default=(),
+        description='installed distributions, with versions, whose parts the pipeline has: ["palpate-punch 1.0"]; '
+        "resolved pipelines state them",
+    )
     rig: InputFile | None = Field(
         default=None,
         description="file of facts of rig and specimens (`rig.toml`): what this file leaves open of tip, delay, mass, "

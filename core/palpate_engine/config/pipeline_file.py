@@ -109,11 +109,11 @@ def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None]:
     """The builder of a source, the plugins that it asks for, and its ``[run]``."""
     tables = source.tables
     choose_dialect(source)
-    demand_version(source)
+    version = demand_version(source)
     _add_plugins_at_hand(source)
     first = Builder(source, Registry({}))
     run = first.settings(RunSettings, ("run",))
-    registry = _registry(source) if run else registries.load()
+    registry = (_registry(source) if run else registries.load()).of_version(version)
     if apply_rig(source, run and run.rig, registry):
         first = Builder(source, Registry({}))
         run = first.settings(RunSettings, ("run",))
@@ -201,7 +201,7 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
         first.settings(RunSettings, ("run",))
         raise_mistakes(first.mistakes, source)
         registry = _registry(source)
-    demand_version(source)
+    registry = registry.of_version(demand_version(source))
     run = Builder(source, Registry({})).settings(RunSettings, ("run",))
     apply_rig(source, run and run.rig, registry)
     builder = Builder(source, registry)

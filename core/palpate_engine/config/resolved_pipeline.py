@@ -14,6 +14,7 @@ from palpate.registry import Registry
 
 from palpate_engine.config.file_version import FORMAT, KEY
 from palpate_engine.config.pipeline import Pipeline
+from palpate_engine.config.third_parties import third_party_versions
 from palpate_engine.config.unit_plausibility import UNCHECKED, implausible_units
 
 
@@ -31,6 +32,8 @@ def resolved_text(pipeline: Pipeline, beside: Path | None = None) -> str:
         "run": plain_settings(pipeline.run, pipeline.registry),
         "alignment": plain_settings(pipeline.alignment, pipeline.registry),
     }
+    if versions := third_party_versions(pipeline):
+        tables["run"]["distributions"] = [f"{name} {version}" for name, version in versions.items()]
     if pipeline.safety is not None:
         tables["safety"] = plain_settings(pipeline.safety, pipeline.registry)
     kinds = {

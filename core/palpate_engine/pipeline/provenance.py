@@ -20,7 +20,7 @@ from palpate.parts import input_files
 from palpate.sink import Extent
 from palpate.trajectory import Lifted, duration_of, setpoints_at
 
-from palpate_engine.config import Pipeline
+from palpate_engine.config import Pipeline, third_party_versions
 
 _LIBRARIES = ("casadi", "numpy", "scipy", "pydantic", "pluggy", "mcap")
 _LOOK = 0.01  # [s] between the places that count for the box of a motion
@@ -44,7 +44,7 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
         "pipeline": str(pipeline.path),
         "command": sys.argv,
         "seed": pipeline.run.seed,
-        "versions": library_versions(),
+        "versions": library_versions() | third_party_versions(pipeline),
         "plugins": [plugin.name for plugin in pipeline.registry.plugins],
         "inputs": inputs,
         "host": socket.gethostname(),

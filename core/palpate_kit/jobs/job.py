@@ -13,6 +13,7 @@ from typing import Any
 from palpate import ConfigurationError, OutputError, PalpateError, UserError
 from palpate_engine import (
     Pipeline,
+    PluginSwitch,
     Result,
     Source,
     announce,
@@ -20,6 +21,7 @@ from palpate_engine import (
     approved_plugins,
     build_pipeline,
     inherited_approval,
+    only_plugins,
     plugin_files,
     registry,
     resolved_text,
@@ -157,6 +159,7 @@ class Parcel:
     plugins: tuple[Path, ...]
     approved: frozenset[str]  # SHA-256
     content: bytes
+    distributions: str  # what PALPATE_PLUGINS says where the parcel was made
 
     @classmethod
     def of(cls, job: Job) -> Parcel:
@@ -168,7 +171,8 @@ class Parcel:
         else:
             plugins = job.plan.run.plugins
         try:
-            return cls(job.name, plugins, approved_plugins(), pickle.dumps(job))
+            switch = PluginSwitch.of_environment().text
+            return cls(job.name, plugins, approved_plugins(), pickle.dumps(job), switch)
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             raise ConfigurationError(
                 f"{job.name}: cannot be sent to another process: {error}; install what is in a plugin file as a "
@@ -178,7 +182,7 @@ class Parcel:
     @contextmanager
     def unpacked(self) -> Iterator[Job]:
         """The job, to be done within the context; raises PluginError where a plugin file is missing or has changed."""
-        with inherited_approval(self.approved):
+        with only_plugins(self.distributions), inherited_approval(self.approved):
             if self.plugins:
                 registry.load(approved_files(self.plugins, Path(), named=False))
             yield pickle.loads(self.content)

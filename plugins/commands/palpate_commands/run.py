@@ -64,7 +64,7 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
     for notice in pipeline.registry.notices:
         typer.echo(notice, err=True)
     with contextlib.ExitStack() as stack:
-        displays = [] if as_json else [display for _, display in sorted(pipeline.registry.displays.items())]
+        displays = [] if as_json else list(pipeline.registry.displays.values())
         shown = stack.enter_context(function_of(displays[0])(pipeline)) if displays else None
         result = run_pipeline(pipeline, out, shown and shown.progress, shown)
     if result.signal == signal.SIGHUP:  # the terminal is gone

@@ -29,7 +29,7 @@ def check_tips(parts: Iterable[Settings], registry: Registry) -> None:
             try:
                 check_indenter(tip)
             except AssertionError as error:
-                where = f"plugin {entry.plugin.name}: indenter {registry.name_of(type(tip))!r}" if entry else "indenter"
+                where = f"plugin {entry.plugin.name}: indenter {entry.name!r}" if entry else "indenter"
                 raise PluginError(f"{where}: {error}") from error
 
 
@@ -46,7 +46,7 @@ def check_models(models: Iterable[ContactModel], registry: Registry) -> None:
             check_force(model, usual_values(model))
         except Exception as error:  # whatever third-party code raises
             what = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
-            where = f"plugin {entry.plugin.name}: model {registry.name_of(type(model))!r}"
+            where = f"plugin {entry.plugin.name}: model {entry.name!r}"
             raise PluginError(f"{where}: {what}") from error
 
 
