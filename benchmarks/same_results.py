@@ -1,24 +1,32 @@
-"""Whether palpate gives the same numbers as before a change, to the bit.
+"""Whether palpate gives the same numbers and words as before a change, to the bit.
 
 Run it with: python benchmarks/same_results.py FOLDER            before the change
              python benchmarks/same_results.py FOLDER2 FOLDER    after it; prints what differs, and ends with 1
+With --part runs or --part study it makes and compares one of its two parts; without, both run side by side.
 
-What is run: every shipped pipeline on the simulated rig; replays of one of their logs, as MCAP and as CSV; a rehearsal
-of a robot's pipeline, which is the live path in simulated time, and its replay; fits of logs, alone, all by
+`same_scenes.runs`: every shipped pipeline on the simulated rig; replays of one of their logs, as MCAP and as CSV; a
+rehearsal of a robot's pipeline, which is the live path in simulated time, and its replay; fits of logs, alone, all by
 `fit --each`, and of a press by `indentation`; a filter as C by `export-filter`.
+
+`same_scenes.study`: folders of curves by `fit --tip`, `curves.csv`, `rig.toml`, `--each` and `--by`; folders of
+fits fitted again with other settings and new files; `repeat`, `pack` and `verify`; laws of a `material`; a calibration
+from a record; curves on the page of the desk and in Python.
 """
 
+import argparse
 import hashlib
 import json
-import subprocess
 import sys
+import zipfile
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parent.parent
-PALPATE = [sys.executable, "-c", "from palpate_engine.cli import main; main()"]
-SHIPPED = sorted(path for path in ROOT.glob("pipelines/**/*.toml") if 'type = "sim"' in path.read_text())
+from same_scenes.runs import run_pipelines
+from same_scenes.study import run_study
+
 # Of where, when, how fast and by which versions a run was made.
 OF_ONE_RUN = {
     "seconds_per_sample",
@@ -29,49 +37,39 @@ OF_ONE_RUN = {
     "plugins",
     "host",
     "started",
+    "created",
     "duration",
     *("file", "folder", "sha256", "source"),  # of logs, which hold the time of their run
 }
-
-
-def palpate(*arguments: object) -> None:
-    """One command; raises CalledProcessError where it fails."""
-    subprocess.run([*PALPATE, *map(str, arguments)], cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
-
-
-def run_all(folder: Path) -> None:
-    """Every run, replay, fit and export, each into a folder of its own."""
-    for path in SHIPPED:
-        palpate("run", path, "--out", folder / path.stem)
-    point = folder / "point"
-    palpate("rehearse", "pipelines/point_ur3e.toml", "--hold-up", "robot 8 ms every 1 s", "--out", folder / "rehearsal")
-    for run in ("point", "raster", "rehearsal"):
-        palpate("replay", folder / run, "--add-estimator", "afukf", "--out", folder / f"replay_{run}")
-    logs = folder / "logs"
-    logs.mkdir()
-    palpate("log", "export", point / "log.mcap", "--out", logs / "point.csv")
-    palpate("run", "pipelines/filters.toml", "--set", "run.seed=2", "--out", folder / "second")
-    palpate("log", "export", folder / "second" / "log.mcap", "--out", logs / "second.csv")
-    signals = ("--force", "/rig/wrench:wrench.force.z", "--position", "/rig/tip:pose.position.z")
-    pipeline = folder / "csv.toml"
-    palpate("info", logs / "point.csv", *signals, "--velocity", "/rig/twist:twist.linear.z", "--out", pipeline)
-    palpate("run", pipeline, "--out", folder / "replay_csv")
-    palpate("fit", "--each", logs, "--pipeline", pipeline, "--out", folder / "each")
-    palpate("fit", point, "--out", folder / "fit")
-    palpate("fit", "indentation", point, "--out", folder / "indentation")
-    palpate("model", "export", point, "--track", "dr/kinematic", "--out", folder / "controller")
+HASHED = {".csv", ".c", ".h"}
 
 
 def numbers(folder: Path) -> dict[str, str]:
-    """Every number and text of all results by its place, and the hashes of tables, programs and recorded streams."""
+    """Return every number and text of all results by its place, and hashes of tables, programs and streams."""
     found = {}
     for path in sorted(folder.glob("*/**/*")):
         name = str(path.relative_to(folder))
+        is_of_study = name.startswith("study/")
         if path.suffix == ".json":
             found |= {f"{name}: {key}": value for key, value in leaves(json.loads(path.read_text()))}
-        elif path.suffix in {".csv", ".c", ".h"}:
-            found[name] = hashlib.sha256(path.read_bytes()).hexdigest()
+        elif path.suffix in HASHED:
+            found[name] = digest(path.read_bytes())
+        elif path.suffix == ".toml" and is_of_study:
+            text = path.read_text().replace(str(folder.resolve()), "")
+            found |= {
+                f"{name}:{number}": line
+                for number, line in enumerate(text.splitlines(), start=1)
+                if "created" not in line
+            }
+        elif path.suffix == ".zip":
+            with zipfile.ZipFile(path) as archive:
+                found |= {f"{name}: {member}": digest(archive.read(member)) for member in archive.namelist()}
     return found
+
+
+def digest(content: bytes) -> str:
+    """Return the SHA-256 of a file."""
+    return hashlib.sha256(content).hexdigest()
 
 
 def leaves(value: Any, above: str = "") -> Iterator[tuple[str, str]]:
@@ -86,17 +84,30 @@ def leaves(value: Any, above: str = "") -> Iterator[tuple[str, str]]:
 
 def main() -> None:
     """Run, keep, and compare."""
-    folder, *before = (Path(name) for name in sys.argv[1:])
-    run_all(folder)
-    now = numbers(folder)
-    (folder / "numbers.json").write_text(json.dumps(now, indent=0))
-    if before:
-        old = json.loads((before[0] / "numbers.json").read_text())
+    options = argparse.ArgumentParser()
+    options.add_argument("folder", type=Path)
+    options.add_argument("before", type=Path, nargs="?")
+    options.add_argument("--part", choices=("runs", "study"))
+    asked = options.parse_args()
+    parts = {"runs": partial(run_pipelines, asked.folder), "study": partial(run_study, asked.folder / "study")}
+    with ThreadPoolExecutor(2) as pool:
+        for done in [pool.submit(run) for name, run in parts.items() if asked.part in (None, name)]:
+            done.result()
+    now = numbers(asked.folder)
+    (asked.folder / "numbers.json").write_text(json.dumps(now, indent=0))
+    if asked.before is not None:
+        old = json.loads((asked.before / "numbers.json").read_text())
+        old = {key: text for key, text in old.items() if is_of(asked.part, key)}
         differing = sorted(key for key in now.keys() | old.keys() if now.get(key) != old.get(key))
         for key in differing:
             print(f"{key} is {now.get(key, 'missing')}, was {old.get(key, 'missing')}")
         print(f"{len(now)} numbers, texts and hashes, {len(differing)} differ")
         sys.exit(bool(differing))
+
+
+def is_of(part: str | None, key: str) -> bool:
+    """Return True if the place of a number is in a part, or all parts are asked for."""
+    return part is None or key.startswith("study/") == (part == "study")
 
 
 if __name__ == "__main__":

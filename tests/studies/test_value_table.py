@@ -73,6 +73,24 @@ def test_facts_of_a_curve_are_those_of_its_row(palpate, years):
     assert (row["specimen"], row["date"]) == ("S1", "2025-04-02")
 
 
+def test_a_tip_of_curves_alone_is_theirs(palpate, years):
+    """A tip of `curves.csv` stands in the table of a model that has none for all, and the command broke off."""
+    fits = years / "2025" / "fits"
+    pipeline = (fits / "pipeline.toml").read_text()
+    for line in ('indenter = "tip"', 'type = "dimensionality-reduction"'):
+        assert line in pipeline
+    pipeline = pipeline.replace('indenter = "tip"\n', "")
+    pipeline = pipeline.replace('type = "dimensionality-reduction"', 'type = "kelvin-voigt"')
+    (fits / "pipeline.toml").write_text(pipeline)
+    lines = (fits / "curves.csv").read_text().splitlines()
+    ends = ["tip", "sphere 1 mm", *[""] * (len(lines) - 2)]
+    (fits / "curves.csv").write_text("".join(f"{line},{end}\n" for line, end in zip(lines, ends, strict=True)))
+    done = palpate("repeat", "years", "--table", "all.csv")
+    assert done.returncode == 0, done.stderr
+    tips = [row["tip"] for row in rows_in(years.parent / "all.csv") if row["record"].endswith("fits")]
+    assert ["radius 1 mm" in tip for tip in tips] == [True, *[False] * (len(tips) - 1)]
+
+
 def test_what_was_rejected_says_why(palpate, years):
     palpate("repeat", "review", "years/2024/run_2", "--reject", "run_2", "--reason", "slipped")
     palpate("repeat", "years", "--table", "all.csv", "--track", "dr/ekf")

@@ -156,11 +156,10 @@ def _rig(devices: Mapping[str, Mapping[str, Any]], inputs: Mapping[str, str]) ->
 
 def _tip_of(tables: Mapping[str, Any], model: str) -> str:
     """The tip of a model of a pipeline in words; "" where it has none."""
-    tips = tables.get("indenter", {})
-    name = tables.get("model", {}).get(model, {}).get("indenter")
-    if name not in tips:
-        return ""
-    return _words(json.dumps(tips[name], sort_keys=True))
+    stated = tables.get("model", {}).get(model, {}).get("indenter")
+    # A curve's own tip stands in the table of its model where the others have none.
+    tip = tables.get("indenter", {}).get(stated) if isinstance(stated, str) else stated
+    return "" if tip is None else _words(json.dumps(tip, sort_keys=True))
 
 
 @cache  # years of runs have a handful of tips

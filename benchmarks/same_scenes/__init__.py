@@ -1,0 +1,1 @@
+"""What `same_results.py` runs, before a change and after it."""
