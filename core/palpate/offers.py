@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any
+from typing import Any, ClassVar
 
 from palpate.errors import PalpateError, PluginError
 
@@ -57,11 +57,14 @@ class Report:
 class Diagnosis:
     """A judge of results: ``function(evidence of all tracks)`` answers findings by track; see `TrackEvidence`.
 
-    Judges of one order are given the same evidence; what those of a lower order said is part of it.
+    It states `after` which diagnoses it runs: their findings are part of its evidence, and no others. `EVERY_OTHER`
+    stands for all that do not state it themselves. A name that no family offers does not count.
     """
 
+    EVERY_OTHER: ClassVar = "every other"
+
     target: str | Callable[..., Any]  # "module:function", imported when a run has ended; or the function
-    order: int = 50
+    after: tuple[str, ...] = ()
     quick: bool = False  # it is asked once a second while a run goes on, too
     lost: bool = False  # it is asked of tracks whose numbers are lost (NaN), too
 

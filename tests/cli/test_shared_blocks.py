@@ -96,7 +96,7 @@ class Places:
 
 @plugin
 def palpate_diagnoses():
-    return {{"own-judge": Diagnosis(judge, order=1)}}
+    return {{"own-judge": Diagnosis(judge)}}
 
 
 @plugin

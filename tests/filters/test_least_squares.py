@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from palpate_fits.uncertainty import symmetric_inverse
 from palpate_kit.numerics.least_squares import bounded_quadratic, least_squares
+from palpate_kit.numerics.normal_equations import symmetric_inverse
 from scipy import optimize
 
 

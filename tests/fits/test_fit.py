@@ -8,7 +8,7 @@ import pytest
 from palpate import ConfigurationError, ContactModel, Parameter, Problem, Samples, contact_force
 from palpate_fits import CasadiFit
 from palpate_fits.residual import reading
-from palpate_fits.uncertainty import scaled_inverse
+from palpate_kit.numerics.normal_equations import scaled_inverse
 from palpate_models import DimensionalityReduction, Flat, Power, Sphere
 from palpate_testing import check_estimator, synthetic_samples
 from scipy.signal import lfilter

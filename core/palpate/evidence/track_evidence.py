@@ -54,18 +54,16 @@ class TrackEvidence:
     air_position: Floats  # (a,) [m]
     values: Floats  # (k,) the result's parameters [SI]
     std: Floats  # (k,) standard deviation of each, by the estimator
-    combined: Floats  # (k,) combined standard uncertainty of each, with what diagnoses of a lower order say
+    combined: Floats  # (k,) combined standard uncertainty of each, with what the diagnoses before say
     surface: float  # [m]
     report: FitReport | None  # of an offline fit
     tables: Mapping[str, Settings] = field(default_factory=dict)  # of analyses, as the pipeline has them, by name
     ending: TrackEnd | None = None  # None where a track is judged without a run
-    found: Mapping[str, UncertainValue] = field(
-        default_factory=dict
-    )  # by parameter, what diagnoses of a lower order left
+    found: Mapping[str, UncertainValue] = field(default_factory=dict)  # by parameter, what the diagnoses before left
     air_after: Floats = field(
         default_factory=lambda: np.zeros((3, 0))
     )  # (3, a) time [s], force [N], position [m] after the last contact, at most 4096 samples
-    surface_uncertainty: float = 0.0  # [m] combined, with what diagnoses of a lower order say
+    surface_uncertainty: float = 0.0  # [m] combined, with what the diagnoses before say
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ class Diagnosed:
     biases: Mapping[str, Bias] = field(default_factory=dict)
     sources: tuple[Term, ...] = ()  # rows of the budget, each a cause of its own for all values
     delays: Mapping[str, float] = field(default_factory=dict)  # [s] that would explain a parameter or derived value
-    settles: frozenset[str] = frozenset()  # codes of flags by lower orders whose effect this diagnosis accounts for
+    settles: frozenset[str] = frozenset()  # codes of flags raised before whose effect this diagnosis accounts for
     left: Mapping[str, float] = field(default_factory=dict)  # in place of `terms` for a corrected value
     conditions: tuple[Condition, ...] = ()  # facts that the record cannot show and nobody has stated
     surface: float = 0.0  # [m] standard uncertainty that it adds to the surface

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 import numpy as np
 from palpate.contact import ContactModel
-from palpate.errors import error_in
+from palpate.errors import PluginError, error_in
 from palpate.estimation import Estimator
 from palpate.evidence.condition import Condition, joined
 from palpate.evidence.track_evidence import Diagnosed, TrackEnd, TrackEvidence
@@ -51,16 +52,48 @@ def apply_diagnoses(
     tracks: Mapping[str, Diagnosable], diagnoses: Mapping[str, Diagnosis], of_run: RunEvidence
 ) -> dict[str, TrackResult]:
     """The results of all tracks with the findings of all diagnoses; those of what was not estimated only by some."""
-    results = {name: track.result for name, track in tracks.items()}
     whole = {name: _evidence(name, track, of_run) for name, track in tracks.items() if track.result.samples}
-    for order in sorted({diagnosis.order for diagnosis in diagnoses.values()}):
-        every = [_with_uncertainties(evidence, results[name]) for name, evidence in whole.items()]
-        for name, diagnosis in diagnoses.items():
-            evidence = [track for track in every if diagnosis.lost or np.isfinite(track.values).all()]
-            if evidence and diagnosis.order == order:
-                for label, finding in _findings(name, diagnosis, evidence).items():
-                    results[label] = with_findings(results[label], tracks[label].model, name, finding)
-    return results
+    findings = dict[str, Mapping[str, Diagnosed]]()
+
+    def judged(label: str, names: Iterable[str]) -> TrackResult:
+        """Return the result of a track with the findings of some diagnoses."""
+        result = tracks[label].result
+        for name in names:
+            if label in findings[name]:
+                result = with_findings(result, tracks[label].model, name, findings[name][label])
+        return result
+
+    for name, before in diagnosis_order(diagnoses):
+        diagnosis = diagnoses[name]
+        known = [track for track in whole.values() if diagnosis.lost or np.isfinite(track.values).all()]
+        evidence = [_with_uncertainties(track, judged(track.name, before)) for track in known]
+        findings[name] = _findings(name, diagnosis, evidence) if evidence else {}
+    return {label: judged(label, findings) for label in tracks}
+
+
+def diagnosis_order(diagnoses: Mapping[str, Diagnosis]) -> list[tuple[str, list[str]]]:
+    """Return the names of diagnoses in the order in which they run, each with those whose findings it is given.
+
+    Those are what it states, and what they state in turn. Raises PluginError where some wait for each other.
+    """
+    early = {name for name, diagnosis in diagnoses.items() if Diagnosis.EVERY_OTHER not in diagnosis.after}
+    stated = {name: set(diagnosis.after) & set(diagnoses) for name, diagnosis in diagnoses.items()}
+    for name in set(diagnoses) - early:
+        stated[name] |= early
+    sorter = TopologicalSorter(stated)
+    try:
+        sorter.prepare()
+    except CycleError as error:
+        raise PluginError(f"diagnoses wait for each other: {', '.join(map(repr, error.args[1]))}") from error
+    order = list[str]()
+    before = dict[str, set[str]]()
+    while sorter.is_active():
+        ready = set(sorter.get_ready())
+        for name in (name for name in diagnoses if name in ready):
+            before[name] = stated[name].union(*(before[other] for other in stated[name]))
+            order.append(name)
+        sorter.done(*ready)
+    return [(name, [other for other in order if other in before[name]]) for name in order]
 
 
 def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -185,7 +218,7 @@ def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEviden
 
 
 def _with_uncertainties(evidence: TrackEvidence, result: TrackResult) -> TrackEvidence:
-    """The evidence with what diagnoses of lower orders have made of the uncertainty of each parameter."""
+    """The evidence with what the diagnoses before have made of the uncertainty of each parameter."""
     combined = np.array([result.parameters[parameter.name].combined for parameter in evidence.model.parameters])
     return read_only(
         replace(evidence, combined=combined, found=result.parameters, surface_uncertainty=result.surface.combined)

@@ -10,9 +10,11 @@ import numpy as np
 from palpate import Floats
 
 from palpate_kit.logs import role_evidence as evidence
+from palpate_kit.numerics.normal_equations import linear_regression
 
 _SMOOTH = 5  # samples to either side of what is differentiated
 _LEAST = 200  # samples in air
+_STRETCHES = 20  # of the air, whose scores are independent
 _SURE = 6.0  # standard deviations by which the mass must be determined
 _MASS = (0.005, 5.0)  # [kg] of what can hang behind a sensor
 _SWING = 0.05  # of the force's range that may be inertia
@@ -55,20 +57,12 @@ def air_delay(
 
 def _regressed(force: Floats, acceleration: Floats, jerk: Floats) -> tuple[float, float, float] | None:
     terms = np.column_stack([np.ones(len(force)), acceleration, jerk])
-    scale = np.maximum(terms.std(axis=0), 1e-12)
-    scale[0] = 1.0
-    found, *_ = np.linalg.lstsq(terms / scale, force, rcond=None)
-    found = found / scale
-    left = force - terms @ found
-    parts = np.array_split(np.arange(len(force)), 20)
-    gram = terms.T @ terms
-    scores = np.array([terms[part].T @ left[part] for part in parts])
-    try:
-        inverse = np.linalg.inv(gram)
-    except np.linalg.LinAlgError:
-        return None
-    covariance = inverse @ (scores.T @ scores) @ inverse * len(parts) / (len(parts) - 1)
-    mass, pull = -found[1], found[2]
+    regression = linear_regression(terms, force)
+    # Neighbours are correlated: the covariance is that of the scores of stretches (Huber 1967).
+    parts = np.array_split(np.arange(len(force)), _STRETCHES)
+    scores = np.array([terms[part].T @ regression.residual[part] for part in parts])
+    covariance = regression.inverse @ (scores.T @ scores) @ regression.inverse * len(parts) / (len(parts) - 1)
+    mass, pull = -regression.weights[1], regression.weights[2]
     if not (_MASS[0] < mass < _MASS[1] and mass > _SURE * covariance[1, 1] ** 0.5):
         return None
     delay = pull / mass

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats, LogError
 from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
+from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue
 
@@ -68,7 +69,7 @@ def mounting_fit(
             f"and noise and directions explain {explained:.2g} N: is the sensor on this arm, and does it hang free?"
         )
     information = weight**2 * ((d**2).sum() * np.eye(3) - d.T @ d)
-    return MountingFit(q * matrix.T, np.linalg.inv(information) * std**2, q, sure)
+    return MountingFit(q * matrix.T, scaled_inverse(information) * std**2, q, sure)
 
 
 @dataclass(frozen=True)

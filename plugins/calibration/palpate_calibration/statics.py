@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from palpate import Floats, LogError
 from palpate_engine import GRAVITY
+from palpate_kit.numerics.normal_equations import linear_regression
 
 from palpate_calibration.calibrated_value import RepeatValue
 
@@ -39,19 +40,17 @@ def weight_fit(wrenches: Floats, downs: Floats, stds: tuple[float, float]) -> We
     count = len(wrenches)
     if count < 3:
         raise LogError(f"calibration: {count} orientations are given; weight and centre of mass need three")
-    scale = max(stds[0], 1e-12)
     design = np.zeros((3 * count, 4))
     design[:, 0] = GRAVITY * downs.ravel()
     design[:, 1:] = np.tile(np.eye(3), (count, 1))
-    found, covariance = _solved(design, wrenches[:, :3].ravel(), scale)
+    found, std = _solved(design, wrenches[:, :3].ravel(), max(stds[0], 1e-12))
     mass = float(found[0])
     arms = np.zeros((3 * count, 6))
     for i, down in enumerate(downs * mass * GRAVITY):
         # c x w is linear in c: the matrix of -w x.
         arms[3 * i : 3 * i + 3, :3] = [[0, down[2], -down[1]], [-down[2], 0, down[0]], [down[1], -down[0], 0]]
         arms[3 * i : 3 * i + 3, 3:] = np.eye(3)
-    turned, turned_covariance = _solved(arms, wrenches[:, 3:].ravel(), max(stds[1], 1e-12))
-    std, turned_std = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(turned_covariance))
+    turned, turned_std = _solved(arms, wrenches[:, 3:].ravel(), max(stds[1], 1e-12))
     # The mass stands in the arms: its share adds to the centre's uncertainty.
     centre_std = np.hypot(turned_std[:3], np.abs(turned[:3]) * std[0] / abs(mass))
     return WeightFit(
@@ -65,17 +64,16 @@ def weight_fit(wrenches: Floats, downs: Floats, stds: tuple[float, float]) -> We
     )
 
 
-def _solved(design: Floats, values: Floats, scale: float) -> tuple[Floats, Floats]:
+def _solved(design: Floats, values: Floats, noise: float) -> tuple[Floats, Floats]:
+    """Return unknowns (k,) and their standard errors (k,) by the noise of the values (n,); raises LogError."""
     singular = np.linalg.svd(design / np.linalg.norm(design, axis=0), compute_uv=False)
     if singular[-1] < 1e-3:
         raise LogError(
             "calibration: the orientations are too similar to separate weight from bias; turn the tool by some 30 "
             "degrees or more, about two axes"
         )
-    inverse = np.asarray(np.linalg.inv(design.T @ design), np.float64)
-    found: Floats = inverse @ design.T @ values
-    covariance: Floats = inverse * scale**2
-    return found, covariance
+    regression = linear_regression(design, values)
+    return regression.weights, regression.errors(noise)
 
 
 def tap_delay(force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> RepeatValue:
@@ -140,8 +138,5 @@ def series_compliance(force: Floats, position: Floats) -> RepeatValue:
     u, z = force[pressing], position[pressing]
     if len(u) < 10 or np.ptp(u) < 0.5:
         raise LogError("calibration: the force on the plate changes by less than 0.5 N: no compliance can be seen")
-    since = u - u.mean()
-    slope = float((since * (z - z.mean())).sum() / (since**2).sum())
-    scatter = z - z.mean() - slope * since
-    freedom = float(len(u) - 2)
-    return RepeatValue(-slope, math.sqrt(float((scatter**2).sum()) / freedom / float((since**2).sum())), freedom)
+    regression = linear_regression(np.column_stack([u - u.mean(), np.ones(len(u))]), z)
+    return RepeatValue(-float(regression.weights[0]), float(regression.errors()[0]), float(len(u) - 2))

@@ -55,7 +55,9 @@ def palpate_facts() -> dict[str, Fact]:
 @plugin
 def palpate_diagnoses() -> dict[str, Diagnosis]:
     """What filters on the inertial process are off by."""
-    return {"noise-bias": Diagnosis("palpate_filters.noise_bias:noise_bias")}
+    # Only a bias that counts against the combined uncertainty is stated.
+    terms = ("readings", "budget", "thickness", "late-force", "self-timed", "force-across")
+    return {"noise-bias": Diagnosis("palpate_filters.noise_bias:noise_bias", after=terms)}
 
 
 @plugin

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Problem, Samples
+from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_filters.first_guess import first_guess
 from palpate_filters.kinematic_settings import KinematicSettings, drift_of, fits
@@ -98,8 +99,7 @@ def _fitted_covariance(
     rows = np.r_[surface, np.arange(chart.start, chart.stop), place.at("bias")]
     information = np.zeros_like(before)
     information[np.ix_(rows, rows)] = found.information / FIT_SPREAD**2
-    units = np.sqrt(np.outer(np.diag(before), np.diag(before)))  # of each entry: metres and logarithms are far apart
-    return np.asarray(np.linalg.inv(np.linalg.inv(before / units) + information * units) * units, np.float64)
+    return scaled_inverse(scaled_inverse(before) + information)
 
 
 def _place(

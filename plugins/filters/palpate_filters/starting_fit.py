@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from palpate import ContactModel, Floats, Layout, Samples, contact_force
 from palpate_kit.numerics.local_cubic import cubic_weights
+from palpate_kit.numerics.normal_equations import scaled_inverse, standard_errors
 from palpate_kit.numerics.variable_projection import linear_part
 
 from palpate_filters.bounded_minimum import bounded_minimum
@@ -97,7 +98,7 @@ def fit_start(
     information = (design / scale).T @ (design / scale)
     if np.linalg.cond(information) > 1e14:
         return None
-    std_surface, *std = np.sqrt(np.diag(np.linalg.inv(information)) * variance) / scale
+    std_surface, *std = standard_errors(design) * np.sqrt(variance)
     if std[0] > theta[0]:  # the first parameter is lost in noise
         return None
     deviations[fitted] = std
@@ -129,11 +130,10 @@ def _with_bias(
     known = information[np.ix_(determined, determined)].copy()
     known[-1, -1] += 1.0 / prior.std**2
     scale = np.sqrt(np.diag(known))
-    scaled = known / np.outer(scale, scale)
-    if np.linalg.cond(scaled) > 1e14:
+    if np.linalg.cond(known / np.outer(scale, scale)) > 1e14:
         return None
     covariance = np.zeros((place.size, place.size))
-    covariance[np.ix_(determined, determined)] = np.linalg.inv(scaled) / np.outer(scale, scale)
+    covariance[np.ix_(determined, determined)] = scaled_inverse(known)
     std = np.sqrt(np.diag(covariance))
     if std[place["chart"]][fitted[0]] > 1.0:  # the first parameter is lost in noise
         return None

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from palpate import BudgetRow, ConfigurationError, ContactModel, Effect, Floats
 from palpate_kit.budget.force_sensitivity import number_step, with_change
 from palpate_kit.budget.uncertainty_sources import UncertaintySource, declared_source
+from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import Residual, reading
-from palpate_fits.uncertainty import scaled_inverse
 
 TIMING = "timing of force against motion"  # the row of a delay
 PROBE = 1e-4  # [s], at which the sensitivity to a delay is taken

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
+from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import Residual
 from palpate_fits.solvers import Solution
-from palpate_fits.uncertainty import scaled_inverse
 from palpate_fits.unknowns import Unknowns
 
 _STEP = 0.2  # of the depth over which contact sets in, 1 um in a palpation of 5 mm: no derivative is taken across it

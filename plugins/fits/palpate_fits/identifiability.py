@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
-
-from palpate_fits.uncertainty import symmetric_inverse
+from palpate_kit.numerics.normal_equations import symmetric_inverse
 
 _WORTH_SAYING = 0.9
 INDISTINCT = 0.998  # beyond it, one of the two could be 15 times better known if the other were

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats
+from palpate_kit.numerics.normal_equations import scaled_inverse, symmetric_inverse
 
 from palpate_fits.fit_outcome import FitOutcome
 from palpate_fits.profile_likelihood import ProfileIntervals
-from palpate_fits.uncertainty import ResidualScatter, scaled_inverse, symmetric_inverse
+from palpate_fits.uncertainty import ResidualScatter
 
 SIGMAS = 2.0  # standard uncertainties within which a value may be none
 CURVED = 2.0  # ratio of uncertainties at 0 and at the estimate, from which on the latter is made by curvature (choice)

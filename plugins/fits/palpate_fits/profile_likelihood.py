@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from palpate import Floats
 from palpate_kit.numerics.least_squares import least_squares
+from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import Residual
-from palpate_fits.uncertainty import scaled_inverse
 from palpate_fits.unknowns import Unknowns
 
 _SAMPLES = 4000

@@ -26,6 +26,7 @@ from palpate import (
     suggest,
     to_si,
 )
+from palpate_kit.numerics.normal_equations import scaled_inverse
 from pydantic import Field
 
 from palpate_fits.arm_order import places_in_order
@@ -172,7 +173,7 @@ class _TingTracker:
         lag = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-300)
         effective = max(n * (1 - max(lag, 0.0)) / (1 + max(lag, 0.0)), count + 2.0)
         power = float(left @ left) / max(n - count - 1, 1)
-        covariance = np.linalg.pinv(found.jac.T @ found.jac) * power * n / effective
+        covariance = scaled_inverse(found.jac.T @ found.jac) * power * n / effective
         spread = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), np.inf))
         std = np.zeros(len(theta))
         std[self._free] = theta[self._free] * np.expm1(_QUANTILE * spread[:count]) / _QUANTILE

@@ -8,6 +8,7 @@ from functools import cache, lru_cache
 
 import numpy as np
 from palpate import Floats
+from palpate_kit.numerics.normal_equations import scaled_inverse
 from palpate_kit.numerics.tip_travel import third_differences
 
 from palpate_fits.loss import LossFunction
@@ -19,7 +20,6 @@ _AT_ONCE = 8  # blocks
 _FEW = 40  # lags, up to which sums are faster than Fourier transforms
 _MOST = 200_000  # rows that the correlation sums run over; longer records are added up in pieces before
 _MOST_TAKEN = 0.6  # of the sum of the autocorrelation; more cannot be made good
-_SAFE = 1e-3  # pivot, from which on rounding does no harm
 _SPAN = 5.0  # the correlation is summed up to so many of its own times (Sokal 1997)
 
 
@@ -188,48 +188,6 @@ def _smooth_length(least: int) -> int:
             three *= 3
         five *= 5
     return best
-
-
-def scaled_inverse(normal: Floats) -> Floats:
-    """Inverse of a normal matrix (p, p) whose unknowns differ by many powers of ten."""
-    lengths = np.sqrt(normal.diagonal())
-    lengths[~(lengths > 0)] = 1.0
-    across = lengths[:, None] * lengths
-    return np.asarray(symmetric_inverse(normal / across, 1e-14) / across)
-
-
-def symmetric_inverse(square: Floats, least: float) -> Floats:
-    """Pseudo-inverse (p, p) of a symmetric matrix of diagonal 1, without eigenvalues up to `least` of the largest."""
-    if not len(square):
-        return square
-    if (found := _inverted(square.tolist())) is not None:
-        return np.array(found)
-    values, directions = np.linalg.eigh(square)
-    sizes = np.abs(values)
-    kept = sizes > least * sizes.max()
-    return np.asarray(directions * np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0) @ directions.T)
-
-
-def _inverted(square: list[list[float]]) -> list[list[float]] | None:
-    """Inverse of a symmetric matrix of diagonal 1, in plain numbers; None where it is near to having none.
-
-    Sweeps one unknown after the other (Goodnight 1979); the call of LAPACK alone takes five times as long.
-    """
-    places = range(len(square))
-    for k in places:
-        row = square[k]
-        pivot = row[k]
-        if not pivot > _SAFE:
-            return None
-        scaled = [value / pivot for value in row]
-        for i in places:
-            if i != k:
-                share = square[i][k]
-                square[i] = [value - share * one for value, one in zip(square[i], scaled, strict=True)]
-                square[i][k] = -share / pivot
-        scaled[k] = 1.0 / pivot
-        square[k] = scaled
-    return square
 
 
 def mean_uncertainty(values: Floats) -> float:

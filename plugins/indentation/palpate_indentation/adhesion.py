@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from palpate import ContactModel, Floats
 from palpate_engine import registry as registries
+from palpate_kit.numerics.normal_equations import standard_errors
 
 from palpate_indentation.approach_fit import CurveFit, correlation_time, fit_curve
 from palpate_indentation.elastic_law import ElasticLaw
@@ -157,7 +158,7 @@ def _fitted(name: str, model: ContactModel, branch: Branch, start: CurveFit, pul
     x, residual, jacobian = best.x, left(best.x), np.asarray(best.jac)
     time = correlation_time(residual)
     variance = float(residual @ residual) / max(len(residual) - 4 * time, 0.1 * len(residual))
-    std = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)) * variance * time, 0.0))
+    std = standard_errors(jacobian) * np.sqrt(variance * time)
     modulus, energy = theta(x)
     rms = top * float(np.sqrt(np.mean(residual**2)))
     surface = start.surface + reach * float(x[2])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
+from palpate_kit.numerics.normal_equations import scaled_inverse
 from palpate_kit.numerics.variable_projection import best_place, linear_part
 
 from palpate_indentation.elastic_law import ElasticLaw
@@ -185,7 +186,7 @@ def _covariance(jacobian: Floats, left: Floats, robust: bool) -> tuple[Floats, f
     influence = left / np.sqrt(1 + (left / _ROBUST) ** 2) if robust else left
     slope = (1 + (left / _ROBUST) ** 2) ** -1.5 if robust else np.ones(len(left))
     time = correlation_time(influence)
-    bread = np.linalg.pinv(jacobian.T @ (slope[:, None] * jacobian))
+    bread = scaled_inverse(jacobian.T @ (slope[:, None] * jacobian))
     variance = float((influence**2).sum()) / max(len(left) - time * jacobian.shape[1], 0.1 * len(left))
     return time * variance * bread @ (jacobian.T @ jacobian) @ bread, time
 

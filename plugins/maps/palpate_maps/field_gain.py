@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
+from palpate_kit.numerics.gaussian_process import cholesky_factor, whiten
 
 from palpate_maps.next_places import Knowledge
 
@@ -48,10 +49,7 @@ class FieldGain:
 
     def lines(self, row: NDArray[np.intp]) -> Floats:
         """(k,) of lines from the first node of a row (k,) to each."""
-        from scipy.linalg import cholesky, solve_triangular
-
-        lower = cholesky(self.own[np.ix_(row, row)] + self.line * np.eye(len(row)), lower=True, check_finite=False)
-        solved = solve_triangular(lower, self.cross[row], lower=True, check_finite=False)
+        solved = whiten(cholesky_factor(self.own[np.ix_(row, row)], self.line), self.cross[row])
         return np.asarray(np.cumsum(solved**2 @ self.weight))
 
     def after(self, node: int) -> FieldGain:

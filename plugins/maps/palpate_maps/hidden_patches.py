@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats
+from palpate_kit.numerics.gaussian_process import cholesky_factor, whiten
 
 from palpate_maps.sites import Sites
 from palpate_maps.stiffness_field import LEAST_STD, distances
@@ -144,13 +145,9 @@ class _SharedTerms:
 
     def covariance(self, noise: float, background: float, drift: float) -> _Covariance:
         """The covariance of one combination of sizes, factorised."""
-        from scipy.linalg import cholesky, solve_triangular
-
-        whole = background**2 * self.smooth + drift**2 * self.late
-        whole[np.diag_indices_from(whole)] += noise**2 * self.own + self.relief
-        lower = cholesky(whole, lower=True, overwrite_a=True, check_finite=False)
-        right = np.column_stack([self.log, np.ones(len(self.log))])
-        values, ones = solve_triangular(lower, right, lower=True, check_finite=False).T
+        covariance = background**2 * self.smooth + drift**2 * self.late
+        lower = cholesky_factor(covariance, noise**2 * self.own + self.relief)
+        values, ones = whiten(lower, np.column_stack([self.log, np.ones(len(self.log))])).T
         size = float(np.sqrt(ones @ ones))
         residual = values - ones * (ones @ values) / size**2
         evidence = -0.5 * residual @ residual - np.log(np.diag(lower)).sum() - np.log(size)
@@ -168,8 +165,6 @@ class _Covariance:
 
     def odds(self, rise: Floats) -> Floats:
         """Likelihood (m,) of each rise (n, m) over that of none."""
-        from scipy.linalg import solve_triangular
-
-        solved = solve_triangular(self.lower, rise, lower=True, check_finite=False)
+        solved = whiten(self.lower, rise)
         precision = (solved**2).sum(axis=0) - (self.level @ solved) ** 2
         return np.asarray(np.exp(np.clip(self.residual @ solved - precision / 2, -700, 50)))

@@ -8,10 +8,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
+from palpate_kit.numerics.gaussian_process import GaussianProcess, cholesky_factor, matern_3_2, whiten
 
 from palpate_maps.sites import Sites
 
 LEAST_STD = 1e-3  # of a site's logarithm
+_JITTER = 1e-12  # variance of a logarithm, that keeps a covariance positive where sites coincide
 _MOST_FITTED = 250  # sites that the kernel is fitted on; more cost time, not accuracy
 _MOST_USED = 1500  # sites that a whole map is made of
 _TOGETHER = 2000  # nodes that are solved for at once
@@ -30,15 +32,15 @@ class FieldKernel:
 
     def between(self, a: Floats, b: Floats) -> Floats:
         """Covariances (n, m) of the field at places a (n, k) and b (m, k) [m]."""
-        ratio = np.sqrt(3.0) / self.length * distances(a, b)
-        return np.asarray(self.variance * (1 + ratio) * np.exp(-ratio))
+        return self.variance * matern_3_2(distances(a, b), self.length)
 
     def factor(self, sites: Sites) -> Floats:
         """Lower Cholesky factor (n, n) of the covariance of sites."""
-        from scipy.linalg import cholesky
+        return cholesky_factor(self.between(sites.place, sites.place), self.noise_of(sites))
 
-        noisy = self.between(sites.place, sites.place) + np.diag(_own(sites) + self.noise + 1e-12)
-        return np.asarray(cholesky(noisy, lower=True, overwrite_a=True, check_finite=False))
+    def noise_of(self, sites: Sites) -> Floats:
+        """Variance (n,) of each site about the field."""
+        return _own(sites) + self.noise + _JITTER
 
 
 def distances(a: Floats, b: Floats) -> Floats:
@@ -81,7 +83,7 @@ def fit_kernel(place: Floats, log: Floats, own: Floats, start: FieldKernel | Non
         ratio = np.sqrt(3.0) / length * apart
         decay = variance * np.exp(-ratio)
         smooth = (1 + ratio) * decay
-        factor = cho_factor(smooth + np.diag(own + noise + 1e-12), lower=True)
+        factor = cho_factor(smooth + np.diag(own + noise + _JITTER), lower=True)
         solved, inverse = cho_solve(factor, log), cho_solve(factor, unit)
         value = 0.5 * log @ solved + np.log(np.diag(factor[0])).sum()
         inner = inverse - np.outer(solved, solved)
@@ -101,18 +103,14 @@ def interpolated(sites: Sites, nodes: Floats, level: float) -> tuple[Floats, Flo
     The field of `StiffnessField`, for more nodes than it can hold covariances of; far from every site it goes back to
     the level.
     """
-    from scipy.linalg import cho_solve, solve_triangular
-
     kernel = fit_kernel(sites.place, sites.log - level, _own(sites))
     used = sites[_thinned(len(sites), _MOST_USED)]
-    lower = kernel.factor(used)
-    solved = cho_solve((lower, True), used.log - level, check_finite=False)
+    process = GaussianProcess.of(kernel.between(used.place, used.place), kernel.noise_of(used), used.log - level)
     mean, variance = np.empty(len(nodes)), np.empty(len(nodes))
     for rows in np.array_split(np.arange(len(nodes)), len(nodes) // _TOGETHER + 1):
         cross = kernel.between(used.place, nodes[rows])
-        mean[rows] = level + solved @ cross
-        white = solve_triangular(lower, cross, lower=True, overwrite_b=True, check_finite=False)
-        variance[rows] = kernel.variance - (white**2).sum(axis=0)
+        mean[rows] = level + process.mean(cross)
+        variance[rows] = kernel.variance - (whiten(process.lower, cross) ** 2).sum(axis=0)
     return mean, np.sqrt(np.maximum(variance, LEAST_STD**2)), kernel.length
 
 
@@ -141,15 +139,13 @@ class StiffnessField:
 
     def factorise(self, sites: Sites) -> None:
         """Take sites in place of those known so far."""
-        from scipy.linalg import solve_triangular
-
         self.place, self.log, self.own = sites.place.copy(), sites.log.copy(), _own(sites)
         n = len(self.log)
         room = n + max(n // 2, 64)
         self._lower, self._cross = np.zeros((room, room)), np.zeros((room, len(self.nodes)))
         self._lower[:n, :n] = self.kernel.factor(sites)
         right = np.column_stack([self.log, np.ones(n), self.kernel.between(self.place, self.nodes)])
-        solved = solve_triangular(self._lower[:n, :n], right, lower=True, check_finite=False)
+        solved = whiten(self._lower[:n, :n], right)
         self._white = np.zeros((room, 2))  # L^-1 of the logarithms, and of ones
         self._white[:n], self._cross[:n] = solved[:, :2], solved[:, 2:]
         self._sums = self._white[:n].T @ self._cross[:n]  # (2, m)
@@ -174,17 +170,15 @@ class StiffnessField:
 
     def add(self, place: Floats, log: float, own: float, level: float) -> float:
         """Add a site; how many standard deviations it is from what was expected."""
-        from scipy.linalg import solve_triangular
-
         n = len(self.log)
         if n == len(self._lower):
             room = n // 2 + 64
             self._lower = np.pad(self._lower, ((0, room), (0, room)))
             self._cross, self._white = (np.pad(rows, ((0, room), (0, 0))) for rows in (self._cross, self._white))
-        row = solve_triangular(
-            self._lower[:n, :n], self.kernel.between(self.place, place[None])[:, 0], lower=True, check_finite=False
+        row = whiten(self._lower[:n, :n], self.kernel.between(self.place, place[None])[:, 0])
+        pivot = float(
+            np.sqrt(max(self.kernel.variance + self.kernel.noise + own + _JITTER - float(row @ row), _JITTER))
         )
-        pivot = float(np.sqrt(max(self.kernel.variance + self.kernel.noise + own + 1e-12 - row @ row, 1e-12)))
         self._lower[n, :n], self._lower[n, n] = row, pivot
         cross = (self.kernel.between(place[None], self.nodes)[0] - row @ self._cross[:n]) / pivot
         white = (np.array([log, 1.0]) - row @ self._white[:n]) / pivot

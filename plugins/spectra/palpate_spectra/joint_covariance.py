@@ -9,6 +9,7 @@ from itertools import product
 
 import numpy as np
 from palpate import Floats
+from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_spectra.complex_moduli import ModulusLine
 from palpate_spectra.spectral_lines import Phasors
@@ -74,7 +75,7 @@ class JointFit:
         white = np.linalg.solve(self.half, slopes)
         sizes = np.maximum(np.linalg.norm(white, axis=0), 1e-300)
         white = white / sizes
-        spread = np.linalg.pinv(white.T @ white, hermitian=True)
+        spread = scaled_inverse(white.T @ white)
         variance = np.maximum(spread.diagonal(), 1e-300)
         parts = [np.linalg.solve(self.half, np.linalg.solve(self.half, part).T) for part in self.between if part.any()]
         freedom = np.full(len(variance), np.inf)
@@ -83,7 +84,7 @@ class JointFit:
             projected = [rest @ part @ rest for part in parts]
             information = np.array([[0.5 * np.sum(one * other) for other in projected] for one in projected])
             by_part = np.array([np.diag(spread @ white.T @ part @ white @ spread) for part in parts])
-            spreading = np.sum(by_part * (np.linalg.pinv(information, hermitian=True) @ by_part), axis=0)
+            spreading = np.sum(by_part * (scaled_inverse(information) @ by_part), axis=0)
             freedom = np.maximum(2.0 * variance**2 / np.maximum(spreading, 1e-300), 1.0)
         return np.asarray(np.sqrt(variance) / sizes * t.ppf(0.975, freedom) / t.ppf(0.975, np.inf))
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats
+from palpate_kit.numerics.gaussian_process import GaussianProcess, matern_5_2
 
 _FREE = 10.0  # of the heights' standard deviation: that of height and slopes of the base itself, which are free
 _ROUNDS, _SIDE = 4, 5  # of the search for the largest likelihood, and points of a side of its grid
@@ -26,8 +27,7 @@ class HeightField:
     free: float  # [m] standard deviation of the free terms
     amplitude: float  # [m]
     length: float  # [m]
-    weights: Floats  # (n,) K^-1 h
-    inverse: Floats  # (n, n) K^-1
+    process: GaussianProcess  # of the heights
     height: Floats  # (n,) [m]
     std: Floats  # (n,) [m]
 
@@ -42,25 +42,25 @@ class HeightField:
         for _ in range(_ROUNDS):
             axes = [np.linspace(a, b, _SIDE) for a, b in zip(low, high)]
             grid = np.array([[a, b] for a in axes[0] for b in axes[1]])
-            best = grid[int(np.argmax([_likelihood(q, height, std, *fixed, *np.exp(at)) for at in grid]))]
+            likelihoods = [_process(q, height, std, *fixed, *np.exp(at)).log_likelihood for at in grid]
+            best = grid[int(np.argmax(likelihoods))]
             half = (high - low) / (_SIDE - 1)
             low, high = best - half, best + half
         amplitude, length = np.exp(best)
-        inverse = np.asarray(np.linalg.inv(_covariance(q, q, *fixed, amplitude, length) + np.diag(std**2)), np.float64)
-        return cls(q, *fixed, float(amplitude), float(length), inverse @ height, inverse, height, std)
+        process = _process(q, height, std, *fixed, amplitude, length)
+        return cls(q, *fixed, float(amplitude), float(length), process, height, std)
 
     def mean(self, q: Floats) -> Floats:
         """(m,) [m] heights at q (m, k)."""
-        return np.asarray(self._to(q) @ self.weights)
+        return self.process.mean(self._between(self.q, q))
 
     def covariance(self, q: Floats) -> Floats:
         """(m, m) [m^2] of the heights at q (m, k)."""
-        to = self._to(q)
-        return np.asarray(self._between(q, q) - to @ self.inverse @ to.T)
+        return self.process.covariance(self._between(q, q), self._between(self.q, q))
 
     def left_out(self) -> Floats:
         """(n,) by how many standard deviations each height is off what the others say."""
-        return np.asarray(self.weights / np.sqrt(np.diag(self.inverse)))
+        return self.process.left_out()
 
     def deviation_from_others(self, row: int) -> float:
         """By how many standard deviations a height is off, with amplitude and length of the others alone."""
@@ -69,9 +69,6 @@ class HeightField:
         at = self.q[row][None]
         std = np.sqrt(others.covariance(at)[0, 0] + self.std[row] ** 2)
         return float(abs(self.height[row] - others.mean(at)[0]) / std)
-
-    def _to(self, q: Floats) -> Floats:
-        return self._between(q, self.q)
 
     def _between(self, q: Floats, other: Floats) -> Floats:
         return _covariance(q, other, self.extent, self.free, self.amplitude, self.length)
@@ -84,16 +81,11 @@ def _linear(q: Floats, height: Floats) -> Floats:
 
 
 def _covariance(q: Floats, other: Floats, extent: float, free: float, amplitude: float, length: float) -> Floats:
-    squares = ((q[:, None] - other[None]) ** 2).sum(axis=2)
-    r = np.sqrt(5.0 * squares) / length
-    smooth = amplitude**2 * (1.0 + r + r * r / 3.0) * np.exp(-r)
-    return np.asarray(free**2 * (1.0 + q @ other.T / extent**2) + smooth)
+    distance = np.sqrt(((q[:, None] - other[None]) ** 2).sum(axis=2))
+    return np.asarray(free**2 * (1.0 + q @ other.T / extent**2) + amplitude**2 * matern_5_2(distance, length))
 
 
-def _likelihood(
+def _process(
     q: Floats, height: Floats, std: Floats, extent: float, free: float, amplitude: float, length: float
-) -> float:
-    """Logarithm of it, but for a constant."""
-    root = np.linalg.cholesky(_covariance(q, q, extent, free, amplitude, length) + np.diag(std**2))
-    solved = np.linalg.solve(root, height)
-    return -0.5 * float(solved @ solved) - float(np.log(np.diag(root)).sum())
+) -> GaussianProcess:
+    return GaussianProcess.of(_covariance(q, q, extent, free, amplitude, length), std**2, height)

@@ -9,6 +9,7 @@ import numpy as np
 from palpate import ConfigurationError, Floats, SurfacePoints
 from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 from palpate_kit.numerics.least_squares import least_squares
+from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_surfaces.mesh import Mesh, points_of
 from palpate_surfaces.pose import UncertainPose
@@ -56,7 +57,7 @@ def register(mesh: Mesh, touches: Touches) -> RegisteredPose:
     search = _PoseSearch.of(mesh, touches)
     unknowns = search.minimum()
     residual, slopes = search.scaled(unknowns)
-    inner = np.asarray(np.linalg.inv(slopes.T @ slopes + np.eye(6)), np.float64)
+    inner = scaled_inverse(slopes.T @ slopes + np.eye(6))
     chi_square = float(residual @ residual + unknowns @ unknowns)
     probability = _chi_square_tail(chi_square, len(touches))
     scale = chi_square / len(touches) if probability < _UNLIKELY else 1.0

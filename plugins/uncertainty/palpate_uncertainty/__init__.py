@@ -14,32 +14,45 @@ if TYPE_CHECKING:
 def palpate_diagnoses() -> dict[str, Diagnosis]:
     """Judges of every track."""
     return {
-        "plausibility": Diagnosis("palpate_uncertainty.plausibility:plausibility", order=0, quick=True),
-        # What others judge by holds its terms.
-        "readings": Diagnosis("palpate_uncertainty.reading_faults:reading_faults", order=10, quick=True),
-        "budget": Diagnosis("palpate_uncertainty.uncertainty_budget:budgets", order=10, quick=True),
-        "thickness": Diagnosis("palpate_uncertainty.other_geometries:other_geometries", order=10, quick=True),
-        "late-force": Diagnosis("palpate_uncertainty.delay.late_force:late_force", order=10, quick=True, lost=True),
-        # Settles what the budget states of undeclared timing.
-        "self-timed": Diagnosis("palpate_uncertainty.delay.delay_from_motion:diagnose_delay", order=11),
-        "model-discrepancy": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
-        # After the uncertainty of the surface.
+        "plausibility": Diagnosis("palpate_uncertainty.plausibility:plausibility", quick=True),
+        "readings": Diagnosis("palpate_uncertainty.reading_faults:reading_faults", quick=True),
+        "budget": Diagnosis("palpate_uncertainty.uncertainty_budget:budgets", quick=True),
+        "thickness": Diagnosis("palpate_uncertainty.other_geometries:other_geometries", quick=True),
+        "late-force": Diagnosis("palpate_uncertainty.delay.late_force:late_force", quick=True, lost=True),
+        # Settles what the budget states of undeclared timing, and a condition on it.
+        "self-timed": Diagnosis(
+            "palpate_uncertainty.delay.delay_from_motion:diagnose_delay",
+            after=("readings", "budget", "thickness", "late-force", "open-facts"),
+        ),
+        # Settles findings on the innovations.
+        "model-discrepancy": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit", after=("plausibility",)),
+        # By the uncertainty of the surface.
         "touched-surface": Diagnosis(
-            "palpate_uncertainty.touched_surface:touched_surface", order=55, quick=True, lost=True
+            "palpate_uncertainty.touched_surface:touched_surface",
+            after=("model-discrepancy",),
+            quick=True,
+            lost=True,
         ),
         "model-choice": Diagnosis("palpate_uncertainty.model_choice:model_choice"),
         # Last, since a filter's bias that is predicted is not a distance.
-        "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability", order=60),
+        "identifiability": Diagnosis(
+            "palpate_uncertainty.identifiability:identifiability", after=(Diagnosis.EVERY_OTHER,)
+        ),
         # By the whole uncertainty: a viscosity below none within it is one of none.
-        "possible-values": Diagnosis("palpate_uncertainty.possible_values:possible_values", order=70, quick=True),
+        "possible-values": Diagnosis(
+            "palpate_uncertainty.possible_values:possible_values",
+            after=(Diagnosis.EVERY_OTHER, "identifiability"),
+            quick=True,
+        ),
         # By the whole uncertainty, within which a stated half-space has to hold.
-        "motion": Diagnosis("palpate_uncertainty.measured_motion:measured_motion", order=75),
+        "motion": Diagnosis(
+            "palpate_uncertainty.measured_motion:measured_motion", after=(Diagnosis.EVERY_OTHER, "possible-values")
+        ),
         "stiffness-over-depth": Diagnosis("palpate_uncertainty.stiffness_over_depth:stiffness_over_depth"),
         "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
-        "force-across": Diagnosis("palpate_uncertainty.inclined_skin:inclined_skin", order=11, quick=True),
-        "tool-off-normal": Diagnosis("palpate_uncertainty.tool_off_normal:tool_off_normal", order=10, quick=True),
-        # Before what settles the delay by the motion.
-        "open-facts": Diagnosis("palpate_uncertainty.open_facts:open_facts", order=10, quick=True),
+        "force-across": Diagnosis("palpate_uncertainty.inclined_skin:inclined_skin", quick=True),
+        "tool-off-normal": Diagnosis("palpate_uncertainty.tool_off_normal:tool_off_normal", quick=True),
+        "open-facts": Diagnosis("palpate_uncertainty.open_facts:open_facts", quick=True),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
         "free-air": Diagnosis("palpate_uncertainty.free_air:free_air"),
         "unloading": Diagnosis("palpate_uncertainty.unloading:unloading"),

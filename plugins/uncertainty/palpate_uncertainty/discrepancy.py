@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Diagnosed, Flag, Floats, Parameter
+from palpate_kit.numerics.normal_equations import standard_errors
 
 from palpate_uncertainty.causes import cause_of
 
@@ -102,10 +103,7 @@ class Misfit:
 
 def spread_of(jacobian: Floats) -> Floats:
     """Standard uncertainties (f,) by a misfit of 1 N^2 in one pattern: sqrt(diag(n (J^T J)^-1)), J (n, f)."""
-    lengths = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-    scaled = jacobian / lengths
-    inverse = np.linalg.pinv(scaled.T @ scaled, hermitian=True)
-    return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0.0) * len(jacobian)) / lengths)
+    return standard_errors(jacobian) * math.sqrt(len(jacobian))
 
 
 def judge_misfit(misfit: Misfit, parameters: Sequence[Parameter], table: Mapping[str, Any], about: str) -> Diagnosed:

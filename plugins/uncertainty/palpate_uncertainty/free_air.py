@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ from palpate import Diagnosed, Flag, Floats, TrackEnd, TrackEvidence
 from palpate_kit.budget.force_sensitivity import Along, along
 from palpate_kit.budget.influence import effects_by_name
 from palpate_kit.budget.systematic_terms import per_newton
+from palpate_kit.numerics.normal_equations import linear_regression
 
 from palpate_uncertainty.refit import sweeps
 from palpate_uncertainty.refitted_model import standstill
@@ -223,11 +225,9 @@ def _regression(columns: Floats, force: Floats) -> tuple[Floats, Floats]:
 
     The noise is that of the means of blocks, so that it may hang together from sample to sample.
     """
-    centred = columns - columns.mean(axis=0)
-    weights = np.linalg.lstsq(centred, force - force.mean(), rcond=None)[0]
-    left = force - force.mean() - centred @ weights
-    scale = _error_of_mean(left) * np.sqrt(len(left))
-    return weights, scale * np.sqrt(np.diag(np.linalg.inv(centred.T @ centred)))
+    regression = linear_regression(columns - columns.mean(axis=0), force - force.mean())
+    noise = _error_of_mean(regression.residual) * math.sqrt(len(force))
+    return regression.weights, regression.errors(noise)
 
 
 def _error_of_mean(values: Floats) -> float:

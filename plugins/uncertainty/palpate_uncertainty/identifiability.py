@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 from palpate_engine import display_unit
+from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_uncertainty.model_alternatives import Refit, refit
 from palpate_uncertainty.refit import APART, Course, make_course, possible, sweeps
@@ -182,18 +183,17 @@ def _bounds(course: Course, best: Refit) -> tuple[Floats, Floats, list[str]]:
     small = course if course.model.memory else course.reduced(_MOST)
     slopes = _slopes(small, best)[small.used]
     slopes = slopes[np.isfinite(slopes).all(axis=1)]
-    lengths = np.linalg.norm(slopes, axis=0)
-    scaled = slopes / np.where(lengths > 0, lengths, 1.0)
-    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-14, hermitian=True)
+    has_effect = np.linalg.norm(slopes, axis=0) > 0
+    inverse = scaled_inverse(slopes.T @ slopes)
     variance = np.maximum(np.diag(inverse), 0.0)
     spread = np.sqrt(np.where(variance > 0, variance, 1.0))
     count = max(int(np.count_nonzero(course.used)), 1) / max(len(slopes), 1)  # samples that each of these stands for
     noise = float(np.std(best.residual)) / np.sqrt(count)
     k = len(best.theta)
     sizes = np.where(best.theta != 0, np.abs(best.theta), 1.0)
-    bound = np.where(lengths > 0, noise * np.sqrt(variance) / np.where(lengths > 0, lengths, 1.0), np.inf)[:k] * sizes
+    bound = np.where(has_effect, noise * np.sqrt(variance), np.inf)[:k] * sizes
     names = [parameter.name for parameter in course.model.parameters]
-    blind = [name for name, length in zip(names, lengths[:k].tolist(), strict=True) if length == 0.0]
+    blind = [name for name, shows in zip(names, has_effect[:k].tolist(), strict=True) if not shows]
     return np.where(np.isfinite(bound), bound, 0.0), inverse / np.outer(spread, spread), blind
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, SampleStore, Tail
 from palpate_engine import force_slopes, hesitations
+from palpate_kit.numerics.normal_equations import standard_errors
 
 _ENOUGH = 100  # innovations to estimate their autocorrelation
 _FORGETS = 0.96  # of the variance that an estimator stated half a tail ago
@@ -25,12 +26,9 @@ def bounds_at_best(tail: Tail, kept: SampleStore, model: ContactModel, noise: fl
         return nothing
     _, by_parameter, by_depth, _ = force_slopes(model, depth[rows], rate[rows], theta.tolist())
     slopes = np.column_stack([by_parameter, by_depth])
-    lengths = np.linalg.norm(slopes, axis=0)
-    if not (np.isfinite(slopes).all() and (lengths > 0).all()):
+    if not (np.isfinite(slopes).all() and slopes.any(axis=0).all()):
         return nothing
-    inverse = np.linalg.pinv((slopes / lengths).T @ (slopes / lengths), hermitian=True)
-    share = samples / len(depth)
-    return np.asarray(noise * np.sqrt(np.maximum(np.diag(inverse), 0.0) / share) / lengths)[:-1]
+    return np.asarray(noise * standard_errors(slopes) / np.sqrt(samples / len(depth)))[:-1]
 
 
 def slope_by_chance(tail: Tail) -> Floats:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from palpate import ConfigurationError, Floats
 from palpate_engine import GRAVITY
+from palpate_kit.numerics.normal_equations import linear_regression
 
 if TYPE_CHECKING:
     from palpate_arms.arm_by_hand import Posture
@@ -68,10 +68,5 @@ def _solved(matrices: Floats, readings: Floats) -> tuple[Floats, Floats, float]:
     count, _, unknowns = matrices.shape
     offsets = np.tile(np.eye(3), (count, 1))
     matrix = np.hstack([matrices.reshape(3 * count, unknowns), offsets])
-    found, *_ = np.linalg.lstsq(matrix, readings.ravel(), rcond=None)
-    rest = matrix @ found - readings.ravel()
-    spare = len(rest) - len(found)
-    variance = float(rest @ rest) / spare
-    std = np.sqrt(variance * np.diag(np.linalg.inv(matrix.T @ matrix)))
-    residual = math.sqrt(float(rest @ rest) / len(rest))
-    return np.asarray(found[:unknowns], np.float64), np.asarray(std[:unknowns], np.float64), residual
+    regression = linear_regression(matrix, readings.ravel())
+    return regression.weights[:unknowns], regression.errors()[:unknowns], regression.rms

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import ConfigurationError, Floats
 from palpate_kit.kinematics.rotations import rotation_vector
+from palpate_kit.numerics.normal_equations import linear_regression
 
 _LEAST = math.radians(5.0)  # of each turn
 _SLID = 0.5e-3  # [m]
@@ -40,12 +41,9 @@ def pivot_of(flanges: Sequence[Floats]) -> Pivot:
     if np.linalg.svd(turns, compute_uv=False)[1] < 0.3 * float(angles.max()):
         raise ConfigurationError("all turns were about one axis: turn the tool sideways as well as forwards")
     matrix = np.vstack([np.hstack([flange[:3, :3], -np.eye(3)]) for flange in flanges])
-    wanted = -np.concatenate([flange[:3, 3] for flange in flanges])
-    found, *_ = np.linalg.lstsq(matrix, wanted, rcond=None)
-    rest = matrix @ found - wanted
-    variance = float(rest @ rest) / (len(wanted) - 6)
-    std = float(np.sqrt(variance * np.diag(np.linalg.inv(matrix.T @ matrix))[:3]).max())
-    return Pivot(np.asarray(found[:3], np.float64), std, math.sqrt(float(rest @ rest) / len(flanges)))
+    regression = linear_regression(matrix, -np.concatenate([flange[:3, 3] for flange in flanges]))
+    # Three coordinates of a place are one distance.
+    return Pivot(regression.weights[:3], float(regression.errors()[:3].max()), math.sqrt(3.0) * regression.rms)
 
 
 def check_tip(pivot: Pivot, tool: Floats, radius: float) -> float:

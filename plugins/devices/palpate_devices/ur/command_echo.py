@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats
+from palpate_kit.protocols.ur_dashboard import RTDE
 
-RTDE_PORT = 30004
 # `servoL` sends an acceleration that neither the control program nor `servoj` uses: the command's number goes there.
 _REGISTER = "input_double_register_7"
 _NUMBERS = 1 << 15
@@ -93,7 +93,7 @@ class ReadBack:
         self._buffer = bytearray()
         self.wrong_size: tuple[int, int] | None = None  # bytes of a state, and how many were agreed on
         try:
-            self._link = socket.create_connection((host, RTDE_PORT), _TIMEOUT)
+            self._link = socket.create_connection((host, RTDE), _TIMEOUT)
         except OSError as error:
             raise RuntimeError(f"the controller does not read commands back: {error}") from error
         try:

@@ -22,10 +22,11 @@ from palpate_kit.acquisition.device_lock import network_device
 from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.rotations import matrix_of, pose_of
 from palpate_kit.kinematics.ur_arm import MODELS, distinguishable
+from palpate_kit.protocols.ur_dashboard import RTDE
 
 from palpate_devices.ur.client_library import missing_library
 from palpate_devices.ur.client_sockets import drop_unsent, send_at_once
-from palpate_devices.ur.command_echo import RTDE_PORT, Echo, ReadBack
+from palpate_devices.ur.command_echo import Echo, ReadBack
 from palpate_devices.ur.controller_states import NORMAL, RUNNING, STOPPED, complaint, slowdown
 
 _VARIABLES = [
@@ -64,7 +65,7 @@ class URDriver(ArmDriver):
     @property
     def reservation(self) -> str:
         """The port of the controller's states."""
-        return network_device(self.settings["host"], RTDE_PORT)
+        return network_device(self.settings["host"], RTDE)
 
     def connect(self, observe: bool) -> None:
         """States; unless the arm is only observed the control program, tool and payload."""
@@ -82,8 +83,8 @@ class URDriver(ArmDriver):
     def _take_over(self) -> None:
         settings = self.settings
         self._control = host().robot_commands(settings["host"])
-        send_at_once(RTDE_PORT)
-        drop_unsent(RTDE_PORT)
+        send_at_once(RTDE)
+        drop_unsent(RTDE)
         self._read_back = host().read_back(settings["host"], ReadBack)
         pendant = self._control.getTCPOffset()
         # The tool's own turn is the pendant's business, unless the pipeline states it.

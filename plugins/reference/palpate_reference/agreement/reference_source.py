@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, Floats, to_si
+from palpate_kit.numerics.normal_equations import linear_regression
 
 from palpate_reference.agreement.value_pairs import ReferenceOf, ReferenceValue
 from palpate_reference.material_table import MaterialTable, TableSettings
@@ -140,14 +141,13 @@ def _slope(
         raise ConfigurationError(
             f"{table.name}: has {count} rows up to a strain of {100 * most:.3g} %, fewer than {_ROWS}"
         )
-    design = np.column_stack([x[within], np.ones(count)])
-    (slope, _), rest, *_ = np.linalg.lstsq(design, y[within], rcond=None)
+    regression = linear_regression(np.column_stack([x[within], np.ones(count)]), y[within])
+    slope, error = float(regression.weights[0]), float(regression.errors()[0])
     if not slope > 0.0:
         raise ConfigurationError(f"{table.name}: the stress does not rise up to a strain of {100 * most:.3g} %")
-    error = math.sqrt(float(rest[0]) / (count - 2) * float(np.linalg.inv(design.T @ design)[0, 0]))
     per = 2.0 * (1.0 + poisson) if table.shear else 1.0
     about = "in shear" if table.shear else "taken as uniaxial: bonded specimens read more"
     return ReferenceValue(
-        table.name, per * float(slope), per * math.hypot(error, share * float(slope)),
+        table.name, per * slope, per * math.hypot(error, share * slope),
         (f"slope of stress over strain up to {100 * most:.3g} %, {about}", *differing(conditions, stated)),
     )  # fmt: skip

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from palpate import ConfigurationError, Floats
 from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
+from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_reference.hyperelastic.strain_energies import HyperelasticLaw
 from palpate_reference.law_fit import TableFit
@@ -118,7 +119,7 @@ def _outcome(
     product = float(sum(part[1:] @ part[:-1] for part in parts))
     correlation = min(max(product / power, 0.0), _WORST) if power > 0 else 0.0
     variance = power / (rows - count) * (1.0 + correlation) / (1.0 - correlation)
-    scattered = variance * np.linalg.pinv(square[1:, 1:], rcond=1e-13, hermitian=True) * np.outer(units, units)
+    scattered = variance * scaled_inverse(square[1:, 1:]) * np.outer(units, units)
     values = x * units
     moved = scale * np.where([unit == "1" for _, unit in law.parameters], 0.0, values)
     covariance = scattered + np.outer(moved, moved)

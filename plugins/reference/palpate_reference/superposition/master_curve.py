@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats
+from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_reference.material_table import MaterialTable
 from palpate_reference.superposition.temperature_sweeps import TemperatureSweep
@@ -149,7 +150,7 @@ def master_curve(
     if freedom < _OVERLAP:
         raise ConfigurationError(f"{len(rows.x)} rows at {len(sweeps)} temperatures are too few for a master curve")
     scale = float((residual**2).sum()) / freedom * _inflation(residual, rows)
-    inverse = scale * np.linalg.pinv(information, rcond=1e-13, hermitian=True)[:count, :count]
+    inverse = scale * scaled_inverse(information)[:count, :count]
     covariance = np.zeros((2 * len(sweeps),) * 2)
     at = [*free, *((len(sweeps) + k for k in free) if vertical else ())]
     covariance[np.ix_(at, at)] = inverse

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats
 from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
+from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_reference.superposition.master_curve import MasterCurve
 from palpate_reference.superposition.temperature_sweeps import ZERO
@@ -94,8 +95,7 @@ def _wlf(curve: MasterCurve) -> ShiftLaw | None:
     normal = normal_by_differences(lambda x: whitening @ (log_shift(temperature, x) - shift), high)
     best = min((least_squares(normal, np.array([c1, least + more]), low, high, gain=1e-14)
                 for c1 in (5.0, 15.0) for more in (20.0, 100.0)), key=lambda one: one.cost)  # fmt: skip
-    square = normal(best.x)
-    covariance = np.linalg.pinv(square[1:, 1:], hermitian=True)
+    covariance = scaled_inverse(normal(best.x)[1:, 1:])
 
     def predicted(t: Floats) -> Floats:
         return log_shift(t, best.x)

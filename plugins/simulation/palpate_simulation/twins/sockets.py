@@ -9,12 +9,12 @@ import sys
 from typing import Any
 
 from palpate import DeviceError, clock
+from palpate_kit.protocols.ur_dashboard import DASHBOARD, RTDE, SCRIPT
 
 from palpate_simulation.twins.controller import GREETING, VERSION, Controller
 from palpate_simulation.twins.delay_line import DelayLine
 from palpate_simulation.twins.rtde import ClientSession, packet, packets
 
-RTDE, SCRIPT, DASHBOARD = 30004, 30003, 29999
 _NO_LINGER = struct.pack("ii", 1, 0)
 _STAMPED = getattr(socket, "SO_TIMESTAMPNS", 35)  # Linux
 _STAMP = struct.Struct("qq")

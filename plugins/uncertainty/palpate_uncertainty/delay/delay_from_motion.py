@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 from palpate import Bias, Diagnosed, Flag, Floats, TrackEvidence
+from palpate_kit.numerics.normal_equations import standard_errors
 
-from palpate_uncertainty.delay.timed_record import LATEST, ResponseLaw, TimedRecord, spread_of, white_noise
+from palpate_uncertainty.delay.timed_record import LATEST, ResponseLaw, TimedRecord, white_noise
 from palpate_uncertainty.delay.timing_shift import is_viscous
 from palpate_uncertainty.refit import Course, possible, sweeps
 from palpate_uncertainty.relaxation_alternatives import relaxing_share
@@ -67,7 +68,7 @@ def is_rich(track: TrackEvidence) -> bool:
     record = TimedRecord.of(track)
     sigma, slopes = record.slopes(kelvin_voigt(), record.surface, 0.0, np.zeros(0), track.values)
     viscous = next(i for i, parameter in enumerate(model.parameters) if is_viscous(parameter))
-    return float(spread_of(slopes)[viscous]) * sigma < _TELLING * float(track.values[viscous])
+    return float(standard_errors(slopes)[viscous]) * sigma < _TELLING * float(track.values[viscous])
 
 
 def kelvin_voigt() -> ResponseLaw:
@@ -185,7 +186,7 @@ def _fitted(record: TimedRecord, law: ResponseLaw, delay: float | None, inflatio
     if not free:
         slopes = np.delete(slopes, count + 1, axis=1)
     n, p = len(left) / inflation, slopes.shape[1]
-    spread = spread_of(slopes) * np.sqrt(float(left @ left) / (len(left) - p) * inflation)
+    spread = standard_errors(slopes) * np.sqrt(float(left @ left) / (len(left) - p) * inflation)
     values, stds = _as_kelvin_voigt(record, law, surface, numbers, weights), spread[:2]
     bic = n * float(np.log(left @ left / len(left))) + p * float(np.log(n))
     return DelayFit(law.name, late, float(spread[count + 1]) if free else 0.0, values, stds, surface, bic)

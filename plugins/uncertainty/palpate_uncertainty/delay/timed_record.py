@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, TrackEvidence
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
+from palpate_kit.numerics.normal_equations import linear_regression
 
 from palpate_uncertainty.refit import Course, make_course
 
@@ -70,10 +71,8 @@ class TimedRecord:
     def solved(self, law: ResponseLaw, surface: float, delay: float, numbers: Floats) -> tuple[Floats, Floats]:
         """Weights of a law's columns by least squares, and what they leave (r,) [N]."""
         columns = law.columns(self.late(delay), surface, numbers)[self.rows]
-        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        target = (self.force - self.inertia)[self.rows]
-        weights = np.linalg.lstsq(columns / size, target, rcond=None)[0] / size
-        return weights, target - columns @ weights
+        regression = linear_regression(columns, (self.force - self.inertia)[self.rows])
+        return regression.weights, regression.residual
 
     def slopes(
         self, law: ResponseLaw, surface: float, delay: float, numbers: Floats, weights: Floats
@@ -122,10 +121,3 @@ def _motion(track: TrackEvidence, course: Course, step: float) -> tuple[Floats, 
 def white_noise(values: Floats) -> float:
     """Standard deviation of white noise that would give the third differences of a record."""
     return float(np.sqrt(np.mean(np.diff(values, 3) ** 2) / 20.0))
-
-
-def spread_of(slopes: Floats) -> Floats:
-    """Standard deviations (p,) per newton of white noise."""
-    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
-    unit = slopes / size
-    return np.asarray(np.sqrt(np.maximum(np.diag(np.linalg.pinv(unit.T @ unit, hermitian=True)), 0.0)) / size)
