@@ -19,14 +19,15 @@ if TYPE_CHECKING:
     from palpate_kit.acquisition.simulated_computer import simulated_time as simulated_time
 
     from palpate_testing.arm_checks import ArmTest as ArmTest
-    from palpate_testing.contact_checks import check_indenter as check_indenter, check_model as check_model
     from palpate_testing.device_checks import check_device as check_device
     from palpate_testing.estimator_checks import (
         check_estimator as check_estimator,
         synthetic_samples as synthetic_samples,
     )
+    from palpate_testing.model_checks import check_model as check_model
     from palpate_testing.simulated_time_checks import check_simulated_time as check_simulated_time
     from palpate_testing.surface_checks import check_surface as check_surface
+    from palpate_testing.tip_checks import check_indenter as check_indenter
     from palpate_testing.trajectory_checks import check_trajectory as check_trajectory
 
 
@@ -41,8 +42,8 @@ __getattr__, __all__ = lazy_names(
     "palpate_testing.arm_checks:ArmTest",
     "palpate_testing.device_checks:check_device",
     "palpate_testing.estimator_checks:check_estimator",
-    "palpate_testing.contact_checks:check_indenter",
-    "palpate_testing.contact_checks:check_model",
+    "palpate_testing.tip_checks:check_indenter",
+    "palpate_testing.model_checks:check_model",
     "palpate_testing.simulated_time_checks:check_simulated_time",
     "palpate_testing.surface_checks:check_surface",
     "palpate_testing.trajectory_checks:check_trajectory",

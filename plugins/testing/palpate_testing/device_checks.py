@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
-from palpate import Arm, Batch, Device, Link, Trajectory, clock
+from palpate import Arm, Batch, Device, Link, Stream, Trajectory, clock
 
 from palpate_testing.arm_checks import (
     ArmTest,
@@ -17,6 +19,10 @@ from palpate_testing.arm_checks import (
 from palpate_testing.failure_messages import demand
 
 _MOST = 100  # batches of one instant of simulated time
+_MIN_STAMPS = 10  # rows, below which a rate is not judged
+_RATE_ERROR = 0.05  # of the announced rate, as in the finding of a run (rate-contradicted)
+_ONE_EPOCH = 10_000_000_000  # [ns] between stamp and arrival, above which the clocks count from other instants
+_MAX_LEAD = 1.0  # [ms] that a stamp may be after its arrival, for clocks that are set by one another
 
 
 def check_device(
@@ -25,16 +31,19 @@ def check_device(
     seed: int = 0,
     listen: float = 2.0,
     arm: ArmTest | None = None,
+    readings: Mapping[str, tuple[float, float]] | None = None,
 ) -> None:
-    """A device sends what it announces; for one that moves, give a short trajectory.
+    """Check that a device sends what it announces; for one that moves, give a short trajectory.
 
     Checked: channels known before connecting, with names that differ; batches only of announced streams, of the right
-    width, with time-stamps in whole nanoseconds, one per row; `stop` twice does no harm; a device that is connected
-    again with the same seed sends the same readings. A live device is listened to for some time [s], `listen`, and may
-    send other readings the second time. The tip of an arm is where the motion has it, and that of a live arm goes
-    outwards at first, by as much as it says, stands soon once it is stopped on its way, and goes back up once it is
-    retracted: it moves. They are judged by the positions that it sends, or better by those that `arm` sees; with it the
-    link to the controller is cut, too.
+    width, with time-stamps in whole nanoseconds, one per row, that rise at the announced rate and are not later than
+    their arrival; no infinite reading; `stop` twice does no harm; a device that is connected again with the same seed
+    sends the same readings. `readings` are what is known of the experiment: by channel, as in "wrench.z", the range
+    [SI] of its median, which finds columns that are swapped and units that are wrong. A live device is listened to for
+    some time [s], `listen`, and may send other readings the second time. The tip of an arm is where the motion has it,
+    and that of a live arm goes outwards at first, by as much as it says, stands soon once it is stopped on its way, and
+    goes back up once it is retracted: it moves. They are judged by the positions that it sends, or better by those that
+    `arm` sees; with it the link to the controller is cut, too. Raises AssertionError with the reason.
     """
     name = type(device).__name__
     names = [stream.name for stream in device.streams]
@@ -45,14 +54,8 @@ def check_device(
         demand(channels and len(set(channels)) == len(channels), f"{name}.{stream.name}: channels must have own names")
     first = batches_of(device, trajectory, seed, listen)
     demand(any(len(batch.time) for batch in first), f"{name} sends nothing")
-    widths = {stream.name: len(stream.channels) for stream in device.streams}
-    for batch in first:
-        demand(batch.stream in widths, f"{name} sends a stream {batch.stream!r} that it does not announce")
-        demand(batch.values.ndim == 2, f"{name}.{batch.stream}: values must be a table")
-        demand(batch.values.shape[1] == widths[batch.stream], f"{name}.{batch.stream}: values of the wrong width")
-        for stamps in (batch.time, batch.received):
-            demand(stamps.dtype == np.int64, f"{name}.{batch.stream}: time-stamps must be int64 nanoseconds")
-            demand(stamps.shape == (len(batch.values),), f"{name}.{batch.stream}: one time-stamp for each row")
+    check_batches(device, first)
+    check_readings(device, first, readings or {})
     if trajectory is not None and moves(device, seed):
         check_follows(device, first, trajectory, is_whole=not device.live)
         if device.live:
@@ -70,6 +73,66 @@ def check_device(
         for a, b in zip(first, second, strict=True)
     )
     demand(same, f"{name} sends other readings when connected again with the same seed")
+
+
+def check_batches(device: Device, batches: Sequence[Batch]) -> None:
+    """Check form and time-stamps of the batches of a device; raises AssertionError."""
+    name = type(device).__name__
+    streams = {stream.name: stream for stream in device.streams}
+    for batch in batches:
+        demand(batch.stream in streams, f"{name} sends a stream {batch.stream!r} that it does not announce")
+        what = f"{name}.{batch.stream}"
+        for field in ("time", "received", "values"):
+            is_array = isinstance(getattr(batch, field), np.ndarray)
+            demand(is_array, f"{what}: {field} is a {type(getattr(batch, field)).__name__}, not an array")
+        demand(batch.values.ndim == 2, f"{what}: values must be a table")
+        demand(batch.values.shape[1] == len(streams[batch.stream].channels), f"{what}: values of the wrong width")
+        for stamps in (batch.time, batch.received):
+            demand(stamps.dtype == np.int64, f"{what}: time-stamps must be int64 nanoseconds")
+            demand(stamps.shape == (len(batch.values),), f"{what}: one time-stamp for each row")
+        demand(not np.isinf(batch.values).any(), f"{what}: a reading is infinite; an invalid one is NaN")
+    for stream in device.streams:
+        _check_stamps(f"{name}.{stream.name}", stream, [batch for batch in batches if batch.stream == stream.name])
+
+
+def _check_stamps(what: str, stream: Stream, batches: Sequence[Batch]) -> None:
+    """Check that the time-stamps of a stream rise, at its rate, and are not later than their arrival."""
+    time = np.concatenate([np.zeros(0, np.int64), *(batch.time for batch in batches)])
+    received = np.concatenate([np.zeros(0, np.int64), *(batch.received for batch in batches)])
+    if len(time) < _MIN_STAMPS:
+        return
+    steps = np.diff(time)
+    demand((steps > 0).all(), f"{what}: time-stamps fall or repeat at {int((steps <= 0).sum())} of {len(time)} rows")
+    if stream.rate is not None:
+        rate = 1e9 / float(np.median(steps))
+        is_announced = abs(rate / stream.rate - 1.0) <= _RATE_ERROR
+        demand(is_announced, f"{what}: its time-stamps in nanoseconds have {rate:.4g} Hz, announced {stream.rate:g} Hz")
+    lead = time - received
+    # Clocks of one epoch can be compared; those of a device that counts from its start cannot.
+    is_comparable = bool(np.abs(lead).max() < _ONE_EPOCH)
+    late = float(lead.max()) / 1e6
+    demand(
+        not is_comparable or late <= _MAX_LEAD, f"{what}: a reading was measured {late:.3g} ms after it was received"
+    )
+
+
+def check_readings(device: Device, batches: Sequence[Batch], readings: Mapping[str, tuple[float, float]]) -> None:
+    """Check that the medians of channels are in their ranges [SI]; raises AssertionError."""
+    name = type(device).__name__
+    medians: dict[str, float] = {}
+    for stream in device.streams:
+        values = [batch.values for batch in batches if batch.stream == stream.name]
+        for column, channel in enumerate(stream.channels):
+            address = ".".join(part for part in (stream.name, channel.name) if part)
+            medians[address] = float(np.nanmedian(np.concatenate(values)[:, column])) if values else np.nan
+    for address, (lowest, highest) in readings.items():
+        demand(address in medians, f"{name} has no channel {address!r}")
+        value = medians[address]
+        demand(
+            lowest <= value <= highest,
+            f"{name}.{address}: the median is {value:.4g}, expected {lowest:g} to {highest:g}; is it the right column, "
+            "in SI?",
+        )
 
 
 def moves(device: Device, seed: int) -> bool:

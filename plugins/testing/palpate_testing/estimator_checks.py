@@ -6,14 +6,16 @@ import json
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from itertools import pairwise
+from time import process_time
 from typing import Any
 
 import numpy as np
-from palpate import ContactModel, Estimates, Estimator, Problem, Samples, Status, force_over_time
+from palpate import ContactModel, Estimates, Estimator, Problem, Samples, Status
 
 from palpate_testing.failure_messages import demand
+from palpate_testing.truth_checks import check_truth
+from palpate_testing.truth_records import TIP_MASS, PressMotion
 
-_TIP_MASS = 0.14  # [kg]
 _OF_BLOCK = ("details", "flags", "report", "timing_included")  # not of each sample
 _COLUMNS = [field.name for field in fields(Estimates) if field.name not in _OF_BLOCK]
 
@@ -25,57 +27,78 @@ def synthetic_samples(
 
     The motion is exact, the surface at height 0; force noise 0.05 N, velocity noise 0.67 mm/s, as in the paper.
     """
-    random = np.random.default_rng(seed)
-    n = round(duration * rate)
-    stamp = np.rint(np.arange(n) * (1e9 / rate)).astype(np.int64)
-    time = stamp / 1e9
-    omega = 2 * np.pi * 2.0
-    depth = 3e-3 + 1e-3 * np.sin(omega * time)
-    speed = 1e-3 * omega * np.cos(omega * time)
-    acceleration = -1e-3 * omega**2 * np.sin(omega * time)
-    force = force_over_time(model, time, depth, speed, theta) + _TIP_MASS * acceleration
-    always = np.ones(n, bool)
-    return Samples(
-        stamp,
-        time,
-        np.concatenate([[0.0], np.diff(stamp) / 1e9]),
-        force + 0.05 * random.standard_normal(n),
-        -depth,
-        -speed + 0.67e-3 * random.standard_normal(n),
-        always,
-        always.copy(),
-    )
+    return PressMotion(duration=duration, rate=rate).samples(model, theta, TIP_MASS, seed)
 
 
-def check_estimator(estimator: Estimator, model: ContactModel, theta: Sequence[float]) -> None:
-    """An estimator keeps its promises on a synthetic palpation of a material with parameters `theta`.
+def check_estimator(estimator: Estimator, model: ContactModel, theta: Sequence[float], *, truth: bool = False) -> None:
+    """Check that an estimator keeps its promises on a synthetic palpation of a material with parameters `theta`.
 
-    Checked: one estimate for each sample, of the right shape; nothing is estimated out of contact; no negative standard
-    deviation; wherever an estimate is not finite, the status says why; the same bits on a second run and, for online
-    estimators, however the samples are cut into blocks; a missing measurement is survived.
+    Checked: one estimate for each sample, of its time and the right shape; nothing is estimated out of contact; no
+    negative standard deviation; wherever an estimate is not finite, the status says why; the tip is below the surface;
+    the same bits on a second run and, for online estimators, however the samples are cut into blocks; the samples are
+    left as they are; an online estimator takes less time than the record; a missing measurement is survived.
+    With `truth` its values are checked, too, on 40 records of known parameters, which takes some seconds; see
+    `check_truth`. Raises AssertionError with the reason.
     """
     name = type(estimator).__name__
-    problem = Problem(model, _TIP_MASS)
+    problem = Problem(model, TIP_MASS)
     samples = synthetic_samples(model, theta)
     samples.active[:200] = False
+    if estimator.online:
+        _check_speed(estimator, problem, samples[200:500])
+    untouched = {column.name: getattr(samples, column.name).copy() for column in fields(samples)}
     whole = estimator.start(problem).run(samples)
+    for column, values in untouched.items():
+        is_same = np.array_equal(getattr(samples, column), values, equal_nan=values.dtype.kind == "f")
+        demand(is_same, f"{name} writes into the {column} of its samples, which all plugins share")
     _check_shapes(whole, samples, len(model.parameters), name)
+    demand(np.array_equal(whole.time, samples.time), f"{name}: the times of its estimates are not those of the samples")
+    _check_depth(whole, samples, name)
     demand(np.isnan(whole.values[:200]).all() or not estimator.online, f"{name} estimates out of contact")
     again = estimator.start(problem).run(samples)
     demand(_same_bits(whole, again), f"{name} gives other numbers on a second run")
     if estimator.online:
-        tracker = estimator.start(problem)
-        cuts = [0, 1, 2, 199, 200, 201, 777, 1204, len(samples)]
-        blocks = [tracker.run(samples[a:b]) for a, b in pairwise(cuts)]
-        columns: dict[str, Any] = {n: np.concatenate([getattr(block, n) for block in blocks]) for n in _COLUMNS}
-        joined = replace(blocks[-1], **columns)  # what is said of a block is said by the last
-        demand(_same_bits(whole, joined), f"{name} gives other numbers when the samples are cut into blocks")
-    samples.force[500:510] = np.nan
-    samples.velocity[600:605] = np.nan
-    holed = estimator.start(problem).run(samples)
-    explained = (holed.status[-1] & (Status.DIVERGED | Status.IDLE)) != 0
-    demand(np.isfinite(holed.values[-1]).all() or explained, f"{name} does not survive a missing measurement")
+        _check_cuts(estimator, problem, samples, whole)
+    holed = replace(samples, force=samples.force.copy(), velocity=samples.velocity.copy())
+    holed.force[500:510] = np.nan
+    holed.velocity[600:605] = np.nan
+    survived = estimator.start(problem).run(holed)
+    explained = (survived.status[-1] & (Status.DIVERGED | Status.IDLE)) != 0
+    demand(np.isfinite(survived.values[-1]).all() or explained, f"{name} does not survive a missing measurement")
     demand(len(estimator.start(problem).run(samples[:0])) == 0, f"{name} makes estimates of no samples")
+    if truth:
+        check_truth(estimator, model, theta)
+
+
+def _check_speed(estimator: Estimator, problem: Problem, samples: Samples) -> None:
+    """Compare the processor's time with the duration of samples; what is compiled is compiled before."""
+    estimator.start(problem).run(samples)
+    begin = process_time()
+    estimator.start(problem).run(samples)
+    duration, spent = float(samples.time[-1] - samples.time[0]), process_time() - begin
+    is_fast = spent <= duration
+    demand(
+        is_fast, f"{type(estimator).__name__} takes {spent:.2g} s for a record of {duration:.2g} s: a run falls behind"
+    )
+
+
+def _check_cuts(estimator: Estimator, problem: Problem, samples: Samples, whole: Estimates) -> None:
+    """Compare the estimates of one block with those of the same samples in blocks of many lengths."""
+    tracker = estimator.start(problem)
+    cuts = [0, 1, 2, 199, 200, 201, 777, 1204, len(samples)]
+    blocks = [tracker.run(samples[a:b]) for a, b in pairwise(cuts)]
+    columns: dict[str, Any] = {n: np.concatenate([getattr(block, n) for block in blocks]) for n in _COLUMNS}
+    joined = replace(blocks[-1], **columns)  # what is said of a block is said by the last
+    name = type(estimator).__name__
+    demand(_same_bits(whole, joined), f"{name} gives other numbers when the samples are cut into blocks")
+
+
+def _check_depth(estimates: Estimates, samples: Samples, name: str) -> None:
+    """Check that the tip is below the estimated surface (n,) at most samples, which shows the sign of its height."""
+    depth = estimates.surface - samples.position
+    known = depth[np.isfinite(depth)]
+    is_below = len(known) == 0 or float(np.mean(known > 0)) > 0.5
+    demand(is_below, f"{name}: the tip in contact is above the estimated surface; is its sign right?")
 
 
 def _check_shapes(estimates: Estimates, samples: Samples, parameters: int, name: str) -> None:

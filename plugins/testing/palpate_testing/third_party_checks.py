@@ -8,7 +8,8 @@ from typing import Any
 from palpate import ContactModel, Indenter, Part, PluginError, Settings
 from palpate_engine import Registry
 
-from palpate_testing.contact_checks import check_force, check_indenter, usual_values
+from palpate_testing.model_checks import check_force, usual_values
+from palpate_testing.tip_checks import check_indenter
 
 
 def check_parts(parts: Mapping[str, Mapping[str, Part]], registry: Registry) -> None:

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
-from palpate import Setpoint, Trajectory, angular_velocities
+from palpate import Floats, Setpoint, Settings, Trajectory, angular_velocities
 
 from palpate_testing.failure_messages import demand
 
 _STEP = 1e-4  # [s]
+_TOUCHING = 1e-6  # [m] below the skin, where a motion that starts on it may be
+_DEPTH_ERROR = 20e-6  # [m], of the depth that a motion reaches between the instants of the grid
 
 
-def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25) -> None:
-    """A trajectory starts and ends at rest, has no jumps, and states its true velocity.
+def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25, depth: float | None = None) -> None:
+    """Check that a trajectory starts and ends at rest outside of the skin, has no jumps, and states its true velocity.
 
     Checked on a fine grid: shapes, finiteness, rest at both ends and beyond them, the duration, position and velocity
     without jumps, velocity equal to the derivative of position, no speed above `top_speed` [m/s], and a part for
-    measuring within the motion; of a tool that turns, an angular velocity that is that of its rotation.
+    measuring within the motion; ends above the skin, on one that is flat or that its surface describes; where `depth`
+    [m] is given, that its deepest setpoint is so far below; of a tool that turns, an angular velocity that is that of
+    its rotation. Raises AssertionError with the reason.
     """
     name, end = type(trajectory).__name__, trajectory.total_duration
     demand(np.isfinite(end) and end > 0, f"{name}.total_duration is {end}")
@@ -34,6 +38,14 @@ def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25) -> None:
     for rows, place in ((time < 0, ends[0]), (time > end, ends[1])):
         moved = np.abs(setpoint.position[rows] - place).max()
         demand(moved <= 1e-9, f"{name} does not last for its total_duration: {moved:.3g} m are left")
+    above = setpoint.position[:, 2] - _skin_height(trajectory, setpoint)
+    for row, end_name in ((0, "starts"), (-1, "ends")):
+        inside = -1e3 * float(above[row])
+        demand(inside < 1e3 * _TOUCHING, f"{name} {end_name} {inside:.3g} mm inside of the skin")
+    if depth is not None:
+        deepest = -1e3 * float(above.min())
+        is_right = abs(deepest - 1e3 * depth) <= 1e3 * _DEPTH_ERROR
+        demand(is_right, f"{name} goes {deepest:.4g} mm below the skin, not {1e3 * depth:.4g} mm: is z outwards?")
     speed = np.linalg.norm(setpoint.velocity, axis=1)
     demand(speed.max() <= top_speed, f"{name} moves at {speed.max():.3g} m/s, allowed {top_speed:g}")
     jump = np.abs(np.diff(setpoint.position, axis=0)).max()
@@ -46,6 +58,15 @@ def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25) -> None:
     demand(
         wrong <= 1e-3 * speed.max() + 1e-9, f"{name}: the velocity is not that of the position ({wrong:.3g} m/s off)"
     )
+
+
+def _skin_height(trajectory: Trajectory, setpoint: Setpoint) -> Floats:
+    """Return the height (n,) [m] of the skin below setpoints: that of the trajectory's nominal surface, or 0."""
+    nominal = getattr(trajectory, "surface", None)
+    if not isinstance(nominal, Settings):
+        return np.zeros(len(setpoint.position))
+    heights: Floats = nominal.at(setpoint.position[:, 0], setpoint.position[:, 1])[0]  # type: ignore[attr-defined]
+    return heights
 
 
 def _check_turns(name: str, setpoint: Setpoint) -> None:

@@ -1,0 +1,107 @@
+"""Checks of an estimator's values on 40 records of known truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from palpate import ContactModel, Estimator, Floats, Problem
+
+from palpate_testing.failure_messages import demand
+from palpate_testing.truth_records import TIP_MASS, Errors, PressMotion, estimate_records
+
+# Four quiet records, on which no noise in a filter's state biases it, and 36 with the noise of the paper's sensors.
+QUIET, QUIET_RECORDS = PressMotion(amplitude=2e-3, duration=4.0, rate=500.0, noise=0.05), 4
+NOISY, NOISY_RECORDS = PressMotion(duration=1.0), 36
+# Mean error on the quiet records: that of the paper's filters is 7 % and 10 % at most, of the others below 0.1 %.
+MAX_ELASTIC_BIAS, MAX_OTHER_BIAS = 0.09, 0.2
+# Stated standard deviation over the Cramer-Rao bound: 0.7 to 30 for all shipped estimators.
+MIN_STD, MAX_STD = 1 / 3, 10.0
+CAUTIOUS = 0.3  # errors over stated standard deviations, rms, below which a large one is overstated
+MIN_NIS, MAX_NIS = 0.02, 20.0  # of the noisy records; 0.6 to 2.8 for all shipped estimators
+NEGATIVE = 2.0  # standard deviations below zero
+HEAVY, HEAVY_MASS = PressMotion(frequency=4.0, noise=0.05, rate=500.0), 0.5  # [kg], inertia of 0.3 N
+MIN_INERTIA = 0.05  # of a parameter's value, below which its shift by inertia does not show the sign
+# Shift by inertia of an estimator that knows the mass, over that of one that neglects it; 1.8 with the wrong sign.
+MAX_INERTIA = 1.4
+
+
+def check_truth(estimator: Estimator, model: ContactModel, theta: Sequence[float]) -> None:
+    """Check that an estimator finds parameters around `theta` and knows how well.
+
+    Checked: no bias on quiet records, whose filter's state has no noise of its own; no viscosity below 0 by more than
+    two standard deviations; on noisy ones a standard deviation that is not below the Cramer-Rao bound, nor far above it
+    and the errors; a NIS of the order of 1; inertia of the tip with its sign. An estimator that has no number on any of
+    these records, which begin in contact, is not judged. Raises AssertionError with the reason.
+    """
+    name = type(estimator).__name__
+    quiet = estimate_records(estimator, model, theta, QUIET, QUIET_RECORDS)
+    if np.isnan(quiet.values).all():  # an estimator for other motions, which says so by its status
+        return
+    _check_bias(quiet, model, name)
+    noisy = estimate_records(estimator, model, theta, NOISY, NOISY_RECORDS)
+    _check_uncertainty(noisy, model, name)
+    if np.isfinite(noisy.nis).any():
+        nis = float(np.nanmedian(noisy.nis))
+        demand(MIN_NIS <= nis <= MAX_NIS, f"{name}: the NIS is {nis:.3g} where it is 1 for the right noise")
+    _check_inertia(estimator, model, theta, name)
+
+
+def _check_bias(errors: Errors, model: ContactModel, name: str) -> None:
+    """Compare the values (n, k) of quiet records with the truth; a viscosity may be 0 within its uncertainty."""
+    demand(np.isfinite(errors.values).all(), f"{name} has no number at the end of a record of {QUIET.duration:g} s")
+    bias = errors.relative.mean(axis=0)
+    for place, parameter in enumerate(model.parameters):
+        value, std = errors.values[:, place], errors.std[:, place]
+        is_negative = (value < -NEGATIVE * std) & (errors.bound[:, place] < 0.1 * errors.truth[:, place])
+        demand(not is_negative.any(), f"{name}: {parameter.name} is below 0 by more than {NEGATIVE:g} of its std")
+        allowed = MAX_ELASTIC_BIAS if parameter.role == "elastic" else MAX_OTHER_BIAS
+        demand(
+            abs(bias[place]) <= allowed or not _is_determined(errors, place),
+            f"{name}: {parameter.name} is off by {bias[place]:+.1%} on records almost without noise, allowed "
+            f"{allowed:.0%}",
+        )
+
+
+def _is_determined(errors: Errors, place: int) -> bool:
+    """Return True where the bound of a parameter is below a hundredth of its value on every record."""
+    return bool((errors.bound[:, place] < 0.05 * np.abs(errors.truth[:, place])).all())
+
+
+def _check_uncertainty(errors: Errors, model: ContactModel, name: str) -> None:
+    """Compare the stated standard deviations (n, k) with the Cramer-Rao bound and with the errors."""
+    for place, parameter in enumerate(model.parameters):
+        is_number = np.isfinite(errors.std[:, place]) & np.isfinite(errors.bound[:, place])
+        if not is_number.any() or not _is_determined(errors, place):
+            continue
+        ratio = float(np.median(errors.std[is_number, place] / errors.bound[is_number, place]))
+        error = float(np.sqrt(np.mean(errors.standardized[is_number, place] ** 2)))
+        demand(
+            ratio >= MIN_STD,
+            f"{name}: the std of {parameter.name} is {ratio:.2g} of the Cramer-Rao bound, which nothing is below",
+        )
+        demand(
+            ratio <= MAX_STD or error >= CAUTIOUS,
+            f"{name}: the std of {parameter.name} is {ratio:.3g} times the Cramer-Rao bound, and {1 / error:.3g} times "
+            "its errors",
+        )
+
+
+def _check_inertia(estimator: Estimator, model: ContactModel, theta: Sequence[float], name: str) -> None:
+    """Compare a heavy tip of known mass with a light one, and with a heavy one that counts as light."""
+
+    def values(mass: float, stated_mass: float) -> Floats:
+        samples = HEAVY.samples(model, theta, mass, seed=1)
+        last: Floats = estimator.start(Problem(model, stated_mass)).run(samples).values[-1]
+        return last
+
+    light = values(TIP_MASS, TIP_MASS)
+    known, neglected = values(HEAVY_MASS, HEAVY_MASS) - light, values(HEAVY_MASS, TIP_MASS) - light
+    # The sign shows in the parameter that inertia moves most.
+    effect = np.abs(neglected / np.array(theta, float))
+    place = int(np.argmax(effect))
+    if not effect[place] >= MIN_INERTIA:
+        return
+    share = float(known[place] / neglected[place])
+    complaint = f"{share:.2g} of what neglecting it does to {model.parameters[place].name}; has m z'' the right sign?"
+    demand(abs(share) <= MAX_INERTIA, f"{name}: with the tip's mass known, inertia makes {complaint}")

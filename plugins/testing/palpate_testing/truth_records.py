@@ -1,0 +1,111 @@
+"""Records whose truth is known: an estimator's errors on them, in its own uncertainties and in those of the bound."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from palpate import ContactModel, Estimator, Floats, Problem, Samples, force_over_time
+
+FORCE_STD, VELOCITY_STD = 0.05, 0.67e-3  # [N], [m/s], as in the paper
+TIP_MASS = 0.14  # [kg]
+LOWEST, HIGHEST = 0.6, 1.6  # times the given parameter values, between which the truths lie
+
+
+@dataclass(frozen=True)
+class PressMotion:
+    """A sine z = -(bias + amplitude sin(2 pi f t)) of the tip in the material, with the noise of the sensors."""
+
+    bias: float = 3e-3  # [m]
+    amplitude: float = 1e-3  # [m]
+    frequency: float = 2.0  # [Hz]
+    duration: float = 2.0  # [s]
+    rate: float = 250.0  # [Hz]
+    noise: float = 1.0  # times that of the sensors
+
+    def samples(self, model: ContactModel, theta: Sequence[float], mass: float, seed: int) -> Samples:
+        """Return samples of a material with parameters theta under a tip of a mass [kg]."""
+        random = np.random.default_rng(seed)
+        count = round(self.duration * self.rate)
+        stamp = np.rint(np.arange(count) * (1e9 / self.rate)).astype(np.int64)
+        time = stamp / 1e9
+        omega = 2.0 * np.pi * self.frequency
+        depth = self.bias + self.amplitude * np.sin(omega * time)
+        speed = self.amplitude * omega * np.cos(omega * time)
+        # u = F - m z'' with z'' = -d'': what the sensor feels of the contact force and of the tip's inertia.
+        inertia = -mass * self.amplitude * omega**2 * np.sin(omega * time)
+        force = force_over_time(model, time, depth, speed, theta) + inertia
+        always = np.ones(count, bool)
+        return Samples(
+            stamp,
+            time,
+            np.concatenate([[0.0], np.diff(stamp) / 1e9]),
+            force + self.noise * FORCE_STD * random.standard_normal(count),
+            -depth,
+            -speed + self.noise * VELOCITY_STD * random.standard_normal(count),
+            always,
+            always.copy(),
+        )
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What an estimator finds of records of known truth: each row is a record, each column a parameter."""
+
+    truth: Floats  # (n, k)
+    values: Floats  # (n, k) at the end of each record; NaN where it says that it has none
+    std: Floats  # (n, k) that it states
+    bound: Floats  # (n, k) Cramer-Rao bound with a known surface and exact motion
+    nis: Floats  # (n,) mean of the record's second half
+
+    @property
+    def relative(self) -> Floats:
+        """Return the errors (n, k) over the truth."""
+        return (self.values - self.truth) / self.truth
+
+    @property
+    def standardized(self) -> Floats:
+        """Return the errors (n, k) over the stated standard deviations."""
+        return (self.values - self.truth) / self.std
+
+
+def estimate_records(
+    estimator: Estimator, model: ContactModel, theta: Sequence[float], motion: PressMotion, records: int
+) -> Errors:
+    """Return the errors on records of a motion, whose parameters lie around `theta` and are drawn one by one."""
+    random = np.random.default_rng(0)
+    factors = LOWEST * (HIGHEST / LOWEST) ** random.random((records, len(theta)))
+    lower = [parameter.lower for parameter in model.parameters]
+    upper = [parameter.upper for parameter in model.parameters]
+    truth = np.clip(factors * np.array(theta, float), lower, upper)
+    values, stds, bounds, nis = [], [], [], []
+    for seed, row in enumerate(truth.tolist()):
+        samples = motion.samples(model, row, TIP_MASS, seed)
+        estimates = estimator.start(Problem(model, TIP_MASS)).run(samples)
+        values.append(estimates.values[-1])
+        stds.append(estimates.std[-1])
+        bounds.append(_lower_bound(model, row, samples))
+        late = estimates.nis[len(samples) // 2 :]
+        nis.append(float(np.mean(late[np.isfinite(late)])) if np.isfinite(late).any() else np.nan)
+    return Errors(truth, np.array(values), np.array(stds), np.array(bounds), np.array(nis))
+
+
+def _lower_bound(model: ContactModel, theta: Sequence[float], samples: Samples) -> Floats:
+    """Return the Cramer-Rao bound (k,) of the parameters where surface and motion are known, which nothing is below."""
+    depth = -samples.position
+    rate = np.gradient(depth, samples.time)
+
+    def force(values: Sequence[float]) -> Floats:
+        return force_over_time(model, samples.time, depth, rate, values)
+
+    at_truth = force(theta)
+    columns = []
+    for place, value in enumerate(theta):
+        step = 1e-5 * (abs(value) or 1.0)
+        columns.append((force([*theta[:place], value + step, *theta[place + 1 :]]) - at_truth) / step)
+    jacobian = np.column_stack(columns)
+    scale = np.linalg.norm(jacobian, axis=0)
+    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale))
+    bound: Floats = FORCE_STD * np.sqrt(np.diag(inverse)) / scale
+    return bound
