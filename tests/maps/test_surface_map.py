@@ -214,7 +214,7 @@ def test_a_surface_that_the_run_does_not_have_is_refused(grid_run, palpate):
     done = palpate("map", grid_run, "--surface", "brest")
     assert done.returncode == 2
     assert "it has no surface 'brest' (there are: breast)" in done.stderr
-    done = palpate("map", grid_run, "--mcap")
+    done = palpate("map", grid_run, "--method", "average")
     assert done.returncode == 2
     assert "a map on a surface is a Gaussian process, in a PLY file" in done.stderr
 

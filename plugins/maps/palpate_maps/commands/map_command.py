@@ -49,7 +49,6 @@ def map_run(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to. [default: RUN/maps]")] = None,
     svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
     surface: SurfaceName = None,
-    mcap: Annotated[bool, typer.Option("--mcap", help="Write map.mcap, too: a Grid that robot viewers draw.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve.
@@ -81,18 +80,14 @@ def map_run(
             findings = maps.find_lumps(sites if skin is None or on_a_line else maps.sites_on(sites, skin))
         made = _MapOutput(run, out or RunFolder(run).maps, "svg" if svg else "png", path, sites, findings)
         if along is not None and on_a_line:
-            if mcap:
-                raise ConfigurationError(
-                    f"--mcap: {run} is a sweep along a line, and no map; its log has the estimates"
-                )
             name, said, answer = _sweep(made, float(along.max() - along.min()), track, parameter, points)
         elif skin is not None:
-            if mcap or method != "gaussian-process":
-                raise ConfigurationError("--mcap, --method: a map on a surface is a Gaussian process, in a PLY file")
+            if method != "gaussian-process":
+                raise ConfigurationError("--method: a map on a surface is a Gaussian process, in a PLY file")
             name, said, answer = _on_surface(made, skin, length(cell, "--cell"))
         else:
             field = maps.make_map(sites, length(cell, "--cell"), method)  # type: ignore[arg-type]
-            name, said, answer = _map(made, field, mcap)
+            name, said, answer = _map(made, field)
     if findings is not None and findings.warning:
         typer.echo(f"warning: {findings.warning}", err=True)
     if as_json:
@@ -160,10 +155,9 @@ def _sweep(made: _MapOutput, way: float, track: str | None, parameter: str | Non
     return name, said, {"kind": "sweep", "length": way}
 
 
-def _map(made: _MapOutput, field: StiffnessMap, mcap: bool) -> Written:
+def _map(made: _MapOutput, field: StiffnessMap) -> Written:
     """A map of an area."""
     from palpate_maps import map_figures, map_files
-    from palpate_maps.mcap_grid import map_mcap
 
     path, folder, sites = made.path, made.folder, made.sites
     image = map_figures.map_picture(field, path.parameter, made.unit, made.findings, outlines_of(made.run))
@@ -172,8 +166,6 @@ def _map(made: _MapOutput, field: StiffnessMap, mcap: bool) -> Written:
     map_files.replace_file(folder / f"{name}.csv", table)
     map_files.replace_file(folder / f"{name}.npz", map_files.map_npz(field, path.parameter))
     save_figure(image, folder / f"{name}.{made.ending}")
-    if mcap:
-        map_files.replace_file(folder / f"{name}.mcap", map_mcap(field, path.parameter, round(1e9 * sites.time[-1])))
     size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
     covered = f"{100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.source}"
     said = f"map of {size}, {covered}, interpolated over {1e3 * field.length:.3g} mm"
