@@ -7,17 +7,26 @@ from collections.abc import Callable
 import numpy as np
 from palpate import ContactModel, Floats
 
+from palpate_kit.numerics.normal_equations import symmetric_inverse
+
 _INDISTINCT = 1e-6  # ratio of singular values below which parameters and surface cannot be distinguished
 
 
 def answer(jacobian: Floats, error: Floats) -> Floats | None:
-    """Shift of parameters and surface (k + 1,) by an error (n,) of the force [N]; None where they are indistinct."""
+    """Return the shift of parameters and surface (k + 1,) by an error (n,) of the force [N].
+
+    None where the force does not depend on one of them.
+    """
     shifts = influence(jacobian)
     return None if shifts is None else shifts(error)
 
 
 def influence(jacobian: Floats) -> Callable[[Floats], Floats] | None:
-    """That shift as a function of the error, for many errors of one estimate."""
+    """Return that shift as a function of the error, for many errors of one estimate.
+
+    A direction in which parameters and surface cannot be distinguished, such as a viscosity and the surface at one
+    speed, has no shift; the others keep theirs.
+    """
     if len(jacobian) <= jacobian.shape[1]:
         return None
     scale = np.linalg.norm(jacobian, axis=0)
@@ -27,7 +36,8 @@ def influence(jacobian: Floats) -> Callable[[Floats], Floats] | None:
     unit = jacobian / scale
     normal = (unit[:, :, None] * unit[:, None, :]).sum(axis=0)
     if np.linalg.cond(normal) > _INDISTINCT**-2:
-        return None
+        inverse = symmetric_inverse(normal, _INDISTINCT**2)
+        return lambda error: np.asarray(inverse @ (unit * error[:, None]).sum(axis=0) / scale)
     return lambda error: np.asarray(np.linalg.solve(normal, (unit * error[:, None]).sum(axis=0)) / scale)
 
 

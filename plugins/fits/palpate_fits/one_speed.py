@@ -6,44 +6,100 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from palpate import Floats
+from palpate import Floats, Parameter
 from palpate_kit.numerics.normal_equations import scaled_inverse, symmetric_inverse
 
 from palpate_fits.fit_outcome import FitOutcome
+from palpate_fits.loss import LossFunction
 from palpate_fits.profile_likelihood import ProfileIntervals
+from palpate_fits.record_arrays import FitRecord
+from palpate_fits.residual import Residual
+from palpate_fits.solvers import Solution, solve_lm
 from palpate_fits.uncertainty import ResidualScatter
+from palpate_fits.unknowns import Unknowns, at_physical_bounds
 
 SIGMAS = 2.0  # standard uncertainties within which a value may be none
 CURVED = 2.0  # ratio of uncertainties at 0 and at the estimate, from which on the latter is made by curvature (choice)
+MIRRORED = 0.1  # of the size of a viscosity below none: one above it and smaller is at the bound, no minimum (choice)
 SAMPLES = 4000  # whose slopes are taken
 SINGULAR = 1e-12  # of the largest eigenvalue of scaled slopes, below which a direction does not count
 
 
 @dataclass(frozen=True)
-class OneSpeedBound:
-    """A viscosity that a record does not determine: it is anything from none to a bound."""
+class OneSpeedInterval:
+    """Both ends of a viscosity that its own size alone determines; from none on, the record does not determine it."""
 
-    bound: float  # [SI]
-    covariance: Floats  # (p, p) of the free unknowns; two standard uncertainties reach to none, or to the bound
+    lower: float  # [SI]
+    upper: float  # [SI]
+    covariance: Floats  # (p, p) of the free unknowns; two standard uncertainties reach to the farther end
 
 
-def one_speed_bounds(fit: FitOutcome, scatter: ResidualScatter) -> Iterator[tuple[int, OneSpeedBound]]:
-    """Yield each viscosity that a record without air determines by its own size alone, by its place among the free.
+def one_speed_intervals(fit: FitOutcome, scatter: ResidualScatter) -> Iterator[tuple[int, OneSpeedInterval]]:
+    """Yield each viscosity that a record determines by its own size alone, by its place among the free.
 
     F = E a(d) + eta b(d) d' with b proportional to the slope of a: at one speed eta d' b(d) is the force of a surface
     that is higher. The two differ by the square of eta alone, so that noise makes a viscosity out of none, and the
-    curvature there claims to know it. So the uncertainty counts that the viscosity would have if it were none. The
-    bound is the end of its likelihood profile at two standard uncertainties.
+    curvature there claims to know it. So where the viscosity is within two of the uncertainties that it would have if
+    no viscosity were there, the ends are those of its likelihood profile at two standard uncertainties. Without air the
+    interval begins at 0, as nothing bounds the surface from above.
     """
     parameters = fit.problem.model.parameters
     for j, place in enumerate(fit.residual.free):
-        is_viscous = place < len(parameters) and parameters[place].role == "viscous" and parameters[place].lower == 0.0
-        if not is_viscous or fit.problem.model.memory:
+        if place >= len(parameters) or not _is_viscous(parameters[place]) or fit.problem.model.memory:
             continue
         std_if_none, std_if_alone = _std_if_none(fit, scatter, j)
         is_curved = std_if_none > CURVED * float(np.sqrt(scatter.covariance[j, j]))
-        if is_curved and fit.solution.x[place] <= SIGMAS * std_if_none and fit.begins_in_contact():
-            yield j, _bound(fit, scatter, j, std_if_alone)
+        if not is_curved or fit.solution.x[place] > SIGMAS * std_if_none:
+            continue
+        profile = ProfileIntervals(fit.residual, fit.unknowns, fit.record, fit.solution.x, fit.loss)
+        if not profile.determines(place):
+            continue
+        yield j, _interval(fit, profile, scatter, j, std_if_alone)
+
+
+def with_possible_viscosity(
+    residual: Residual, unknowns: Unknowns, record: FitRecord, loss: LossFunction, solution: Solution
+) -> tuple[Unknowns, Solution]:
+    """Return the unknowns and the fit without a viscosity below 0 that only its own size determines.
+
+    As they are if no such fit explains the record as well.
+
+    A surface that is higher by s with a viscosity, and one that is lower by s without, differ in their force by s^3:
+    least squares takes either. Of two that the record does not distinguish, only one is of a material.
+    """
+    free = list(residual.free)
+    for j, place in enumerate(free):
+        value = float(solution.x[place])
+        if place >= len(residual.model.parameters) or value >= 0.0 or not _is_viscous(residual.model.parameters[place]):
+            continue
+        # Start at the mirrored value, the others as they fit best there.
+        start = solution.x.copy()
+        profile = ProfileIntervals(residual, unknowns, record, solution.x, loss)
+        with np.errstate(all="ignore"):
+            start[free] = profile.with_held(place, -value)
+        if not np.isfinite(start).all():  # the force does not depend on the viscosity
+            continue
+        bounded = at_physical_bounds(unknowns, residual.model)
+        possible = solve_lm(residual, bounded, record, start, loss)
+        # Twice the rise of the cost is chi square in units of the variance of the residual.
+        variance = 2.0 * solution.cost / max(int(np.count_nonzero(record.used)), 1)
+        is_plausible = 2.0 * (possible.cost - solution.cost) <= SIGMAS**2 * variance
+        if is_plausible and (
+            possible.x[place] > MIRRORED * -value or _is_flatter(residual, record, solution, possible, j)
+        ):
+            return bounded, possible
+    return unknowns, solution
+
+
+def _is_flatter(residual: Residual, record: FitRecord, solution: Solution, possible: Solution, j: int) -> bool:
+    """Return True if the variance of the j-th free unknown by the slopes at a possible solution is far larger."""
+    variances = [scaled_inverse(residual.normal(record, each.x)[1:, 1:])[j, j] for each in (solution, possible)]
+    return bool(variances[1] > CURVED**2 * variances[0])
+
+
+def _is_viscous(parameter: Parameter) -> bool:
+    """Return True if a material has none of a parameter or more, as of a viscosity."""
+    return parameter.role == "viscous" and parameter.lower == 0.0
 
 
 def _std_if_none(fit: FitOutcome, scatter: ResidualScatter, j: int) -> tuple[float, float]:
@@ -72,19 +128,23 @@ def _spread(scatter: ResidualScatter) -> float:
     return float(np.sqrt(scatter.rss / max(scatter.effective_samples, 1.0)))
 
 
-def _bound(fit: FitOutcome, scatter: ResidualScatter, j: int, step: float) -> OneSpeedBound:
-    """Return the bound of the j-th free unknown, searched from a first step, and what it leaves of the others."""
-    place, estimate = fit.residual.free[j], fit.solution.x[list(fit.residual.free)]
-    profile = ProfileIntervals(fit.residual, fit.unknowns, fit.record, fit.solution.x, fit.loss)
-    bound = max(profile.upper_end(place, SIGMAS, step, _spread(scatter)) or 0.0, float(estimate[j]))
+def _interval(
+    fit: FitOutcome, profile: ProfileIntervals, scatter: ResidualScatter, j: int, step: float
+) -> OneSpeedInterval:
+    """Return the interval of the j-th free unknown, searched from a first step, and what it leaves of the others."""
+    place, estimate, spread = fit.residual.free[j], fit.solution.x[list(fit.residual.free)], _spread(scatter)
+    value = float(estimate[j])
+    upper = max(profile.upper_end(place, SIGMAS, step, spread) or 0.0, value)
+    lower = 0.0 if fit.begins_in_contact() else profile.end_above(place, 0.0, SIGMAS, spread)
     # Covariance of the others if this one were known.
     others = np.delete(np.arange(len(estimate)), j)
     normal = fit.residual.normal(fit.record, fit.solution.x)[1:, 1:]
     covariance = np.zeros_like(normal)
-    covariance[np.ix_(others, others)] = _spread(scatter) ** 2 * scaled_inverse(normal[np.ix_(others, others)])
+    covariance[np.ix_(others, others)] = spread**2 * scaled_inverse(normal[np.ix_(others, others)])
     # What it does to them, at the end that is farther in units of that; twice this shift leads there.
     std = np.sqrt(covariance.diagonal()[others])
-    shifts = [(profile.with_held(place, end) - estimate) / SIGMAS for end in (0.0, bound)]
+    shifts = [(profile.with_held(place, end) - estimate) / SIGMAS for end in (lower, upper)]
     shift = max(shifts, key=lambda one: float(np.linalg.norm(one[others] / np.maximum(std, 1e-300))))
-    shift[j] = np.copysign(bound / SIGMAS, shift[j])
-    return OneSpeedBound(bound, covariance + np.outer(shift, shift))
+    reach = upper if lower == 0.0 else max(upper - value, value - lower)
+    shift[j] = np.copysign(reach / SIGMAS, shift[j])
+    return OneSpeedInterval(lower, upper, covariance + np.outer(shift, shift))

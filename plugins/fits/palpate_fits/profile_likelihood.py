@@ -14,6 +14,8 @@ from palpate_fits.unknowns import Unknowns
 
 _SAMPLES = 4000
 _EVALUATIONS = 25
+_MAX_REACH = 1e6  # first steps, of the search for an upper end (choice)
+_END_ROUNDING = 0.02  # of the way to an upper end; a bound is printed with two digits
 
 
 class ProfileIntervals:
@@ -54,12 +56,51 @@ class ProfileIntervals:
         """Return the upper end alone, searched from a `step`, where the cost has risen by quantile^2/2 spread^2.
 
         `spread` [N] is the standard deviation of residuals as if independent: this serves at a minimum without
-        curvature.
+        curvature. The search triples the step until it is beyond the end, and bisects; None if the cost never rises so.
         """
-        j, spread = self._free.index(place), spread * np.sqrt(len(self._record) / self._samples)
+        value = float(self._given[self._free.index(place)])
+        edge = float(self._high[self._free.index(place)])
+        inside, reach = 0.0, step
         with np.errstate(over="ignore", invalid="ignore"):
-            end = self._end(j, 1.0, step, quantile, (step / spread) ** 2) if spread > 0 else None
-        return None if end is None else float(end + self._given[j] - self._minimum[j])
+            while self.distance(place, min(value + reach, edge), spread) < quantile:
+                if value + reach >= edge or reach > _MAX_REACH * step:
+                    return None
+                inside, reach = reach, 3.0 * reach
+        return value + self._bisected(place, inside, reach, quantile, spread)
+
+    def end_above(self, place: int, limit: float, quantile: float, spread: float) -> float:
+        """Return the lower end alone, as `upper_end`; the limit [as the unknown] where the cost rises less up to it."""
+        value = float(self._given[self._free.index(place)])
+        if value <= limit or self.distance(place, limit, spread) < quantile:
+            return limit
+        return value + self._bisected(place, 0.0, limit - value, quantile, spread)
+
+    def _bisected(self, place: int, inside: float, outside: float, quantile: float, spread: float) -> float:
+        """Return the distance from the value [as the unknown] at which the cost has risen by the quantile."""
+        value = float(self._given[self._free.index(place)])
+        while abs(outside - inside) > _END_ROUNDING * abs(outside):
+            middle = 0.5 * (inside + outside)
+            is_inside = self.distance(place, value + middle, spread) < quantile
+            inside, outside = (middle, outside) if is_inside else (inside, middle)
+        return outside
+
+    def determines(self, place: int) -> bool:
+        """Return True if the force depends on the free unknown at a place."""
+        j = self._free.index(place)
+        return bool(self._inverse[j, j] > 0)
+
+    def distance(self, place: int, value: float, spread: float) -> float:
+        """Return the distance of a value from the minimum [standard uncertainties], by the rise of the cost to it.
+
+        `spread` [N] as of `upper_end`.
+        """
+        held_value = value - self._given[self._free.index(place)] + self._minimum[self._free.index(place)]
+        _, cost = self._descend(self._minimum, (self._free.index(place), held_value))
+        return float(np.sqrt(2.0 * max(cost - self._cost, 0.0))) / max(self._thinned_spread(spread), 1e-300)
+
+    def _thinned_spread(self, spread: float) -> float:
+        """Return the spread [N] that makes the thinned record say as much as the whole one."""
+        return spread * float(np.sqrt(len(self._record) / self._samples))
 
     def with_held(self, place: int, value: float) -> Floats:
         """Return the free unknowns (p,) that fit best where the one at a place has a value."""

@@ -18,7 +18,7 @@ from palpate_fits.budget import PROBE, TIMING, FitSensitivity, open_row
 from palpate_fits.fit_outcome import FitOutcome
 from palpate_fits.height_noise import force_noise
 from palpate_fits.identifiability import INDISTINCT, condition, identifiability
-from palpate_fits.one_speed import OneSpeedBound, one_speed_bounds
+from palpate_fits.one_speed import OneSpeedInterval, one_speed_intervals
 from palpate_fits.profile_likelihood import ProfileIntervals
 from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import smooth_depth
@@ -45,7 +45,7 @@ class _FitWithUncertainty:
     budget: list[BudgetRow]
     identifiability: dict[str, Any]
     quantile: float
-    bounds: dict[int, OneSpeedBound]  # by place among the free
+    one_speed: dict[int, OneSpeedInterval]  # by place among the free
 
 
 def estimates_of(fit: FitOutcome) -> Estimates:
@@ -115,14 +115,16 @@ def _judge(fit: FitOutcome) -> _FitWithUncertainty:
     variance = found.covariance.diagonal()
     if not (variance >= 0).all():  # the unknowns cannot be distinguished within rounding
         raise NotFitted("diverged", "the fit ended where the force hardly depends on its unknowns")
-    bounds = dict(one_speed_bounds(fit, found))
-    for one in bounds.values():
-        found = replace(found, covariance=one.covariance)
+    one_speed = dict(one_speed_intervals(fit, found))
+    for interval in one_speed.values():
+        found = replace(found, covariance=interval.covariance)
     random = np.sqrt(found.covariance.diagonal())
     low, high = fit.unknowns.bounds(free)
     x = fit.solution.x[free]
     held = (x - low < _AT_EDGE * random) | (high - x < _AT_EDGE * random)
-    sensitivities = FitSensitivity(fit.residual, fit.record, fit.solution.x, held)
+    # Near none a viscosity at one speed has no slope of its own: its interval holds what it does to the others.
+    is_fixed = held | np.isin(np.arange(len(free)), list(one_speed))
+    sensitivities = FitSensitivity(fit.residual, fit.record, fit.solution.x, is_fixed)
     table, systematic = _budget(fit, sensitivities, random)
     names = [fit.unknowns.names[place] for place in free]
     jacobian = sensitivities.jacobian
@@ -132,7 +134,7 @@ def _judge(fit: FitOutcome) -> _FitWithUncertainty:
     apart = condition(jacobian[:, : len(free)])
     apart |= identifiability(jacobian.T @ jacobian, names, len(free))
     quantile = float(stdtrit(max(found.effective_samples - len(free), 1.0), 0.5 + fit.settings.confidence / 2))
-    return _FitWithUncertainty(fit, found, random, systematic, held, table, apart, quantile, bounds)
+    return _FitWithUncertainty(fit, found, random, systematic, held, table, apart, quantile, one_speed)
 
 
 def _budget(fit: FitOutcome, found: FitSensitivity, random: Floats) -> tuple[list[BudgetRow], Floats]:
@@ -266,8 +268,8 @@ def _table(judged: _FitWithUncertainty, total: Floats) -> dict[str, Any]:
             known |= {"lower": item.lower, "upper": item.upper, "at_bound": bool(judged.held[j])}
             profiled = profile is not None and (item.name not in EXTRAS or item.name == "surface")
             ends = profile.interval(place, random, judged.quantile) if profile is not None and profiled else None
-            if j in judged.bounds:
-                ends = item.lower, judged.bounds[j].bound
+            if j in judged.one_speed:
+                ends = judged.one_speed[j].lower, judged.one_speed[j].upper
             known["interval_by"] = "profile" if ends else "normal"
             known["interval"] = list(ends or (value - judged.quantile * random, value + judged.quantile * random))
         elif total[place]:
@@ -307,9 +309,9 @@ def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
         what = f"the solver {fit.solver} stopped after {fit.solution.evaluations} evaluations"
         yield Flag("not-converged", what)
     for j, place in enumerate(free):
-        if j in judged.bounds:
-            what = f"without air, {names[place]} at one speed is the height of the surface to first order: it is"
-            text = f"{what} at most {judged.bounds[j].bound:.2g} {fit.unknowns.items[place].unit}"
+        if j in judged.one_speed and judged.one_speed[j].lower == 0.0:
+            what = f"{names[place]} at one speed is the height of the surface to first order: it is"
+            text = f"{what} at most {judged.one_speed[j].upper:.2g} {fit.unknowns.items[place].unit}"
             yield Flag("undetermined", text, effects={names[place]: float(total[place])})
         elif judged.held[j] and _is_none(fit, place):
             text = f"{names[place]} is zero, or at most {2 * total[place]:.2g} {fit.unknowns.items[place].unit}"

@@ -36,6 +36,7 @@ from palpate_fits.multistart import (
     times_of,
     with_times_that_show,
 )
+from palpate_fits.one_speed import with_possible_viscosity
 from palpate_fits.record_arrays import FitRecord, make_record
 from palpate_fits.residual import Residual
 from palpate_fits.segments import RecordCourse, Rows, Window, passage, segment_rows
@@ -94,7 +95,7 @@ class FitTracker:
         rows = _without_saturation(samples, rows, notes)
         by_force = SurfaceByForce(samples, course, settings.threshold)
         unknowns = self._prepared(samples, rows, by_force, notes)
-        if is_without_air:  # a viscosity below none would be a higher surface, see `one_speed_bounds`
+        if is_without_air:  # a viscosity below none would be a higher surface, see `one_speed_intervals`
             unknowns = at_physical_bounds(unknowns, self._problem.model)
         enough = max(_FEWEST * len(unknowns.free), 10)
         if np.count_nonzero(rows) < enough:
@@ -116,6 +117,8 @@ class FitTracker:
         if not solution.converged and not model.memory:  # along a valley its steps may be long and gain nothing
             again = solve_lm(residual, unknowns, record, solution.x, loss, gain=_NO_GAIN)
             solution = replace(solution, converged=again.converged)
+        if not model.memory:
+            unknowns, solution = with_possible_viscosity(residual, unknowns, record, loss, solution)
         if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
             raise NotFitted("diverged", "the fit ended in numbers that are not finite")
         notes += rivals(residual, unknowns, record, solution, minima, loss)
