@@ -30,6 +30,7 @@ class ArmLimits:
     angular_speed: float  # [rad/s]
     depth: float = NO_DEPTH  # [m] below the plane of a station, at most
     reading_age: float = NO_AGE  # [s] of its own states; see `ReadingAge`
+    retract_speed: float = 0.0  # [m/s] outwards along the normal in a retraction; up to `speed`: as all else
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,7 @@ class OwnMotion:
     deceleration: float  # [m/s^2] of braking
     blind: float = 0.0  # [s] that it may go on where the host stands still and it cannot watch the force by itself
     stop: tuple[str, float] | None = None  # key and force [N] at which its controller stops it, and leaves it there
+    followed_speed: float = math.inf  # [m/s] of commands, at which it is as far behind them as it may be
 
 
 class Trajectory(Part, ABC):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from palpate import ArmLimits, DeviceError, Floats, Setpoint, Trajectory
-from palpate_kit.kinematics.arm_model import ArmModel
+from palpate_kit.kinematics.arm_model import ArmModel, inverse_of
 from palpate_kit.kinematics.work_frame import agreement
 
 from palpate_arms.arm_settings import ArmSettings
@@ -60,6 +60,7 @@ class ArmApproach:
             self._refuse_turn(station, limits)
             law = replace(law, approach_speed=min(law.approach_speed, limits.speed))
             law = replace(law, angular_speed=limits.angular_speed)
+            self._refuse_fast_retraction(station, limits)
         if station.turn is not None and self._reached is not trajectory:
             self._refuse_unreachable(trajectory, math.inf if limits is None else limits.speed)
         self._station = station
@@ -77,6 +78,22 @@ class ArmApproach:
             raise self._error(
                 f"the tool is turned by {math.degrees(turn):.1f} deg from {wanted}, "
                 f"more than [safety] orientation = {math.degrees(limits.orientation):g} deg; {advice}"
+            )
+
+    def _refuse_fast_retraction(self, station: FirstStation, limits: ArmLimits) -> None:
+        """Raise where a joint is too slow for a retraction that is faster than the motion."""
+        settings, speed = self._settings, limits.retract_speed
+        if speed <= limits.speed:
+            return
+        normal = settings.work.matrix[:3, :3] @ station.plane.normal
+        jacobian = self._model.tip(self._states.joints, self._tool)[1]
+        speeds = np.abs(inverse_of(jacobian)[:, :3] @ (speed * normal))
+        joint = int(np.argmax(speeds))
+        if speeds[joint] > settings.joint_speed:
+            raise self._error(
+                f"at [safety] retract_speed = {1e3 * speed:g} mm/s {self._model.joints[joint]} would turn at "
+                f"{math.degrees(speeds[joint]):.0f} deg/s, over joint_speed = {math.degrees(settings.joint_speed):g} "
+                "deg/s: lower it, raise joint_speed, or bring the arm into another posture"
             )
 
     def _posture_problem(self) -> str | None:

@@ -130,6 +130,8 @@ class ArmLoop:
             verdict = self._fence.in_motion(commander.command, seen)
             if verdict is None and (text := commander.led_astray(float(seen.position[2]))) is not None:
                 verdict = Verdict(text)
+        elif verdict is None and leaving:
+            verdict = self._fence.in_retraction(seen)
         if verdict is not None:
             self._stop_for(verdict, commander)
 

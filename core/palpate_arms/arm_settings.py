@@ -77,7 +77,12 @@ class ArmSettings(Device):
     start: Time = Field(default=20.0, gt=0, description="longest time for the client library to connect")
     start_tolerance: Length = Field(default=0.03, gt=0, description="largest distance of the tip from a motion's start")
     approach_speed: Speed = Field(default=0.02, gt=0, le=0.25, description="highest speed on the way to the start")
-    retract_speed: Speed = Field(default=0.05, gt=0, le=0.25, description="of a retraction")
+    retract_speed: Speed | None = Field(
+        default=None,
+        gt=0,
+        le=0.25,
+        description="of a retraction at most; left out: 50 mm/s, or what [safety] retract_speed allows",
+    )
     acceleration: Acceleration = Field(default=1.0, gt=0, le=5, description="highest, in braking and retraction")
     joint_speed: AngularSpeed = Field(
         default=math.pi / 2, gt=0, le=math.pi, description="highest joint speed that a command may require"
@@ -183,7 +188,10 @@ class ArmSettings(Device):
     def own_motion(self) -> OwnMotion:
         """It goes to the start, brakes, and continues for a while where the job does."""
         own = self.approach_speed, self.start_tolerance, self.acceleration, self.host_timeout
-        return OwnMotion(*own, (self.own_stop, getattr(self, self.own_stop)) if self.own_stop else None)
+        stop = (self.own_stop, getattr(self, self.own_stop)) if self.own_stop else None
+        followed_speed = self.tracking / max(self.command_lag, 1e-9)
+        leaves_slowly = self.retract_speed is not None and self.retract_speed <= followed_speed
+        return OwnMotion(*own, stop, math.inf if leaves_slowly else followed_speed)
 
     @property
     def gravity(self) -> tuple[float, ...]:
@@ -222,6 +230,8 @@ class ArmSettings(Device):
         """How setpoints become commands."""
         from palpate_arms.servo_law import ServoLaw
 
-        keys = ("control", "gain", "damping", "approach_speed", "retract_speed", "acceleration")
+        keys = ("control", "gain", "damping", "approach_speed", "acceleration")
         lever, gives_way = math.dist(self.tcp, (0.0, 0.0, 0.0)), self.controller_stiffness is not None
-        return ServoLaw(**{key: getattr(self, key) for key in keys}, lever=lever, gives_way=gives_way)
+        retract_speed = math.inf if self.retract_speed is None else self.retract_speed
+        own = {key: getattr(self, key) for key in keys}
+        return ServoLaw(**own, retract_speed=retract_speed, lever=lever, gives_way=gives_way)

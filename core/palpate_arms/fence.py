@@ -66,9 +66,13 @@ class Fence:
         So much at most the arm leaps where it has been held and comes free, and a law that integrates cannot wind up
         further. An arm whose controller gives way to a force is behind its command by that as well.
         """
+        return self._lead_at(math.inf if self.limits is None else self.limits["speed"])
+
+    def _lead_at(self, speed: float) -> float:
+        """Return how far [m] a command may be ahead of the tip at a speed [m/s]; any speed without limits."""
         if self.limits is None:
             return float(self._tracking)
-        way = self.limits["speed"] * (self._lag + DELAY)
+        way = speed * (self._lag + DELAY)
         return float(min(self._tracking, max(way, STATIC_ERROR) + self.give))
 
     def table(self, rows: Floats) -> Verdict | None:
@@ -152,6 +156,42 @@ class Fence:
             return Verdict(f"the tip moves at {1e3 * speed:.1f} mm/s: the limit is {mm(self.limits['speed'])}/s", False)
         return verdict
 
+    def in_retraction(self, seen: ArmState) -> Verdict | None:
+        """The robot's own state while it leaves faster than it may move otherwise."""
+        if self._outward_limit is None:
+            return None
+        self._speeds.append(seen.velocity)
+        velocity = sum(self._speeds, np.zeros(3)) / len(self._speeds)
+        if len(self._speeds) < _WINDOW or not self._is_over(velocity, _EXCESS, True):
+            return None
+        return Verdict(
+            f"the tip leaves at {1e3 * length(velocity):.1f} mm/s: the limit is {mm(self._outward_limit)}/s outwards "
+            f"([safety] retract_speed), and {mm(self._speed_limit)}/s otherwise",
+            False,
+        )
+
+    @property
+    def _speed_limit(self) -> float:
+        return math.inf if self.limits is None else float(self.limits["speed"])
+
+    @property
+    def _outward_limit(self) -> float | None:
+        """[m/s] of a retraction, where one is stated that exceeds the speed of the motion."""
+        limit = 0.0 if self.limits is None else self.limits.get("retract_speed", 0.0)
+        return limit if limit > self._speed_limit else None
+
+    def _is_over(self, velocity: Floats, noise: float, leaving: bool) -> bool:
+        """Return True for a velocity (3,) [m/s] that exceeds what a limit allows for a moment.
+
+        In a retraction the part outwards along the normal has a limit of its own, if one is stated.
+        """
+        most, outward_limit = self._speed_limit, self._outward_limit
+        if leaving and outward_limit is not None and (outwards := float(velocity @ self.plane.normal)) > 0.0:
+            if outwards > _MORE * outward_limit + noise:
+                return True
+            velocity = velocity - outwards * self.plane.normal
+        return length(velocity) > _MORE * most + noise
+
     def _outside(self, position: Floats, low: Floats, high: Floats, what: str) -> Verdict | None:
         assert self.limits is not None
         for axis, name in enumerate("xyz"):
@@ -177,10 +217,11 @@ class Fence:
             return None
         verdict = None
         limit, past = self.limits["speed"], self._commands
-        speed = length(command - before[0]) / PERIOD
+        velocity = (command - before[0]) / PERIOD
         mean = (past[-1] - past[-1 - _WINDOW]) / (_WINDOW * PERIOD)
-        if speed > _MORE * limit + _SLACK or (length(mean) > 1.1 * limit + 1e-3 and not leaving):
-            verdict = Verdict(f"a command would move the tip at {1e3 * speed:.1f} mm/s: the limit is {mm(limit)}/s")
+        if self._is_over(velocity, _SLACK, leaving) or (length(mean) > 1.1 * limit + 1e-3 and not leaving):
+            text = f"{1e3 * length(velocity):.1f} mm/s: the limit is {mm(limit)}/s"
+            verdict = Verdict(f"a command would move the tip at {text}")
         earlier = (past[-1 - _WINDOW] - past[0]) / (_WINDOW * PERIOD)
         sudden = length(mean - earlier) / (_WINDOW * PERIOD)
         most = max(self.limits["acceleration"], self._acceleration)
@@ -197,6 +238,8 @@ class Fence:
     ) -> Verdict | None:
         """How far the command is from the arm, and what it asks of its joints."""
         away, lead = length(command - seen.position), self.lead
+        if leaving and self._outward_limit is not None:
+            lead = self._lead_at(self._outward_limit)
         if away > lead:
             return Verdict(f"the arm does not follow: it is {mm(away)} from its command, over {mm(lead)}", False)
         work = self._work.matrix[:3, :3]

@@ -13,6 +13,7 @@ from palpate_arms.setpoint_buffer import PERIOD
 
 _SHORTEST = 0.15  # [s] of a way, however short
 _OWN = 0.85  # of the speed limit: two steps of that in one tick are still below 1.2 of it
+_USUAL_RETRACT_SPEED = 0.05  # [m/s] where nothing states one
 OVERSHOOT = 1.37  # in speed, of a mass on a spring whose damping ratio is 0.3: 1 + exp(-pi 0.3 / sqrt(1 - 0.3^2))
 
 
@@ -29,7 +30,7 @@ class ServoLaw:
     gain: float  # [1/s]
     damping: float
     approach_speed: float  # [m/s] at most, on the way to the start
-    retract_speed: float  # [m/s]
+    retract_speed: float  # [m/s] at most; infinite where nothing states one
     acceleration: float  # [m/s^2] of what is not a trajectory
     angular_speed: float = math.radians(10.0)  # [rad/s] at most, on the way to the start
     lever: float = 0.0  # [m] from the tip to the flange, which swings when the tool turns about the tip
@@ -38,13 +39,17 @@ class ServoLaw:
 
     def within(self, limits: dict[str, Any]) -> ServoLaw:
         """The law whose own motions and commands keep the limits of a motion, by what the arm does."""
-        own = _OWN * limits["speed"] / (OVERSHOOT if self.gives_way else 1.0)
+        speed, leaving = limits["speed"], limits.get("retract_speed", 0.0)
+        share = _OWN / (OVERSHOOT if self.gives_way else 1.0)
+        retract_speed = self.retract_speed
+        if math.isinf(retract_speed) and leaving <= speed:
+            retract_speed = _USUAL_RETRACT_SPEED
         return replace(
             self,
-            approach_speed=min(self.approach_speed, own),
-            retract_speed=min(self.retract_speed, own),
+            approach_speed=min(self.approach_speed, share * speed),
+            retract_speed=min(retract_speed, share * max(speed, leaving)),
             angular_speed=limits["angular_speed"],
-            most=limits["speed"],
+            most=speed,
         )
 
 

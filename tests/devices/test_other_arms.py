@@ -289,7 +289,10 @@ def on_a_spring(base):
 
 
 @pytest.mark.slow
-def test_an_arm_on_a_spring_retracts_within_the_limit_of_speed(mine, software, monkeypatch):
+@pytest.mark.parametrize(
+    ("retract_speed", "least", "most"), [(0.0, 0.03, 0.04), (0.15, 0.11, 0.15), (0.25, 0.18, 0.25)]
+)
+def test_an_arm_on_a_spring_retracts_within_the_limit_of_speed(mine, software, monkeypatch, retract_speed, least, most):
     """By what it does, with its overshoot: a retraction is commanded more slowly than to an arm that gives no way."""
     made = on_a_spring(software.SoftwareArm)
     monkeypatch.setattr(importlib.import_module(f"{NAME}.driver"), "SoftwareArm", made)
@@ -299,21 +302,24 @@ def test_an_arm_on_a_spring_retracts_within_the_limit_of_speed(mine, software, m
         def controller_stiffness(self):
             return 2500.0
 
-    device, limits = Soft(host="127.0.0.1", work=WORK, control="servo"), {"acceleration": 0.5, "orientation": 0.1}
-    limits = ArmLimits((-0.02,) * 3, (0.02,) * 3, speed=0.04, angular_speed=0.2, **limits)
+    device = Soft(host="127.0.0.1", work=WORK, control="servo", acceleration=5.0)
+    limits = {"speed": 0.04, "acceleration": 0.5, "orientation": 0.1, "angular_speed": 0.2}
+    limits = ArmLimits((-0.02,) * 3, (0.02,) * 3, **limits, retract_speed=retract_speed)
     with simulated_time(), device.connect(0) as link:
         clock().thread(lambda: list(link.batches()), "batches").start()
         clock().sleep(0.3)
         link.limit(limits, lambda reason: None)
-        link.follow(Point(bias=0.003, amplitude=0.0001, clearance=0.003, duration=1.0, standstill=0.0))
-        arm, speeds = made.made[-1], []
+        link.follow(Point(bias=0.003, amplitude=0.0001, clearance=0.018, duration=1.0, standstill=0.0))
+        arm, speeds, way_to_start = made.made[-1], [], [0.0]
         while arm.place_now()[2] > -0.002:
             clock().sleep(0.002)
+            way_to_start.append(np.linalg.norm(arm.tip()[1]))
         link.retract()
-        while arm.place_now()[2] < 0.0029 or not speeds:
+        while arm.place_now()[2] < 0.0179 or not speeds:
             clock().sleep(0.002)
             speeds.append(np.linalg.norm(arm.tip()[1]))
-    assert 0.03 < max(speeds) <= limits.speed
+    assert max(way_to_start) <= limits.speed
+    assert least < max(speeds) <= most
 
 
 @pytest.mark.parametrize(

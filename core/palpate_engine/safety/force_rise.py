@@ -29,7 +29,8 @@ class RiseWatch:
 
     Over a way w inwards, within contact and ending at a depth d, the mean force of the last half exceeds that of the
     first by F n w/(2 d). Less than a fifth of F w/d is not contact, where noise and inertia are smaller.
-    Not judged are ways on which the tip slows down, for a part of the force goes with speed, or goes sideways.
+    Not judged are ways on which the tip slows down, for a part of the force goes with speed, or goes sideways; nor
+    those after a force that a law holds was reached once: the tip then follows a skin that breathes.
     """
 
     def __init__(self, sound: SoundForce) -> None:
@@ -41,6 +42,7 @@ class RiseWatch:
         self._count, self._sum = 0, 0.0
         self._tail = np.zeros(0)  # [N] the latest two readings
         self._rough, self._differences = 0.0, 0
+        self._has_reached_set_force = False
 
     def add(self, time: float, forces: Floats, way: float, place: Sequence[float]) -> str | None:
         """Why the force is not to be believed, after readings (n,) [N] that push out, at a time [s]; None where it is.
@@ -70,6 +72,7 @@ class RiseWatch:
             return
         mean = sum(row[2] for row in self._recent) / readings
         least = _SIGNIFICANT * self._sound.standard_error(readings) + self._sound.inertia
+        self._has_reached_set_force |= mean > _AT_SET_FORCE * self._sound.set_force
         if self._foot is None and mean > least:
             self._foot = self._recent[0][0]
         elif mean < 0.5 * least:
@@ -100,7 +103,7 @@ class RiseWatch:
     def _flat(self, time: float, way: float, place: Sequence[float]) -> str | None:
         """Whether a whole window of the way in shows no rise."""
         windows = self._sound.windows
-        if not windows:
+        if not windows or self._has_reached_set_force:
             return None
         step = windows[0] / _STEPS
         if self._ways and way < self._ways[-1] + step:
@@ -139,7 +142,7 @@ class RiseWatch:
         if min(n1 - n0, n2 - n1) < _FEW or math.dist(here, there) > math.hypot(1.0, _SIDEWAYS) * length:
             return None
         low, high = (sum1 - sum0) / (n1 - n0), (sum2 - sum1) / (n2 - n1)
-        if self._slows_down(first, middle) or high > _AT_SET_FORCE * sound.set_force:
+        if self._slows_down(first, middle):
             return None
         force = (sum2 - sum0) / (n2 - n0)
         least = _SHARE * force * length / (ways[-1] - self._foot)

@@ -253,6 +253,11 @@ def check_own_motion(own: OwnMotion, limits: SafetySettings) -> tuple[str, ...]:
             f"the arm brakes at {own.deceleration:g} m/s^2, but the force limit counts on the deceleration of "
             f"{limits.deceleration:g} m/s^2"
         )
+    if limits.retract_speed is not None and limits.retract_speed > own.followed_speed:
+        problems.append(
+            f"[safety] retract_speed = {1e3 * limits.retract_speed:g} mm/s leaves it farther behind its commands than "
+            f"tracking allows, which is {1e3 * own.followed_speed:.0f} mm/s by its lag: lower the one, raise the other"
+        )
     if own.stop is not None and own.stop[1] <= limits.stop_force:
         key, force = own.stop
         problems.append(

@@ -7,7 +7,7 @@ import math
 from palpate.arm_limits import NO_DEPTH, ArmLimits
 from palpate.parts import Settings
 from palpate.units import Acceleration, Angle, AngularSpeed, Depth, Force, Length, Speed, Stiffness, Time, Torque
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from palpate_engine.safety.motion_limits import MotionLimits
 from palpate_engine.safety.tool_clearance import ToolBody
@@ -35,6 +35,12 @@ class SafetySettings(Settings):
         default=None, description="what hangs above the tip, to be kept clear of a surface that a motion follows"
     )
     speed: Speed = Field(default=0.05, gt=0, le=1.0, description="fastest tip")
+    retract_speed: Speed | None = Field(
+        default=None,
+        gt=0,
+        le=0.25,
+        description="fastest tip in a retraction, outwards along the normal, overshoot included; left out: speed",
+    )
     acceleration: Acceleration = Field(default=1.0, gt=0, le=50.0, description="largest acceleration of the tip")
     orientation: Angle = Field(
         default=math.radians(5.0),
@@ -88,6 +94,17 @@ class SafetySettings(Settings):
         default=3.0, gt=1, description="how many times the noise that a filter declares the noise at standstill may be"
     )
 
+    @field_validator("retract_speed")
+    @classmethod
+    def _not_below_speed(cls, value: float | None, info: ValidationInfo) -> float | None:
+        speed = info.data.get("speed")
+        if value is not None and speed is not None and value < speed:
+            raise ValueError(
+                f"{1e3 * value:g} mm/s is below speed = {1e3 * speed:g} mm/s, at which a retraction begins: it is for "
+                "leaving faster than that; [device.*] retract_speed is for leaving more slowly"
+            )
+        return value
+
     @property
     def reaction(self) -> float:
         """Time [s] from a force on the skin to the beginning of braking: sensor's delay, a reading's age, latency."""
@@ -130,4 +147,4 @@ class SafetySettings(Settings):
         """What an arm has to keep by itself."""
         depth = NO_DEPTH if self.depth is None else self.depth
         limits = self.low, self.high, self.speed, self.acceleration, self.orientation, self.angular_speed
-        return ArmLimits(*limits, depth, self.reading_age)
+        return ArmLimits(*limits, depth, self.reading_age, self.retract_speed or 0.0)

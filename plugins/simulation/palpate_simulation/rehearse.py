@@ -180,14 +180,14 @@ class _Script:
 
 def _limits(truth: ArmTruth, limits: SafetySettings) -> Table:
     """What the arm truly did against each limit."""
-    mm, degrees = 1e3, math.degrees(1.0)
+    mm, degrees, speed = 1e3, math.degrees(1.0), limits.retract_speed or limits.speed
     ranges = [
         *(
             (f"{axis}, {side}", "mm", mm, reached[i], limit[i], sign * (reached[i] - limit[i]))
             for i, axis in enumerate("xyz")
             for side, reached, limit, sign in (("low", truth.low, limits.low, 1), ("high", truth.high, limits.high, -1))
         ),
-        ("speed", "mm/s", mm, truth.speed, limits.speed, limits.speed - truth.speed),
+        ("speed", "mm/s", mm, truth.speed, speed, speed - truth.speed),
         (
             "turn of the tool",
             "deg/s",

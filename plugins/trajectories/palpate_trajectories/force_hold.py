@@ -34,7 +34,7 @@ class ForceHold(PlannedTrajectory):
     speed: Speed = Field(default=0.005, gt=0, le=0.02, description="envelope: highest speed, in and out")
     acceleration: Acceleration = Field(default=0.1, gt=0, le=0.5, description="highest acceleration, in and out")
     stiffness: Stiffness = Field(gt=0, description="stiffest material expected, force per depth")
-    response: Time = Field(default=0.4, ge=0.2, description="time constant of the loop in that material")
+    response: Time = Field(default=0.3, ge=0.2, description="time constant of the loop in that material")
     clearance: Depth = Field(default=0.002, gt=0, description="height above the nominal surface at both ends")
     standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before and after it")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")

@@ -84,6 +84,9 @@ FAULTS = {
     "trace FILE": "write the arm's true motion of the last minute, as a numpy array",
     "start X Y Z A B C": "tip after `restore` [mm], and rotation vector of the tool from the work frame's [deg]",
     "elasticity PASCAL": "of the specimen, from now on",
+    "breathe HEIGHT HERTZ": "the skin rises by this [mm] and falls again, so often; 0 0 ends it",
+    "cough HEIGHT SECONDS": "the skin rises by this [mm] within so many seconds, and falls back in as long",
+    "rise HEIGHT SECONDS": "the skin rises by this [mm] within so many seconds and stays there: a person sits up",
     "restore": "everything is in order again, and the arm where it was at the start",
     "state": "print what the twins did so far",
     "quit": "end",
@@ -134,6 +137,16 @@ def _begun(world: World, words: Words) -> None:
 
 def _softened(world: World, words: Words) -> None:
     world.settings = soften_specimen(world.settings, float(words[0]))
+
+
+def _moves(name: str) -> Action:
+    """The action that moves the skin, by a height in millimetres and a second number."""
+
+    def move(world: World, words: Words) -> None:
+        height, pace = (float(word) for word in words)
+        getattr(world.skin, name)(1e-3 * height, pace, world.controller.now)
+
+    return move
 
 
 # What each line does; those that answer something of their own are not among them.
@@ -201,6 +214,7 @@ _ACTIONS: dict[str, Action] = {
     "turn": _turned,
     "start": _begun,
     "elasticity": _softened,
+    **{name: _moves(name) for name in ("breathe", "cough", "rise")},
     "restore": lambda world, _: world.restore(),
     "quit": lambda world, _: None,
 }
@@ -213,6 +227,7 @@ _NUMBERS = {
     "start": "six numbers",
     "lead": "six numbers",
     "saturated-force": "two numbers",
+    **dict.fromkeys(("breathe", "cough", "rise"), "two numbers"),
 }  # that an action needs; others one
 
 

@@ -20,6 +20,7 @@ from palpate_simulation.twins.arm_truth import Truth
 from palpate_simulation.twins.console import Console
 from palpate_simulation.twins.controller import Controller
 from palpate_simulation.twins.hand import Hand
+from palpate_simulation.twins.moving_skin import MovingSkin
 from palpate_simulation.twins.ports import NetworkWiring, Wiring
 from palpate_simulation.twins.rdt_box import COUNTS, VirtualBox
 from palpate_simulation.twins.sensone import VirtualSensor
@@ -71,7 +72,7 @@ class World:
         self.stalled_until = 0.0
         self.ticks_per_state = 1  # of the controller, which sends its state so seldom
         self.peak = 0.0
-        self._contact = SkinContact()
+        self._contact, self.skin = SkinContact(), MovingSkin()
         self._done = False
 
     def _start(self) -> Any:
@@ -102,6 +103,7 @@ class World:
         self.electronics.restore()
         self._before, self.peak, self.down = self._tip(), 0.0, self._upright
         self._past.clear()
+        self.skin = MovingSkin()
         self.truth.mark()
 
     def close(self) -> None:
@@ -198,6 +200,9 @@ class World:
         if abs(out[2, 2] + 1.0) > _UPRIGHT:
             away = np.tile(-out[:, 2], (len(instants), 1))
             places, speeds = settings.specimen.upright_place(places, speeds, away, np.cross(self._spin, away))
+        if self.skin.moves:
+            height, rate = self.skin.motion(instants - settings.force_delay)
+            places[:, 2], speeds[:, 2] = places[:, 2] - height, speeds[:, 2] - rate
         contact = self._contact.force(settings.specimen, instants, places, speeds)
         self._force = float(contact[:, 2].max())
         self.controller.arm.push = self._rotation.T @ contact[-1]
