@@ -4,7 +4,7 @@
 
 Each draw has units such as animals, whose means scatter by 10 kPa about the same 100 kPa in all groups, and ten curves
 of each unit that scatter by 5 kPa about its mean. A family is wrong if any of its pairs is found to differ. `--mixed`
-fits mixed models to the same draws in place of the other tests. Prints the tables of docs/fits.md.
+fits mixed models to the same draws in place of the other tests. Prints the tables of docs/repeats.md.
 """
 
 from __future__ import annotations

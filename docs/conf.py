@@ -15,6 +15,8 @@ version = release = importlib.metadata.version("palpate")
 extensions = ["myst_nb", "sphinx.ext.autodoc", "mathml"]
 html_math_renderer = "mathml"
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["code-blocks.css"]
 html_title = f"palpate {version}"
 html_show_copyright = False
 exclude_patterns = ["_build"]

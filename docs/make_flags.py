@@ -1,15 +1,13 @@
-"""Write docs/flags.md from the registry of flags: ``python docs/make_flags.py``."""
-
-from pathlib import Path
+"""The page of flags, from the registry; `make_reference` writes it."""
 
 from palpate.flags import SEVERITIES
-from palpate.registry import Registry, load
+from palpate.registry import Registry
 
 _HEAD = """# Flags
 
 With this page you can look up what a flag says of a result and what to do; `palpate describe CODE` says the same.
-`docs/make_flags.py` writes the page from the registry, which plugins extend by `palpate_flags`. How flags make the
-verdict of a value: [verdict](verdict.md).
+The page is that of the installed plugins, which add flags by `palpate_flags`. How flags make the verdict of a value:
+[verdict](../verdict.md).
 
 - A flag states by how much what it names can move each value. It makes a value doubtful where that is unknown, or more
   than the value's combined standard uncertainty without the flag's own row of the budget.
@@ -18,8 +16,8 @@ verdict of a value: [verdict](verdict.md).
 - The terminal shows at most three flags of a track, those that move a value most. Numbers of a track that is `invalid`
   are not shown, and no statistic uses them.
 
-How often flags are right: on [real logs](../benchmarks/results/flags-real-logs.md), and on
-[99 mistakes of laboratories](../benchmarks/results/flags-measured.md).
+How often flags are right: on [real logs](../../benchmarks/results/flags-real-logs.md), and on
+[99 mistakes of laboratories](../../benchmarks/results/flags-measured.md).
 """
 
 
@@ -37,7 +35,3 @@ def page(registry: Registry) -> str:
     lines += [f"| `{code}` | `{signs[code].evidence_of}` | {signs[code].meaning} |" for code in sorted(signs)]
     lines.append("")
     return "\n".join(lines)
-
-
-if __name__ == "__main__":
-    Path(__file__).with_name("flags.md").write_text(page(load()), encoding="utf-8")

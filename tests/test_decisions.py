@@ -25,3 +25,17 @@ def test_its_form(page):
         "## Consequences",
     ]
     assert f"| [{number}]({page.name}) | {title} |" in (FOLDER / "README.md").read_text()
+
+
+def test_what_was_replaced_is_a_row_and_no_page():
+    """A replaced decision keeps its number in one table; its page would be read as if it held."""
+    replaced = [page.name for page in PAGES if re.search(r"\*\*Status\.\*\* (Replaced|Superseded)", page.read_text())]
+    assert replaced == []
+    rows = re.findall(
+        r"^\| (\d{4}) \| .+ \| \[(\d{4})\]\((.+)\) \| .+ \|$", (FOLDER / "replaced.md").read_text(), re.MULTILINE
+    )
+    assert rows
+    numbers = {page.name[:4]: page.name for page in PAGES}
+    for number, by, name in rows:
+        assert number not in numbers
+        assert numbers[by] == name

@@ -132,7 +132,7 @@ def palpate_templates() -> Mapping[str, Template]:  # type: ignore[empty-body]
 def palpate_flags() -> Mapping[str, FlagMeaning]:  # type: ignore[empty-body]
     """Severity, meaning and remedy of each flag that the plugin's parts raise, by the flag's code.
 
-    Flags that the core registers (`palpate describe`, docs/flags.md) may be raised by any part and are not repeated.
+    Flags that the core registers (`palpate describe`) may be raised by any part and are not repeated.
     """
 
 
