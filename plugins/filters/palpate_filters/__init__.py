@@ -54,7 +54,7 @@ def palpate_facts() -> dict[str, Fact]:
 
 @plugin
 def palpate_diagnoses() -> dict[str, Diagnosis]:
-    """What filters on the inertial process are off by."""
+    """The bias of filters by their own noise."""
     # Only a bias that counts against the combined uncertainty is stated.
     terms = ("readings", "budget", "thickness", "late-force", "self-timed", "force-across")
     return {"noise-bias": Diagnosis("palpate_filters.noise_bias:noise_bias", after=terms)}
@@ -62,13 +62,13 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 
 @plugin
 def palpate_templates() -> dict[str, Template]:
-    """What a pipeline needs besides a log."""
+    """The parts of a pipeline besides its log."""
     return {"log-analysis": Template("palpate_filters", "templates/log_analysis.toml", "tip, model and estimators")}
 
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """What the flags of filters mean."""
+    """The meanings of the flags of filters."""
     from palpate_filters.noise_bias import BIAS_FLAGS
 
     return BIAS_FLAGS

@@ -49,7 +49,8 @@ class StrongFading(AdaptiveFading):
     step_down: float = Field(default=0.05, ge=0, le=10, description="fall of alpha in a step")
 
 
-_UNCAPPED = 1e9
+_UNCAPPED = 1e9  # first standard deviations, a choice: so high that no covariance reaches it
+# The constants of the code by the paper's authors.
 _AUTHORS = {
     "fading": {
         "theta": 1.9e-3,
@@ -68,13 +69,15 @@ _PRESETS: dict[str, dict[str, Any]] = {
 
 
 def preset_below(data: Any, **more: Mapping[str, Any]) -> Any:
-    """A filter's table, completed from its preset; `more` adds to presets by their name."""
+    """Return a filter's table, completed from its preset; `more` adds to presets by their name."""
     if not isinstance(data, dict) or data.get("preset") not in _PRESETS:
         return data
     name = data["preset"]
-    chosen = {**_PRESETS[name], **more.get(name, {})}
-    given = data.get("fading", {})
-    if isinstance(given, Settings):
-        given = {key: getattr(given, key) for key in given.model_fields_set}
-    fading = {**chosen["fading"], **given} if isinstance(given, dict) else given
-    return {**chosen, **data, "fading": fading}
+    preset = {**_PRESETS[name], **more.get(name, {})}
+    # Stated keys override the preset one by one, also within the table of fading.
+    fading = data.get("fading", {})
+    if isinstance(fading, Settings):
+        fading = {key: getattr(fading, key) for key in fading.model_fields_set}
+    if isinstance(fading, dict):
+        fading = {**preset["fading"], **fading}
+    return {**preset, **data, "fading": fading}

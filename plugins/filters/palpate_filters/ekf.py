@@ -22,7 +22,7 @@ class ExtendedKalmanFilter(InertialFilter):
     """
 
     def start(self, problem: Problem) -> Tracker:
-        """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
+        """Return a tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
         return inertial_tracker(self, problem, linearised)
 
 
@@ -47,5 +47,5 @@ class AdaptiveFadingEkf(InertialFilter):
         return True
 
     def start(self, problem: Problem) -> Tracker:
-        """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
+        """Return a tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
         return inertial_tracker(self, problem, linearised, self.fading)

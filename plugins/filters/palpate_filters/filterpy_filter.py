@@ -14,8 +14,7 @@ from palpate_filters.inertial_filter import PaperStart, first_state, moved_mass
 from palpate_filters.predictions import Points
 from palpate_filters.process_models import InertialProcess
 from palpate_filters.starting_fit import PAUSE
-
-_RESUME_STD = 1e-4  # [m]
+from palpate_filters.step_limits import MAX_DEPTH, RESUME_STD
 
 
 class FilterpyFilter(PaperStart):
@@ -42,7 +41,7 @@ class FilterpyFilter(PaperStart):
         return self.force_std, self.velocity_std
 
     def start(self, problem: Problem) -> Tracker:
-        """A tracker; raises ConfigurationError where filterpy, the tip's mass or a first guess is missing."""
+        """Return a tracker; raises ConfigurationError where filterpy, the tip's mass or a first guess is missing."""
         try:
             import filterpy.kalman
         except ImportError as error:
@@ -53,14 +52,15 @@ class FilterpyFilter(PaperStart):
         makers: dict[str, Callable[[], Filter]] = {
             "ekf": lambda: extended_filter(rig),
             "ukf": lambda: sigma_point_filter(
-                rig, filterpy.kalman.UnscentedKalmanFilter, points=self._points(process.states)
+                rig, filterpy.kalman.UnscentedKalmanFilter, points=self._sigma_points(process.states)
             ),
             "ckf": lambda: sigma_point_filter(rig, filterpy.kalman.CubatureKalmanFilter),
             "enkf": lambda: ensemble(rig, self.members, self.seed),
         }
         return track_by_step(len(problem.model.parameters), _Stepper(rig, makers[self.filter]))
 
-    def _points(self, states: int) -> Any:
+    def _sigma_points(self, states: int) -> Any:
+        """Return filterpy's generator of the sigma points for so many states."""
         from filterpy.kalman import JulierSigmaPoints, MerweScaledSigmaPoints, SimplexSigmaPoints
 
         if self.points == "merwe":
@@ -75,24 +75,27 @@ class _Stepper:
         self._rig, self._filter = rig, make()
         self._force = np.nan
         self._surface = np.nan
-        self._begun = self._lost = False
+        self._has_begun = self._has_diverged = False
 
     def __call__(self, moment: Moment) -> Belief:
-        if not self._lost:
+        if not self._has_diverged:
             try:
                 return self._step(moment)
             except (np.linalg.LinAlgError, ValueError, FloatingPointError):
-                self._lost = True
-        nothing = np.full(len(self._rig.process.model.parameters), np.nan)
-        return Belief(nothing, nothing, np.nan, np.nan, np.nan, status=int(Status.DIVERGED))
+                self._has_diverged = True
+        unknown = np.full(len(self._rig.process.model.parameters), np.nan)
+        return Belief(unknown, unknown, np.nan, np.nan, np.nan, status=int(Status.DIVERGED))
 
     def _step(self, moment: Moment) -> Belief:
+        """Return the estimate after one sample; raises FloatingPointError where the filter diverges."""
+        # Predict with the force of the sample before, or begin.
         status = Status(0)
         if moment.first or moment.interval > PAUSE:
             status |= self._begin(moment)
         else:
             self._filter.predict(moment.interval, self._force)
             status |= Status(0) if np.isfinite(self._force) else Status.BLIND
+        # Update with the rate; the innovation in standard deviations is that of the prediction.
         rig, (mean, covariance) = self._rig, self._filter.get()
         depth, speed = rig.process.layout.at("depth"), rig.speed
         innovation = np.nan
@@ -103,28 +106,40 @@ class _Stepper:
         else:
             status |= Status.BLIND
         self._force = moment.force
+        # Report in SI.
         mean, covariance = self._filter.get()
         variance = np.diag(covariance)
-        if not (np.isfinite(mean).all() and (variance >= 0).all() and abs(mean[depth] * rig.scale[depth]) < 0.1):
+        is_near = abs(mean[depth] * rig.scale[depth]) < MAX_DEPTH
+        if not (np.isfinite(mean).all() and (variance >= 0).all() and is_near):
             raise FloatingPointError
         values, std = mean * rig.scale, np.sqrt(variance) * rig.scale
         self._surface = moment.position + values[depth]
-        where = rig.process.parameters
+        parameters = rig.process.parameters
         status |= Status.LIFTED if values[depth] <= 0 else Status(0)
-        height, force = (float(values[depth]), float(std[depth])), rig.force(mean)
-        return Belief(values[where], std[where], *height, force, innovation**2, int(status), innovation)
+        return Belief(
+            values[parameters],
+            std[parameters],
+            float(values[depth]),
+            float(std[depth]),
+            rig.force(mean),
+            innovation**2,
+            int(status),
+            innovation,
+        )
 
     def _begin(self, moment: Moment) -> Status:
+        """Start from the first guess, or resume the last estimate by the measured position."""
         rig, depth = self._rig, self._surface - moment.position
-        place, last = rig.process.layout.at("depth"), rig.process.layout.span("memory", "derivatives")
-        resumed = self._begun and depth > 0
+        row, material = rig.process.layout.at("depth"), rig.process.layout.span("memory", "derivatives")
+        resumed = self._has_begun and depth > 0
         mean, covariance = rig.start.mean / rig.scale, np.eye(len(rig.scale))
         if resumed:
-            before, spread = self._filter.get()
-            mean[last], covariance[last, last] = before[last], spread[last, last]
-            mean[place] = depth / rig.scale[place]
-            covariance[place, place] = spread[place, place] + (_RESUME_STD / rig.scale[place]) ** 2
+            mean_before, covariance_before = self._filter.get()
+            mean[material] = mean_before[material]
+            covariance[material, material] = covariance_before[material, material]
+            mean[row] = depth / rig.scale[row]
+            covariance[row, row] = covariance_before[row, row] + (RESUME_STD / rig.scale[row]) ** 2
         mean[rig.speed] = -moment.velocity / rig.scale[rig.speed] if np.isfinite(moment.velocity) else 0.0
         self._filter.put(mean, covariance)
-        self._begun = True
+        self._has_begun = True
         return Status.RESUMED if resumed else Status(0)

@@ -1,4 +1,4 @@
-"""The filters of filterpy behind one face, and the process as they want it: numbers in, numbers out."""
+"""The filters of filterpy behind one interface, and the process as functions of numbers for them."""
 
 from __future__ import annotations
 
@@ -9,30 +9,32 @@ import numpy as np
 from palpate import Floats
 
 from palpate_filters.inertial_filter import Start
-from palpate_filters.predictions import away
+from palpate_filters.predictions import floor_depth
 from palpate_filters.process_models import InertialProcess
-
-_BLIND_STD = 1.0  # [N], how little is known of a force that is missing
+from palpate_filters.step_limits import MISSING_ABOVE, UNKNOWN_FORCE_STD
 
 
 class _Expression:
     """An expression of a state, a force and an interval, as a function of numbers."""
 
-    def __init__(self, given: Any, expression: Any) -> None:
+    def __init__(self, arguments: Any, expression: Any) -> None:
         import casadi as ca
 
-        self._given, self._found = np.zeros(given.numel()), np.zeros(expression.numel())
-        self._function = ca.Function("f", [given], [ca.densify(expression)])
+        # The function reads and writes these two arrays in place, which spares a conversion in every call.
+        self._arguments, self._values = np.zeros(arguments.numel()), np.zeros(expression.numel())
+        self._function = ca.Function("f", [arguments], [ca.densify(expression)])
         buffer: Any
         buffer, self._evaluate = self._function.buffer()
-        buffer.set_arg(0, memoryview(self._given.data))
-        buffer.set_res(0, memoryview(self._found.data))
-        self._buffer = buffer  # it owns what the evaluation uses
+        buffer.set_arg(0, memoryview(self._arguments.data))
+        buffer.set_res(0, memoryview(self._values.data))
+        self._buffer = buffer  # the owner of the memory of an evaluation
 
     def __call__(self, x: Floats, force: float, interval: float) -> Floats:
-        self._given[:-2], self._given[-2], self._given[-1] = x, force, interval
+        self._arguments[:-2] = x
+        self._arguments[-2] = force
+        self._arguments[-1] = interval
         self._evaluate()
-        return self._found.copy()
+        return self._values.copy()
 
 
 class ScaledProcess:
@@ -45,68 +47,69 @@ class ScaledProcess:
         self.force_std = force_std
         self.speed = process.layout.at("rate")
         self.variance = (velocity_std / start.std[self.speed]) ** 2
-        x, u, t = ca.SX.sym("x", process.states), ca.SX.sym("u"), ca.SX.sym("T")
+        # The state one interval later, a missing force taken as the model's own, and its Jacobian.
+        x, u, interval = ca.SX.sym("x", process.states), ca.SX.sym("u"), ca.SX.sym("T")
         state = ca.vertsplit(x)
-        driven = ca.if_else(ca.fabs(u) <= 1e300, u, process.force(state))
-        ahead = ca.vertcat(*process.predict(state, driven, t))
-        slope = ca.substitute(ca.jacobian(ahead, x), x, away(process, x))
-        given, n = ca.vertcat(x, u, t), process.states
-        self._ahead, self._slope = _Expression(given, ahead), _Expression(given, ca.vec(slope.T))
-        self._force = _Expression(given, process.force(state))
-        self._shape = (n, n)
+        force = ca.if_else(ca.fabs(u) <= MISSING_ABOVE, u, process.force(state))
+        ahead = ca.vertcat(*process.predict(state, force, interval))
+        slope = ca.substitute(ca.jacobian(ahead, x), x, floor_depth(process, x))
+        arguments = ca.vertcat(x, u, interval)
+        self._ahead, self._slope = _Expression(arguments, ahead), _Expression(arguments, ca.vec(slope.T))
+        self._force = _Expression(arguments, process.force(state))
+        self._shape = (process.states, process.states)
 
     def ahead(self, x: Floats, interval: float, force: float) -> Floats:
-        """The state one interval [s] later under a force [N]."""
+        """Return the state one interval [s] later under a force [N]."""
         return self._ahead(x.ravel() * self.scale, force, interval) / self.scale
 
     def slope(self, x: Floats, interval: float, force: float) -> Floats:
-        """The Jacobian (n, n) of `ahead`."""
-        found = self._slope(x.ravel() * self.scale, force, interval).reshape(self._shape)
-        return found * self.scale / self.scale[:, None]
+        """Return the Jacobian (n, n) of `ahead`."""
+        jacobian = self._slope(x.ravel() * self.scale, force, interval).reshape(self._shape)
+        return jacobian * self.scale / self.scale[:, None]
 
     def reading(self, x: Floats) -> Floats:
-        """What is measured (1,) in a state: its rate."""
+        """Return the measurement (1,) in a state: its rate."""
         return x[self.speed : self.speed + 1]
 
     def force(self, x: Floats) -> float:
-        """Contact force [N] in a state."""
+        """Return the contact force [N] in a state."""
         return float(self._force(x.ravel() * self.scale, 0.0, 0.0).item())
 
     def noise(self, interval: float, force: float) -> Floats:
-        """Process noise (n, n)."""
+        """Return the process noise (n, n) over an interval [s]; a missing force has `UNKNOWN_FORCE_STD`."""
         gain = np.zeros(len(self.scale))
         gain[self.process.layout.span("depth", "rate")] = self.process.gain(interval)
-        std = self.force_std if np.isfinite(force) else _BLIND_STD
+        std = self.force_std if np.isfinite(force) else UNKNOWN_FORCE_STD
         return np.outer(gain / self.scale, gain / self.scale) * std**2
 
 
 class Filter(Protocol):
-    """What is asked of a filter, whichever it is: mean (n,) and covariance (n, n) in scaled units, and two steps."""
+    """A filter of any kind: mean (n,) and covariance (n, n) in scaled units, and two steps."""
 
     def get(self) -> tuple[Floats, Floats]:
-        """Mean and covariance."""
+        """Return mean and covariance."""
         ...
 
     def put(self, mean: Floats, covariance: Floats) -> None:
-        """Begin with these."""
+        """Set mean and covariance."""
         ...
 
     def predict(self, interval: float, force: float) -> None:
-        """One interval [s] ahead under a force [N]."""
+        """Advance by one interval [s] under a force [N]."""
         ...
 
     def update(self, rate: float) -> None:
-        """Take in a rate, in units of its first standard deviation."""
+        """Update with a rate, in units of its first standard deviation."""
         ...
 
 
 def extended_filter(rig: ScaledProcess) -> Filter:
-    """filterpy's extended Kalman filter."""
+    """Return filterpy's extended Kalman filter."""
     return _ExtendedKind(rig)
 
 
 def ensemble(rig: ScaledProcess, members: int, seed: int) -> Filter:
-    """filterpy's ensemble Kalman filter."""
+    """Return filterpy's ensemble Kalman filter."""
     return _Ensemble(rig, members, seed)
 
 
@@ -139,7 +142,7 @@ class _ExtendedKind:
 
 
 def sigma_point_filter(rig: ScaledProcess, kind: Any, **extra: Any) -> Filter:
-    """filterpy's unscented or cubature Kalman filter."""
+    """Return filterpy's unscented or cubature Kalman filter."""
     n = rig.process.states
     filter_ = kind(dim_x=n, dim_z=1, dt=1.0, hx=rig.reading, fx=rig.ahead, **extra)
     filter_.R = np.array([[rig.variance]])
@@ -177,22 +180,23 @@ class _SigmaPointKind:
 
 
 class _Ensemble:
-    """filterpy.kalman.EnsembleKalmanFilter, which plays dice with numpy's global generator."""
+    """filterpy.kalman.EnsembleKalmanFilter, which draws from numpy's global generator."""
 
     def __init__(self, rig: ScaledProcess, members: int, seed: int) -> None:
         self._rig, self._members = rig, members
-        self._dice = np.random.RandomState(seed).get_state()
+        self._random_state = np.random.RandomState(seed).get_state()
         self._interval, self._force = 0.0, 0.0
         self._filter: Any = None
 
-    def _own_dice(self, roll: Callable[[], Any]) -> Any:
-        theirs = np.random.get_state()
-        np.random.set_state(self._dice)
+    def _with_seed(self, draw: Callable[[], Any]) -> Any:
+        """Return the result of a call that draws from this filter's own random numbers, in place of the global ones."""
+        global_state = np.random.get_state()
+        np.random.set_state(self._random_state)
         try:
-            return roll()
+            return draw()
         finally:
-            self._dice = np.random.get_state()
-            np.random.set_state(theirs)
+            self._random_state = np.random.get_state()
+            np.random.set_state(global_state)
 
     def _ahead(self, x: Floats, _: float) -> Floats:
         return self._rig.ahead(x, self._interval, self._force)
@@ -208,13 +212,13 @@ class _Ensemble:
                 x=mean, P=covariance, dim_z=1, dt=1.0, N=self._members, hx=self._rig.reading, fx=self._ahead
             )
 
-        self._filter = self._own_dice(make)
+        self._filter = self._with_seed(make)
         self._filter.R = np.array([[self._rig.variance]])
 
     def predict(self, interval: float, force: float) -> None:
         self._interval, self._force = interval, force
         self._filter.Q = self._rig.noise(interval, force)
-        self._own_dice(self._filter.predict)
+        self._with_seed(self._filter.predict)
 
     def update(self, rate: float) -> None:
-        self._own_dice(lambda: self._filter.update(np.array([rate])))
+        self._with_seed(lambda: self._filter.update(np.array([rate])))

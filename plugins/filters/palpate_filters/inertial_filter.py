@@ -1,4 +1,4 @@
-"""What the filters on the inertial process share: their settings, and how these become a tracker."""
+"""Settings that the filters on the inertial process share, and the tracker that follows from them."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from pydantic import Field
 from palpate_filters.adaptive_fading import AdaptiveFading
 from palpate_filters.filter_tracker import RecursiveTracker
 from palpate_filters.first_guess import first_guess
-from palpate_filters.inertial_step import Prediction, carried, inertial_step
+from palpate_filters.inertial_step import Prediction, inertial_step, state_layout
 from palpate_filters.process_models import InertialProcess
 from palpate_filters.recursion import Carry, FilterStart, Recursion
 from palpate_filters.starting_fit import fit_start, fittable
+from palpate_filters.step_limits import FIT_SPREAD, MISSING_ABOVE, RESUME_STD
 
-_RESUME_STD = 1e-4  # [m], what a carry-over by the measured position adds to the uncertainty of the depth
-FIT_SPREAD = 10.0  # the filter sees the fitted samples again, so it takes only a hundredth of their weight from the fit
-# [s/m] what a filter whose parameters follow at once makes of a skin that rises under it: scatter of E, relative, over
-# that of the skin's speed. No false lump in 56 simulated sweeps over 0.05 to 0.3 mm of roughness at 2 to 6 mm/s.
-_RELIEF = 120.0
-_NO_FADING = (math.inf, 1.0, 0.0, 0.0)
+# [s/m], relative scatter of E over the scatter of the rate of a skin that rises under the tip, of a filter whose
+# parameters have derivatives. Measured: no false lump in 56 simulated sweeps over 0.05 to 0.3 mm of roughness at
+# 2 to 6 mm/s.
+_RELIEF_SENSITIVITY = 120.0
+_NO_FADING = (math.inf, 1.0, 0.0, 0.0)  # theta, alpha_max, step up, step down
 
 
 class PaperStart(Estimator, ABC):
@@ -99,14 +99,14 @@ class InertialFilter(PaperStart, ABC):
 
 @dataclass(frozen=True)
 class Start:
-    """Where a filter starts: mean and standard deviation of the state."""
+    """The first state of a filter: mean and standard deviation."""
 
     mean: Floats
     std: Floats
 
 
 def mass_of(problem: Problem) -> float:
-    """The tip's mass [kg], which may be 0; raises ConfigurationError where none is declared."""
+    """Return the tip's mass [kg], which may be 0; raises ConfigurationError where none is declared."""
     if problem.tip_mass is None:
         raise ConfigurationError(
             'the tip\'s mass is not declared; this filter needs it: set [alignment] tip_mass, such as "140 g"'
@@ -115,7 +115,7 @@ def mass_of(problem: Problem) -> float:
 
 
 def moved_mass(problem: Problem) -> float:
-    """The mass [kg] that the force accelerates; raises ConfigurationError where none is declared, or it is 0."""
+    """Return the mass [kg] that the force accelerates; raises ConfigurationError where none is declared, or it is 0."""
     mass = mass_of(problem)
     if mass == 0:
         raise ConfigurationError(
@@ -128,38 +128,44 @@ def moved_mass(problem: Problem) -> float:
 def inertial_tracker(
     settings: InertialFilter, problem: Problem, prediction: Prediction, fading: AdaptiveFading | None = None
 ) -> Tracker:
-    """A tracker of a filter on the inertial process, with adaptive fading where it is given.
+    """Return a tracker of a filter on the inertial process, with adaptive fading where it is given.
 
     Raises ConfigurationError where no tip mass is declared or a first guess cannot be made.
     """
     process = InertialProcess(problem.model, moved_mass(problem), settings.order)
     start = first_state(settings, process, problem, settings.evolution_time, settings.derivative_std)
-    fade = (fading.theta, fading.alpha_max, fading.step_up, fading.step_down) if fading else _NO_FADING
-    cap = (fading.covariance_cap * start.std) ** 2 if fading else np.full(process.states, 1e300)
+    if fading is None:
+        fade, cap = _NO_FADING, np.full(process.states, MISSING_ABOVE)
+    else:
+        fade = (fading.theta, fading.alpha_max, fading.step_up, fading.step_down)
+        cap = (fading.covariance_cap * start.std) ** 2
 
     def numbers(force_std: float | None, velocity_std: float | None) -> Floats:
         noise = (force_std or settings.force_std, velocity_std or settings.velocity_std)
         return np.array([*noise, *fade, *cap, *start.mean, *start.std])
 
     def begin(carry: Carry, first: Samples, patient: bool) -> tuple[Floats, bool] | None:
-        fit = settings.start_from == "fit" and carry.state is None
-        fitted = _fitted(process, start, first) if fit else start
+        needs_fit = settings.start_from == "fit" and carry.state is None
+        fitted = _fit_first_state(process, start, first) if needs_fit else start
         if fitted is None and patient and fittable(process.model):
             return None
-        return _begin(process, fitted or start, carry, first)
+        return _stretch_state(process, fitted or start, carry, first)
 
     step = inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed)
     window = settings.start_duration if settings.start_from == "fit" else 0.0
-    recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _inputs)
-    details = {"relief_sensitivity": _RELIEF} if fading is not None and settings.order else {}
+    recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _step_inputs)
+    details = {"relief_sensitivity": _RELIEF_SENSITIVITY} if fading is not None and settings.order else {}
     return RecursiveTracker(
         recursion, FilterStart(window, settings.noise == "measure", problem.standstill), details=details
     )
 
 
-def _inputs(samples: Samples, interval: Floats) -> Floats:
+def _step_inputs(samples: Samples, interval: Floats) -> Floats:
+    """Return force [N], rate of the depth [m/s] and interval [s] (n, 3) of samples."""
     rows = np.empty((len(interval), 3))
-    rows[:, 0], rows[:, 1], rows[:, 2] = samples.force, -samples.velocity, interval
+    rows[:, 0] = samples.force
+    rows[:, 1] = -samples.velocity
+    rows[:, 2] = interval
     return rows
 
 
@@ -170,48 +176,51 @@ def first_state(
     evolution_time: float = 1.0,
     derivative_std: float | None = None,
 ) -> Start:
-    """The state that the first guess gives; raises ConfigurationError where it gives none."""
+    """Return the state by the first guess; raises ConfigurationError where the guess gives none."""
     model = process.model
     forces = {
         "elastic": (settings.start_force, settings.start_force_std),
         "viscous": (settings.start_damping, settings.start_damping_std),
     }
-    guess, spread = first_guess(model, forces, settings.first_guess, settings.first_guess_std, problem.others)
-    zeros, memory = np.zeros(process.order * len(guess)), np.zeros(len(model.memory))
-    orders = range(1, process.order + 1)
-    derivatives = [spread * derivative_std if derivative_std else spread / evolution_time**k for k in orders]
-    mean = np.concatenate([[settings.start_depth, 0.0], memory, guess, zeros])
-    std = np.concatenate([[settings.start_depth_std, settings.start_rate_std], memory + 1.0, spread, *derivatives])
+    theta, theta_std = first_guess(model, forces, settings.first_guess, settings.first_guess_std, problem.others)
+    derivative_stds = []
+    for k in range(1, process.order + 1):
+        derivative_stds.append(theta_std * derivative_std if derivative_std else theta_std / evolution_time**k)
+    memory, derivatives = np.zeros(len(model.memory)), np.zeros(process.order * len(theta))
+    mean = np.concatenate([[settings.start_depth, 0.0], memory, theta, derivatives])
+    depth_and_rate = [settings.start_depth_std, settings.start_rate_std]
+    std = np.concatenate([depth_and_rate, memory + 1.0, theta_std, *derivative_stds])
     return Start(mean, std)
 
 
-def _fitted(process: InertialProcess, start: Start, window: Samples) -> Start | None:
-    """A start from the window's fit; None where this does not find the parameters."""
-    values = process.parameters
-    found = fit_start(process.model, process.mass, window, start.mean[values])
-    if found is None:
+def _fit_first_state(process: InertialProcess, start: Start, window: Samples) -> Start | None:
+    """Return a start from the window's fit; None where the fit does not find the parameters."""
+    values, depth = process.parameters, process.layout.at("depth")
+    fit = fit_start(process.model, process.mass, window, start.mean[values])
+    if fit is None:
         return None
     mean, std = start.mean.copy(), start.std.copy()
-    depth = process.layout.at("depth")
-    mean[depth], std[depth] = found.surface - window.position[0], min(FIT_SPREAD * found.surface_std, std[depth])
-    mean[values] = found.theta
-    std[values] = np.where(found.theta_std > 0, np.minimum(FIT_SPREAD * found.theta_std, std[values]), std[values])
+    mean[depth] = fit.surface - window.position[0]
+    std[depth] = min(FIT_SPREAD * fit.surface_std, std[depth])
+    mean[values] = fit.theta
+    std[values] = np.where(fit.theta_std > 0, np.minimum(FIT_SPREAD * fit.theta_std, std[values]), std[values])
     return Start(mean, std)
 
 
-def _begin(process: InertialProcess, start: Start, carry: Carry, first: Samples) -> tuple[Floats, bool]:
-    """Start afresh, or carry the last estimate over a pause by the measured position; True in this case."""
-    place, held = process.layout, carried(process)
-    depth_at, last = place.at("depth"), place.span("memory", "derivatives")
-    position, rate = float(first.position[0]), -float(first.velocity[0])
-    depth = carry.surface - position
+def _stretch_state(process: InertialProcess, start: Start, carry: Carry, first: Samples) -> tuple[Floats, bool]:
+    """Return a stretch's first state: fresh, or the last estimate by the measured position and then True."""
+    place, carried = process.layout, state_layout(process)
+    depth_row, material = place.at("depth"), place.span("memory", "derivatives")
+    rate, depth = -float(first.velocity[0]), carry.surface - float(first.position[0])
     resumed = carry.state is not None and depth > 0
-    mean, covariance, factor = start.mean.copy(), np.diag(start.std**2), 1.0
+    mean, covariance = start.mean.copy(), np.diag(start.std**2)
     if resumed:
         assert carry.state is not None
-        mean[last] = carry.state[held["mean"]][last]
-        before = carry.state[held["covariance"]].reshape(covariance.shape)
-        covariance[last, last] = before[last, last]
-        mean[depth_at], covariance[depth_at, depth_at] = depth, before[depth_at, depth_at] + _RESUME_STD**2
+        mean[material] = carry.state[carried["mean"]][material]
+        before = carry.state[carried["covariance"]].reshape(covariance.shape)
+        covariance[material, material] = before[material, material]
+        mean[depth_row] = depth
+        covariance[depth_row, depth_row] = before[depth_row, depth_row] + RESUME_STD**2
     mean[place.at("rate")] = rate if np.isfinite(rate) else 0.0
-    return np.concatenate([mean, covariance.ravel(), [0.0, 0.0, factor]]), resumed
+    force, low_count, factor = 0.0, 0.0, 1.0
+    return np.concatenate([mean, covariance.ravel(), [force, low_count, factor]]), resumed

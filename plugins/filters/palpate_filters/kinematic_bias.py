@@ -1,47 +1,55 @@
-"""The bias of a kinematic filter: what the noise of its own motion does to its estimates, along a known motion."""
+"""The bias of a kinematic filter by the noise of its own motion, along a known motion."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats, Layout
 from palpate_kit.kernel import Step, compile_step
 
 from palpate_filters.covariance import congruence
+from palpate_filters.kinematic_step import jerk_covariance
 
-_FIRST = (1e-4, 1e-2, 1.0)  # [m], [m/s], [m/s^2], what the gains begin from
-_MOTION = 3  # height, velocity, acceleration
+_START_STD = (1e-4, 1e-2, 1.0)  # [m], [m/s], [m/s^2], a choice: the gains start from it and forget it
+_MOTION_STATES = 3  # height, velocity, acceleration
+_MAX_CONDITION = 1e12  # a choice: beyond it a solution of a scaled system has no four digits left of a double's 16
 
 
 def kinematic_bias(
-    model: ContactModel, mass: float, values: Floats, inputs: Floats, believed: Floats, real: Floats, warm: float
+    model: ContactModel, mass: float, values: Floats, inputs: Floats, assumed: Floats, real: Floats, transient: float
 ) -> Floats | None:
-    """Predicted bias (k,) of the parameters along `inputs` (n, 5) of `kinematic_bias_step`.
+    """Return the predicted bias (k,) of the parameters along `inputs` (n, 5) of `kinematic_bias_step`.
 
-    `believed` (4,) and `real` (3,) are its noises; a share `warm` of the samples is left out at the beginning. None
+    `assumed` (4,) and `real` (3,) are its noises; a share `transient` of the samples is left out at the beginning. None
     where the numbers do not hold.
     """
     step, place = kinematic_bias_step(model, mass)
     state = np.zeros(step.state.numel())
-    state[: _MOTION * _MOTION] = np.diag(np.square(_FIRST)).ravel()
-    _, outputs = compile_step(step).run(state, inputs, np.concatenate([values, believed, real]))
-    late, q = outputs[int(warm * len(inputs)) :], len(values) + 1
-    information = late[:, place["information"]].sum(axis=0).reshape(q, q)
-    return pull_on_estimates(information, late[:, place["pull"]].sum(axis=0)) if np.isfinite(late).all() else None
+    state[: _MOTION_STATES * _MOTION_STATES] = np.diag(np.square(_START_STD)).ravel()
+    _, outputs = compile_step(step).run(state, inputs, np.concatenate([values, assumed, real]))
+    stationary = outputs[int(transient * len(inputs)) :]
+    if not np.isfinite(stationary).all():
+        return None
+    q = len(values) + 1
+    information = stationary[:, place["information"]].sum(axis=0).reshape(q, q)
+    return pull_on_estimates(information, stationary[:, place["pull"]].sum(axis=0))
 
 
 def pull_on_estimates(information: Floats, pull: Floats) -> Floats | None:
-    """Where constants (k,) and the surface settle, information^-1 pull, but for the surface; None if unknown."""
+    """Return the constants' bias (k,): information^-1 pull without its last entry, the surface; None if unknown."""
     scale = np.sqrt(np.diag(information))
     if not (np.isfinite(pull).all() and np.isfinite(scale).all() and (scale > 0).all()):
         return None
     unit = information / np.outer(scale, scale)
-    if np.linalg.cond(unit) > 1e12:
+    if np.linalg.cond(unit) > _MAX_CONDITION:
         return None
     return np.asarray(np.linalg.solve(unit, pull / scale) / scale)[:-1]
 
 
 def kinematic_bias_step(model: ContactModel, mass: float) -> tuple[Step, Layout]:
-    """One sample of the filter's error statistics along a known motion, and how its output is laid out.
+    """Return one sample of the filter's error statistics along a known motion, and the layout of its output.
 
     As `palpate_filters.noise_bias.bias_step`: a filter settles where sum psi nu / S = 0 over all that it measures, nu
     the innovations, S their variance, psi their slopes in the unknown constants, here the parameters and the surface.
@@ -55,61 +63,85 @@ def kinematic_bias_step(model: ContactModel, mass: float) -> tuple[Step, Layout]
 
     Filter state: gain covariance (3 x 3), the joint covariance of e and psi~, psi (3 x q), E[e]. Sample: depth [m],
     rate [m/s], acceleration of the depth and its jump to the next sample [m/s^2], interval to it [s]. Settings:
-    parameters (k); standard deviations of force, position, velocity and density of the jerk that the filter assumes
-    in; the real standard deviations.
+    parameters (k); standard deviations of force, position, velocity and density of the jerk that the filter assumes;
+    the real standard deviations.
     """
     import casadi as ca
 
-    k = len(model.parameters)
-    q, n = k + 1, _MOTION
+    k, n = len(model.parameters), _MOTION_STATES
+    q = k + 1
     size = n * (1 + q)
     P, C, psi, mean = ca.SX.sym("P", n, n), ca.SX.sym("C", size, size), ca.SX.sym("psi", n, q), ca.SX.sym("e", n)
     state = ca.vertcat(ca.vec(P), ca.vec(C), ca.vec(psi), mean)
     sample, numbers = ca.SX.sym("w", 5), ca.SX.sym("p", k + 7)
-    depth, rate, bend, jump, interval = ca.vertsplit(sample)
-    theta, believed, real = numbers[:k], numbers[k : k + 4], numbers[k + 4 :]
+    interval, jump = sample[4], sample[3]
+    assumed, real = numbers[k : k + 4], numbers[k + 4 :]
 
-    m, t, s = ca.SX.sym("m", n), ca.SX.sym("t", k), ca.SX.sym("s")
-    force = model.force(s - m[0], -m[1], ca.vertsplit(t), []) - mass * m[2]
-    by_motion, by_constants = ca.jacobian(force, m), ca.jacobian(force, ca.vertcat(t, s))
-    found = [by_motion, by_constants, ca.jacobian(by_constants.T, m), ca.hessian(force, m)[0]]
-    here = [ca.vertcat(0.0, -rate, -bend), theta, depth]
-    h_m, h_c, h_cm, h_mm = ca.substitute(found, [m, t, s], here)
-    unit, flat = ca.SX.eye(n), (ca.SX.zeros(1, q), ca.SX.zeros(q, n), ca.SX.zeros(n, n))
-    looks = [
-        (unit[0, :], *flat, believed[1], real[1]),
-        (unit[1, :], *flat, believed[2], real[2]),
-        (h_m, h_c, h_cm, h_mm, believed[0], real[0]),
-    ]
+    # Update with position, velocity and force, and add each to both sums of the bias.
     information, pull = ca.SX.zeros(q, q), ca.SX.zeros(q)
-    for row, constants, mixed, curved, std, noise in looks:
+    for measured in _measurements(model, mass, sample, numbers[:k], assumed, real):
+        row = measured.row
         column = P @ row.T
-        S = ca.dot(row.T, column) + std**2
+        S = ca.dot(row.T, column) + measured.assumed_std**2
         K = column / S
-        slopes = constants + row @ psi  # (1, q)
-        noisy = mixed + psi.T @ curved  # (q, n): what e makes of the slopes at once
-        parts = ca.vertcat(*[row @ C[n * (1 + i) : n * (2 + i), :n] for i in range(q)]) + noisy @ C[:n, :n]
+        slopes = measured.by_constants + row @ psi  # (1, q)
+        slopes_by_error = measured.mixed + psi.T @ measured.curvature  # (q, n): h_theta_m + psi h_mm
+        parts = ca.vertcat(*[row @ C[n * (1 + i) : n * (2 + i), :n] for i in range(q)]) + slopes_by_error @ C[:n, :n]
         information += slopes.T @ slopes / S
         pull -= (parts @ row.T + slopes.T * (row @ mean)) / S
-        kept = unit - K @ row
-        whole = ca.kron(ca.SX.eye(1 + q), kept)
+        reduction = ca.SX.eye(n) - K @ row  # 1 - K h_m
+        joint = ca.kron(ca.SX.eye(1 + q), reduction)
         for i in range(q):
-            whole[n * (1 + i) : n * (2 + i), :n] = -K @ noisy[i, :]
-        C = congruence(whole, C)
-        C[:n, :n] += K @ K.T * noise**2
-        psi, mean, P = psi - K @ slopes, kept @ mean, congruence(kept, P) + K @ K.T * std**2
+            joint[n * (1 + i) : n * (2 + i), :n] = -K @ slopes_by_error[i, :]
+        C = congruence(joint, C)
+        C[:n, :n] += K @ K.T * measured.real_std**2
+        psi, mean = psi - K @ slopes, reduction @ mean
+        P = congruence(reduction, P) + K @ K.T * measured.assumed_std**2
+
+    # Predict: white jerk drives the filter's gain alone; a constant acceleration misses its jump.
     T = interval
     A = ca.vertcat(ca.horzcat(1, T, T**2 / 2), ca.horzcat(0, 1, T), ca.horzcat(0, 0, 1))
-    every = ca.kron(ca.SX.eye(1 + q), A)
-    powers = [[T**5 / 20, T**4 / 8, T**3 / 6], [T**4 / 8, T**3 / 3, T**2 / 2], [T**3 / 6, T**2 / 2, T]]
-    driven = believed[3] * ca.vertcat(*[ca.horzcat(*row) for row in powers])
-    missed = jump * ca.vertcat(T**2 / 6, T / 2, 1)  # height falls as depth grows
+    driven = assumed[3] * ca.vertcat(*[ca.horzcat(*powers) for powers in jerk_covariance(T)])
+    defect = jump * ca.vertcat(T**2 / 6, T / 2, 1)  # height falls as depth grows
+    C_next = congruence(ca.kron(ca.SX.eye(1 + q), A), C)
     return Step(
         state=state,
         sample=sample,
         settings=numbers,
-        next_state=ca.vertcat(
-            ca.vec(congruence(A, P) + driven), ca.vec(congruence(every, C)), ca.vec(A @ psi), A @ mean + missed
-        ),
+        next_state=ca.vertcat(ca.vec(congruence(A, P) + driven), ca.vec(C_next), ca.vec(A @ psi), A @ mean + defect),
         output=ca.vertcat(ca.vec(information), pull),
     ), Layout(information=q * q, pull=q)
+
+
+@dataclass(frozen=True)
+class _Measurement:
+    """Slopes of one measurement in the motion m and the q constants, and its noise."""
+
+    row: Any  # h_m (1, n)
+    by_constants: Any  # h_theta (1, q)
+    mixed: Any  # h_theta_m (q, n)
+    curvature: Any  # h_mm (n, n)
+    assumed_std: Any
+    real_std: Any
+
+
+def _measurements(
+    model: ContactModel, mass: float, sample: Any, theta: Any, assumed: Any, real: Any
+) -> tuple[_Measurement, _Measurement, _Measurement]:
+    """Return position, velocity and force, with the slopes of the force F(s - z, -z') - m z'' along the motion."""
+    import casadi as ca
+
+    k, n = len(model.parameters), _MOTION_STATES
+    depth, rate, acceleration = sample[0], sample[1], sample[2]
+    m, t, s = ca.SX.sym("m", n), ca.SX.sym("t", k), ca.SX.sym("s")
+    force = model.force(s - m[0], -m[1], ca.vertsplit(t), []) - mass * m[2]
+    by_constants = ca.jacobian(force, ca.vertcat(t, s))
+    slopes = [ca.jacobian(force, m), by_constants, ca.jacobian(by_constants.T, m), ca.hessian(force, m)[0]]
+    # The height is counted from the tip, so that the surface stands at the depth.
+    slopes = ca.substitute(slopes, [m, t, s], [ca.vertcat(0.0, -rate, -acceleration), theta, depth])
+    unit, flat = ca.SX.eye(n), (ca.SX.zeros(1, k + 1), ca.SX.zeros(k + 1, n), ca.SX.zeros(n, n))
+    return (
+        _Measurement(unit[0, :], *flat, assumed[1], real[1]),
+        _Measurement(unit[1, :], *flat, assumed[2], real[2]),
+        _Measurement(*slopes, assumed[0], real[0]),
+    )

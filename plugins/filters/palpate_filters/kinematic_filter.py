@@ -1,4 +1,4 @@
-"""The kinematic filter: position, velocity and force measured, the surface and the material found."""
+"""The kinematic filter: position, velocity and force are measured, surface and material estimated."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from palpate_filters.process_models import KinematicProcess
 from palpate_filters.recursion import Carry, FilterStart, Recursion
 
 _REFERENCE_SPEED = 4e-3  # [m/s], the sweep for which the densities are given
-_LONGER = 2.0  # start_durations: surface, stiffness and bias are separated by the force's curvature alone
+_WINDOWS_WITH_BIAS = 2.0  # start_durations, a choice: the force's curvature alone separates surface, stiffness and bias
 
 
 class KinematicFilter(KinematicSettings):
@@ -29,18 +29,20 @@ class KinematicFilter(KinematicSettings):
     """
 
     def start(self, problem: Problem) -> Tracker:
-        """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
+        """Return a tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
         return RecursiveTracker(kinematic_recursion(self, problem), filter_start(self, problem), details=causes(self))
 
 
 def causes(settings: KinematicSettings) -> dict[str, list[str]]:
-    """What the filter's own standard deviation contains already: the tare, where its offset is a state."""
+    """Return the causes that the filter's standard deviation includes: the tare, where its offset is a state."""
     return {"included": ["tare"]} if has_bias(settings) else {}
 
 
 def filter_start(settings: KinematicSettings, problem: Problem) -> FilterStart:
-    """How the filter gets under way."""
-    window = settings.start_duration * (_LONGER if has_bias(settings) else 1.0) if fits(settings) else 0.0
+    """Return the window of the filter's start, and the source of its noise."""
+    window = 0.0
+    if fits(settings):
+        window = settings.start_duration * (_WINDOWS_WITH_BIAS if has_bias(settings) else 1.0)
     return FilterStart(window, settings.noise == "measure", problem.standstill)
 
 
@@ -51,13 +53,14 @@ def kinematic_recursion(
     with_state: bool = False,
     known: Callable[[Samples], Floats] | None = None,
 ) -> Recursion:
-    """The filter as its tracker needs it, linearised at states (m, n) that are `known` of samples, where given."""
+    """Return the filter as its tracker needs it, linearised at the states (m, n) that `known` gives of samples."""
     mass_of(problem)
     process = kinematic_process(settings, problem)
     guess = guess_of(settings, process, problem)
     count = len(problem.model.parameters)
 
     def numbers(force_std: float | None, velocity_std: float | None) -> Floats:
+        # The last group is for a restart.
         start = [settings.start_depth, *process.on_chart(guess.tolist(), math.log)]
         std = [2.0 * settings.start_depth, *([settings.start_spread] * count)]
         return np.array([*noises(settings, force_std, velocity_std), *start, *std])
@@ -72,19 +75,23 @@ def kinematic_recursion(
         process, iterations=iterations, student=settings.student, with_state=with_state, linearised=known is not None
     )
     if known is None:
-        return Recursion(step, count, numbers, begin, _inputs)
-    return Recursion(step, count, numbers, begin, lambda part, time: np.hstack([_inputs(part, time), known(part)]))
+        return Recursion(step, count, numbers, begin, _step_inputs)
+    return Recursion(step, count, numbers, begin, lambda part, time: np.hstack([_step_inputs(part, time), known(part)]))
 
 
 def kinematic_process(settings: KinematicSettings, problem: Problem) -> KinematicProcess:
-    """The process that the settings ask for."""
+    """Return the process with the states that the settings require."""
     biased = has_bias(settings)
     sweeping, drifting = settings.sweep_speed > 0, drift_of(settings) > 0
     return KinematicProcess(problem.model, problem.tip_mass, sweeping, biased, drifting)
 
 
 def noises(settings: KinematicSettings, force_std: float | None, velocity_std: float | None) -> list[float]:
-    """The noises of `palpate_filters.kinematic_step`, in their order."""
+    """Return the noises of `palpate_filters.kinematic_step`, in their order.
+
+    The densities are those at the reference speed: those of random walks grow with the speed, those of integrated ones
+    with its third power, so that each distance has the same change at any speed.
+    """
     pace = settings.sweep_speed / _REFERENCE_SPEED
     walks = [settings.surface_walk * pace, settings.slope_walk * pace**3]
     walks += [settings.stiffness_walk * pace, settings.stiffness_trend * pace**3, settings.ratio_walk * pace]
@@ -92,7 +99,11 @@ def noises(settings: KinematicSettings, force_std: float | None, velocity_std: f
     return [*measured, settings.jerk, *walks, settings.drift_walk**2]
 
 
-def _inputs(samples: Samples, interval: Floats) -> Floats:
+def _step_inputs(samples: Samples, interval: Floats) -> Floats:
+    """Return force [N], height [m], velocity [m/s] and interval [s] (n, 4) of samples."""
     rows = np.empty((len(interval), 4))
-    rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3] = samples.force, samples.position, samples.velocity, interval
+    rows[:, 0] = samples.force
+    rows[:, 1] = samples.position
+    rows[:, 2] = samples.velocity
+    rows[:, 3] = interval
     return rows

@@ -8,7 +8,7 @@ from typing import Literal
 from palpate import Damping, Estimator, Force, ForceDrift, ForceWalk, Length, Speed, Time
 from pydantic import Field
 
-_USUAL_DRIFT = 1.5 / 3600.0  # [N/s], of a six-axis sensor that warms up
+_DEFAULT_DRIFT = 1.5 / 3600.0  # [N/s], 1.5 N/h of a six-axis sensor that warms up (0044)
 
 
 class KinematicSettings(Estimator, ABC):
@@ -91,17 +91,17 @@ class KinematicSettings(Estimator, ABC):
 
 
 def fits(settings: KinematicSettings) -> bool:
-    """Whether it starts from a fit; a force bias, which is found wrong from a guess, always does."""
+    """Return True if the filter starts from a fit; with a force bias it always does, since a guess misleads it."""
     return settings.start_from == "fit" or has_bias(settings)
 
 
 def has_bias(settings: KinematicSettings) -> bool:
-    """Whether a force bias is a state."""
+    """Return True if a force bias is a state."""
     return max(settings.bias_std, drift_of(settings), settings.drift_walk) > 0
 
 
 def drift_of(settings: KinematicSettings) -> float:
-    """Standard deviation of the bias's slope [N/s]."""
+    """Return the standard deviation of the bias's slope [N/s]."""
     if settings.drift is None:
-        return _USUAL_DRIFT if settings.bias_std > 0 else 0.0
+        return _DEFAULT_DRIFT if settings.bias_std > 0 else 0.0
     return settings.drift

@@ -11,23 +11,27 @@ from palpate_kit.numerics.normal_equations import scaled_inverse
 
 from palpate_filters.first_guess import first_guess
 from palpate_filters.kinematic_settings import KinematicSettings, drift_of, fits
-from palpate_filters.kinematic_step import carried
+from palpate_filters.kinematic_step import state_layout
 from palpate_filters.process_models import KinematicProcess
 from palpate_filters.recursion import Carry
 from palpate_filters.starting_fit import BiasPrior, StartFit, fit_start, fittable
+from palpate_filters.step_limits import FIT_SPREAD
 
-FIT_SPREAD = 10.0  # the filter sees the fitted samples again, so it takes only a hundredth of their weight from the fit
-ACCELERATION_STD = 1.0  # [m/s^2]
-STEEPEST = 0.05  # first standard deviation of a surface's slope
-TREND_STD = 0.05  # [1/s]
-_LEAST_BIAS = 1e-6  # [N]
+ACCELERATION_STD = 1.0  # [m/s^2], a choice: first standard deviation of the tip's acceleration
+SLOPE_STD = 0.05  # a choice: first standard deviation of the inclination of a surface under a sweep
+TREND_STD = 0.05  # [1/s], a choice: first standard deviation of the trend of the first logarithm
+_UNKNOWN_VELOCITY_STD = 0.1  # [m/s], a choice: of a missing first velocity
+_RESUMED_POSITION_STD = 5e-6  # [m], the default `position_std` of `KinematicSettings`
+_RESUMED_VELOCITY_STD = 1e-3  # [m/s], a choice near the default `velocity_std`
+_MIN_BIAS_GROWTH = 1e-6  # [N], a choice: keeps the covariance of bias and drift regular right after the tare
+_MIN_RELATIVE_STD = 1e-3  # a choice: no fit determines a parameter better for the filter
 
 
 def guess_of(settings: KinematicSettings, process: KinematicProcess, problem: Problem) -> Floats:
-    """First guesses (k,) of the parameters; raises ConfigurationError where one is impossible."""
+    """Return first guesses (k,) of the parameters; raises ConfigurationError where one is impossible."""
     forces = {"elastic": (settings.start_force, 1.0), "viscous": (settings.start_damping, 1.0)}
-    given: dict[str, Any] = dict(settings.first_guess)
-    guess, _ = first_guess(process.model, forces, given, {}, problem.others)
+    stated: dict[str, Any] = dict(settings.first_guess)
+    guess, _ = first_guess(process.model, forces, stated, {}, problem.others)
     for parameter, value in zip(process.model.parameters, guess, strict=True):
         if parameter.lower >= 0 and value <= 0:
             raise ConfigurationError(f"first guess of {parameter.name}: must be above 0")
@@ -37,88 +41,113 @@ def guess_of(settings: KinematicSettings, process: KinematicProcess, problem: Pr
 def fresh_state(
     settings: KinematicSettings, process: KinematicProcess, guess: Floats, window: Samples, patient: bool
 ) -> tuple[Floats, bool] | None:
-    """State from a fit of the window if requested and successful, else, once not patient, from the first guess."""
+    """Return a first state from a fit of the window where requested, else from the guess; never resumed (False).
+
+    None where the fit fails and a longer window may help: while `patient`, with a model that can be fitted.
+    """
     place, chart = process.layout, process.chart
-    mean, std, surface = np.zeros(process.states), np.zeros(process.states), place.at("surface")
-    std[surface], std[chart] = 2.0 * settings.start_depth, settings.start_spread
-    mean[surface], theta = window.position[0] + settings.start_depth, guess
-    std[place["memory"]] = 1.0
-    std[place["slope"]], std[place["trend"]] = STEEPEST * settings.sweep_speed, TREND_STD  # on a sweep
-    _place(process, settings.position_std, settings.velocity_std, mean, std, window)
-    covariance = np.diag(std**2)
-    _bias_since_the_tare(settings, process, covariance, float(window.time[0]))
-    found = None
+    mean, covariance = _guessed_state(settings, process, window)
+    theta, fit = guess, None
     if fits(settings):
         prior = _bias_prior(settings, process, covariance)
-        found = fit_start(process.model, process.mass, window, guess, prior, lenient=not patient)
-        if found is None and patient and fittable(process.model):
+        fit = fit_start(process.model, process.mass, window, guess, prior, lenient=not patient)
+        if fit is None and patient and fittable(process.model):
             return None
-    if found is not None:
-        mean[surface], theta = found.surface, found.theta
-        mean[place["bias"]] = found.bias
-        covariance = _fitted_covariance(settings, process, found, covariance)
+    if fit is not None:
+        theta = fit.theta
+        mean[place.at("surface")] = fit.surface
+        mean[place["bias"]] = fit.bias
+        covariance = _fitted_covariance(settings, process, fit, covariance)
     mean[chart] = process.on_chart(theta.tolist(), math.log)
-    return np.concatenate([mean, covariance.ravel(), [0.0], mean[place["bias"]]]), False
+    low_count = 0.0
+    return np.concatenate([mean, covariance.ravel(), [low_count], mean[place["bias"]]]), False
+
+
+def _guessed_state(settings: KinematicSettings, process: KinematicProcess, window: Samples) -> tuple[Floats, Floats]:
+    """Return mean (n,), without the parameters, and covariance (n, n) before any fit."""
+    place, surface = process.layout, process.layout.at("surface")
+    mean, std = np.zeros(process.states), np.zeros(process.states)
+    mean[surface] = window.position[0] + settings.start_depth
+    std[surface] = 2.0 * settings.start_depth
+    std[process.chart] = settings.start_spread
+    std[place["memory"]] = 1.0
+    # On a sweep.
+    std[place["slope"]] = SLOPE_STD * settings.sweep_speed
+    std[place["trend"]] = TREND_STD
+    _put_motion(process, settings.position_std, settings.velocity_std, mean, std, window)
+    covariance = np.diag(std**2)
+    _put_bias_covariance(settings, process, covariance, float(window.time[0]))
+    return mean, covariance
 
 
 def _bias_prior(settings: KinematicSettings, process: KinematicProcess, covariance: Floats) -> BiasPrior | None:
+    """Return the bias's prior for the starting fit; None without a bias."""
     if not process.biased:
         return None
-    where = process.layout.at("bias")
-    return BiasPrior(math.sqrt(covariance[where, where]), settings.force_std)
+    row = process.layout.at("bias")
+    return BiasPrior(math.sqrt(covariance[row, row]), settings.force_std)
 
 
-def _bias_since_the_tare(
+def _put_bias_covariance(
     settings: KinematicSettings, process: KinematicProcess, covariance: Floats, elapsed: float
 ) -> None:
-    """Put in what is known of bias and drift so many seconds after the tare, which is at the record's beginning."""
+    """Put in the covariance of bias and drift `elapsed` seconds after the tare, which is at the record's beginning.
+
+    A bias b of standard deviation s_b at the tare, with a constant drift of s_d and a random walk w::
+
+        var(b) = s_b^2 + s_d^2 t^2 + w^2 t        var(drift) = s_d^2        cov = s_d^2 t
+    """
     if not process.biased:
         return
-    place, drift = process.layout, drift_of(settings)
-    grown = (drift * elapsed) ** 2 + settings.drift_walk**2 * elapsed
-    covariance[place["bias"], place["bias"]] = settings.bias_std**2 + max(grown, _LEAST_BIAS**2)
-    covariance[place["drift"], place["drift"]] = drift**2
-    for one, other in (("bias", "drift"), ("drift", "bias")):
-        covariance[place[one], place[other]] = drift**2 * elapsed
+    bias, drift = process.layout["bias"], process.layout["drift"]
+    drift_std = drift_of(settings)
+    growth = (drift_std * elapsed) ** 2 + settings.drift_walk**2 * elapsed
+    covariance[bias, bias] = settings.bias_std**2 + max(growth, _MIN_BIAS_GROWTH**2)
+    covariance[drift, drift] = drift_std**2
+    covariance[bias, drift] = drift_std**2 * elapsed
+    covariance[drift, bias] = drift_std**2 * elapsed
 
 
-def _fitted_covariance(
-    settings: KinematicSettings, process: KinematicProcess, found: StartFit, before: Floats
-) -> Floats:
-    """Covariance (n, n) after a fit: with a bias from the fit's full covariance, else of each number alone."""
-    place, chart = process.layout, process.chart
-    covariance, surface = before.copy(), place.at("surface")
+def _fitted_covariance(settings: KinematicSettings, process: KinematicProcess, fit: StartFit, before: Floats) -> Floats:
+    """Return the covariance (n, n) after a fit: with a bias by the fit's full covariance, else of each number alone."""
+    chart, surface = process.chart, process.layout.at("surface")
     if not process.biased:
-        std, widest = min(FIT_SPREAD * found.surface_std, 2.0 * settings.start_depth), settings.start_spread
-        known = found.theta_std > 0
-        relative = FIT_SPREAD * np.where(known, found.theta_std, 0.0) / np.abs(found.theta)
-        each = np.where(known, np.clip(relative, 1e-3, widest), widest)
-        covariance[surface, surface], covariance[chart, chart] = std**2, np.diag(each**2)
+        covariance = before.copy()
+        surface_std = min(FIT_SPREAD * fit.surface_std, 2.0 * settings.start_depth)
+        is_fitted = fit.theta_std > 0
+        relative_std = FIT_SPREAD * np.where(is_fitted, fit.theta_std, 0.0) / np.abs(fit.theta)
+        bounded_std = np.clip(relative_std, _MIN_RELATIVE_STD, settings.start_spread)
+        chart_std = np.where(is_fitted, bounded_std, settings.start_spread)
+        covariance[surface, surface] = surface_std**2
+        covariance[chart, chart] = np.diag(chart_std**2)
         return covariance
-    # The surface, the parameters and the bias hang together, and the drift with the bias.
-    rows = np.r_[surface, np.arange(chart.start, chart.stop), place.at("bias")]
+    # Surface, parameters and bias are correlated, and the drift with the bias: the information of fit and prior add.
+    rows = np.r_[surface, np.arange(chart.start, chart.stop), process.layout.at("bias")]
     information = np.zeros_like(before)
-    information[np.ix_(rows, rows)] = found.information / FIT_SPREAD**2
+    information[np.ix_(rows, rows)] = fit.information / FIT_SPREAD**2
     return scaled_inverse(scaled_inverse(before) + information)
 
 
-def _place(
+def _put_motion(
     process: KinematicProcess, position_std: float, velocity_std: float, mean: Floats, std: Floats, first: Samples
 ) -> None:
-    """Put the tip where the first sample is."""
-    moving, motion = float(first.velocity[0]), process.motion
-    mean[motion] = first.position[0], moving if np.isfinite(moving) else 0.0, 0.0
-    std[motion] = position_std, velocity_std if np.isfinite(moving) else 0.1, ACCELERATION_STD
+    """Put in the tip's motion at the first sample; a missing velocity counts as 0 with `_UNKNOWN_VELOCITY_STD`."""
+    velocity, motion = float(first.velocity[0]), process.motion
+    is_present = np.isfinite(velocity)
+    mean[motion] = first.position[0], velocity if is_present else 0.0, 0.0
+    std[motion] = position_std, velocity_std if is_present else _UNKNOWN_VELOCITY_STD, ACCELERATION_STD
 
 
 def resumed_state(process: KinematicProcess, carry: Carry, first: Samples) -> tuple[Floats, bool]:
-    """State after a pause: motion reset, surface and material kept."""
+    """Return the state after a pause, resumed (True): motion by the first sample, surface and material kept."""
     assert carry.state is not None
-    held, last, motion = carried(process), process.layout.span("surface", "trend"), process.motion
-    mean, std = carry.state[held["mean"]].copy(), np.zeros(process.states)
+    carried, motion = state_layout(process), process.motion
+    material = process.layout.span("surface", "trend")
+    mean, std = carry.state[carried["mean"]].copy(), np.zeros(process.states)
     covariance = np.zeros((process.states, process.states))
-    before = carry.state[held["covariance"]].reshape(covariance.shape)
-    _place(process, 5e-6, 1e-3, mean, std, first)
-    covariance[last, last] = before[last, last]
+    before = carry.state[carried["covariance"]].reshape(covariance.shape)
+    _put_motion(process, _RESUMED_POSITION_STD, _RESUMED_VELOCITY_STD, mean, std, first)
+    covariance[material, material] = before[material, material]
     covariance[motion, motion] = np.diag(std[motion] ** 2)
-    return np.concatenate([mean, covariance.ravel(), [0.0], carry.state[held["centre"]]]), True
+    low_count = 0.0
+    return np.concatenate([mean, covariance.ravel(), [low_count], carry.state[carried["centre"]]]), True

@@ -10,15 +10,12 @@ from palpate_kit.kernel import Step
 
 from palpate_filters.covariance import congruence, entry_update, mirror, vector_update
 from palpate_filters.process_models import KinematicProcess
+from palpate_filters.step_limits import DEPTH_FLOOR, MAX_DEPTH, MAX_LOW_SAMPLES, MISSING_ABOVE, SMALLEST_VARIANCE
 
-_DEPTH_FLOOR = 1e-5  # [m]; the slope of sqrt(d) has a pole at 0, so Jacobians are taken no nearer
-_LOW_LIMIT = 25  # samples in a row at depth <= 0, in contact, before the filter restarts
-_LARGEST = 1e300  # CasADi folds z == z to 1, so NaN is detected thus
-_DEEPEST = 0.1  # [m]
-_WANDERS = 5.0  # standard deviations of a bias
-_CHART_END = 60.0  # logarithms beyond this do not occur
+_BIAS_REACH = 5.0  # standard deviations of a bias that the linearisation may lag behind; measured, with others: 0044
+_MAX_LOGARITHM = 60.0  # a choice: exp(60) is 1e26, in SI more than any material has
 
-NOISES = 10  # of `Noise`, in its order
+NOISE_COUNT = 10  # of `KinematicNoise`, in its order
 
 
 @dataclass(frozen=True)
@@ -37,8 +34,30 @@ class KinematicNoise:
     bias: Any  # [N^2/s]
 
 
-def carried(process: KinematicProcess) -> Layout:
-    """The filter's state: mean (n), covariance (n x n), count of low depths, bias [N] at which to linearise."""
+@dataclass(frozen=True)
+class _SampleSymbols:
+    """The symbols of one sample."""
+
+    column: Any  # all of them
+    force: Any  # [N]
+    height: Any  # [m]
+    velocity: Any  # [m/s]
+    interval: Any  # [s]
+    linearisation: Any  # (n,) state at which to linearise the force; NaN for none
+
+
+@dataclass(frozen=True)
+class _Moments:
+    """An estimate within a step, and the normalised innovations of the measurements that it has seen."""
+
+    mean: Any  # (n,)
+    covariance: Any  # (n, n)
+    squares: Any  # sum of e^2/S
+    count: Any  # of them
+
+
+def state_layout(process: KinematicProcess) -> Layout:
+    """Return the filter's state: mean (n), covariance (n x n), count of low depths, bias [N] at which to linearise."""
     n = process.states
     return Layout(mean=n, covariance=n * n, low=1, centre=int(process.biased))
 
@@ -53,133 +72,176 @@ def kinematic_step(
 ) -> Step:
     """Predict, then update with position, velocity and force, those that are there.
 
-    Filter state: `carried`. Sample: force [N], height [m], velocity [m/s], interval [s], and where it is to be
-    `linearised` at states that are known already, these (n), NaN for none; out of contact they do not count.
-    Settings: the noises, then
-    first depth [m], chart (k), and standard deviations of surface and chart (1 + k) for a fresh start. Output:
+    Filter state: `state_layout`. Sample: force [N], height [m], velocity [m/s], interval [s], and where the step is to
+    be `linearised` at given states, these (n), NaN for none; out of contact they do not count. Settings: the noises,
+    then first depth [m], chart (k), and standard deviations of surface and chart (1 + k) for a fresh start. Output:
     `palpate_filters.recursion.output_layout`.
     """
     import casadi as ca
 
-    n, at = process.states, process.layout.at
-    count = len(process.model.parameters)
-    mean, square, low_count = ca.SX.sym("x", n), ca.SX.sym("P", n, n), ca.SX.sym("low")
-    centre = ca.SX.sym("b", carried(process)["centre"].stop - carried(process)["centre"].start)
-    covariance = mirror(square)
-    sample, numbers = ca.SX.sym("w", 4 + n * linearised), ca.SX.sym("p", NOISES)
-    fresh, fresh_std = ca.SX.sym("x0", 1 + count), ca.SX.sym("s0", 1 + count)
-    force, height, velocity, interval = ca.vertsplit(sample[:4])
-    noise = KinematicNoise(*ca.vertsplit(numbers))
+    n, count = process.states, len(process.model.parameters)
+    mean, square, low_before = ca.SX.sym("x", n), ca.SX.sym("P", n, n), ca.SX.sym("low")
+    centre = ca.SX.sym("b", state_layout(process)["centre"].stop - state_layout(process)["centre"].start)
+    numbers, fresh, fresh_std = ca.SX.sym("p", NOISE_COUNT), ca.SX.sym("x0", 1 + count), ca.SX.sym("s0", 1 + count)
+    reading, noise = _reading_symbols(process, linearised), KinematicNoise(*ca.vertsplit(numbers))
 
-    x, P, _ = predicted(process, mean, covariance, interval, noise)
-    total, seen_count = ca.SX(0), ca.SX(0)
-    motion = ((at("height"), height, noise.position), (at("velocity"), velocity, noise.velocity))
-    for axis, measured, std in motion:
-        seen = ca.fabs(measured) <= _LARGEST
-        gain, P, weight = entry_update(P, axis, std**2, seen)
-        innovation = ca.if_else(seen, measured, x[axis]) - x[axis]
-        x, total, seen_count = x + gain * innovation, total + innovation**2 * weight, seen_count + seen
-    seen = ca.fabs(force) <= _LARGEST
-    known = None
-    if linearised:  # out of contact no slope exists to linearise by
-        given = ca.logic_and(ca.fabs(sample[4]) <= _LARGEST, process.depth(ca.vertsplit(sample[4:])) > 0)
-        known = ca.if_else(given, sample[4:], x)
-    x, P, surprise = _force_update(process, x, P, force, noise.force**2, seen, iterations, student, centre, known)
-    total, seen_count = total + surprise**2, seen_count + seen
-    nis = ca.if_else(seen_count > 0, total / ca.fmax(seen_count, 1), -1.0)
+    # Predict, then update with each measurement in turn: their errors are independent.
+    x, P, _ = predict(process, mean, mirror(square), reading.interval, noise)
+    moments = _update_motion(process, _Moments(x, P, ca.SX(0), ca.SX(0)), reading, noise)
+    at = _linearisation(process, reading, moments.mean) if linearised else None
+    moments, innovation = _update_force(
+        process, moments, reading.force, noise.force**2, iterations, student, centre, at
+    )
+    nis = ca.if_else(moments.count > 0, moments.squares / ca.fmax(moments.count, 1), -1.0)
 
-    low = process.depth(ca.vertsplit(x)) <= 0
-    count_low = ca.if_else(low, low_count + 1, 0)
-    restart = count_low >= _LOW_LIMIT
-    x, P = _restarted(process, x, P, restart, fresh, fresh_std)
-    marks = [low, restart, seen_count < 3, ca.SX(0), _broken(process, x, P), ca.SX(0)]
-    output = [report(process, x, P, height), nis, surprise, *marks, *([x, ca.vec(P)] if with_state else [])]
+    # Restart where the tip has been out of contact for long.
+    low = process.depth(ca.vertsplit(moments.mean)) <= 0
+    low_count = ca.if_else(low, low_before + 1, 0)
+    restart = low_count >= MAX_LOW_SAMPLES
+    x, P = _restart_material(process, moments.mean, moments.covariance, restart, fresh, fresh_std)
+
+    marks = [low, restart, moments.count < 3, ca.SX(0), _has_diverged(process, x, P), ca.SX(0)]
+    output = [report(process, x, P, reading.height), nis, innovation, *marks]
+    if with_state:
+        output += [x, ca.vec(P)]
+    next_centre = _next_centre(process, x, P, centre, reading.interval)
     return Step(
-        state=ca.vertcat(mean, ca.vec(square), low_count, centre),
-        sample=sample,
+        state=ca.vertcat(mean, ca.vec(square), low_before, centre),
+        sample=reading.column,
         settings=ca.vertcat(numbers, fresh, fresh_std),
-        next_state=ca.vertcat(
-            x, ca.vec(P), ca.if_else(restart, 0, count_low), *_centre(process, x, P, centre, interval)
-        ),
+        next_state=ca.vertcat(x, ca.vec(P), ca.if_else(restart, 0, low_count), *next_centre),
         output=ca.vertcat(*output),
     )
 
 
-def predicted(
-    process: KinematicProcess, mean: Any, covariance: Any, interval: Any, noise: KinematicNoise
-) -> tuple[Any, ...]:
-    """Mean, covariance and Jacobian one interval later."""
+def _reading_symbols(process: KinematicProcess, linearised: bool) -> _SampleSymbols:
+    """Return one sample as symbols, with a state at which to linearise where that is requested."""
     import casadi as ca
 
-    ahead = ca.vertcat(*process.predict(ca.vertsplit(mean), interval, ca.exp))
-    jacobian = ca.jacobian(ahead, mean)
-    noisy = congruence(jacobian, covariance) + process_noise(process, interval, noise)
-    return ahead, noisy, jacobian
+    column = ca.SX.sym("w", 4 + process.states * linearised)
+    return _SampleSymbols(column, *ca.vertsplit(column[:4]), column[4:])
+
+
+def predict(
+    process: KinematicProcess, mean: Any, covariance: Any, interval: Any, noise: KinematicNoise
+) -> tuple[Any, ...]:
+    """Return mean, covariance and Jacobian one interval later."""
+    import casadi as ca
+
+    mean_after = ca.vertcat(*process.predict(ca.vertsplit(mean), interval, ca.exp))
+    jacobian = ca.jacobian(mean_after, mean)
+    covariance_after = congruence(jacobian, covariance) + process_noise(process, interval, noise)
+    return mean_after, covariance_after, jacobian
+
+
+def jerk_covariance(interval: Any) -> list[list[Any]]:
+    """Return the covariance (3 x 3) of height, velocity and acceleration by white jerk of density 1 over an interval.
+
+    Source: Bar-Shalom, Li and Kirubarajan 2001, section 6.2.
+    """
+    T = interval
+    return [[T**5 / 20, T**4 / 8, T**3 / 6], [T**4 / 8, T**3 / 3, T**2 / 2], [T**3 / 6, T**2 / 2, T]]
 
 
 def process_noise(process: KinematicProcess, interval: Any, noise: KinematicNoise) -> Any:
-    """Covariance (n, n) of what drives the process over an interval."""
+    """Return the covariance (n, n) of what drives the process over an interval T.
+
+    A random walk of density q adds q T. On a sweep, surface and first logarithm are each a level with a drift whose
+    density q adds [[T^3/3, T^2/2], [T^2/2, T]] q to both.
+    """
     import casadi as ca
 
     T, Q = interval, ca.SX.zeros(process.states, process.states)
-    powers = [[T**5 / 20, T**4 / 8, T**3 / 6], [T**4 / 8, T**3 / 3, T**2 / 2], [T**3 / 6, T**2 / 2, T]]
-    place, at = process.layout, process.layout.at
+    powers = jerk_covariance(T)
+    # The motion, driven by jerk.
     for i, row in enumerate(powers, start=process.motion.start):
         for j, power in enumerate(row, start=process.motion.start):
             Q[i, j] = noise.jerk * power
-    surface, first = at("surface"), process.chart.start
-    Q[surface, surface], Q[first, first] = noise.surface * T, noise.walk * T
+    # Random walks of surface and first logarithm, and of their drifts.
+    surface, first = process.layout.at("surface"), process.chart.start
+    Q[surface, surface] = noise.surface * T
+    Q[first, first] = noise.walk * T
     if process.sweeping:
-        for level, drift, density in ((surface, at("slope"), noise.slope), (first, at("trend"), noise.trend)):
+        slope, trend = process.layout.at("slope"), process.layout.at("trend")
+        for level, drift, density in ((surface, slope, noise.slope), (first, trend, noise.trend)):
             Q[level, level] += density * powers[1][1]
             Q[level, drift] = Q[drift, level] = density * powers[1][2]
             Q[drift, drift] = density * T
+    # Random walks of the bias and of the other parameters.
     if process.biased:
-        Q[place["bias"], place["bias"]] = noise.bias * T
+        Q[process.layout["bias"], process.layout["bias"]] = noise.bias * T
     for i in range(first + 1, process.chart.stop):
         Q[i, i] = noise.ratio * T
     return Q
 
 
-def _force_update(
+def _update_motion(process: KinematicProcess, before: _Moments, reading: _SampleSymbols, noise: KinematicNoise) -> _Moments:
+    """Return the estimate after the measured height and velocity, which are entries of the state."""
+    import casadi as ca
+
+    x, P, squares, count = before.mean, before.covariance, before.squares, before.count
+    at = process.layout.at
+    entries = ((at("height"), reading.height, noise.position), (at("velocity"), reading.velocity, noise.velocity))
+    for axis, measured, std in entries:
+        is_present = ca.fabs(measured) <= MISSING_ABOVE
+        gain, P, weight = entry_update(P, axis, std**2, is_present)
+        innovation = ca.if_else(is_present, measured, x[axis]) - x[axis]
+        x = x + gain * innovation
+        squares = squares + innovation**2 * weight
+        count = count + is_present
+    return _Moments(x, P, squares, count)
+
+
+def _linearisation(process: KinematicProcess, reading: _SampleSymbols, mean: Any) -> Any:
+    """Return the given state at which to linearise; the mean where none is given, or out of contact: no slope there."""
+    import casadi as ca
+
+    state = reading.linearisation
+    in_contact = process.depth(ca.vertsplit(state)) > 0
+    return ca.if_else(ca.logic_and(ca.fabs(state[0]) <= MISSING_ABOVE, in_contact), state, mean)
+
+
+def _update_force(
     process: KinematicProcess,
-    mean: Any,
-    covariance: Any,
+    before: _Moments,
     force: Any,
     variance: Any,
-    seen: Any,
     iterations: int,
     student: float | None,
     centre: Any,
-    known: Any,
-) -> tuple[Any, Any, Any]:
-    """The update with the force, linearised at the `known` state, else again at each iterate (Bell and Cathey 1993).
+    linearisation: Any,
+) -> tuple[_Moments, Any]:
+    """Return the estimate after the measured force, and the normalised innovation.
 
-    With a force bias see `_with_bias` for where. With Student's t of nu degrees of freedom the variance of a
-    surprising force grows by (nu + e^2/S)/(nu + 1).
+    The force is linearised at the state `linearisation`, else again at each iterate (Bell and Cathey 1993), with a
+    force bias at `_state_with_bias`. With Student's t of nu degrees of freedom the variance of a surprising force
+    grows by (nu + e^2/S)/(nu + 1).
     """
     import casadi as ca
 
-    x, P, surprise = mean, covariance, ca.SX(0)
+    is_present = ca.fabs(force) <= MISSING_ABOVE
+    mean, covariance = before.mean, before.covariance
+    x, P, normalised = mean, covariance, ca.SX(0)
     for _ in range(iterations):
-        at = x if known is None else known
-        if known is None and process.biased:
-            at = _with_bias(process, x, covariance, centre)
-        expected, row = _linearised_reading(process, at)
-        expected += ca.dot(row, mean - at)
-        innovation = ca.if_else(seen, force, expected) - expected
-        used = variance
+        at = x if linearisation is None else linearisation
+        if linearisation is None and process.biased:
+            at = _state_with_bias(process, x, covariance, centre)
+        # The innovation of the prediction, by the force's tangent at that state.
+        expected, slope = _linearised_reading(process, at)
+        expected += ca.dot(slope, mean - at)
+        innovation = ca.if_else(is_present, force, expected) - expected
+        used_variance = variance
         if student is not None:
-            plain = innovation**2 / (ca.dot(row, covariance @ row) + variance)
-            used = variance * ca.fmax((student + plain) / (student + 1.0), 1.0)
-        gain, P, weight = vector_update(covariance, row, used, seen)
+            square = innovation**2 / (ca.dot(slope, covariance @ slope) + variance)
+            used_variance = variance * ca.fmax((student + square) / (student + 1.0), 1.0)
+        gain, P, weight = vector_update(covariance, slope, used_variance, is_present)
         x = mean + gain * innovation
-        surprise = innovation * ca.sqrt(weight)
-    return x, P, surprise
+        normalised = innovation * ca.sqrt(weight)
+    return _Moments(x, P, before.squares + normalised**2, before.count + is_present), normalised
 
 
-def _with_bias(process: KinematicProcess, mean: Any, covariance: Any, bias: Any) -> Any:
-    """The state that is expected should the bias be another one: the mean moved by cov(x, b)/var(b).
+def _state_with_bias(process: KinematicProcess, mean: Any, covariance: Any, bias: Any) -> Any:
+    """Return the state that is expected should the bias be another one: the mean moved by cov(x, b)/var(b).
 
     Bias, surface and stiffness trade against each other along a line in the state that the force hardly sees. Were the
     force linearised wherever the mean wanders on that line, the slopes would seem to show how far along it the truth
@@ -188,77 +250,86 @@ def _with_bias(process: KinematicProcess, mean: Any, covariance: Any, bias: Any)
     """
     import casadi as ca
 
-    where = process.layout.at("bias")
-    moved = covariance[:, where] * ((bias - mean[where]) / ca.fmax(covariance[where, where], 1e-300))
-    moved[process.motion] = 0
-    moved[where] = bias - mean[where]
-    return mean + moved
+    row = process.layout.at("bias")
+    variance = ca.fmax(covariance[row, row], SMALLEST_VARIANCE)
+    shift = covariance[:, row] * ((bias - mean[row]) / variance)
+    shift[process.motion] = 0
+    shift[row] = bias - mean[row]
+    return mean + shift
 
 
-def _centre(process: KinematicProcess, x: Any, P: Any, before: Any, interval: Any) -> list[Any]:
-    """The bias at which to linearise next: it drifts as the bias does, and is never left behind by more than chance."""
+def _next_centre(process: KinematicProcess, x: Any, P: Any, before: Any, interval: Any) -> list[Any]:
+    """Return the bias at which to linearise next: it follows the drift, within `_BIAS_REACH` of the estimate."""
     import casadi as ca
 
     if not process.biased:
         return []
-    where = process.layout.at("bias")
-    ahead = before + interval * x[process.layout.at("drift")] if process.drifting else before
-    reach = _WANDERS * ca.sqrt(ca.fmax(P[where, where], 0.0))
-    return [ca.fmin(ca.fmax(ahead, x[where] - reach), x[where] + reach)]
+    row = process.layout.at("bias")
+    after = before + interval * x[process.layout.at("drift")] if process.drifting else before
+    reach = _BIAS_REACH * ca.sqrt(ca.fmax(P[row, row], 0.0))
+    return [ca.fmin(ca.fmax(after, x[row] - reach), x[row] + reach)]
 
 
 def _linearised_reading(process: KinematicProcess, at: Any) -> tuple[Any, Any]:
-    """What the sensor should read in a state, and the slope (n,) of that, away from the pole of sqrt(d) at 0."""
+    """Return the force sensor's reading in a state, and its slope (n,), away from the pole of sqrt(d) at 0."""
     import casadi as ca
 
+    # The slope of the contact force, in symbols without the force's branch at depth 0.
     state = ca.SX.sym("x", process.states)
     parts = ca.vertsplit(state)
     theta = process.parameters(parts[process.chart], ca.exp)
     force = process.model.force(process.depth(parts), process.rate(parts), theta, parts[process.layout["memory"]])
-    place, depth, away = process.layout, process.depth(ca.vertsplit(at)), ca.SX(at)
-    away[place.at("surface")] = at[place.at("height")] + ca.fmax(depth, _DEPTH_FLOOR)
-    slope = ca.substitute(ca.jacobian(force, state).T, state, away) * (depth > 0)
+
+    # It is evaluated no nearer to 0 than the floor, and is 0 out of contact; mass and bias add theirs.
+    place, depth, floored_state = process.layout, process.depth(ca.vertsplit(at)), ca.SX(at)
+    floored_state[place.at("surface")] = at[place.at("height")] + ca.fmax(depth, DEPTH_FLOOR)
+    slope = ca.substitute(ca.jacobian(force, state).T, state, floored_state) * (depth > 0)
     slope[place.at("acceleration")] -= process.mass
     slope[place["bias"]] += 1
     return process.reading(ca.vertsplit(at), ca.exp), slope
 
 
-def _restarted(process: KinematicProcess, x: Any, P: Any, restart: Any, fresh: Any, fresh_std: Any) -> tuple[Any, Any]:
-    """Mean and covariance that, on a restart, keep the motion and restart surface and parameters."""
+def _restart_material(
+    process: KinematicProcess, x: Any, P: Any, restart: Any, fresh: Any, fresh_std: Any
+) -> tuple[Any, Any]:
+    """Return mean and covariance that, on a restart, keep the motion and restart surface and parameters."""
     import casadi as ca
 
-    place, mean, covariance = process.layout, ca.SX(x), ca.SX(P)
-    surface = place.at("surface")
+    mean, covariance = ca.SX(x), ca.SX(P)
+    surface = process.layout.at("surface")
     renewed = [surface, *range(process.chart.start, process.chart.stop)]
-    first = dict(zip(renewed, ca.vertsplit(fresh), strict=True))
-    first[surface] += x[place.at("height")]
-    spread = dict(zip(renewed, ca.vertsplit(fresh_std**2), strict=True))
+    first_mean = dict(zip(renewed, ca.vertsplit(fresh), strict=True))
+    first_mean[surface] += x[process.layout.at("height")]
+    first_variance = dict(zip(renewed, ca.vertsplit(fresh_std**2), strict=True))
+    # Slope, bias and memory become 0 with their variance kept; nothing stays correlated.
     for i in range(surface, process.states):
-        mean[i] = ca.if_else(restart, first.get(i, 0.0), x[i])
+        mean[i] = ca.if_else(restart, first_mean.get(i, 0.0), x[i])
         for j in range(i):
             covariance[i, j] = covariance[j, i] = ca.if_else(restart, 0.0, P[j, i])
-        covariance[i, i] = ca.if_else(restart, spread.get(i, ca.fmax(P[i, i], 0.0)), P[i, i])
+        variance = first_variance.get(i, ca.fmax(P[i, i], 0.0))
+        covariance[i, i] = ca.if_else(restart, variance, P[i, i])
     return mean, covariance
 
 
-def _broken(process: KinematicProcess, x: Any, P: Any) -> Any:
+def _has_diverged(process: KinematicProcess, x: Any, P: Any) -> Any:
+    """1 where the numbers are not finite, a variance is negative, or depth or parameters are beyond all that occurs."""
     import casadi as ca
 
     variance = ca.diag(P)
-    finite = ca.logic_and(ca.sumsqr(x) + ca.sum1(variance) <= _LARGEST, ca.mmin(variance) >= 0)
-    near = ca.fabs(process.depth(ca.vertsplit(x))) <= _DEEPEST
-    return ca.logic_not(ca.logic_and(ca.logic_and(finite, near), ca.mmax(ca.fabs(x[process.chart])) <= _CHART_END))
+    finite = ca.logic_and(ca.sumsqr(x) + ca.sum1(variance) <= MISSING_ABOVE, ca.mmin(variance) >= 0)
+    near = ca.fabs(process.depth(ca.vertsplit(x))) <= MAX_DEPTH
+    return ca.logic_not(ca.logic_and(ca.logic_and(finite, near), ca.mmax(ca.fabs(x[process.chart])) <= _MAX_LOGARITHM))
 
 
 def report(process: KinematicProcess, x: Any, P: Any, height: Any) -> Any:
-    """Parameters, their variances, surface above the measured height, its variance, contact force."""
+    """Return parameters, their variances, surface above the measured height, its variance, contact force."""
     import casadi as ca
 
-    state = ca.vertsplit(x)
+    # The parameters' covariance is that of the chart between the slopes of the parameters by the chart.
     symbols = ca.SX.sym("c", len(process.model.parameters))
     theta = ca.vertcat(*process.parameters(ca.vertsplit(symbols), ca.exp))
     theta, slope = ca.substitute([theta, ca.jacobian(theta, symbols)], [symbols], [x[process.chart]])
-    spread = slope @ P[process.chart, process.chart] @ slope.T
+    covariance = slope @ P[process.chart, process.chart] @ slope.T
     surface = process.layout.at("surface")
     depth, variance = x[surface] - height, P[surface, surface]
-    return ca.vertcat(theta, ca.diag(spread), depth, variance, process.contact(state, ca.exp))
+    return ca.vertcat(theta, ca.diag(covariance), depth, variance, process.contact(ca.vertsplit(x), ca.exp))

@@ -1,4 +1,4 @@
-"""How a filter on the inertial process looks ahead: linearised, or by sigma points."""
+"""Predictions of a filter on the inertial process: linearised, or by sigma points."""
 
 from __future__ import annotations
 
@@ -9,60 +9,63 @@ import numpy as np
 from palpate import Floats
 
 from palpate_filters.covariance import cholesky, congruence, mirror
-from palpate_filters.inertial_step import Predicted, Prediction, input_gain
+from palpate_filters.inertial_step import PredictedState, Prediction, input_gain
 from palpate_filters.process_models import InertialProcess
-
-_DEPTH_FLOOR = 1e-5  # [m]; the slope of sqrt(d) has a pole at 0, so Jacobians are taken no nearer
+from palpate_filters.step_limits import DEPTH_FLOOR
 
 Points = Literal["merwe", "julier", "simplex"]
-Directions = tuple[Floats, float, float]
+Directions = tuple[Floats, float, float]  # of `sigma_directions`
 
 
 def linearised(
-    process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, known: Any
-) -> Predicted:
+    process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, has_force: Any
+) -> PredictedState:
     """The extended Kalman filter's prediction: f(x) and F P F^T with the derived Jacobian F."""
     import casadi as ca
 
     slope = _force_slope(process, mean)
-    ahead = _stepper(process)(mean, force, interval, known)
+    ahead = _stepper(process)(mean, force, interval, has_force)
+    # Internal states depend on depth and rate, so that the whole step is differentiated; else it is linear but for F.
     if process.model.memory:
         symbols = ca.SX.sym("x", process.states)
-        jacobian = ca.jacobian(_stepper(process)(symbols, force, interval, known), symbols)
-        jacobian = ca.substitute(jacobian, symbols, away(process, mean))
+        jacobian = ca.jacobian(_stepper(process)(symbols, force, interval, has_force), symbols)
+        jacobian = ca.substitute(jacobian, symbols, floor_depth(process, mean))
     else:
-        jacobian = _transition(process, interval) - (input_gain(process, interval) * known) @ slope.T
-    return Predicted(ahead, congruence(jacobian, covariance), None, slope[process.layout.at("depth")], ca.SX(0))
+        jacobian = _transition(process, interval) - (input_gain(process, interval) * has_force) @ slope.T
+    return PredictedState(ahead, congruence(jacobian, covariance), None, slope[process.layout.at("depth")], ca.SX(0))
 
 
 def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: bool) -> Prediction:
     """The unscented Kalman filter's prediction; with `redraw` the update sees the process noise, as in filterpy."""
 
     def predict(
-        process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, known: Any
-    ) -> Predicted:
+        process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, has_force: Any
+    ) -> PredictedState:
         directions = sigma_directions(points, process.states, alpha, beta, kappa)
         root, repaired = cholesky(covariance)
         ahead = _stepper(process)
         if process.model.memory:
-            moments = _moments(lambda point: ahead(point, force, interval, known), mean, root, directions)
+            moments = _moments(lambda point: ahead(point, force, interval, has_force), mean, root, directions)
         else:
-            moments = _excess_moments(process, mean, covariance, root, directions, (force, interval, known))
+            moments = _excess_moments(process, mean, covariance, root, directions, (force, interval, has_force))
+        # Without new points, the gain uses the covariance of the propagated ones, which has no process noise.
         column = None if redraw else moments[1][:, process.layout.at("rate")]
         stiffness = _force_slope(process, mean)[process.layout.at("depth")]
-        return Predicted(moments[0], moments[1], column, stiffness, repaired)
+        return PredictedState(moments[0], moments[1], column, stiffness, repaired)
 
     return predict
 
 
 def _moments(ahead: Callable[[Any], Any], mean: Any, root: Any, directions: Directions) -> tuple[Any, Any]:
-    """Mean and covariance of what a function makes of sigma points."""
+    """Return mean (n,) and covariance (n, n) of a function of sigma points.
+
+    Differences to the centre are weighted, and not the points: the huge weights of a small alpha then cost no digits.
+    """
     import casadi as ca
 
-    drawn, weight, correction = directions
+    unit_points, weight, correction = directions
     centre = ahead(mean)
-    # Weighting differences to the centre, not the points, loses nothing to the huge weights of a small alpha.
-    offsets = ca.horzcat(*(ahead(mean + root @ ca.DM(direction)) - centre for direction in drawn.T))
+    offsets = ca.horzcat(*(ahead(mean + root @ ca.DM(direction)) - centre for direction in unit_points.T))
     shift = ca.sum2(offsets) * weight
     return centre + shift, mirror(offsets @ offsets.T * weight + shift @ shift.T * correction)
 
@@ -70,31 +73,39 @@ def _moments(ahead: Callable[[Any], Any], mean: Any, root: Any, directions: Dire
 def _excess_moments(
     process: InertialProcess, mean: Any, covariance: Any, root: Any, directions: Directions, sample: tuple[Any, ...]
 ) -> tuple[Any, Any]:
-    """The same for the process without memory, where sigma points are only needed for the excess of force e.
+    """Return the same for a process without memory, where only the excess of force e needs sigma points.
 
     x' = A x + b e(x) is linear but for e, so that the points' covariance of x' is A P A^T + b (A c)^T + (A c) b^T +
     b b^T v with c = cov(x, e) and v = var(e) over the points, and their sum over A x needs no points at all.
     """
     import casadi as ca
 
-    drawn, weight, correction = directions
-    force, interval, known = sample
-    reached = process.parameters.stop  # the contact force depends on no later state
+    unit_points, weight, correction = directions
+    force, interval, has_force = sample
+    force_states = process.parameters.stop  # the contact force depends on no later state
 
     def contact(point: Any) -> Any:
         return process.force(ca.vertsplit(point))
 
+    # e at each point, less e at the centre; a point that moves no state of the force has none.
     centre = contact(mean)
     offsets = []
-    for direction in drawn.T:
-        moved = root @ ca.DM(direction)
-        offsets.append(ca.SX(0) if moved[:reached].is_zero() else centre - contact(mean + moved))
+    for direction in unit_points.T:
+        displacement = root @ ca.DM(direction)
+        if displacement[:force_states].is_zero():
+            offsets.append(ca.SX(0))
+        else:
+            offsets.append(centre - contact(mean + displacement))
+
+    # Moments of e: mean shift s, v = var(e), A c with c = cov(x, e).
     differences = ca.horzcat(*offsets)
     shift = ca.sum2(differences) * weight
-    transition, gain = _transition(process, interval), input_gain(process, interval) * known
-    cross = transition @ (root @ (ca.DM(drawn) @ differences.T)) * weight
+    transition, gain = _transition(process, interval), input_gain(process, interval) * has_force
+    cross = transition @ (root @ (ca.DM(unit_points) @ differences.T)) * weight
     variance = ca.sumsqr(differences) * weight + shift**2 * correction
-    excess = ca.if_else(known, force, 0.0) - centre + shift
+
+    # Moments of x' = A x + b e.
+    excess = ca.if_else(has_force, force, 0.0) - centre + shift
     ahead = ca.vertcat(*process.advance(ca.vertsplit(mean), 0.0, interval)) + gain * excess
     mixed = gain @ cross.T
     return ahead, mirror(congruence(transition, covariance) + mixed + mixed.T + gain @ gain.T * variance)
@@ -108,6 +119,7 @@ def sigma_directions(points: Points, states: int, alpha: float, beta: float, kap
     or the simplex of n + 1 points, in filterpy's order.
     """
     n = states
+    # The simplex: each point is as far from the centre as from every other, built one dimension at a time.
     if points == "simplex":
         rows = np.zeros((n, n + 1))
         for d in range(1, n + 1):
@@ -123,12 +135,14 @@ def sigma_directions(points: Points, states: int, alpha: float, beta: float, kap
 
 
 def _stepper(process: InertialProcess) -> Any:
-    def ahead(mean: Any, force: Any, interval: Any, known: Any) -> Any:
+    """Return a function of mean, force, interval and has_force: the state one interval later."""
+
+    def ahead(mean: Any, force: Any, interval: Any, has_force: Any) -> Any:
         import casadi as ca
 
         state = ca.vertsplit(mean)
-        # A missing force is taken to be the model's: the tip goes on at its rate, with the noise that this deserves.
-        excess = (ca.if_else(known, force, 0.0) - process.force(state)) * known
+        # A missing force counts as the model's own: the tip keeps its rate.
+        excess = (ca.if_else(has_force, force, 0.0) - process.force(state)) * has_force
         return ca.vertcat(*process.advance(state, excess, interval))
 
     return ahead
@@ -148,18 +162,20 @@ def _force_slope(process: InertialProcess, mean: Any) -> Any:
 
     symbols = ca.SX.sym("x", process.states)
     parts, place = ca.vertsplit(symbols), process.layout
+    # The slope is taken in symbols, without the force's branch at depth 0.
     depth, rate = parts[place.at("depth")], parts[place.at("rate")]
     force = process.model.force(depth, rate, parts[place["parameters"]], parts[place["memory"]])
     slope = ca.jacobian(force, symbols).T
-    here, inside = mean[place.at("depth")], ca.SX(mean)
-    inside[place.at("depth")] = ca.fmax(here, _DEPTH_FLOOR)
-    return ca.substitute(slope, symbols, inside) * (here > 0)
+    # It is evaluated no nearer to the pole of sqrt(d) than the floor.
+    depth, floored_mean = mean[place.at("depth")], ca.SX(mean)
+    floored_mean[place.at("depth")] = ca.fmax(depth, DEPTH_FLOOR)
+    return ca.substitute(slope, symbols, floored_mean) * (depth > 0)
 
 
-def away(process: InertialProcess, mean: Any) -> Any:
-    """The state at which to take a Jacobian: its depth no nearer to the pole of sqrt(d) than the floor."""
+def floor_depth(process: InertialProcess, mean: Any) -> Any:
+    """Return the state at which to take a Jacobian: its depth no nearer to the pole of sqrt(d) than the floor."""
     import casadi as ca
 
-    at, inside = process.layout.at("depth"), ca.SX(mean)
-    inside[at] = ca.if_else(mean[at] > 0, ca.fmax(mean[at], _DEPTH_FLOOR), mean[at])
-    return inside
+    depth, floored_mean = process.layout.at("depth"), ca.SX(mean)
+    floored_mean[depth] = ca.if_else(mean[depth] > 0, ca.fmax(mean[depth], DEPTH_FLOOR), mean[depth])
+    return floored_mean

@@ -1,4 +1,4 @@
-"""Process models: how the tip moves in contact, for filters of any kind and contact models of any kind."""
+"""Process models: the motion of the tip in contact, for filters of any kind and contact models of any kind."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def advance_memory(
     memory: Sequence[Any],
     interval: Any,
 ) -> list[Any]:
-    """The model's internal states one interval [s] later, on the way from one (depth, rate) to another.
+    """Return the model's internal states one interval [s] later, on the way from one (depth, rate) to another.
 
     The midpoint rule: second order in the interval, and one expression for floats and CasADi symbols.
     """
@@ -54,7 +54,7 @@ class InertialProcess:
 
     @cached_property
     def layout(self) -> Layout:
-        """Where depth, rate, memory, parameters and their derivatives stand in the state."""
+        """The layout of the state: depth, rate, memory, parameters and their derivatives."""
         count = len(self.model.parameters)
         return Layout(depth=1, rate=1, memory=len(self.model.memory), parameters=count, derivatives=self.order * count)
 
@@ -65,34 +65,34 @@ class InertialProcess:
 
     @property
     def parameters(self) -> slice:
-        """Where the contact model's parameters stand in the state."""
+        """The contact model's parameters in the state."""
         return self.layout["parameters"]
 
     def force(self, state: Sequence[Any]) -> Any:
-        """Contact force [N] in a state."""
+        """Return the contact force [N] in a state."""
         depth, rate = state[self.layout.at("depth")], state[self.layout.at("rate")]
         return contact_force(self.model, depth, rate, state[self.parameters], state[self.layout["memory"]])
 
     def predict(self, state: Sequence[Any], force: Any, interval: Any) -> list[Any]:
-        """The state one interval [s] later under a measured force [N]."""
+        """Return the state one interval [s] later under a measured force [N]."""
         return self.advance(state, force - self.force(state), interval)
 
     def advance(self, state: Sequence[Any], excess: Any, interval: Any) -> list[Any]:
-        """The state one interval [s] later, by how much the measured force exceeds that of the contact [N].
+        """Return the state one interval [s] later, by the excess of the measured force over that of the contact [N].
 
-        Linear in state and excess for a model without memory: all that bends is the contact force.
+        Linear in state and excess for a model without memory: the contact force alone is not.
         """
         to_depth, to_rate = self.gain(interval)
         before = state[self.layout.at("depth")], state[self.layout.at("rate")]
         depth = before[0] + interval * before[1] + to_depth * excess
         rate = before[1] + to_rate * excess
         theta, memory = state[self.parameters], state[self.layout["memory"]]
-        remembered = advance_memory(self.model, before, (depth, rate), theta, memory, interval)
+        memory_after = advance_memory(self.model, before, (depth, rate), theta, memory, interval)
         chain = state[self.layout.span("parameters", "derivatives")]
-        return [depth, rate, *remembered, *self._evolved(chain, interval)]
+        return [depth, rate, *memory_after, *self._evolve(chain, interval)]
 
-    def _evolved(self, chain: Sequence[Any], interval: Any) -> list[Any]:
-        """Parameters and their derivatives one interval [s] later."""
+    def _evolve(self, chain: Sequence[Any], interval: Any) -> list[Any]:
+        """Return parameters and their derivatives one interval [s] later, each by its Taylor series."""
         count, evolved = len(self.model.parameters), []
         for i in range(len(chain)):
             value = chain[i]
@@ -102,7 +102,7 @@ class InertialProcess:
         return evolved
 
     def gain(self, interval: Any) -> tuple[Any, Any]:
-        """B = (T^2/(2 m), T/m): change of depth [m/N] and rate [m/s/N] by a force constant over T = `interval` [s]."""
+        """Return B = (T^2/(2 m), T/m): change of depth [m/N] and rate [m/s/N] by a force, constant over T [s]."""
         return interval**2 / (2 * self.mass), interval / self.mass
 
 
@@ -126,7 +126,7 @@ class KinematicProcess:
 
     @cached_property
     def layout(self) -> Layout:
-        """Where everything stands in the state."""
+        """The layout of the state."""
         return Layout(
             height=1,
             velocity=1,
@@ -147,25 +147,25 @@ class KinematicProcess:
 
     @property
     def motion(self) -> slice:
-        """Where height, velocity and acceleration of the tip stand."""
+        """Height, velocity and acceleration of the tip in the state."""
         return self.layout.span("height", "acceleration")
 
     @property
     def chart(self) -> slice:
-        """Where the parameters stand, on their chart."""
+        """The parameters, on their chart, in the state."""
         return self.layout["chart"]
 
     def depth(self, state: Sequence[Any]) -> Any:
-        """Depth [m] of the tip below the surface."""
+        """Return the depth [m] of the tip below the surface."""
         return state[self.layout.at("surface")] - state[self.layout.at("height")]
 
     def rate(self, state: Sequence[Any]) -> Any:
-        """Rate of the depth [m/s]."""
+        """Return the rate of the depth [m/s]."""
         slope = state[self.layout.at("slope")] if self.sweeping else 0.0
         return slope - state[self.layout.at("velocity")]
 
     def parameters(self, chart: Sequence[Any], exp: Any) -> list[Any]:
-        """The contact model's parameters from their chart, with an exponential for this kind of number."""
+        """Return the contact model's parameters from their chart, with an exponential for this kind of number."""
         values = []
         for i, parameter in enumerate(self.model.parameters):
             if i and parameter.role is not None:
@@ -175,7 +175,7 @@ class KinematicProcess:
         return values
 
     def on_chart(self, theta: Sequence[float], log: Any) -> list[Any]:
-        """The chart of parameters: the inverse of `parameters`."""
+        """Return the chart of parameters: the inverse of `parameters`."""
         chart = []
         for i, (parameter, value) in enumerate(zip(self.model.parameters, theta, strict=True)):
             if i and parameter.role is not None:
@@ -185,18 +185,19 @@ class KinematicProcess:
         return chart
 
     def contact(self, state: Sequence[Any], exp: Any) -> Any:
-        """Contact force [N] in a state."""
+        """Return the contact force [N] in a state."""
         theta = self.parameters(state[self.chart], exp)
         memory = state[self.layout["memory"]]
         return contact_force(self.model, self.depth(state), self.rate(state), theta, memory, pulls=self.model.adhesive)
 
     def reading(self, state: Sequence[Any], exp: Any) -> Any:
-        """What the force sensor reads [N] in a state, without noise."""
+        """Return the force sensor's reading [N] in a state, without noise."""
         force = self.contact(state, exp) - self.mass * state[self.layout.at("acceleration")]
         return force + state[self.layout.at("bias")] if self.biased else force
 
     def predict(self, state: Sequence[Any], interval: Any, exp: Any) -> list[Any]:
-        """The state one interval [s] later."""
+        """Return the state one interval [s] later."""
+        # The motion at constant acceleration, then the levels that have a drift.
         at, after = self.layout.at, list(state)
         velocity, acceleration = state[at("velocity")], state[at("acceleration")]
         after[at("height")] = state[at("height")] + interval * velocity + 0.5 * interval**2 * acceleration
@@ -206,6 +207,7 @@ class KinematicProcess:
             after[self.chart.start] = state[self.chart.start] + interval * state[at("trend")]
         if self.drifting:
             after[at("bias")] = state[at("bias")] + interval * state[at("drift")]
+        # Internal states follow the motion from one end of the interval to the other.
         theta, memory = self.parameters(state[self.chart], exp), self.layout["memory"]
         ends = [(self.depth(motion), self.rate(motion)) for motion in (state, after)]
         after[memory] = advance_memory(self.model, ends[0], ends[1], theta, state[memory], interval)

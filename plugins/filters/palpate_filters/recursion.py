@@ -1,4 +1,4 @@
-"""A recursive filter as its tracker needs it: what its step puts out, how it begins, what is carried over."""
+"""A recursive filter as its tracker needs it: output of its step, first state, state at a pause."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MARKS = {
 
 
 def output_layout(parameters: int, states: int = 0) -> Layout:
-    """What a filter's step puts out, for so many parameters; with `states`, mean and covariance of the state, too.
+    """Return the layout of a step's output for so many parameters; with `states`, with mean and covariance as well.
 
     Parameters and their variances, depth [m] below the surface by the measured position and its variance, contact
     force [N], NIS (negative where nothing was measured), the normalised innovation of one measurement (0 where it is
@@ -33,14 +33,14 @@ def output_layout(parameters: int, states: int = 0) -> Layout:
 
 
 def surprises(outputs: Floats, place: Layout) -> tuple[Floats, Floats]:
-    """NIS and normalised innovation (n,) of outputs laid out by `output_layout`; NaN where nothing was measured."""
+    """Return NIS and normalised innovation (n,) of outputs of `output_layout`; NaN where nothing was measured."""
     nis, innovation = outputs[:, place.at("nis")], outputs[:, place.at("innovation")]
     return np.where(nis < 0, np.nan, nis), np.where(innovation == 0, np.nan, innovation)
 
 
 @dataclass(frozen=True)
 class Carry:
-    """What remains of a stretch of contact when the next one begins."""
+    """The end of a stretch of contact, from which the next one continues."""
 
     state: Floats | None  # the filter's; None before the first stretch
     surface: float  # [m], by the latest estimate
@@ -60,7 +60,7 @@ class Recursion:
 
 @dataclass(frozen=True)
 class FilterStart:
-    """How a filter gets under way."""
+    """The conditions of a filter's start."""
 
     window: float = 0.0  # [s] of samples gathered before the first estimate
     measure_noise: bool = False
@@ -69,7 +69,7 @@ class FilterStart:
 
 @dataclass(frozen=True)
 class ActiveStretch:
-    """What a filter did on some samples without a pause between them."""
+    """A filter's pass over some samples without a pause between them."""
 
     rows: slice  # in the block
     interval: Floats  # (m,) [s], 0 where contact begins

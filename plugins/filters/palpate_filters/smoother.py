@@ -23,7 +23,7 @@ from palpate_filters.kinematic_filter import (
 from palpate_filters.kinematic_settings import KinematicSettings
 from palpate_filters.recursion import ActiveStretch, Recursion, output_layout
 
-_HOPS = 4  # a fixed-lag smoother looks between one lag and one lag and a quarter ahead
+_HOPS_PER_LAG = 4  # a choice (0106): a fixed-lag smoother uses between one lag and one lag and a quarter of the future
 
 
 class KinematicSmoother(KinematicSettings):
@@ -31,7 +31,7 @@ class KinematicSmoother(KinematicSettings):
 
     Estimates are those of the whole stretch of contact; with `lag` they use the samples up to that much later (and up
     to a quarter of it more), which is what a delayed online display would show. The first `start_duration` gets
-    estimates, too. At a point it goes several times, each linearised at the states that the one before it found: the
+    estimates, too. At a point it runs several times, each linearised at the smoothed states of the pass before: the
     filter's own linearisations, far off at the beginning, leave it too certain. Defaults are the filter's, except a
     stiffer trend. Sources: Rauch, Tung and Striebel 1965; Bell 1994.
     """
@@ -50,12 +50,12 @@ class KinematicSmoother(KinematicSettings):
     )
 
     def relinearisations(self, model: ContactModel) -> int:
-        """How many passes are linearised at what another found."""
-        at_once = self.lag is None and not self.follows_changes and not model.memory
-        return self.passes - 1 if at_once else 0
+        """Return the number of passes that are linearised at the states of another."""
+        is_repeatable = self.lag is None and not self.follows_changes and not model.memory
+        return self.passes - 1 if is_repeatable else 0
 
     def start(self, problem: Problem) -> Tracker:
-        """A tracker that needs all samples in one block; raises ConfigurationError like the filter."""
+        """Return a tracker that needs all samples in one block; raises ConfigurationError like the filter."""
         return _SmoothingTracker(self, problem)
 
 
@@ -71,51 +71,54 @@ class _SmoothingTracker:
         self._backward: Kernel = compile_step(backward_step(process))
         self._stretches: list[ActiveStretch] = []
         self._kept = OutputStore()
-        self._known: list[tuple[Floats, Floats]] = []  # times (m,) [s] and smoothed states (m, n) of each stretch
+        self._smoothed: list[tuple[Floats, Floats]] = []  # times (m,) [s] and smoothed states (m, n) of each stretch
 
-        def heard(stretch: ActiveStretch, outputs: Floats) -> None:
+        def keep(stretch: ActiveStretch, outputs: Floats) -> None:
             self._kept.keep(stretch, outputs)
             self._stretches.append(stretch)
 
         def forward(recursion: Recursion) -> RecursiveTracker:
-            return RecursiveTracker(recursion, filter_start(settings, problem), heard, causes(settings))
+            return RecursiveTracker(recursion, filter_start(settings, problem), keep, causes(settings))
 
         self._passes = [forward(first)]
-        if again := settings.relinearisations(problem.model):
-            recursion = kinematic_recursion(settings, problem, with_state=True, known=self._known_states)
-            self._passes += [forward(recursion) for _ in range(again)]
+        repetitions = settings.relinearisations(problem.model)
+        if repetitions:
+            recursion = kinematic_recursion(settings, problem, with_state=True, known=self._smoothed_states)
+            self._passes += [forward(recursion) for _ in range(repetitions)]
 
     def run(self, samples: Samples) -> Estimates:
-        """Estimates for all samples; see `palpate.Tracker`."""
-        estimates = self._pass(self._passes[0], samples)
+        """Return estimates for all samples; see `palpate.Tracker`."""
+        estimates = self._run_pass(self._passes[0], samples)
         for forward in self._passes[1:]:
-            again = self._pass(forward, samples)
-            if ((again.status & ~estimates.status) & Status.DIVERGED).any():
+            repeated = self._run_pass(forward, samples)
+            # A pass that diverges where the one before did not is dropped.
+            if ((repeated.status & ~estimates.status) & Status.DIVERGED).any():
                 break
-            estimates = again
+            estimates = repeated
         self._stretches.clear()
-        self._known.clear()
+        self._smoothed.clear()
         return estimates
 
-    def _pass(self, forward: RecursiveTracker, samples: Samples) -> Estimates:
-        """Once forwards and back; what is known afterwards are the states of this pass."""
+    def _run_pass(self, forward: RecursiveTracker, samples: Samples) -> Estimates:
+        """Run once forwards and back; the states of this pass replace those of the pass before."""
         self._stretches.clear()
         estimates = forward.run(samples)
-        self._known.clear()
+        self._smoothed.clear()
+        # A touch is smoothed as a whole: it begins where its interval is 0.
         begins = [i for i, stretch in enumerate(self._stretches) if stretch.interval[0] == 0.0]
         for first, last in pairwise([*begins, len(self._stretches)]):
             self._smooth(samples, self._stretches[first:last], forward.noise, estimates)
         self._kept.forget()
         return estimates
 
-    def _known_states(self, samples: Samples) -> Floats:
-        """States (m, n) by the pass before; NaN where it found none."""
-        found = np.full((len(samples), self._states), np.nan)
-        for time, states in self._known:
+    def _smoothed_states(self, samples: Samples) -> Floats:
+        """Return the states (m, n) of the pass before; NaN where it has none."""
+        linearisation = np.full((len(samples), self._states), np.nan)
+        for time, states in self._smoothed:
             rows = np.minimum(np.searchsorted(time, samples.time), len(time) - 1)
             same = time[rows] == samples.time
-            found[same] = states[rows[same]]
-        return found
+            linearisation[same] = states[rows[same]]
+        return linearisation
 
     def _smooth(
         self,
@@ -124,55 +127,70 @@ class _SmoothingTracker:
         noise: tuple[float | None, float | None],
         estimates: Estimates,
     ) -> None:
-        place, at = self._place, self._place.at
+        """Smooth one touch, and write its estimates; one that diverges keeps the filter's marks alone."""
+        place = self._place
         rows = slice(stretches[0].rows.start, stretches[-1].rows.stop)
-        samples, interval = block[rows], np.concatenate([stretch.interval for stretch in stretches])
         if (estimates.status[rows] & Status.DIVERGED).any():
             return
-        whole, last = FilteredRows(stretches, self._kept), len(samples) - 1
-        numbers = place.span("values", "force")
-        found = np.empty((len(samples), numbers.stop + self._states))
-        found[last] = np.hstack([whole.of(last, last + 1, columns) for columns in (numbers, place["mean"])])
-        self._backwards(whole, interval, samples, np.array(noises(self._settings, *noise)), found[:-1])
-        if not np.isfinite(
-            found[:, place.span("values", "variances")]
-        ).all():  # where a position is missing, so is the surface above it
+        samples = block[rows]
+        smoothed = self._smoothed_rows(samples, stretches, noise)
+        # Where a position is missing, so is the surface above it; parameters and variances are never missing.
+        if not np.isfinite(smoothed[:, place.span("values", "variances")]).all():
             estimates.status[rows] |= np.uint32(Status.DIVERGED)
             return
         if len(self._passes) > 1:
-            self._known.append((samples.time, found[:, numbers.stop :].copy()))
-        estimates.values[rows] = found[:, place["values"]]
-        estimates.std[rows] = np.sqrt(np.maximum(found[:, place["variances"]], 0.0))
-        estimates.surface[rows] = samples.position + found[:, at("depth")]
-        estimates.surface_std[rows] = np.sqrt(np.maximum(found[:, at("depth_variance")], 0.0))
-        estimates.force[rows] = found[:, at("force")]
-        pieces = [stretch.surprises for stretch in stretches]
-        estimates.nis[rows], estimates.innovation[rows] = map(np.concatenate, zip(*pieces, strict=True))
+            self._smoothed.append((samples.time, smoothed[:, place.span("values", "force").stop :].copy()))
+        estimates.values[rows] = smoothed[:, place["values"]]
+        estimates.std[rows] = np.sqrt(np.maximum(smoothed[:, place["variances"]], 0.0))
+        estimates.surface[rows] = samples.position + smoothed[:, place.at("depth")]
+        estimates.surface_std[rows] = np.sqrt(np.maximum(smoothed[:, place.at("depth_variance")], 0.0))
+        estimates.force[rows] = smoothed[:, place.at("force")]
+        # Innovations are the filter's.
+        surprises = [stretch.surprises for stretch in stretches]
+        estimates.nis[rows], estimates.innovation[rows] = map(np.concatenate, zip(*surprises, strict=True))
         estimates.status[rows] &= ~np.uint32(Status.WAITING | Status.IDLE)
 
-    def _backwards(
-        self, filtered: FilteredRows, interval: Floats, samples: Samples, settings: Floats, found: Floats
+    def _smoothed_rows(
+        self, samples: Samples, stretches: list[ActiveStretch], noise: tuple[float | None, float | None]
+    ) -> Floats:
+        """Return the reported numbers and the state (m, numbers + n) at each sample of a touch."""
+        filtered, last = FilteredRows(stretches, self._kept), len(samples) - 1
+        interval = np.concatenate([stretch.interval for stretch in stretches])
+        numbers = self._place.span("values", "force")
+        smoothed = np.empty((len(samples), numbers.stop + self._states))
+        # At the last sample the smoother's estimate is the filter's.
+        columns = (numbers, self._place["mean"])
+        smoothed[last] = np.hstack([filtered.of(last, last + 1, part) for part in columns])
+        settings = np.array(noises(self._settings, *noise))
+        self._run_backwards(filtered, interval, samples, settings, smoothed[:-1])
+        return smoothed
+
+    def _run_backwards(
+        self, filtered: FilteredRows, interval: Floats, samples: Samples, settings: Floats, smoothed: Floats
     ) -> None:
         """Write the smoother's output at every sample but the last, and its states there."""
         time, count, columns = samples.time, len(samples) - 1, self._place.span("mean", "covariance")
         if not count:
             return
 
-        def ran(state: Floats, first: int, last: int) -> tuple[Floats, Floats]:
+        def run_rows(state: Floats, first: int, last: int) -> tuple[Floats, Floats]:
             rows, after = slice(first, last), slice(first + 1, last + 1)
-            known = filtered.of(first, last, columns)
-            inputs = np.column_stack([known, interval[after], samples.position[rows]])
+            estimates = filtered.of(first, last, columns)
+            inputs = np.column_stack([estimates, interval[after], samples.position[rows]])
             state, outputs = self._backward.run(state, inputs[::-1], settings)
             return state, outputs[::-1]
 
+        # To the end: once over all samples, piece by piece, from the filter's last state.
         lag = self._settings.lag
         if lag is None:
             state = filtered.of(count, count + 1, columns)[0]
             for first, last in reversed(list(pairwise([*range(0, count, PIECE), count]))):
-                state, found[first:last] = ran(state, first, last)
+                state, smoothed[first:last] = run_rows(state, first, last)
             return
-        hop = lag / _HOPS
+        # With a lag: each hop from the filter's state one lag after its end.
+        hop = lag / _HOPS_PER_LAG
         cuts = np.searchsorted(time, np.arange(time[0] + hop, time[-1], hop)).tolist()
         for first, last in pairwise(sorted({0, *cuts, count})):
             end = min(int(np.searchsorted(time, time[last - 1] + lag)), count)
-            found[first:last] = ran(filtered.of(end, end + 1, columns)[0], first, end)[1][: last - first]
+            state = filtered.of(end, end + 1, columns)[0]
+            smoothed[first:last] = run_rows(state, first, end)[1][: last - first]

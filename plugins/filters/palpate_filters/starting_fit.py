@@ -15,18 +15,22 @@ from palpate_kit.numerics.variable_projection import linear_part
 
 from palpate_filters.bounded_minimum import bounded_minimum
 
-PAUSE = 0.02  # [s]; over a longer one the measured position carries the depth, not the process
-_SPAN = 5  # samples to either side over which acceleration is differenced, and the motion smoothed
-_FEWEST = 30  # samples
-_DEEPEST = 0.012  # [m] of surface above the highest position of the window
-_GRID = 49
-_NEAR = 1e-8  # [m]
-_BITS = 24  # of what a window determines
+PAUSE = 0.02  # [s], a choice: over a longer pause the measured position carries the depth, not the process
+_HALF_SPAN = 5  # samples, a choice (0150): the motion is smoothed, and acceleration differenced, over 11
+_MIN_SAMPLES = 30  # a choice: a shorter window determines no surface
+_MAX_RISE = 0.012  # [m], a choice: how far the surface may lie above the highest position of the window
+_HEIGHTS_ABOVE = 49  # a choice: grid of the search above the motion, denser near it (the roots are equidistant)
+_HEIGHTS_WITHIN = 10  # a choice: grid of the search within the motion
+_HEIGHT_TOLERANCE = 1e-8  # [m], a choice: a hundredth of the noise of a height
+_HEIGHT_STEP = 1e-6  # [m], a choice: central difference of the force by the height
+_SIGNIFICANT_BITS = 24  # of a result (0045): 6e-8 of it, where a standard deviation is 1e-3 at best
+_MAX_CONDITION = 1e14  # a choice: beyond it an inverse has no two digits left of a double's 16
+_MAX_RELATIVE_STD = 1.0  # a choice: a first parameter that is less certain is lost in noise
 
 
 @dataclass(frozen=True)
 class BiasPrior:
-    """What is known beforehand of a force bias, and how noisy the force is."""
+    """The prior of a force bias, and the noise of the force."""
 
     std: float  # [N]
     noise: float  # [N]
@@ -46,8 +50,32 @@ class StartFit:
 
 
 def fittable(model: ContactModel) -> bool:
-    """Whether there is anything that `fit_start` could find: a parameter that the force is proportional to."""
+    """Return True if `fit_start` can find anything: a parameter that the force is proportional to."""
     return any(parameter.role is not None for parameter in model.parameters)
+
+
+@dataclass(frozen=True)
+class _FitWindow:
+    """Motion and contact force of a window, and the force's columns by the fitted parameters."""
+
+    model: ContactModel
+    position: Floats  # (m,) [m]
+    rate: Floats  # (m,) [m/s] of the depth
+    force: Floats  # (m,) [N]
+    guess: Floats  # (k,)
+    fitted: list[int]  # parameters that the force is proportional to
+
+    def columns(self, surface: float) -> Floats:
+        """Return the force (m, f) of one unit of each fitted parameter, for a height of the surface [m]."""
+        depth = surface - self.position
+        memory = (np.zeros_like(depth),) * len(self.model.memory)
+        columns = []
+        for i in self.fitted:
+            theta = self.guess.copy()
+            theta[self.fitted] = 0.0
+            theta[i] = 1.0
+            columns.append(contact_force(self.model, depth, self.rate, list(theta), memory))
+        return np.column_stack(columns)
 
 
 def fit_start(
@@ -58,7 +86,7 @@ def fit_start(
     prior: BiasPrior | None = None,
     lenient: bool = False,
 ) -> StartFit | None:
-    """Surface height and parameters by least squares on u + m z'' = F(d, d') + b; None where undetermined.
+    """Return surface height and parameters by least squares on u + m z'' = F(d, d') + b; None where undetermined.
 
     For every surface height the parameters that the force is proportional to, and with a prior the bias b, follow from
     a linear fit, and the height from a search (Golub and Pereyra 1973). Parameters without such a role keep their
@@ -67,107 +95,129 @@ def fit_start(
     """
     position, rate, force = _kinematics(mass, window)
     fitted = [i for i, parameter in enumerate(model.parameters) if parameter.role is not None]
-    if len(force) < _FEWEST or not fitted:
+    if len(force) < _MIN_SAMPLES or not fitted:
         return None
+    record = _FitWindow(model, position, rate, force, guess, fitted)
 
-    def columns(surface: float) -> Floats:
-        depth = surface - position
-        units = np.eye(len(model.parameters))
-        rest = (np.zeros_like(depth),) * len(model.memory)
-        theta = [np.where(units[i] > 0, 1.0, 0.0 * guess) for i in fitted]
-        for one in theta:  # parameters of no role are not zero
-            one[[j for j in range(len(guess)) if j not in fitted]] = np.delete(guess, fitted)
-        return np.column_stack([contact_force(model, depth, rate, list(one), rest) for one in theta])
-
+    # The surface of the smallest misfit, and the linear fit there.
     solve = partial(_misfit, force=force, prior=prior)
-    surface = _search(lambda height: solve(columns(height))[0], position)
-    misfit, theta, bias = solve(columns(surface))
+    surface = _search(lambda height: solve(record.columns(height))[0], position)
+    misfit, theta, bias = solve(record.columns(surface))
     variance = misfit / (len(force) - len(fitted) - 1)
-    step = 1e-6
-    slope = (columns(surface + step) - columns(surface - step)) @ theta / (2 * step)
-    design = np.column_stack([slope, columns(surface)])
+
+    # Slopes of the force by the surface and the parameters.
+    rise = record.columns(surface + _HEIGHT_STEP) - record.columns(surface - _HEIGHT_STEP)
+    slope = rise @ theta / (2 * _HEIGHT_STEP)
+    design = np.column_stack([slope, record.columns(surface)])
     scale = np.linalg.norm(design, axis=0)
-    if lenient and prior is None and theta[0] > 0 and np.isfinite(design).all() and (scale > 0).all():
+    is_regular = np.isfinite(design).all() and (scale > 0).all()
+    if lenient and prior is None and theta[0] > 0 and is_regular:
         theta = np.where(theta > 0, theta, np.sqrt(variance) / scale[1:])
-    if not (np.isfinite(design).all() and (scale > 0).all() and (theta > 0).all()):
+    if not (is_regular and (theta > 0).all()):
         return None
-    values, deviations = guess.copy(), np.zeros(len(guess))
+    values = guess.copy()
     values[fitted] = theta
     if prior is not None:
         return _with_bias(surface, values, fitted, bias, design, prior)
+    return _without_bias(surface, values, fitted, design, variance)
+
+
+def _without_bias(
+    surface: float, values: Floats, fitted: list[int], design: Floats, variance: float
+) -> StartFit | None:
+    """Return the fit with the standard deviations of surface and parameters; None where they are not determined."""
+    scale = np.linalg.norm(design, axis=0)
     information = (design / scale).T @ (design / scale)
-    if np.linalg.cond(information) > 1e14:
+    if np.linalg.cond(information) > _MAX_CONDITION:
         return None
-    std_surface, *std = standard_errors(design) * np.sqrt(variance)
-    if std[0] > theta[0]:  # the first parameter is lost in noise
+    surface_std, *std = standard_errors(design) * np.sqrt(variance)
+    if std[0] > _MAX_RELATIVE_STD * values[fitted[0]]:
         return None
-    deviations[fitted] = std
-    return StartFit(float(_told(surface)), float(_told(std_surface)), _told(values), _told(deviations))
+    values_std = np.zeros(len(values))
+    values_std[fitted] = std
+    return StartFit(float(_rounded(surface)), float(_rounded(surface_std)), _rounded(values), _rounded(values_std))
 
 
-def _told(value: Any) -> Any:
-    """A result of the fit without the digits that only rounding has made, so that every machine starts alike."""
+def _rounded(value: Any) -> Any:
+    """Return a result of the fit to `_SIGNIFICANT_BITS`, without the digits of rounding: every machine starts alike."""
     mantissa, exponent = np.frexp(value)
-    return np.ldexp(np.rint(np.ldexp(mantissa, _BITS)), exponent - _BITS)
+    return np.ldexp(np.rint(np.ldexp(mantissa, _SIGNIFICANT_BITS)), exponent - _SIGNIFICANT_BITS)
 
 
 def _with_bias(
     surface: float, theta: Floats, fitted: list[int], bias: float, design: Floats, prior: BiasPrior
 ) -> StartFit | None:
-    """The fit with a bias, and how surface, parameters and bias hang together."""
-    slope, *units = design.T
-    parts = [column * theta[i] for column, i in zip(units, fitted, strict=True)]
-    # On the chart the first logarithm multiplies the whole force, the others the part of their parameter.
+    """Return the fit with a bias, and the information of surface, parameters and bias; None where undetermined."""
     place = Layout(surface=1, chart=len(theta), bias=1)
-    chart = np.zeros((len(slope), len(theta)))
+    slopes = np.column_stack([design[:, 0], _chart_slopes(design[:, 1:], theta, fitted), np.ones(len(design))])
+    slopes = slopes / prior.noise
+    information = slopes.T @ slopes
+
+    # The covariance of what window and prior determine, unless they hardly do.
+    rows = np.r_[place.at("surface"), place["chart"].start + np.array(fitted), place.at("bias")]
+    total = information[np.ix_(rows, rows)].copy()
+    total[-1, -1] += 1.0 / prior.std**2
+    scale = np.sqrt(np.diag(total))
+    if np.linalg.cond(total / np.outer(scale, scale)) > _MAX_CONDITION:
+        return None
+    covariance = np.zeros((place.size, place.size))
+    covariance[np.ix_(rows, rows)] = scaled_inverse(total)
+
+    std = np.sqrt(np.diag(covariance))
+    chart_std = std[place["chart"]]  # of logarithms, so relative
+    if chart_std[fitted[0]] > _MAX_RELATIVE_STD:
+        return None
+    return StartFit(
+        surface=float(_rounded(surface)),
+        surface_std=float(_rounded(std[place.at("surface")])),
+        theta=_rounded(theta),
+        theta_std=_rounded(theta * chart_std),
+        bias=float(_rounded(bias)),
+        information=information,
+    )
+
+
+def _chart_slopes(columns: Floats, theta: Floats, fitted: list[int]) -> Floats:
+    """Return the slopes (m, k) of the force by the chart of `palpate.KinematicProcess`.
+
+    The first logarithm multiplies the whole force, each other one the part of its parameter.
+    """
+    parts = [column * theta[i] for column, i in zip(columns.T, fitted, strict=True)]
+    chart = np.zeros((len(columns), len(theta)))
     for i, part in zip(fitted, parts, strict=True):
         chart[:, i] = part
     if fitted[0] == 0:
         chart[:, 0] = np.sum(parts, axis=0)
-    whole = np.column_stack([slope, chart, np.ones(len(slope))]) / prior.noise
-    information = whole.T @ whole
-    determined = np.r_[place.at("surface"), place["chart"].start + np.array(fitted), place.at("bias")]
-    known = information[np.ix_(determined, determined)].copy()
-    known[-1, -1] += 1.0 / prior.std**2
-    scale = np.sqrt(np.diag(known))
-    if np.linalg.cond(known / np.outer(scale, scale)) > 1e14:
-        return None
-    covariance = np.zeros((place.size, place.size))
-    covariance[np.ix_(determined, determined)] = scaled_inverse(known)
-    std = np.sqrt(np.diag(covariance))
-    if std[place["chart"]][fitted[0]] > 1.0:  # the first parameter is lost in noise
-        return None
-    deviations = _told(theta * std[place["chart"]])
-    std_surface = float(_told(std[place.at("surface")]))
-    return StartFit(float(_told(surface)), std_surface, _told(theta), deviations, float(_told(bias)), information)
+    return chart
 
 
 def _kinematics(mass: float, window: Samples) -> tuple[Floats, Floats, Floats]:
-    """Position [m], depth rate [m/s] and contact force [N] of the samples that have them all.
+    """Return position [m], depth rate [m/s] and contact force [N] of the samples that have them all.
 
     Position and rate are those of local cubics: noise of a regressor takes from what it multiplies, and a filter that
     is linearised in the wrong place at first does not forget it.
     """
-    n = _SPAN
+    n = _HALF_SPAN
     if len(window) <= 2 * n:
         return np.zeros(0), np.zeros(0), np.zeros(0)
     span = window.time[2 * n :] - window.time[: -2 * n]
     acceleration = (window.velocity[2 * n :] - window.velocity[: -2 * n]) / span
     force = window.force[n:-n] + mass * acceleration
     position, rate = _smooth(window.position), -_smooth(window.velocity)
+    # No difference reaches over a pause.
     pauses = np.concatenate([[0], np.cumsum(np.diff(window.time) > PAUSE)])
-    known = np.isfinite(force) & np.isfinite(rate) & np.isfinite(position) & (pauses[2 * n :] == pauses[: -2 * n])
-    return position[known], rate[known], force[known]
+    has_all = np.isfinite(force) & np.isfinite(rate) & np.isfinite(position) & (pauses[2 * n :] == pauses[: -2 * n])
+    return position[has_all], rate[has_all], force[has_all]
 
 
 def _smooth(values: Floats) -> Floats:
-    """Local cubics (m - 2 n,) of readings (m,); the reading itself next to a missing one."""
-    smooth = np.convolve(values, cubic_weights(2 * _SPAN + 1), "valid")
-    return np.where(np.isfinite(smooth), smooth, values[_SPAN:-_SPAN])
+    """Return local cubics (m - 2 n,) of readings (m,); the reading itself next to a missing one."""
+    smooth = np.convolve(values, cubic_weights(2 * _HALF_SPAN + 1), "valid")
+    return np.where(np.isfinite(smooth), smooth, values[_HALF_SPAN:-_HALF_SPAN])
 
 
 def _misfit(columns: Floats, force: Floats, prior: BiasPrior | None = None) -> tuple[float, Floats, float]:
-    """Sum of squares, parameters (none negative) and, with a prior, bias [N] that explain a force best."""
+    """Return sum of squares, parameters (none negative) and, with a prior, bias [N] that explain a force best."""
     scale = np.linalg.norm(columns, axis=0)
     if not np.isfinite(columns).all() or not (scale > 0).all():
         return float(force @ force), np.zeros(columns.shape[1]), 0.0
@@ -176,17 +226,19 @@ def _misfit(columns: Floats, force: Floats, prior: BiasPrior | None = None) -> t
         columns = np.column_stack([columns, np.ones(len(force))])
         columns = np.vstack([columns, [*np.zeros(fitted), prior.noise / prior.std]])
         low, target = np.append(low, -np.inf), np.append(force, 0.0)
-    found = linear_part(columns, target, low, np.full(len(low), np.inf))
-    return found.squares, found.unknowns[:fitted], float(found.unknowns[-1]) if prior is not None else 0.0
+    fit = linear_part(columns, target, low, np.full(len(low), np.inf))
+    bias = float(fit.unknowns[-1]) if prior is not None else 0.0
+    return fit.squares, fit.unknowns[:fitted], bias
 
 
 def _search(misfit: Callable[[float], float], position: Floats) -> float:
-    """The surface height of the smallest misfit: a grid from within the motion upwards, then a bounded search."""
+    """Return the surface height of the smallest misfit: by a grid from within the motion upwards, then a search."""
     lowest, highest = float(position.min()), float(position.max())
-    reach = np.linspace(0.0, 1.0, _GRID) ** 2 * _DEEPEST
-    heights = np.concatenate([np.linspace(lowest, highest, 12)[1:-1], highest + reach])
+    within = np.linspace(lowest, highest, _HEIGHTS_WITHIN + 2)[1:-1]
+    above = highest + np.linspace(0.0, 1.0, _HEIGHTS_ABOVE) ** 2 * _MAX_RISE
+    heights = np.concatenate([within, above])
     costs = [misfit(float(height)) for height in heights]
     best = int(np.argmin(costs))
     low, high = heights[max(best - 1, 0)], heights[min(best + 1, len(heights) - 1)]
-    found, cost = bounded_minimum(misfit, float(low), float(high), _NEAR)
-    return found if cost <= costs[best] else float(heights[best])
+    height, cost = bounded_minimum(misfit, float(low), float(high), _HEIGHT_TOLERANCE)
+    return height if cost <= costs[best] else float(heights[best])

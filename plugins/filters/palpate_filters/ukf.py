@@ -31,7 +31,7 @@ class UnscentedKalmanFilter(InertialFilter):
     redraw: bool = Field(default=True, description=_REDRAW)
 
     def start(self, problem: Problem) -> Tracker:
-        """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
+        """Return a tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
         prediction = unscented(self.points, self.spread, self.beta, self.kappa, self.redraw)
         return inertial_tracker(self, problem, prediction)
 
@@ -66,6 +66,6 @@ class AdaptiveFadingUkf(InertialFilter):
         return True
 
     def start(self, problem: Problem) -> Tracker:
-        """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
+        """Return a tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
         prediction = unscented(self.points, self.spread, self.beta, self.kappa, self.redraw)
         return inertial_tracker(self, problem, prediction, self.fading)

@@ -1,4 +1,4 @@
-"""The C of an exported filter: what follows from its expressions, then the parts that are the same for all."""
+"""The C of an exported filter: its expressions, then the parts that are the same for all."""
 
 from __future__ import annotations
 
@@ -15,31 +15,38 @@ from palpate_filters.c_export.c_source import c_function, c_number
 from palpate_filters.c_export.exported_track import ExportedTrack, SettingGroup
 from palpate_filters.starting_fit import PAUSE
 
-_RISE_BLOCKS = 160
-_AIR = 2000  # samples of free air that the noise is measured in
-_BASELINE, _AFTER = 1.0, 0.2  # [s]; of the lag
-_LONGEST = 4.0  # start windows
-_MARGIN = 1.1
-_SHARE = 2e6  # readings that the work of a second may look at
-_CHANGE = 4 * 41 + 5  # passes over the readings that a change point is looked for in
-_FIT = 6 * 110  # those over a window of the starting fit, each as much work as six
+_RISE_BLOCKS = 160  # a choice: blocks of the memory in which touch.c looks for a rise
+_AIR_SAMPLES = 2000  # those of `palpate_filters.free_air`
+_BASELINE = 1.0  # [s], as in touch.c: readings before the lag of a touch
+_AFTER_LAG = 0.2  # touch lags, as in touch.c: readings after the lag
+_MAX_WINDOW = 4.0  # start windows: the last patient attempt of `palpate_filters.filter_tracker` has one of 1 + 15 * 0.2
+_WINDOW_GROWTH = 0.2  # start windows after each attempt, as there
+_ATTEMPTS = 16  # on windows that grow, as there
+_RATE_MARGIN = 1.1  # a choice: memory for a rate of samples that exceeds the declared one
+_SPARE_SAMPLES = 16  # a choice: memory for rounding and the ends of smoothing
+_READINGS_PER_SECOND = 2e6  # a choice: how many readings the work of a second may use on a slow controller
+_CHANGE_POINT_PASSES = 4 * 41 + 5  # over the readings, in touch.c: CHANGE_LEVELS grids of CHANGE_GRID, and five more
+_FIT_PASSES = (
+    6 * 110
+)  # over the window, in opening.c: 59 misfits of the grid and those of the search, ROW readings each
+_MATRICES = ("mean", "covariance")  # parts of a state that have constants of their own
 
 
 def part(name: str) -> str:
-    """A part that is the same for all filters."""
+    """Return the text of a part that is the same for all filters."""
     return (files("palpate_filters") / "c_export" / "c" / name).read_text("utf-8")
 
 
 def header(filter: ExportedTrack, title: str, rate: float, tare_duration: float, touch_lag: float) -> str:
-    """``palpate_filter.h``: sizes, settings, what is called."""
-    longest = _longest(tare_duration, touch_lag) + _waiting(filter, rate, tare_duration, touch_lag)
+    """Return ``palpate_filter.h``: sizes, settings, functions."""
+    duration = _memory_duration(tare_duration, touch_lag) + _search_duration(filter, rate, tare_duration, touch_lag)
     sizes = {
         "PALPATE_PARAMETERS": len(filter.model.parameters),
         "PALPATE_STATE": filter.carried.size,
         "PALPATE_RATE": c_number(rate) + " /* [Hz] that the memory is made for */",
-        "PALPATE_RECORD": f"{math.ceil(_MARGIN * rate * longest) + 16} /* samples before the touch, or waiting */",
-        "PALPATE_WINDOW": f"{_window(filter, rate)} /* samples that it starts on */",
-        "PALPATE_AIR": _AIR if filter.measures_noise else 0,
+        "PALPATE_RECORD": f"{_sample_count(rate, duration)} /* samples before the touch, or waiting */",
+        "PALPATE_WINDOW": f"{_window_samples(filter, rate)} /* samples that it starts on */",
+        "PALPATE_AIR": _AIR_SAMPLES if filter.measures_noise else 0,
         "PALPATE_RISE_BLOCKS": _RISE_BLOCKS,
     }
     names = [f"    PALPATE_{_upper(p.name)} = {i}, /* [{p.unit}] */" for i, p in enumerate(filter.model.parameters)]
@@ -74,8 +81,8 @@ def header(filter: ExportedTrack, title: str, rate: float, tare_duration: float,
 
 
 def source(filter: ExportedTrack, defaults: Sequence[str]) -> str:
-    """``palpate_filter.c``: the whole filter in one file."""
-    opening = part("opening.c") if _fits(filter) else ""
+    """Return ``palpate_filter.c``: the whole filter in one file."""
+    opening = part("opening.c") if _has_fit(filter) else ""
     pieces = [
         "\n".join(_preamble(filter)),
         c_function(
@@ -92,30 +99,38 @@ def source(filter: ExportedTrack, defaults: Sequence[str]) -> str:
 
 
 def share(rate: float) -> int:
-    """Readings that the work of one sample may look at."""
-    return math.ceil(_SHARE / rate)
+    """Return the number of readings that the work of one sample may use."""
+    return math.ceil(_READINGS_PER_SECOND / rate)
 
 
-def _longest(tare_duration: float, touch_lag: float) -> float:
-    """For how long [s] readings are looked back over."""
-    return max(_BASELINE + touch_lag, tare_duration + (1.0 + _AFTER) * touch_lag)
+def _sample_count(rate: float, duration: float) -> int:
+    """Return the samples of a duration [s] at a rate [Hz], with a margin."""
+    return math.ceil(_RATE_MARGIN * rate * duration) + _SPARE_SAMPLES
 
 
-def _waiting(filter: ExportedTrack, rate: float, tare_duration: float, touch_lag: float) -> float:
-    """How long [s] the searches take at most, while samples come in: for tare, touch and start."""
-    searches = 4 * _CHANGE * rate * _longest(tare_duration, touch_lag) / _SHARE
-    fit = _FIT * rate * filter.window / _SHARE if _fits(filter) else 0.0
-    late = sum(
-        max(fit * (1.0 + 0.2 * k) - 0.2 * filter.window, 0.0) for k in range(16)
-    )  # each waits for the one before
-    return searches + fit + late
+def _memory_duration(tare_duration: float, touch_lag: float) -> float:
+    """Return the time [s] over which the searches use past readings."""
+    return max(_BASELINE + touch_lag, tare_duration + (1.0 + _AFTER_LAG) * touch_lag)
 
 
-def _window(filter: ExportedTrack, rate: float) -> int:
-    return math.ceil(_MARGIN * rate * _LONGEST * filter.window) + 16 if filter.window > 0 else 0
+def _search_duration(filter: ExportedTrack, rate: float, tare_duration: float, touch_lag: float) -> float:
+    """Return the longest time [s] of the searches for tare, touch and start, while samples come in."""
+    searches = 4 * _CHANGE_POINT_PASSES * rate * _memory_duration(tare_duration, touch_lag) / _READINGS_PER_SECOND
+    fit = _FIT_PASSES * rate * filter.window / _READINGS_PER_SECOND if _has_fit(filter) else 0.0
+    # A fit that takes longer than its window grows delays all later ones.
+    delays = []
+    for attempt in range(_ATTEMPTS):
+        delays.append(max(fit * (1.0 + _WINDOW_GROWTH * attempt) - _WINDOW_GROWTH * filter.window, 0.0))
+    return searches + fit + sum(delays)
 
 
-def _fits(filter: ExportedTrack) -> bool:
+def _window_samples(filter: ExportedTrack, rate: float) -> int:
+    """Return the samples of the longest window of the start; 0 without a start window."""
+    return _sample_count(rate, _MAX_WINDOW * filter.window) if filter.window > 0 else 0
+
+
+def _has_fit(filter: ExportedTrack) -> bool:
+    """Return True if the filter starts from a fit."""
     return filter.window > 0 and bool(filter.fitted)
 
 
@@ -125,20 +140,21 @@ def _upper(name: str) -> str:
 
 def _struct(settings: Sequence[SettingGroup], name: str) -> Iterator[str]:
     yield "typedef struct {"
-    for one in settings:
-        size = f"[{len(one.values)}]" if one.array else ""
-        yield f"    double {one.name}{size}; /* {one.about} */"
+    for group in settings:
+        size = f"[{len(group.values)}]" if group.array else ""
+        yield f"    double {group.name}{size}; /* {group.about} */"
     yield f"}} {name};"
 
 
 def _preamble(filter: ExportedTrack) -> Iterator[str]:
+    """Yield the lines before the functions: constants, sizes, and the places of everything in state and output."""
     state, place = filter.state, filter.output
     step = filter.recursion.step
     yield from ('#include "palpate_filter.h"', "", "#include <limits.h>", "#include <math.h>", "")
     yield from ("#ifdef __FAST_MATH__", "#error the numbers of this filter need exact arithmetic: no -ffast-math")
     yield from ("#endif", "")
     yield f"#define BIASED {int('bias' in state)}"
-    yield f"#define FITTABLE {int(_fits(filter))}"
+    yield f"#define FITTABLE {int(_has_fit(filter))}"
     yield f"#define DRIFTING {int('drift' in state)}"
     yield f"#define TIP_MASS {c_number(filter.mass)} /* [kg] */"
     yield f"#define PAUSE {c_number(PAUSE)} /* [s]; over a longer one the measured position carries the depth */"
@@ -154,22 +170,24 @@ def _preamble(filter: ExportedTrack) -> Iterator[str]:
         "FITTED": len(filter.fitted),
     }
     yield f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};"
-    yield _places("AT", _renamed(state, filter.parameters))
-    yield _places("AT", {"MEAN": filter.carried["mean"].start, "COVARIANCE": filter.carried["covariance"].start})
-    yield _places("AT", {name.upper(): filter.carried[name].start for name in filter.carried if name not in _BOTH})
-    yield _places("OUT", {name.upper(): place[name].start for name in place if name not in _BOTH})
-    if _fits(filter):
+    carried = filter.carried
+    yield _places("AT", _state_places(state, filter.parameters))
+    yield _places("AT", {"MEAN": carried["mean"].start, "COVARIANCE": carried["covariance"].start})
+    yield _places("AT", {name.upper(): carried[name].start for name in carried if name not in _MATRICES})
+    yield _places("OUT", {name.upper(): place[name].start for name in place if name not in _MATRICES})
+    if _has_fit(filter):
         yield f"static const int fitted[] = {{{', '.join(map(str, filter.fitted))}}};"
     yield ""
 
 
-_BOTH = ("mean", "covariance")
-
-
-def _renamed(state: Layout, parameters: str) -> dict[str, int]:
-    """Where the parts of the state stand; those that are absent at -1."""
-    found = {"CHART" if name == parameters else name.upper(): state[name] for name in state}
-    return {name: rows.start if rows.start < rows.stop else -1 for name, rows in found.items()}
+def _state_places(state: Layout, parameters: str) -> dict[str, int]:
+    """Return the first row of each part of the state; -1 for an absent one."""
+    places = {}
+    for part_name in state:
+        rows = state[part_name]
+        name = "CHART" if part_name == parameters else part_name.upper()
+        places[name] = rows.start if rows.start < rows.stop else -1
+    return places
 
 
 def _places(prefix: str, places: dict[str, int]) -> str:
@@ -181,8 +199,9 @@ def _defaults(filter: ExportedTrack, defaults: Sequence[str]) -> Iterator[str]:
     yield "{"
     yield from (f"    settings->{line};" for line in defaults)
     for struct, settings in (("start", filter.start), ("step", filter.step)):
-        for one in settings:
-            for i, value in enumerate(one.values):
-                yield f"    settings->{struct}.{one.name}{f'[{i}]' if one.array else ''} = {c_number(value)};"
+        for group in settings:
+            for i, value in enumerate(group.values):
+                index = f"[{i}]" if group.array else ""
+                yield f"    settings->{struct}.{group.name}{index} = {c_number(value)};"
     yield "}"
     yield ""

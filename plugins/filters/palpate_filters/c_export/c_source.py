@@ -33,7 +33,7 @@ CHEAP = frozenset({*_PLAIN, *COMPARISONS, "OP_FABS"})
 
 
 def c_function(name: str, function: Any, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> str:
-    """A CasADi function of vectors as a static C function of arrays; every input is read before anything is written.
+    """Return a CasADi function of vectors as a static C function of arrays; it reads all inputs before it writes.
 
     Raises Untranslatable for an instruction that has no counterpart in C99.
     """
@@ -47,6 +47,7 @@ def c_function(name: str, function: Any, inputs: tuple[str, ...], outputs: tuple
         values[target] = f"v{len(lines)}"
         lines.append(f"    const double v{len(lines)} = {expression};")
 
+    # One statement for each instruction; constants and outputs stand in those of others.
     for k in range(function.n_instructions()):
         operation = names[function.instruction_id(k)]
         arguments, targets = function.instruction_input(k), function.instruction_output(k)
@@ -59,27 +60,29 @@ def c_function(name: str, function: Any, inputs: tuple[str, ...], outputs: tuple
             written[targets[0], targets[1]] = values[arguments[0]]
         else:
             keep(targets[0], _expression(operation, [values[i] for i in arguments]))
-    for which, array in enumerate(outputs):
-        for place in range(function.numel_out(which)):
-            lines.append(f"    {array}[{place}] = {written.get((which, place), '0.0')};")
+    # Outputs last, so that an array may be input and output.
+    for index, array in enumerate(outputs):
+        for entry in range(function.numel_out(index)):
+            lines.append(f"    {array}[{entry}] = {written.get((index, entry), '0.0')};")
     lines += [f"    (void){array};" for i, array in enumerate(inputs) if i not in used]
     arrays = [*(f"const double *{array}" for array in inputs), *(f"double *{array}" for array in outputs)]
     return "\n".join([f"static void {name}({', '.join(arrays)})", "{", *lines, "}", ""])
 
 
 def _expression(operation: str, x: list[str]) -> str:
+    """Return the C expression of an operation on operands; raises Untranslatable where C99 has none."""
     if operation in _PLAIN:
         return _PLAIN[operation](*x)
     if operation in COMPARISONS:
         return f"({x[0]} {COMPARISONS[operation]} {x[1]}) ? 1.0 : 0.0"
-    called = INTRINSICS.get(operation) or LIBRARY.get(operation)
-    if called is None:
+    function = INTRINSICS.get(operation) or LIBRARY.get(operation)
+    if function is None:
         raise Untranslatable(f"the step uses {operation}, which C99 has no counterpart of")
-    return f"{called}({', '.join(x)})"
+    return f"{function}({', '.join(x)})"
 
 
 def c_number(value: float) -> str:
-    """A constant of C that is this number to the bit; a negative one in brackets."""
+    """Return a constant of C that is this number to the bit; a negative one in brackets."""
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):

@@ -46,18 +46,19 @@ def export_filter(
     _refuse(pipeline, track)
     vectors = make_vectors(pipeline, chosen)
     folder = make_folder("filter", out, datetime.now(UTC).astimezone())
-    _write(folder, filter, pipeline, vectors, file, track)
+    _write_files(folder, filter, pipeline, vectors, file, track)
     typer.echo(f"written to {folder}: {len(vectors.samples)} samples at {vectors.rate:.0f} Hz to check it with")
     _check(folder)
 
 
 def _pipeline(file: Path, overrides: list[str]) -> Pipeline:
+    """Return the pipeline of a file, or that of a run that its folder or log holds."""
     if not file.is_dir() and file.suffix == ".toml":
         return load_pipeline(file, overrides)
-    carried = read_run_log(file)
-    if carried is None:
+    run_log = read_run_log(file)
+    if run_log is None:
         raise ConfigurationError(f"{file}: is not a pipeline file, a run folder or a log of a run")
-    source = replay_source(carried)
+    source = replay_source(run_log)
     for assignment in overrides:
         source.override(assignment)
     return build_pipeline(source)
@@ -78,6 +79,7 @@ def _problem(pipeline: Pipeline, track: Track) -> Problem:
 
 
 def _refuse(pipeline: Pipeline, track: str) -> None:
+    """Raise ConfigurationError for an alignment that exported C does not have."""
     if pipeline.alignment.is_oriented:
         stated = pipeline.alignment.model_fields_set
         key = next(key for key in ("normal", "surface", "weight") if key in stated)
@@ -90,7 +92,10 @@ def _refuse(pipeline: Pipeline, track: str) -> None:
         )
 
 
-def _write(folder: Path, filter: ExportedTrack, pipeline: Pipeline, vectors: Vectors, file: Path, track: str) -> None:
+def _write_files(
+    folder: Path, filter: ExportedTrack, pipeline: Pipeline, vectors: Vectors, file: Path, track: str
+) -> None:
+    """Write all files of the folder; raises ConfigurationError where C has no counterpart of an instruction."""
     settings = pipeline.alignment
     title = f"{track} of {file.name}"
     measured = settings.tare == "free-air"

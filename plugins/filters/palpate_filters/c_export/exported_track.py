@@ -1,4 +1,4 @@
-"""What of a track goes into C: its step, its start, its settings; or why it cannot."""
+"""The parts of a track that become C: its step, its start, its settings; or the reason why it cannot."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from palpate_filters.kinematic_settings import drift_of, has_bias
 from palpate_filters.kinematic_start import guess_of
 from palpate_filters.process_models import InertialProcess, KinematicProcess
 from palpate_filters.recursion import Recursion, output_layout
+from palpate_filters.step_limits import FIT_SPREAD
 
 _NOISES = (
     ("force_std", "[N] standard deviation of the force"),
@@ -63,23 +64,25 @@ class ExportedTrack:
 
     @property
     def output(self) -> Layout:
-        """What a step puts out."""
+        """The layout of a step's output."""
         return output_layout(len(self.model.parameters))
 
     def columns(self) -> Any:
-        """CasADi function of depth and rate, and the guess: force of one unit of each parameter that is fitted."""
+        """Return a CasADi function of depth and rate, and the guess: force of one unit of each fitted parameter."""
         import casadi as ca
 
         point, guess = ca.SX.sym("point", 2), ca.SX.sym("guess", len(self.model.parameters))
-        found = []
-        for one in self.fitted:
-            theta = [float(j == one) if j in self.fitted else guess[j] for j in range(len(self.model.parameters))]
-            memory = (ca.SX(0),) * len(self.model.memory)
-            found.append(contact_force(self.model, point[0], point[1], theta, memory))
-        return ca.Function("columns", [point, guess], [ca.densify(ca.vertcat(*found))], {"cse": True})
+        memory = (ca.SX(0),) * len(self.model.memory)
+        forces = []
+        for fitted in self.fitted:
+            theta: list[Any] = list(ca.vertsplit(guess))
+            for other in self.fitted:
+                theta[other] = float(other == fitted)
+            forces.append(contact_force(self.model, point[0], point[1], theta, memory))
+        return ca.Function("columns", [point, guess], [ca.densify(ca.vertcat(*forces))], {"cse": True})
 
     def chart(self) -> Any:
-        """CasADi function of the parameters: their chart."""
+        """Return a CasADi function of the parameters: their chart."""
         import casadi as ca
 
         theta = ca.SX.sym("theta", len(self.model.parameters))
@@ -89,7 +92,7 @@ class ExportedTrack:
 
 
 def export_track(name: str, estimator: Estimator, problem: Problem) -> ExportedTrack:
-    """What goes into C; raises ConfigurationError with the name of what cannot."""
+    """Return the parts for C; raises ConfigurationError with the reason where an estimator has none."""
     if not isinstance(estimator, InertialFilter | KinematicFilter):
         kind = type(estimator).__name__
         reason = "it needs the whole record" if not estimator.online else "it has no compiled step"
@@ -107,6 +110,7 @@ def export_track(name: str, estimator: Estimator, problem: Problem) -> ExportedT
 def _kinematic(
     settings: KinematicFilter, problem: Problem, tracker: RecursiveTracker, fitted: tuple[int, ...]
 ) -> ExportedTrack:
+    """Return a kinematic filter for C: the settings of its step, those of its start, its layouts."""
     process = kinematic_process(settings, problem)
     numbers = tracker.recursion.settings(None, None)
     k = len(problem.model.parameters)
@@ -119,29 +123,29 @@ def _kinematic(
         _setting("chart_std", "their standard deviations", numbers, rows),
     )
     start = [
-        _one("start_depth", "[m] first guess of the depth, where the fit fails", settings.start_depth),
-        _one("start_spread", "standard deviation of the logarithm of a guessed parameter", settings.start_spread),
-        _one("position_std", "[m] of the first position", settings.position_std),
-        _one("velocity_std", "[m/s] of the first velocity", settings.velocity_std),
-        _one("slope_std", "[m/s] of the first slope", kinematic_start.STEEPEST * settings.sweep_speed),
-        _one("trend_std", "[1/s] of the first trend", kinematic_start.TREND_STD),
+        _single("start_depth", "[m] first guess of the depth, where the fit fails", settings.start_depth),
+        _single("start_spread", "standard deviation of the logarithm of a guessed parameter", settings.start_spread),
+        _single("position_std", "[m] of the first position", settings.position_std),
+        _single("velocity_std", "[m/s] of the first velocity", settings.velocity_std),
+        _single("slope_std", "[m/s] of the first slope", kinematic_start.SLOPE_STD * settings.sweep_speed),
+        _single("trend_std", "[1/s] of the first trend", kinematic_start.TREND_STD),
         SettingGroup(
             "guess", "first guesses of the parameters", tuple(guess_of(settings, process, problem).tolist()), True
         ),
     ]
     if has_bias(settings):
         start += [
-            _one("force_noise", "[N] of the force, in the fit", settings.force_std),
-            _one("bias_std", "[N] of the force bias at the tare", settings.bias_std),
-            _one("drift", "[N/s] standard deviation of its slope", drift_of(settings)),
-            _one("drift_walk", "[N/sqrt(s)] its random walk", settings.drift_walk),
+            _single("force_noise", "[N] of the force, in the fit", settings.force_std),
+            _single("bias_std", "[N] of the force bias at the tare", settings.bias_std),
+            _single("drift", "[N/s] standard deviation of its slope", drift_of(settings)),
+            _single("drift_walk", "[N/sqrt(s)] its random walk", settings.drift_walk),
         ]
     return ExportedTrack(
         "kinematic",
         problem.model,
         tracker.recursion,
         process.layout,
-        kinematic_step.carried(process),
+        kinematic_step.state_layout(process),
         "chart",
         process.mass,
         tracker.opening.window,
@@ -150,7 +154,7 @@ def _kinematic(
         fitted,
         step,
         tuple(start),
-        kinematic_start.FIT_SPREAD,
+        FIT_SPREAD,
         kinematic_start.ACCELERATION_STD,
     )
 
@@ -158,6 +162,7 @@ def _kinematic(
 def _inertial(
     settings: InertialFilter, problem: Problem, tracker: RecursiveTracker, fitted: tuple[int, ...]
 ) -> ExportedTrack:
+    """Return a filter on the inertial process for C: the settings of its step, its guess, its layouts."""
     process = InertialProcess(problem.model, inertial_filter.moved_mass(problem), settings.order)
     numbers = tracker.recursion.settings(None, None)
     n = process.states
@@ -176,7 +181,7 @@ def _inertial(
         problem.model,
         tracker.recursion,
         process.layout,
-        inertial_step.carried(process),
+        inertial_step.state_layout(process),
         "parameters",
         process.mass,
         tracker.opening.window,
@@ -185,15 +190,16 @@ def _inertial(
         fitted,
         tuple(_setting(each, text, numbers, rows) for each, text in about.items()),
         (SettingGroup("guess", "parameters that the starting fit does not find keep these", guess, True),),
-        inertial_filter.FIT_SPREAD,
+        FIT_SPREAD,
         0.0,
     )
 
 
 def _setting(name: str, about: str, numbers: Floats, rows: Layout) -> SettingGroup:
+    """Return the numbers of a step's settings that have a name."""
     values = np.asarray(numbers)[rows[name]].tolist()
     return SettingGroup(name, about, tuple(values), name not in ("force_std", "velocity_std", "depth", "depth_std"))
 
 
-def _one(name: str, about: str, value: float) -> SettingGroup:
+def _single(name: str, about: str, value: float) -> SettingGroup:
     return SettingGroup(name, about, (value,))

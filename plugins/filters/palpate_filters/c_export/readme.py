@@ -13,13 +13,13 @@ from palpate_filters.c_export.exported_track import ExportedTrack
 
 
 def readme(filter: ExportedTrack, title: str, rate: float, tare_duration: float, pause: float) -> str:
-    """What the filter is, how it is called, what it costs, how it is checked."""
+    """Return the text: the filter, its calls, its cost, its check."""
     step = step_function(filter.recursion.step)
     names = operations()
-    found = Counter(names[step.instruction_id(k)] for k in range(step.n_instructions()))
-    divisions = found["OP_DIV"] + found["OP_INV"]
-    cheap = sum(count for name, count in found.items() if name in CHEAP) - divisions
-    inert = sum(found[name] for name in ("OP_CONST", "OP_INPUT", "OP_OUTPUT"))
+    counts = Counter(names[step.instruction_id(k)] for k in range(step.n_instructions()))
+    divisions = counts["OP_DIV"] + counts["OP_INV"]
+    cheap = sum(count for name, count in counts.items() if name in CHEAP) - divisions
+    inert = sum(counts[name] for name in ("OP_CONST", "OP_INPUT", "OP_OUTPUT"))
     return part("README.md").format(
         title=title,
         parameters=", ".join(f"{p.name} [{p.unit}]" for p in filter.model.parameters),

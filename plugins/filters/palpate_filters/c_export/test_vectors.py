@@ -1,4 +1,4 @@
-"""Test vectors: the samples of a run as a controller would have seen them, and what palpate made of each."""
+"""Test vectors: the samples of a run as a controller would have read them, and palpate's estimates of each."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from palpate_engine import GRAVITY, Pipeline, Result, Track, run_pipeline
 class VectorRecorder:
     """A writer that keeps samples and the estimates of one track."""
 
-    samples_seen: list[Samples] = field(default_factory=list)
-    found: list[Estimates] = field(default_factory=list)
+    samples_blocks: list[Samples] = field(default_factory=list)
+    estimates_blocks: list[Estimates] = field(default_factory=list)
 
     def batch(self, device: str, batch: Batch) -> None:
-        """Raw readings are not kept."""
+        """Drop raw readings."""
 
     def samples(self, samples: Samples) -> None:
         """Keep a block."""
-        self.samples_seen.append(samples)
+        self.samples_blocks.append(samples)
 
     def estimates(self, track: str, estimates: Estimates) -> None:
         """Keep the estimates of a block."""
-        self.found.append(estimates)
+        self.estimates_blocks.append(estimates)
 
 
 @dataclass(frozen=True)
@@ -36,22 +36,22 @@ class Vectors:
 
     samples: Samples
     force: Floats  # (n,) [N] as the sensor read it
-    found: tuple[Estimates, ...]
+    estimates: tuple[Estimates, ...]
 
     @property
     def rate(self) -> float:
-        """Samples in a second [Hz]."""
+        """The rate [Hz] of the samples."""
         return float(1.0 / np.median(self.samples.interval[1:]))
 
     def write(self, path: Path, names: list[str]) -> None:
-        """As ``vectors.csv``: one row for each sample, every number to the bit."""
-        samples, found = self.samples, self.found
+        """Write ``vectors.csv``: one row for each sample, every number to the bit."""
+        samples, blocks = self.samples, self.estimates
         columns = [self.force, samples.position, samples.velocity, samples.lateral[:, 0], samples.lateral[:, 1]]
         columns.append((samples.active | ~samples.contact).astype(float))
         for name in ("values", "std"):
-            columns += list(np.concatenate([getattr(block, name) for block in found]).T)
+            columns += list(np.concatenate([getattr(block, name) for block in blocks]).T)
         for name in ("surface", "surface_std", "force", "nis", "innovation", "status"):
-            columns.append(np.concatenate([getattr(block, name) for block in found]).astype(float))
+            columns.append(np.concatenate([getattr(block, name) for block in blocks]).astype(float))
         heading = ["stamp", "raw_force", "position", "velocity", "lateral_x", "lateral_y", "measuring"]
         heading += [*names, *(f"{name}_std" for name in names)]
         heading += ["surface", "surface_std", "force", "nis", "innovation", "status"]
@@ -64,19 +64,23 @@ class Vectors:
 
 def make_vectors(pipeline: Pipeline, track: Track) -> Vectors:
     """Run a pipeline with one track; raises ConfigurationError where that gives no samples in contact."""
-    seen = VectorRecorder()
+    recorder = VectorRecorder()
     with TemporaryDirectory(prefix="palpate-export-") as scratch:
-        alone = replace(pipeline, tracks=(track,), sinks={})
-        result = run_pipeline(alone, Path(scratch) / "run", observer=seen)
+        single_track = replace(pipeline, tracks=(track,), sinks={})
+        result = run_pipeline(single_track, Path(scratch) / "run", observer=recorder)
     result.demand_whole()
-    samples = Samples.joined(seen.samples_seen) if seen.samples_seen else None
+    samples = Samples.joined(recorder.samples_blocks) if recorder.samples_blocks else None
     if samples is None or not samples.active.any():
         raise ConfigurationError(f"{pipeline.path}: no sample is in contact, so there is nothing to test a filter on")
-    return Vectors(samples, _as_read(samples.force, _offset(result), added_weight(pipeline)), tuple(seen.found))
+    force = _raw_force(samples.force, _offset(result), added_weight(pipeline))
+    return Vectors(samples, force, tuple(recorder.estimates_blocks))
 
 
-def _as_read(force: Floats, offset: float, weight: float) -> Floats:
-    """A reading (n,) of which tare and weight make the force to the bit; rounding leaves few to choose from."""
+def _raw_force(force: Floats, offset: float, weight: float) -> Floats:
+    """Return a reading (n,) that tare and weight turn into the force to the bit.
+
+    Rounding of both sums misses by a few units in the last place at most, so that the neighbours are tried in turn.
+    """
     raw = force - weight + offset
     for step in (1, -2, 3, -4, 5, -6, 7, -8):
         wrong = np.isfinite(force) & (raw - offset + weight != force)
@@ -87,7 +91,7 @@ def _as_read(force: Floats, offset: float, weight: float) -> Floats:
 
 
 def added_weight(pipeline: Pipeline) -> float:
-    """Weight of the tip [N] that is added to the tared force."""
+    """Return the weight of the tip [N] that is added to the tared force."""
     settings = pipeline.alignment
     return settings.tip_mass * GRAVITY if settings.weight == "removed" and settings.tip_mass is not None else 0.0
 
