@@ -175,7 +175,9 @@ def process_noise(process: KinematicProcess, interval: Any, noise: KinematicNois
     return Q
 
 
-def _update_motion(process: KinematicProcess, before: _Moments, reading: _SampleSymbols, noise: KinematicNoise) -> _Moments:
+def _update_motion(
+    process: KinematicProcess, before: _Moments, reading: _SampleSymbols, noise: KinematicNoise
+) -> _Moments:
     """Return the estimate after the measured height and velocity, which are entries of the state."""
     import casadi as ca
 

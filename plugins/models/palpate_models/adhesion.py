@@ -11,7 +11,8 @@ from pydantic import Field
 
 from palpate_models.parameters import ADHESION_WORK, ELASTICITY
 
-_TINY = 1e-30  # keeps w = 0 without a pole; far below any work of adhesion over a modulus
+_POLE_GUARD = 1e-30  # a choice far below any work of adhesion over a modulus: w = 0 has no pole
+_MAX_DEPTH = 0.2  # of R: there a paraboloid is 2 % above the sphere, by d/(10 R) (see `exact-sphere`)
 
 
 class _AdhesiveSphere(ContactModel):
@@ -28,10 +29,11 @@ class _AdhesiveSphere(ContactModel):
         return (MaterialValue("elasticity", theta[0], (1.0, 0.0)),)
 
     def validity(self, depth: float) -> str:
-        """Depth beyond which the paraboloid that both theories take for a sphere is off by 2 %."""
-        if depth <= 0.2 * self.radius:
+        """Return a warning beyond the depth at which the paraboloid of both theories is 2 % above the sphere."""
+        if depth <= _MAX_DEPTH * self.radius:
             return ""
-        return f"the depth is {depth / self.radius:.0%} of the radius; a paraboloid approximates the sphere up to 20 %"
+        share, limit = f"{depth / self.radius:.0%}", f"{100 * _MAX_DEPTH:.0f} %"
+        return f"the depth is {share} of the radius; a paraboloid approximates the sphere up to {limit}"
 
     def _plane_strain(self, elasticity: Any) -> Any:
         """E* = E/(1 - nu^2) [Pa]."""
@@ -68,31 +70,34 @@ class JohnsonKendallRoberts(_AdhesiveSphere):
 
     def _scale(self, theta: Sequence[Any]) -> Any:
         """c R = sqrt(2 pi w/E*) R [m^1.5], of which the depth goes as the power 4/3 over R."""
-        return (2.0 * math.pi * theta[1] / self._plane_strain(theta[0]) + _TINY) ** 0.5 * self.radius
+        return (2.0 * math.pi * theta[1] / self._plane_strain(theta[0]) + _POLE_GUARD) ** 0.5 * self.radius
 
     def pull_off_depth(self, theta: Sequence[Any]) -> Any:
         """-3/4 (pi^2 w^2 R/E*^2)^(1/3) [m]."""
         ratio = math.pi * theta[1] / self._plane_strain(theta[0])
-        return -0.75 * (ratio**2 * self.radius + _TINY) ** (1 / 3)
+        return -0.75 * (ratio**2 * self.radius + _POLE_GUARD) ** (1 / 3)
 
     def contact_radius(self, depth: Any, theta: Sequence[Any]) -> Any:
-        """The larger root a of a^2/R - sqrt(2 pi w a/E*) = d [m].
+        """Return the larger root a of a^2/R - sqrt(2 pi w a/E*) = d [m].
 
         With s = sqrt(a)/(c R)^(1/3), c = sqrt(2 pi w/E*), and D = d R/(c R)^(4/3) it is s^4 - s = D, whose resolvent
         cubic m^3 + D m = 1/8 has one real root wherever the contact holds.
         """
         unit = self._scale(theta)
-        scaled = depth * self.radius / unit ** (4 / 3)
-        inside = 1 / 256 + (scaled / 3.0) ** 3
-        root = (1 / 16 + select(inside, 0.0, select(inside, 0.0, inside, 1.0) ** 0.5, 0.0)) ** (1 / 3)
-        other = scaled / (3.0 * root)
-        m = 0.125 / (root * root + scaled / 3.0 + other * other)  # root - other, without cancellation
-        under = 1.0 / (2.0 * (2.0 * m) ** 0.5) - m / 2.0
-        s = (m / 2.0) ** 0.5 + select(under, 0.0, select(under, 0.0, under, 1.0) ** 0.5, 0.0)
+        D = depth * self.radius / unit ** (4 / 3)
+        # The real root of the resolvent cubic by Cardano, as a quotient: its two cube roots would cancel.
+        discriminant = 1 / 256 + (D / 3.0) ** 3
+        square_root = select(discriminant, 0.0, select(discriminant, 0.0, discriminant, 1.0) ** 0.5, 0.0)
+        first = (1 / 16 + square_root) ** (1 / 3)
+        second = D / (3.0 * first)
+        m = 0.125 / (first * first + D / 3.0 + second * second)
+        # The larger root of the quartic by Ferrari.
+        radicand = 1.0 / (2.0 * (2.0 * m) ** 0.5) - m / 2.0
+        s = (m / 2.0) ** 0.5 + select(radicand, 0.0, select(radicand, 0.0, radicand, 1.0) ** 0.5, 0.0)
         return (unit ** (1 / 3) * s) ** 2
 
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """4 E* a^3/(3 R) - sqrt(8 pi w E* a^3) [N]."""
         modulus, radius = self._plane_strain(theta[0]), self.contact_radius(depth, theta)
-        sticking = (8.0 * math.pi * theta[1] * modulus + _TINY) ** 0.5 * radius**1.5
+        sticking = (8.0 * math.pi * theta[1] * modulus + _POLE_GUARD) ** 0.5 * radius**1.5
         return 4.0 / 3.0 * modulus * radius**3 / self.radius - sticking + 0.0 * rate

@@ -1,4 +1,4 @@
-"""What a ball would give where a model has a sphere by its paraboloid."""
+"""The values by a ball, where a model has a sphere by its paraboloid."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from palpate_kit.budget.force_sensitivity import along
 from palpate_models.indenters.power_profiles import Sphere
 from palpate_models.indenters.spheres import ExactSphere
 
-SHALLOW = 0.1  # of the radius: up to there the force of a ball is within 1 % of that of its paraboloid
+SHALLOW = 0.1  # of the radius: a ball's force is d/(10 R) below that of its paraboloid, so 1 % there
 _REMEDY = 'type = "exact-sphere"'
 
 
@@ -21,10 +21,11 @@ def ball_alternative(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]
     A simulated contact follows the law itself, and has no condition.
     """
     conditions = {track.name: _condition(track) for track in tracks}
-    return {name: Diagnosed(conditions=(one,)) for name, one in conditions.items() if one is not None}
+    return {name: Diagnosed(conditions=(condition,)) for name, condition in conditions.items() if condition is not None}
 
 
 def _condition(track: TrackEvidence) -> Condition | None:
+    """Return the condition of a track with the shares of its elastic values; None where a ball makes no difference."""
     tip, end = getattr(track.model, "indenter", None), track.ending
     if not isinstance(tip, Sphere) or end is None or end.is_simulated:
         return None
@@ -33,18 +34,19 @@ def _condition(track: TrackEvidence) -> Condition | None:
     shifts = _shifts(track, tip)
     if shifts is None:
         return None
-    parameters = track.model.parameters
-    table = {p.name: shift for p, shift in zip(parameters, shifts.tolist(), strict=True)}
-    values = zip(parameters, track.values.tolist(), strict=True)
-    elastic = {p.name: table[p.name] / value for p, value in values if p.role == "elastic" and value}
+    # The sentence has the elastic values alone: a paraboloid hardly changes a viscosity.
+    shift_of, elastic = {}, []
+    for parameter, value, shift in zip(track.model.parameters, track.values.tolist(), shifts.tolist(), strict=True):
+        shift_of[parameter.name] = shift
+        if parameter.role == "elastic" and value:
+            elastic.append(f"{parameter.name} {100 * (shift / value):.0f} % higher")
     if not elastic:
         return None
-    words = ", ".join(f"{name} {100 * share:.0f} % higher" for name, share in elastic.items())
-    return Condition("tip", f"the tip is a paraboloid (a ball: {words})", _REMEDY, shifts=table)
+    return Condition("tip", f"the tip is a paraboloid (a ball: {', '.join(elastic)})", _REMEDY, shifts=shift_of)
 
 
 def _shifts(track: TrackEvidence, tip: Sphere) -> Floats | None:
-    """Shift (k,) of the values by which a ball has the force of the paraboloid; None where that is not determined."""
+    """Return the shift (k,) of the values by which a ball has the paraboloid's force; None where undetermined."""
     end, ball = track.ending, _on_a_ball(track.model, tip)
     if ball is None or end is None:
         return None
@@ -56,7 +58,7 @@ def _shifts(track: TrackEvidence, tip: Sphere) -> Floats | None:
 
 
 def _on_a_ball(model: ContactModel, tip: Sphere) -> ContactModel | None:
-    """The model with the exact sphere; None where a correction of it is for the paraboloid alone."""
+    """Return the model with the exact sphere; None where one of its corrections is for the paraboloid alone."""
     fields = {key: getattr(model, key) for key in type(model).model_fields}
     try:
         return type(model)(**{**fields, "indenter": ExactSphere(radius=tip.radius)})

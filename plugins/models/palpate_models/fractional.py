@@ -13,9 +13,10 @@ from palpate_models.parameters import ELASTICITY, LASTING_ELASTICITY
 from palpate_models.relaxation_spectrum import RelaxationSpectrum
 from palpate_models.relaxing_models import RelaxingModel
 
-_STATES = 10
-_BEYOND = 10.0  # the exponentials' times go so far beyond those for which the law is to hold
-_WIDEST = 3.2  # decades from `shortest` to `longest` for which the error stays within what is stated
+_STATES = 10  # a choice: exponentials; the trapezoidal rule over ln(rate) is then within 1 % over `_MAX_DECADES`
+_MARGIN = 10.0  # a choice: the exponentials' times reach so many times beyond those for which the law is to hold
+_MAX_DECADES = 3.2  # from `shortest` to `longest`; measured: up to there the error stays within 1 %
+# Coefficients of Lanczos' approximation for g = 7 and nine terms (P. Godfrey 2001).
 _LANCZOS = (
     0.99999999999980993, 676.5203681218851, -1259.1392167224028, 771.32342877765313, -176.61502916214059,
     12.507343278686905, -0.13857109526572012, 9.9843695780195716e-6, 1.5056327351493116e-7,
@@ -35,8 +36,8 @@ _POWER = Parameter(
 
 
 def reciprocal_gamma(x: Any) -> Any:
-    """1/Gamma(x) for 0 < x < 1 in plain operators, by Lanczos' approximation of Gamma(1 + x) to 1e-14."""
-    t = x + 7.5
+    """Return 1/Gamma(x) for 0 < x < 1 in plain operators, by Lanczos' approximation of Gamma(1 + x) to 1e-14."""
+    t = x + 7.5  # g + 1/2 with g = 7
     series = _LANCZOS[0] + sum(c / (x + i) for i, c in enumerate(_LANCZOS[1:], start=1))
     return x * math.e**t / (math.sqrt(2.0 * math.pi) * t ** (x + 0.5) * series)
 
@@ -50,30 +51,32 @@ class _Fractional(RelaxingModel):
     longest: Time = Field(default=20.0, gt=0, description="longest time at which the law is valid")
 
     @model_validator(mode="after")
-    def _spans(self) -> Self:
+    def _check_span(self) -> Self:
         decades = math.log10(self.longest / self.shortest)
-        if not 0 < decades <= _WIDEST:
+        if not 0 < decades <= _MAX_DECADES:
             raise ValueError(
                 f"shortest {self.shortest:g} s and longest {self.longest:g} s are {decades:.2g} decades apart; "
-                f"{_STATES} exponentials are the power law within 1 % over up to {_WIDEST:g}"
+                f"{_STATES} exponentials are the power law within 1 % over up to {_MAX_DECADES:g}"
             )
         return self
 
     def _arms(self, strength: Any, power: Any) -> RelaxationSpectrum:
-        """E_1 (t/1 s)^-alpha as E_1/Gamma(alpha) h sum of x_k^alpha exp(-x_k t), x_k = exp(k h).
+        """Return E_1 (t/1 s)^-alpha as E_1/Gamma(alpha) h sum of x_k^alpha exp(-x_k t), x_k = exp(k h).
 
-        The trapezoidal rule on the integral over ln x. What is slower than the slowest arm has not relaxed by `longest`
-        and is a spring, what is faster than the fastest has by `shortest` and is a damper: geometric series, both.
+        The trapezoidal rule on the integral over ln x. All slower terms have not relaxed by `longest` and are a spring,
+        all faster ones have by `shortest` and are a damper: geometric series, both.
         """
-        first = math.log(1.0 / (_BEYOND * self.longest))
-        step = (math.log(_BEYOND / self.shortest) - first) / (_STATES - 1)
+        # Rates x_k at equal steps of the logarithm.
+        first = math.log(1.0 / (_MARGIN * self.longest))
+        step = (math.log(_MARGIN / self.shortest) - first) / (_STATES - 1)
         scale = strength * reciprocal_gamma(power) * step
         rates = [math.exp(first + k * step) for k in range(_STATES)]
+        # The terms beyond both ends.
         ratio = math.exp(step)
-        slower = scale * rates[0] ** power / (ratio**power - 1.0)
-        faster = scale * rates[-1] ** (power - 1.0) / (ratio ** (1.0 - power) - 1.0)
+        spring = scale * rates[0] ** power / (ratio**power - 1.0)
+        damper = scale * rates[-1] ** (power - 1.0) / (ratio ** (1.0 - power) - 1.0)
         arms = tuple((scale * rate**power, rate) for rate in rates)
-        return RelaxationSpectrum(slower, faster / (2.0 * (1.0 + self.poisson)), arms)
+        return RelaxationSpectrum(spring, damper / (2.0 * (1.0 + self.poisson)), arms)
 
 
 class PowerLaw(_Fractional):

@@ -16,9 +16,11 @@ from palpate_models.parameters import ELASTICITY, VISCOSITY
 STIFFENING = Parameter(
     "stiffening", "b", "1", "exponent of Fung's energy; 0 is a neo-Hookean material", start=1.0, start_std=5.0
 )
-_STRAIN = 0.12  # I_1 - 3 of a stretch 1 - 0.2 sqrt(e), over e = d/R
-_DEEPEST = 0.8  # of R, to which it is fitted
-_RISE, _SPREAD, _DEEPER = 0.25, 0.022, 0.097  # of e, b and b e; fitted to finite elements
+_STRAIN = 0.12  # I_1 - 3 of a stretch 1 - 0.2 sqrt(e), over e = d/R (Lin et al. 2009)
+_MAX_DEPTH = 0.8  # of R, to which the coefficients below are fitted to finite elements (0267)
+_RISE = 0.25  # of e in g
+_SPREAD_BY_STIFFENING = 0.022  # of b
+_SPREAD_BY_DEPTH = 0.097  # of b e
 
 
 class Fung(ContactModel):
@@ -54,7 +56,7 @@ class Fung(ContactModel):
         elasticity, viscosity, stiffening = theta
         sphere = self._sphere
         e = depth / sphere.radius
-        spread = 1.0 + stiffening * (_SPREAD + _DEEPER * e)
+        spread = 1.0 + stiffening * (_SPREAD_BY_STIFFENING + _SPREAD_BY_DEPTH * e)
         growth = math.e ** (_STRAIN * stiffening * e * (1.0 + _RISE * e) / spread)
         return 8.0 / 3.0 * elasticity * sphere.profile_area(depth) * growth + (
             8.0 * viscosity * sphere.contact_radius(depth) * rate
@@ -68,8 +70,8 @@ class Fung(ContactModel):
         )
 
     def validity(self, depth: float) -> str:
-        """Depth beyond which the formula is not fitted."""
+        """Return a warning beyond the depth to which the formula is fitted."""
         radius = self._sphere.radius
-        if depth <= _DEEPEST * radius:
+        if depth <= _MAX_DEPTH * radius:
             return ""
-        return f"the depth is {depth / radius:.0%} of the radius; stiffening is known to {_DEEPEST:.0%}"
+        return f"the depth is {depth / radius:.0%} of the radius; stiffening is known to {_MAX_DEPTH:.0%}"

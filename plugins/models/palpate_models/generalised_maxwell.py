@@ -11,12 +11,12 @@ from palpate_models.parameters import FLOW_VISCOSITY, INSTANT_ELASTICITY, LASTIN
 from palpate_models.relaxation_spectrum import RelaxationSpectrum
 from palpate_models.relaxing_models import RelaxingModel
 
-_TIMES = (0.03, 0.3, 3.0, 30.0)  # [s] first guesses, from the fastest
+_FIRST_TIMES = (0.03, 0.3, 3.0, 30.0)  # [s], a choice: first guesses a decade apart, from the fastest
 
 
 def _arm(number: int) -> tuple[Parameter, Parameter]:
-    """Strength and time of an arm."""
-    start = _TIMES[number - 1]
+    """Return strength and time of an arm as parameters."""
+    start = _FIRST_TIMES[number - 1]
     return (
         Parameter(
             f"arm_elasticity_{number}", f"E_a{number}", "Pa", f"part of Young's modulus that fades with tau_{number}",
@@ -34,13 +34,13 @@ class _GeneralisedMaxwell(RelaxingModel):
 
     def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:
         """E + sum of E_k exp(-t/tau_k)."""
-        return RelaxationSpectrum(
-            theta[0], None, tuple(zip(theta[1::2], (1.0 / time for time in theta[2::2]), strict=True))
-        )
+        rates = [1.0 / time for time in theta[2::2]]
+        return RelaxationSpectrum(theta[0], None, tuple(zip(theta[1::2], rates, strict=True)))
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """E, and E_0 = E + sum of E_k."""
-        rest, instant = [1.0] + [0.0] * (len(theta) - 1), [1.0] + [1.0, 0.0] * (len(theta) // 2)
+        rest = [1.0] + [0.0] * (len(theta) - 1)
+        instant = [1.0] + [1.0, 0.0] * (len(theta) // 2)
         fast = "for motion that is fast against every relaxation time"
         return (
             MaterialValue("elasticity", theta[0], tuple(rest), "at rest"),
@@ -113,16 +113,19 @@ class Burgers(RelaxingModel):
     )
 
     def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:
-        """Two arms and nothing that lasts."""
-        instant, flow, delayed, delaying = theta
-        per = 2.0 * (1.0 + self.poisson)
-        n, n_delayed = per * flow, per * delaying
-        p, product = n / instant + n / delayed + n_delayed / delayed, n * n_delayed / (instant * delayed)
-        root = sqrt(p * p - 4.0 * product)
-        fast = (p + root) / (2.0 * product)
-        slow = 2.0 / (p + root)  # the same as (p - root)/(2 product), without the difference
-        other = n * n_delayed / delayed
-        return RelaxationSpectrum(None, None, (((n - other * slow) / root, slow), ((other * fast - n) / root, fast)))
+        """Return two arms, as in the class, and no lasting modulus."""
+        E, flow_viscosity, E_K, delayed_viscosity = theta
+        per_viscosity = 2.0 * (1.0 + self.poisson)
+        n, n_K = per_viscosity * flow_viscosity, per_viscosity * delayed_viscosity
+        # Both rates are roots of a quadratic; the smaller one as a quotient, without a difference.
+        p, product = n / E + n / E_K + n_K / E_K, n * n_K / (E * E_K)
+        s = sqrt(p * p - 4.0 * product)
+        fast_rate = (p + s) / (2.0 * product)
+        slow_rate = 2.0 / (p + s)
+        weight = n * n_K / E_K
+        slow_arm = (n - weight * slow_rate) / s, slow_rate
+        fast_arm = (weight * fast_rate - n) / s, fast_rate
+        return RelaxationSpectrum(None, None, (slow_arm, fast_arm))
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """E and eta of the Maxwell element."""

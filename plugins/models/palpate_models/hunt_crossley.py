@@ -10,23 +10,24 @@ from pydantic import Field
 
 from palpate_models.parameters import EXPONENT, REFERENCE_DAMPING, REFERENCE_FORCE
 
-_REFERENCE_DEPTH = 1e-3  # [m]
-_SAME_EXPONENT = 0.05
+_REFERENCE_DEPTH = 1e-3  # [m], a choice: there K_c [N] is Hunt and Crossley's number in N/mm^n
+_EXPONENT_TOLERANCE = 0.05  # a choice: exponents closer than this are the same power
 
 
-def _force(depth: Any, rate: Any, force: Any, damping: Any, exponent: Any) -> Any:
+def _power_law_force(depth: Any, rate: Any, force: Any, damping: Any, exponent: Any) -> Any:
     return (force + damping * rate) * (depth / _REFERENCE_DEPTH) ** exponent
 
 
 def _material(
     indenter: Indenter | None, poisson: float, theta: Sequence[float], exponent: float
 ) -> tuple[MaterialValue, ...]:
-    """E = K_c (1 - nu^2)/(2 A(1 mm)) where the tip's own force goes with the same power of depth."""
+    """Return E = K_c (1 - nu^2)/(2 A(1 mm)) if the tip's own force has the same power of depth, else nothing."""
     if indenter is None:
         return ()
+    # The tip's power at that depth is the slope of ln A by ln d, a d/A.
     area = float(indenter.profile_area(_REFERENCE_DEPTH))
-    own = float(indenter.contact_radius(_REFERENCE_DEPTH)) * _REFERENCE_DEPTH / area
-    if abs(own - exponent) > _SAME_EXPONENT:
+    tip_exponent = float(indenter.contact_radius(_REFERENCE_DEPTH)) * _REFERENCE_DEPTH / area
+    if abs(tip_exponent - exponent) > _EXPONENT_TOLERANCE:
         return ()
     slope = (1.0 - poisson**2) / (2.0 * area)
     gradient = (slope, *(0.0 for _ in theta[1:]))
@@ -55,7 +56,7 @@ class HuntCrossley(ContactModel):
 
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """(K_c + B_c d') (d/1 mm)^n [N]."""
-        return _force(depth, rate, theta[0], theta[1], self.exponent)
+        return _power_law_force(depth, rate, theta[0], theta[1], self.exponent)
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """E = K_c (1 - nu^2)/(2 A(1 mm)) under a tip of the same power."""
@@ -77,7 +78,7 @@ class FreeHuntCrossley(ContactModel):
 
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """(K_c + B_c d') (d/1 mm)^n [N]."""
-        return _force(depth, rate, theta[0], theta[1], theta[2])
+        return _power_law_force(depth, rate, theta[0], theta[1], theta[2])
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """E = K_c (1 - nu^2)/(2 A(1 mm)) under a tip of the same power."""

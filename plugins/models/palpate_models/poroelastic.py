@@ -17,18 +17,18 @@ from palpate_models.relaxation_spectrum import RelaxationSpectrum
 from palpate_models.relaxing_models import RelaxingModel
 from palpate_models.thickness import Thickness
 
-# g = w_1 exp(-c_1 sqrt(x)) + w_2 exp(-c_2 x), x = D t/a^2.
+# w_1, c_1, w_2, c_2 of g = w_1 exp(-c_1 sqrt(x)) + w_2 exp(-c_2 x), x = D t/a^2 (Hu, Zhao, Vlassak and Suo 2010).
 _SPHERE = (0.491, 0.908, 0.509, 1.679)
 _CONE = (0.493, 0.822, 0.507, 1.348)
 _FLAT = (1.304, 1.0, -0.304, 0.254)
-_ROOT_STATES = 9
-_FASTEST = 1e3  # of the rates, in D/a^2
-_SLOWEST = 1 / 40  # of c_1^2
-_SHALLOW = 1e-4  # [m]; a smaller contact counts as that at this depth, or the first one would relax at once
+_ROOT_STATES = 9  # a choice: exponentials for exp(-c_1 sqrt(x)); with these rates g is within 0.02 for x > 0.003
+_MAX_RATE = 1e3  # in D/a^2, a choice with `_ROOT_STATES`
+_MIN_RATE = 1 / 40  # in c_1^2 D/a^2, a choice with `_ROOT_STATES`
+_MIN_DEPTH = 1e-4  # [m], a choice: a smaller contact counts as that at this depth, or the first would relax at once
 
 
-def _master(indenter: Indenter) -> tuple[float, float, float, float]:
-    """Coefficients of a tip; raises ValueError for one of which none are known."""
+def _master_curve(indenter: Indenter) -> tuple[float, float, float, float]:
+    """Return the coefficients of a tip's master curve; raises ValueError for a tip without one."""
     match indenter:
         case Sphere() | ExactSphere() | Paraboloid() | Ellipsoid():
             return _SPHERE
@@ -65,8 +65,8 @@ class Poroelastic(RelaxingModel):
     )  # fmt: skip
 
     @model_validator(mode="after")
-    def _known_tip(self) -> Self:
-        _master(self.indenter)
+    def _check_geometry(self) -> Self:
+        _master_curve(self.indenter)
         if self.poisson != 0.5:
             raise ValueError("poroelastic: poisson is that of the first moment, 0.5; drained_poisson is a parameter")
         if isinstance(self.thickness, Thickness) or self.skin is not None:
@@ -77,33 +77,36 @@ class Poroelastic(RelaxingModel):
         """None: the relaxation of a gel on a curved skin is not known."""
 
     def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:
-        """Strengths [Pa], and rates in D/a^2."""
+        """Return strengths [Pa], and rates in D/a^2.
+
+        exp(-c sqrt(x)) = int c/(2 sqrt(pi) r^1.5) exp(-c^2/(4 r)) exp(-r x) dr, by the trapezoidal rule over ln r.
+        """
         elasticity, poisson, _ = theta
-        per = (1.0 - self.poisson**2) / (1.0 - poisson * poisson)
-        fading = per * elasticity * (1.0 - 2.0 * poisson)
-        w1, c1, w2, c2 = _master(self.indenter)
-        first = math.log(_SLOWEST * c1**2)
-        step = (math.log(_FASTEST) - first) / (_ROOT_STATES - 1)
+        lasting_share = (1.0 - self.poisson**2) / (1.0 - poisson * poisson)
+        fading = lasting_share * elasticity * (1.0 - 2.0 * poisson)
+        w1, c1, w2, c2 = _master_curve(self.indenter)
+        first = math.log(_MIN_RATE * c1**2)
+        step = (math.log(_MAX_RATE) - first) / (_ROOT_STATES - 1)
         rates = [math.exp(first + k * step) for k in range(_ROOT_STATES)]
         shares = [step * c1 / (2 * math.sqrt(math.pi * x)) * math.exp(-(c1**2) / (4 * x)) for x in rates]
-        shares[-1] += 1.0 - sum(shares)  # what is faster than the fastest
+        shares[-1] += 1.0 - sum(shares)  # all that is faster than the fastest
         arms = [(w1 * share * fading, rate) for share, rate in zip(shares, rates, strict=True)]
-        return RelaxationSpectrum(per * elasticity, None, (*arms, (w2 * fading, c2)))
+        return RelaxationSpectrum(lasting_share * elasticity, None, (*arms, (w2 * fading, c2)))
 
     def pace(self, radius: Any, theta: Sequence[Any]) -> Any:
         """D/a^2 [1/s]."""
-        least = float(self.indenter.contact_radius(_SHALLOW))
-        wide = select(radius, least, radius, least + 0.0 * radius)
-        return theta[2] / (wide * wide)
+        min_radius = float(self.indenter.contact_radius(_MIN_DEPTH))
+        bounded_radius = select(radius, min_radius, radius, min_radius + 0.0 * radius)
+        return theta[2] / (bounded_radius * bounded_radius)
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """E when the solvent has moved, and E_0 = 3 G = 3 E/(2 (1 + nu_s)) before."""
         elasticity, poisson, _ = theta
-        per = 1.5 / (1.0 + poisson)
+        ratio = 1.5 / (1.0 + poisson)  # E_0/E
         return (
             MaterialValue("elasticity", elasticity, (1.0, 0.0, 0.0), "when the solvent has moved"),
             MaterialValue(
-                "instant_elasticity", per * elasticity, (per, -per * elasticity / (1.0 + poisson), 0.0),
+                "instant_elasticity", ratio * elasticity, (ratio, -ratio * elasticity / (1.0 + poisson), 0.0),
                 "before the solvent moves",
             ),
         )  # fmt: skip

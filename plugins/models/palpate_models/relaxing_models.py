@@ -27,6 +27,7 @@ _SKIN = (
     'the skin where it is not level and flat, such as { inclination = "20 deg", skin_radius = "50 mm" }; left out: '
     "assumed to be both"
 )
+_REGULAR_DEPTH = 1e-3  # [m] and as a radius, a choice: any value in contact
 _THICKNESS = 'correction for a layer, as for dimensionality-reduction; left out or "none": a half-space'
 
 
@@ -43,7 +44,7 @@ class RelaxingModel(ContactModel):
     skin: Skin | None = Field(default=None, description=_SKIN)
 
     @model_validator(mode="after")
-    def _known_correction(self) -> Self:
+    def _check_geometry(self) -> Self:
         ContactGeometry.of(self).check()
         return self
 
@@ -55,47 +56,50 @@ class RelaxingModel(ContactModel):
         """2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + sum of q_k [N]; without `memory` long at rest."""
         law = self.spectrum(theta)
         area, radius = ContactGeometry.of(self).contact(depth)
-        found = 0.0 * depth if law.lasting is None else 2.0 / (1.0 - self.poisson**2) * law.lasting * area
+        total = 0.0 * depth if law.lasting is None else 2.0 / (1.0 - self.poisson**2) * law.lasting * area
         if law.damper is not None:
-            found = found + 4.0 / (1.0 - self.poisson) * law.damper * radius * rate
+            total = total + 4.0 / (1.0 - self.poisson) * law.damper * radius * rate
         for state in memory[: len(law.arms)]:
-            found = found + state
-        return found
+            total = total + state
+        return total
 
     def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
         """2 E_k/(1 - nu^2) a(d) d' - q_k/tau_k [N/s]."""
-        _, radius = ContactGeometry.of(self).contact(select(depth, 0.0, depth, 1e-3 + 0.0 * depth))
+        # Out of contact nothing loads an arm; a depth is substituted whose radius is regular.
+        _, radius = ContactGeometry.of(self).contact(select(depth, 0.0, depth, _REGULAR_DEPTH + 0.0 * depth))
         loading = select(depth, 0.0, 2.0 / (1.0 - self.poisson**2) * radius * rate, 0.0 * depth)
-        arms, pace = self.spectrum(theta).arms, self.pace(radius, theta)
-        return tuple(
-            strength * loading - (forgetting if pace is None else pace * forgetting) * state
-            for (strength, forgetting), state in zip(arms, memory, strict=True)
-        )
+        pace = self.pace(radius, theta)
+        slopes = []
+        for (strength, relaxation_rate), state in zip(self.spectrum(theta).arms, memory, strict=True):
+            if pace is not None:
+                relaxation_rate = pace * relaxation_rate
+            slopes.append(strength * loading - relaxation_rate * state)
+        return tuple(slopes)
 
     def curved_share(self, curvature: Floats, depth: Floats) -> Floats | None:
         """See `palpate_models.skin.curved_share`."""
         return curved_share(self, curvature, depth)
 
     def loading_cycle_force(self, time: Floats, depth: Floats, theta: Sequence[float], reversal: float) -> Floats:
-        """Force (n,) [N] over one loading and one unloading, see `ting_force`; raises ValueError where it is not."""
-        if self.pace(1e-3, theta) is not None:
+        """Return the force (n,) [N] over one loading and unloading, see `ting_force`; raises ValueError for others."""
+        if self.pace(_REGULAR_DEPTH, theta) is not None:
             raise ValueError(f"Ting's unloading needs a relaxation modulus, and {type(self).__name__} has none")
         return ting_force(self, self.spectrum(theta), time, depth, reversal)
 
     def pace(self, radius: Any, theta: Sequence[Any]) -> Any:
-        """What the rates of all arms are multiplied with at a contact radius [m]; None where it plays no part."""
+        """Return the factor of all rates at a contact radius [m]; None for a material without one."""
         return None
 
     def validity(self, depth: float) -> str:
-        """What does not hold of tip, skin or thickness correction at a depth [m]."""
+        """Return a warning where tip, skin or thickness correction do not hold at a depth [m]; else an empty text."""
         return ContactGeometry.of(self).validity(depth)
 
     def other_geometries(self, depth: float, theta: Sequence[float]) -> dict[str, tuple[float, ...]]:
-        """Layers that what is stated of the thickness admits as well, see `other_layers`."""
+        """Return the values by other layers that the stated thickness admits, see `other_layers`."""
         return other_layers(self.parameters, theta, self.indenter, self.thickness, depth)
 
 
-_ONE = ("relaxing_force",)
+_ONE_ARM = ("relaxing_force",)
 
 
 class StandardLinearSolid(RelaxingModel):
@@ -109,7 +113,7 @@ class StandardLinearSolid(RelaxingModel):
     Source: Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
     """
 
-    memory: ClassVar[tuple[str, ...]] = _ONE
+    memory: ClassVar[tuple[str, ...]] = _ONE_ARM
     parameters: ClassVar[tuple[Parameter, ...]] = (LASTING_ELASTICITY, RELAXING_ELASTICITY, RELAXATION_TIME)
 
     def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:
@@ -139,7 +143,7 @@ class DimensionalityReductionMaxwell(RelaxingModel):
     Source: paper, eq. TotalForce; Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
     """
 
-    memory: ClassVar[tuple[str, ...]] = _ONE
+    memory: ClassVar[tuple[str, ...]] = _ONE_ARM
     parameters: ClassVar[tuple[Parameter, ...]] = (
         LASTING_ELASTICITY,
         DASHPOT_VISCOSITY,
@@ -170,7 +174,7 @@ class Maxwell(RelaxingModel):
     Source: Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
     """
 
-    memory: ClassVar[tuple[str, ...]] = _ONE
+    memory: ClassVar[tuple[str, ...]] = _ONE_ARM
     parameters: ClassVar[tuple[Parameter, ...]] = (INSTANT_ELASTICITY, FLOW_VISCOSITY)
 
     def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:

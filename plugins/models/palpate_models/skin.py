@@ -1,4 +1,4 @@
-"""A skin that is not level or not flat under the tip: what that makes of the contact."""
+"""The contact on a skin that is not level or not flat under the tip."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from palpate_models.thickness import Layer, Thickness, contact_validity, correct
 
 FLAT: Literal["flat"] = "flat"
 _FACES = (Flat, TiltedFlat, TruncatedCone)  # tips under which curvature is not known
-_STEEPEST = math.radians(45.0)
-_STEPS = 3  # of the depth that is the tip's own; exact in one for a paraboloid
-_SHALLOW = 1e-4  # [m] at which a tip's own radius is taken
-_FARTHEST = 0.5  # of cos t: depth over R + R_1, beyond which the normal is held
-_LARGE = 0.3  # of the skin's radius, up to which a contact is small against it
+_MAX_INCLINATION = math.radians(45.0)  # a choice; compared with contact by friction up to 30 degrees (0260)
+_NEWTON_STEPS = 3  # of the depth that is the tip's own, a choice; exact in one for a paraboloid
+_MIN_DEPTH = 1e-4  # [m], a choice: there the tip's own radius is taken
+_MAX_TURN = 0.5  # of cos t, a choice: depth over R + R_1 beyond which the normal is held
+_MAX_CONTACT = 0.3  # of the skin's radius, a choice: a larger contact is not small against it
 
 
 class _FlatInTheSchema:
-    """Says in the JSON schema that "flat" is allowed."""
+    """An entry of the JSON schema that allows "flat"."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"anyOf": [{"enum": [FLAT]}, handler(schema)]}
@@ -53,7 +53,7 @@ class Skin(Settings):
     inclination: Angle = Field(
         default=0.0,
         ge=0,
-        le=_STEEPEST,
+        le=_MAX_INCLINATION,
         description="angle t between the tool's axis and the skin's normal where it meets it",
     )
     skin_radius: SkinRadius = Field(
@@ -75,8 +75,7 @@ class Skin(Settings):
     def curvatures(self) -> tuple[float, float]:
         """1/R_1 and 1/R_2 [1/m]."""
         across = self.skin_radius if self.skin_radius_across is None else self.skin_radius_across
-        along, beside = (0.0 if isinstance(radius, str) else 1.0 / radius for radius in (self.skin_radius, across))
-        return along, beside
+        return _curvature(self.skin_radius), _curvature(across)
 
     def check(self, indenter: Indenter) -> None:
         """Raise ValueError where a tip cannot touch such a skin, or its contact is not known."""
@@ -86,54 +85,59 @@ class Skin(Settings):
             return
         if isinstance(indenter, _FACES):
             raise ValueError(f"skin: curvature is known for rounded tips, not for the face of a {_name(indenter)}")
-        own = float(indenter.contact_radius(_SHALLOW)) ** 2 / _SHALLOW
-        if min(self.curvatures) * own <= -1.0:
+        tip_radius = float(indenter.contact_radius(_MIN_DEPTH)) ** 2 / _MIN_DEPTH
+        if min(self.curvatures) * tip_radius <= -1.0:
             hollow = -1e3 / min(self.curvatures)
-            raise ValueError(f"skin: a hollow of radius {hollow:.3g} mm is too narrow for a tip of {1e3 * own:.3g} mm")
+            raise ValueError(
+                f"skin: a hollow of radius {hollow:.3g} mm is too narrow for a tip of {1e3 * tip_radius:.3g} mm"
+            )
 
     def contact(self, indenter: Indenter, thickness: Layer, poisson: float, depth: Any) -> tuple[Any, Any]:
-        """Area [m^2] and length [m] in place of A(d) c(d) and its derivative, for forces and depths along the tool."""
-        own = indenter.contact_radius(depth) ** 2 / depth  # 2 r^2/z of the tip, R of a sphere
-        normal, cosine = self._along_the_normal(own, depth)
+        """Return area [m^2] and length [m] in place of A(d) c(d) and its derivative, for depths along the tool."""
+        tip_radius = indenter.contact_radius(depth) ** 2 / depth  # 2 r^2/z of the tip, R of a sphere
+        normal_depth, cosine = self._along_the_normal(tip_radius, depth)
         if any(self.curvatures):
-            added = _added_curvature(own, *self.curvatures)
-            area, radius = _curved_contact(indenter, thickness, added, own, normal)
+            curvature = _added_curvature(tip_radius, *self.curvatures)
+            area, radius = _curved_contact(indenter, thickness, curvature, tip_radius, normal_depth)
         else:
-            area, radius = corrected_contact(indenter, thickness, normal)
+            area, radius = corrected_contact(indenter, thickness, normal_depth)
         if not self.inclination:
             return area, radius
+        # The force along the tool: cos t + s m sin t tan t.
         drag = self.stick * 2.0 * (1.0 - poisson) / (2.0 - poisson)
         axial = cosine + drag * (1.0 - cosine * cosine) / cosine
         return area * axial, radius * axial * cosine
 
-    def _along_the_normal(self, own: Any, depth: Any) -> tuple[Any, Any]:
-        """Depth d_n [m] along the normal and cos t', at a depth along the tool."""
+    def _along_the_normal(self, tip_radius: Any, depth: Any) -> tuple[Any, Any]:
+        """Return the depth d_n [m] along the normal and cos t', at a depth along the tool."""
         if not self.inclination:
             return depth, 1.0
         cosine: Any = math.cos(self.inclination)
-        along = self.curvatures[0]
-        if along:
-            cosine = (1.0 - (math.sin(self.inclination) / (1.0 + own * along)) ** 2) ** 0.5
-        turn = depth * along / (1.0 + own * along)
-        most = _FARTHEST * cosine
-        turn = select(turn - most, 0.0, most, turn)  # deeper the tip would come off at the side
+        # cos t_0 where the tip touches first.
+        curvature = self.curvatures[0]
+        if curvature:
+            cosine = (1.0 - (math.sin(self.inclination) / (1.0 + tip_radius * curvature)) ** 2) ** 0.5
+        # d_n and cos t' with d/L, without the differences of large lengths.
+        turn = depth * curvature / (1.0 + tip_radius * curvature)
+        max_turn = _MAX_TURN * cosine
+        turn = select(turn - max_turn, 0.0, max_turn, turn)  # deeper the tip would come off at the side
         root = (1.0 - turn * (2.0 * cosine - turn)) ** 0.5
         return depth * (2.0 * cosine - turn) / (1.0 + root), (cosine - turn) / root
 
     def inclination_at(self, indenter: Indenter, depth: float) -> float:
-        """Angle t' [rad] between tool and normal where a tip touches at a depth [m] along the tool."""
-        own = float(indenter.contact_radius(depth)) ** 2 / depth
-        return math.acos(self._along_the_normal(own, depth)[1])
+        """Return the angle t' [rad] between tool and normal at the contact, at a depth [m] along the tool."""
+        tip_radius = float(indenter.contact_radius(depth)) ** 2 / depth
+        return math.acos(self._along_the_normal(tip_radius, depth)[1])
 
     def validity(self, indenter: Indenter, depth: float) -> str:
-        """What does not hold at a depth [m] along the tool; empty where all is well."""
+        """Return a warning where the geometry does not hold at a depth [m] along the tool; else an empty text."""
         if self.inclination and indenter.sphere_radius is None:
             return f"an inclined skin is known under spheres, not under a {_name(indenter)}"
-        steepest = max(map(abs, self.curvatures))
-        share = float(indenter.contact_radius(depth)) * steepest
-        if share <= _LARGE:
+        curvature = max(map(abs, self.curvatures))
+        share = float(indenter.contact_radius(depth)) * curvature
+        if share <= _MAX_CONTACT:
             return ""
-        return f"the contact is {share:.0%} of the skin's radius; its curvature is known to {_LARGE:.0%}"
+        return f"the contact is {share:.0%} of the skin's radius; its curvature is known to {_MAX_CONTACT:.0%}"
 
 
 def curved_share(model: Any, curvature: Floats, depth: Floats) -> Floats | None:
@@ -141,34 +145,41 @@ def curved_share(model: Any, curvature: Floats, depth: Floats) -> Floats | None:
     tip = model.indenter
     if model.skin is not None or isinstance(tip, _FACES):
         return None
-    own = tip.contact_radius(depth) ** 2 / depth
-    fits = (1.0 + own[:, None] * curvature > 0.0).all(axis=1)
-    added = _added_curvature(own, *np.where(fits[:, None], curvature, 0.0).T)
-    area, _ = _curved_contact(tip, model.thickness, added, own, depth)
+    tip_radius = tip.contact_radius(depth) ** 2 / depth
+    fits = (1.0 + tip_radius[:, None] * curvature > 0.0).all(axis=1)
+    added = _added_curvature(tip_radius, *np.where(fits[:, None], curvature, 0.0).T)
+    area, _ = _curved_contact(tip, model.thickness, added, tip_radius, depth)
     return np.where(fits, area / corrected_contact(tip, model.thickness, depth)[0], np.nan)
 
 
-def _added_curvature(own: Any, along: Any, across: Any) -> Any:
-    """Curvature k [1/m] that a skin of two curvatures adds to that of a tip of radius `own` [m]."""
-    return ((1.0 / own + along) * (1.0 / own + across)) ** 0.5 - 1.0 / own
+def _curvature(radius: Literal["flat"] | float) -> float:
+    """Return 1/R [1/m]; 0 for "flat"."""
+    return 0.0 if isinstance(radius, str) else 1.0 / radius
 
 
-def _curved_contact(indenter: Indenter, thickness: Layer, added: Any, own: Any, depth: Any) -> tuple[Any, Any]:
-    """Area and its derivative of a tip whose reduced profile is g(x) + k x^2, k the curvature `added` by the skin.
+def _added_curvature(tip_radius: Any, along: Any, across: Any) -> Any:
+    """Return the curvature k [1/m] that a skin of two curvatures adds to that of a tip of a radius [m]."""
+    return ((1.0 / tip_radius + along) * (1.0 / tip_radius + across)) ** 0.5 - 1.0 / tip_radius
+
+
+def _curved_contact(
+    indenter: Indenter, thickness: Layer, curvature: Any, tip_radius: Any, depth: Any
+) -> tuple[Any, Any]:
+    """Return area and its derivative of a tip with the reduced profile g(x) + k x^2, k the `curvature` by the skin.
 
     The contact radius is that of the tip at the depth u it has alone, u + k a(u)^2 = d, by Newton's method with
     a^2 going as u^p, p = 2 (a u - A)/A, and the area is A(u) + 2/3 k a^3.
     """
-    alone = depth / (1.0 + added * own)
-    power = 2.0 * (indenter.contact_radius(alone) * alone / indenter.profile_area(alone) - 1.0)
-    for _ in range(_STEPS):
-        square = added * indenter.contact_radius(alone) ** 2
-        alone = alone - (alone + square - depth) / (1.0 + square * power / alone)
-    radius = indenter.contact_radius(alone)
-    area = indenter.profile_area(alone) + 2.0 / 3.0 * added * radius**3
+    u = depth / (1.0 + curvature * tip_radius)
+    power = 2.0 * (indenter.contact_radius(u) * u / indenter.profile_area(u) - 1.0)
+    for _ in range(_NEWTON_STEPS):
+        square = curvature * indenter.contact_radius(u) ** 2
+        u = u - (u + square - depth) / (1.0 + square * power / u)
+    radius = indenter.contact_radius(u)
+    area = indenter.profile_area(u) + 2.0 / 3.0 * curvature * radius**3
     if not isinstance(thickness, Thickness):
         return area, radius
-    factor, slope = thickness.factor(indenter, alone)
+    factor, slope = thickness.factor(indenter, u)
     return area * factor, radius * factor + area * slope / depth
 
 
@@ -187,7 +198,7 @@ class ContactGeometry:
 
     @classmethod
     def of(cls, model: Any) -> ContactGeometry:
-        """That of a contact model with these keys."""
+        """Return the geometry of a contact model with these keys."""
         return cls(model.indenter, model.thickness, model.skin, model.poisson)
 
     def check(self) -> None:
@@ -198,13 +209,13 @@ class ContactGeometry:
             self.skin.check(self.indenter)
 
     def contact(self, depth: Any) -> tuple[Any, Any]:
-        """Area [m^2] and its derivative [m] at a depth [m], so that F = 2 E/(1 - nu^2) A + 4 eta/(1 - nu) a d'."""
+        """Return A [m^2] and its derivative a [m] at a depth [m]: F = 2 E/(1 - nu^2) A + 4 eta/(1 - nu) a d'."""
         if self.skin is None:
             return corrected_contact(self.indenter, self.thickness, depth)
         return self.skin.contact(self.indenter, self.thickness, self.poisson, depth)
 
     def validity(self, depth: float) -> str:
-        """What does not hold at a depth [m]; empty where all is well."""
-        told = contact_validity(self.indenter, self.thickness, depth)
+        """Return a warning where the geometry does not hold at a depth [m]; else an empty text."""
+        tip_and_layer = contact_validity(self.indenter, self.thickness, depth)
         skin = "" if self.skin is None else self.skin.validity(self.indenter, depth)
-        return "; ".join(text for text in (told, skin) if text)
+        return "; ".join(text for text in (tip_and_layer, skin) if text)

@@ -15,16 +15,18 @@ from palpate_models.indenters.power_profiles import Flat, Paraboloid, Sphere
 from palpate_models.indenters.spheres import Ellipsoid, ExactSphere, NeoHookeanSphere
 from palpate_models.thickness_table import read_table
 
-# Coefficients of 1, X, X^2, X^3, X^4 at nu = 0.5; X is contact radius over layer height.
+# Coefficients of 1, X, X^2, X^3, X^4 at nu = 0.5; X is contact radius over layer height. Sources: see `Thickness`.
+# By base, bonded or not:
 _DIMITRIADIS = {True: (1.0, 1.133, 1.283, 0.769, 0.0975), False: (1.0, 0.884, 0.781, 0.386, 0.0048)}
 HALF_SPACE = "half-space"
 _HALF_PI = math.pi / 2  # Garcia's variable for the cone is d/(h tan t) = pi/2 times contact radius over height
+# By shape of the tip:
 _GARCIA = {
     "sphere": (1.0, 1.133, 1.497, 1.469, 0.755),
     "flat": (1.0, 1.133, 1.283, 0.598, -0.291),
     "cone": tuple(c * _HALF_PI**i for i, c in enumerate((1.0, 0.721, 0.650, 0.491, 0.225))),
 }
-# a, b, f, g of the fit to finite elements; by base (bonded or not) and whether the tip sticks.
+# a, b, f, g of the fit to finite elements (benchmarks/finite_elements.py); by bonded base and sticking tip.
 _CYLINDER = {
     (True, False): (0.768, 1.555, -0.267, -0.027),
     (False, False): (0.383, 0.617, -0.063, -0.032),
@@ -32,7 +34,11 @@ _CYLINDER = {
 }
 _CYLINDER_SHAPE = 50 / 22  # diameter over height of the cylinder in the finite elements
 _CYLINDER_RADII = (2 / 22, 10 / 22)  # of the sphere, over height
-_CYLINDER_DEPTH = 5 / 22  # over height
+_CYLINDER_DEPTH = 5 / 22  # over height, the deepest of the finite elements
+_SPHERE_SHAPE = 0.15  # the exact sphere at large strain: 1 - 0.15 d/R (see `neo-hookean-sphere`)
+_SHAPE_TOLERANCE = 0.05  # a choice: relative difference of diameter/height up to which the fit holds
+_ROUNDING = 1e-3  # a choice: relative excess of a limit that rounding of its statement may have
+_MAX_STRAIN = 0.1  # depth over height to which the corrections are derived (Dimitriadis et al. 2002)
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,7 @@ class Thickness(Settings):
     )
 
     @model_validator(mode="after")
-    def _known(self) -> Self:
+    def _check_law(self) -> Self:
         if (self.law == "table") != (self.table is not None):
             raise ValueError('a table of factors is law = "table", and that law needs a table = "thickness.csv"')
         if self.table is not None:
@@ -98,7 +104,7 @@ class Thickness(Settings):
             if self.diameter is None:
                 raise ValueError("finite-cylinder needs the diameter of the specimen")
             shape = self.diameter / self.height
-            if abs(shape / _CYLINDER_SHAPE - 1) > 0.05:
+            if abs(shape / _CYLINDER_SHAPE - 1) > _SHAPE_TOLERANCE:
                 raise ValueError(f"finite-cylinder is for diameter/height 2.27 (50 by 22 mm), not {shape:.2f}")
             if (self.is_bonded, self.sticking) not in _CYLINDER:
                 raise ValueError("finite-cylinder with a sticking tip is known for a bonded base only")
@@ -131,12 +137,13 @@ class Thickness(Settings):
             if not isinstance(indenter, Sphere):
                 raise ValueError("thickness: finite-cylinder is for the tip 'sphere', whose true shape it corrects for")
             low, high = (self.height * limit for limit in _CYLINDER_RADII)
-            if not 0.999 * low <= indenter.radius <= 1.001 * high:
+            if not (1.0 - _ROUNDING) * low <= indenter.radius <= (1.0 + _ROUNDING) * high:
                 raise ValueError(
                     f"thickness: finite-cylinder is for radii of {1e3 * low:.3g} to {1e3 * high:.3g} mm here"
                 )
 
     def _contact(self, indenter: Indenter) -> _Contact:
+        """Return the nominal contact of a tip; raises ValueError for one without a correction."""
         radius = self.radius
         if radius is None:
             match indenter:
@@ -158,47 +165,52 @@ class Thickness(Settings):
         return _Contact("sphere", math.sqrt(radius), 0.5, radius)
 
     def factor(self, indenter: Indenter, depth: Any) -> tuple[Any, Any]:
-        """c(d), and d c'(d), the factor's derivative times depth."""
+        """Return c(d), and d c'(d), the factor's derivative times depth."""
         if self.table is not None:
             return read_table(self.table).factor(depth)
         contact = self._contact(indenter)
         x = contact.scale / self.height * depth**contact.power
         if self.law == "finite-cylinder":
-            a, b, f, g = _CYLINDER[self.is_bonded, self.sticking]
-            e = depth / contact.radius
-            inner = 1.0 + a * x + b * x * x + f * x * e + g * e
-            slope = a * x / 2.0 + b * x * x + 1.5 * f * x * e + g * e
-            return (1.0 - 0.15 * e) * inner, (1.0 - 0.15 * e) * slope - 0.15 * e * inner
+            return self._cylinder_factor(x, depth / contact.radius)
+        # Horner's scheme for both; d X'(d) is the contact's power times X.
         _, c1, c2, c3, c4 = _DIMITRIADIS[self.is_bonded] if self.law == "dimitriadis" else _GARCIA[contact.shape]
         factor = 1.0 + x * (c1 + x * (c2 + x * (c3 + x * c4)))
         return factor, contact.power * x * (c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * 4.0 * c4)))
 
+    def _cylinder_factor(self, x: Any, e: Any) -> tuple[Any, Any]:
+        """Return the factor of the finite cylinder and its derivative times depth, for X and e = d/R."""
+        a, b, f, g = _CYLINDER[self.is_bonded, self.sticking]
+        layer = 1.0 + a * x + b * x * x + f * x * e + g * e
+        slope = a * x / 2.0 + b * x * x + 1.5 * f * x * e + g * e
+        sphere = 1.0 - _SPHERE_SHAPE * e
+        return sphere * layer, sphere * slope - _SPHERE_SHAPE * e * layer
+
     def validity(self, indenter: Indenter, depth: float) -> str:
-        """What does not hold of the correction at a depth [m]; empty where all is well."""
+        """Return a warning where the correction does not hold at a depth [m]; else an empty text."""
         if self.table is not None:
             deepest = read_table(self.table).deepest
-            if depth <= 1.001 * deepest:
+            if depth <= (1.0 + _ROUNDING) * deepest:
                 return ""
             return f"the table of thickness ends at {1e3 * deepest:.3g} mm, not {1e3 * depth:.3g} mm"
         contact = self._contact(indenter)
         strain, x = depth / self.height, contact.scale * depth**contact.power / self.height
         if self.law == "finite-cylinder":
-            if strain <= 1.001 * _CYLINDER_DEPTH:
+            if strain <= (1.0 + _ROUNDING) * _CYLINDER_DEPTH:
                 return ""
             limit = 1e3 * _CYLINDER_DEPTH * self.height
             return f"the thickness correction is fitted to depths of {limit:.3g} mm, not {1e3 * depth:.3g} mm"
         if x > 1:
             return f"the contact radius is {x:.2g} of the layer's height; the thickness correction is for less than 1"
-        if strain > 0.1:
+        if strain > _MAX_STRAIN:
             return f"the depth is {strain:.0%} of the layer's height; the thickness correction is derived for 10 %"
         return ""
 
 
-Layer = Thickness | Literal["half-space"] | None  # said to be none, or nothing said
+Layer = Thickness | Literal["half-space"] | None  # stated to be thick, or not stated
 
 
 def corrected_contact(indenter: Indenter, thickness: Layer, depth: Any) -> tuple[Any, Any]:
-    """Area A(d) c(d) [m^2] and its derivative [m]; without a correction the tip's own area and contact radius."""
+    """Return A(d) c(d) [m^2] and its derivative [m]; without a correction the tip's own area and contact radius."""
     area, radius = indenter.profile_area(depth), indenter.contact_radius(depth)
     if not isinstance(thickness, Thickness):
         return area, radius
@@ -207,13 +219,13 @@ def corrected_contact(indenter: Indenter, thickness: Layer, depth: Any) -> tuple
 
 
 def contact_validity(indenter: Indenter, thickness: Layer, depth: float) -> str:
-    """What does not hold of a tip or of a thickness correction at a depth [m]; empty where all is well."""
+    """Return a warning where a tip or a thickness correction does not hold at a depth [m]; else an empty text."""
     layer = thickness.validity(indenter, depth) if isinstance(thickness, Thickness) else ""
     return "; ".join(text for text in (indenter.validity(depth), layer) if text)
 
 
 class _NoneInTheSchema:
-    """Says in the JSON schema that "none" and "half-space" are allowed."""
+    """An entry of the JSON schema that allows "none" and "half-space"."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"anyOf": [{"enum": ["none", HALF_SPACE]}, handler(schema)]}

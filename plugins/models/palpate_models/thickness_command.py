@@ -20,10 +20,13 @@ if TYPE_CHECKING:
     from palpate_models.finite_elements import Cylinder
     from palpate_models.rigid_tip import TipProfile
 
-_BEYOND = 1.6  # contact radii out to which the surface is looked at
-_FIRST = 0.3  # contact radius of the first row, over that of the last: less, and it spans few elements
-_SCATTER = 0.03  # of rows about their curve: more, and they are not a table
-_DEEPER = 4.0  # depths out to which the tip's profile is known
+_REACH = 1.6  # contact radii, a choice: how far out the surface may touch the tip
+_FIRST_ROW = 0.3  # a choice: contact radius of the first row over that of the last; a smaller one spans few elements
+_MAX_SCATTER = 0.03  # a choice: rows that scatter more about their curve are not a table
+_PROFILE_DEPTHS = 4.0  # a choice: depths to which the tip's profile is taken
+_PROFILE_POINTS = 400  # a choice: points of that profile
+_MAX_STRAIN = 0.5  # depth over height, a choice: deeper no equilibrium is reliable
+_MAX_LENGTH = 10.0  # [m], a choice: no specimen is larger
 _NO_SHAPE = ("TruncatedCone", "TiltedFlat", "NeoHookeanSphere")
 
 
@@ -57,13 +60,13 @@ def thickness(
         raise ConfigurationError(f"{out}: exists already, and nothing is ever overwritten")
     sizes = {name: _length(name, text) for name, text in (("diameter", diameter), ("height", height), ("depth", depth))}
     indenter = _tip(tip, overrides or [])
-    profile = _fitting(indenter, sizes, sticking)
-    depths = sizes["depth"] * np.linspace(_FIRST, 1.0, points) ** 2
+    profile = _profile_within(indenter, sizes, sticking)
+    depths = sizes["depth"] * np.linspace(_FIRST_ROW, 1.0, points) ** 2
     cylinder = Cylinder(sizes["diameter"], sizes["height"], bonded)
-    factors, stopped = _rows(cylinder, indenter, profile, depths, fine, _seconds(limit))
+    factors, stopped = _compute_rows(cylinder, indenter, profile, depths, fine, _seconds(limit))
     reached = depths[: len(factors)]
     smooth, scatter, at_touch = smooth_table(reached, factors, isinstance(indenter, Flat))
-    if scatter > _SCATTER:
+    if scatter > _MAX_SCATTER:
         raise ConfigurationError(
             f"palpate model thickness: the rows scatter by {scatter:.1%}; take more elements (--fine)"
         )
@@ -81,9 +84,9 @@ def thickness(
     typer.echo(f'written to {out}; use it with thickness = {{ table = "{out}" }}', err=as_json)
 
 
-def _fitting(tip: Indenter, sizes: dict[str, float], sticking: bool) -> TipProfile:
-    """The tip's shape, where it fits the specimen; raises ConfigurationError."""
-    if sizes["depth"] > 0.5 * sizes["height"]:
+def _profile_within(tip: Indenter, sizes: dict[str, float], sticking: bool) -> TipProfile:
+    """Return the tip's shape; raises ConfigurationError where it does not fit the specimen."""
+    if sizes["depth"] > _MAX_STRAIN * sizes["height"]:
         raise ConfigurationError("--depth: more than half of the height")
     profile = _profile(tip, sizes["depth"], sticking)
     if profile.reach > 0.5 * sizes["diameter"]:
@@ -91,30 +94,30 @@ def _fitting(tip: Indenter, sizes: dict[str, float], sticking: bool) -> TipProfi
     return profile
 
 
-def _rows(
+def _compute_rows(
     cylinder: Cylinder, tip: Indenter, profile: TipProfile, depths: Floats, fine: int, seconds: float
 ) -> tuple[Floats, str]:
-    """Factors of as many depths as were reached, and why not of all; raises ConfigurationError where they are few."""
-    from palpate_models.thickness_table import FEWEST
+    """Return the factors of the reached depths, and the reason for the end; raises ConfigurationError if few."""
+    from palpate_models.thickness_table import MIN_ROWS
 
-    found, stopped = list[float](), ""
-    for one in _factors(cylinder, tip, profile, depths, fine, seconds):
-        if isinstance(one, str):
-            stopped = one
+    factors, stopped = list[float](), ""
+    for outcome in _factors(cylinder, tip, profile, depths, fine, seconds):
+        if isinstance(outcome, str):
+            stopped = outcome
         else:
-            found.append(one)
-    if len(found) < FEWEST:
+            factors.append(outcome)
+    if len(factors) < MIN_ROWS:
         raise ConfigurationError(
-            f"palpate model thickness: {stopped}, and {len(found)} rows are not a table ({FEWEST} needed); take less "
-            "--depth, more --points, more --limit, or another number of elements (--fine)"
+            f"palpate model thickness: {stopped}, and {len(factors)} rows are not a table ({MIN_ROWS} needed); "
+            "take less --depth, more --points, more --limit, or another number of elements (--fine)"
         )
-    return np.array(found), stopped
+    return np.array(factors), stopped
 
 
 def _factors(
     cylinder: Cylinder, tip: Indenter, profile: TipProfile, depths: Floats, fine: int, seconds: float
 ) -> Iterator[float | str]:
-    """Factors, reported as they come; last, where not all are found, why."""
+    """Yield factors, each reported when it is computed; last, where the depths end early, the reason."""
     from palpate_models.finite_elements import NoEquilibriumError, press_cylinder
 
     began = time.monotonic()
@@ -131,7 +134,7 @@ def _factors(
 
 
 def _shape(tip: Indenter, profile: TipProfile, depth: float) -> tuple[TipProfile, float]:
-    """The tip as the elements take it at a depth, and its area A [m^2]: on a half-space the force is 2 E* A."""
+    """Return the tip of the elements at a depth, and its area A [m^2]: on a half-space the force is 2 E* A."""
     from palpate_models.rigid_tip import rounded_flat
 
     if isinstance(tip, Flat):
@@ -140,6 +143,7 @@ def _shape(tip: Indenter, profile: TipProfile, depth: float) -> tuple[TipProfile
 
 
 def _seconds(text: str) -> float:
+    """Return a computing time [s]; raises ConfigurationError for another text."""
     try:
         value = to_si(text, "s")
     except ValueError as error:
@@ -150,37 +154,39 @@ def _seconds(text: str) -> float:
 
 
 def _length(name: str, text: str) -> float:
+    """Return a length [m] of a specimen; raises ConfigurationError, with the option's name, for another text."""
     try:
         value = to_si(text, "m")
     except ValueError as error:
         raise ConfigurationError(f"--{name}: {error}") from error
-    if not 0 < value < 10:
+    if not 0 < value < _MAX_LENGTH:
         raise ConfigurationError(f"--{name}: {text!r} is not a length of a specimen")
     return value
 
 
 def _tip(name: str, overrides: list[str]) -> Indenter:
+    """Return a tip by its type and assignments; raises ConfigurationError for one that is not smooth."""
     source = Source(f'[indenter.tip]\ntype = "{name}"\n', Path("palpate model thickness"))
     for assignment in overrides:
         source.override(f"indenter.tip.{assignment}")
-    found: Indenter = build_parts(source, "indenter")["tip"]
-    if type(found).__name__ in _NO_SHAPE:
+    indenter: Indenter = build_parts(source, "indenter")["tip"]
+    if type(indenter).__name__ in _NO_SHAPE:
         raise ConfigurationError(f"--tip {name}: has a sharp edge, or is not a shape; the elements need a smooth tip")
-    return found
+    return indenter
 
 
 def _profile(indenter: Indenter, depth: float, sticking: bool) -> TipProfile:
-    """The tip's shape out to where it may touch, straight on beyond what is known of it."""
+    """Return the tip's shape as far as it may touch; beyond its known profile it is straight."""
     from scipy.interpolate import CubicSpline
 
     from palpate_models.rigid_tip import TipProfile, rounded_flat
 
     if isinstance(indenter, Flat):
         return rounded_flat(indenter.radius, depth, sticking)[0]
-    radii, heights = tip_profile(indenter, _DEEPER * depth, 400)
+    radii, heights = tip_profile(indenter, _PROFILE_DEPTHS * depth, _PROFILE_POINTS)
     shape = CubicSpline(radii, heights)
     last, top, rise = float(radii[-1]), float(heights[-1]), float(shape(radii[-1], 1))
-    reach = _BEYOND * float(np.real(indenter.contact_radius(depth)))
+    reach = _REACH * float(np.real(indenter.contact_radius(depth)))
 
     def height(r: Any) -> Any:
         return np.where(np.abs(r) < last, shape(np.clip(np.abs(r), 0.0, last)), top + rise * (np.abs(r) - last))

@@ -1,4 +1,4 @@
-"""A thickness factor from a file: depths and factors, and the specimen and tip that they are of."""
+"""A thickness factor from a file: depths and factors, with their specimen and tip."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from palpate import Floats, Indenter
 from palpate_engine import bounded_text, json_document
 
 _HEAD = ["depth [m]", "factor"]
-_DEGREE = 4  # of the polynomial in the square root of the depth
-_SMOOTH = 3  # the same, through rows that are scattered by the elements
-FEWEST = 5  # rows
-_WORST = 5e-3  # by which the polynomial may miss a row
+_DEGREE = 4  # a choice: of the polynomial in the square root of the depth
+_SMOOTHING_DEGREE = 3  # a choice: the same, through rows that are scattered by the elements
+MIN_ROWS = 5  # a choice: one row more than the polynomial has coefficients
+_MAX_MISFIT = 5e-3  # a choice: relative difference of the polynomial to a row
 
 
 @dataclass(frozen=True)
 class ThicknessTable:
-    """c(d) = sum of c_i (d/d_max)^(i/2), with c_0 = 1 but for flat tips, and what it was made for."""
+    """c(d) = sum of c_i (d/d_max)^(i/2), with c_0 = 1 but for flat tips, and its specimen and tip."""
 
     facts: dict[str, Any]
     deepest: float  # [m]
@@ -33,28 +33,29 @@ class ThicknessTable:
     at_touch: float = 1.0  # c_0
 
     def factor(self, depth: Any) -> tuple[Any, Any]:
-        """c(d), and d c'(d)."""
+        """Return c(d), and d c'(d)."""
         x = (depth / self.deepest) ** 0.5
         value, slope, power = self.at_touch, 0.0, 1.0
         for i, coefficient in enumerate(self.coefficients, start=1):
             power = power * x
-            value, slope = value + coefficient * power, slope + 0.5 * i * coefficient * power
+            value = value + coefficient * power
+            slope = slope + 0.5 * i * coefficient * power
         return value, slope
 
     def refuse(self, indenter: Indenter) -> None:
         """Raise ValueError where the table is of another tip."""
-        mine, theirs = tip_facts(indenter), self.facts.get("tip")
-        if theirs is not None and mine != theirs:
-            raise ValueError(f"thickness: the table is for the tip {json.dumps(theirs)}, not for {json.dumps(mine)}")
+        tip, table_tip = tip_facts(indenter), self.facts.get("tip")
+        if table_tip is not None and tip != table_tip:
+            raise ValueError(f"thickness: the table is for the tip {json.dumps(table_tip)}, not for {json.dumps(tip)}")
 
 
 def tip_facts(indenter: Indenter) -> dict[str, Any]:
-    """What a tip is, as plain data."""
+    """Return type and sizes of a tip as plain data."""
     return {"type": type(indenter).__name__, **json.loads(indenter.model_dump_json())}
 
 
 def table_text(facts: dict[str, Any], depths: Floats, factors: Floats) -> str:
-    """A file of a table; facts stand in lines that begin with #."""
+    """Return the text of a table's file; facts stand in lines that begin with #."""
     lines = [f"# {name} = {json.dumps(value)}" for name, value in facts.items()]
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(
@@ -65,18 +66,11 @@ def table_text(facts: dict[str, Any], depths: Floats, factors: Floats) -> str:
 
 @cache
 def read_table(path: Path) -> ThicknessTable:
-    """The table in a file; raises ValueError, which names the file, for anything else."""
+    """Return the table in a file; raises ValueError, which names the file, for anything else."""
     try:
         lines = bounded_text(path).splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"table {path}: cannot be read: {error}") from error
-    facts = {}
-    for line in (line[1:] for line in lines if line.startswith("#")):
-        name, equals, value = line.partition("=")
-        try:
-            facts[name.strip()] = json_document(value) if equals else None
-        except ValueError:
-            facts[name.strip()] = value.strip()
     rows = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
     if not rows or rows[0] != _HEAD:
         raise ValueError(f"table {path}: its first line is not {','.join(_HEAD)}")
@@ -84,40 +78,56 @@ def read_table(path: Path) -> ThicknessTable:
         numbers = np.array([[float(cell) for cell in row] for row in rows[1:]])
     except ValueError as error:
         raise ValueError(f"table {path}: {error}") from error
-    if numbers.ndim != 2 or numbers.shape[1] != 2 or len(numbers) < FEWEST:
-        raise ValueError(f"table {path}: {FEWEST} rows of a depth and a factor are needed")
+    if numbers.ndim != 2 or numbers.shape[1] != 2 or len(numbers) < MIN_ROWS:
+        raise ValueError(f"table {path}: {MIN_ROWS} rows of a depth and a factor are needed")
     depth, factor = numbers.T
     if not np.isfinite(numbers).all() or np.any(depth <= 0) or np.any(np.diff(depth) <= 0) or np.any(factor <= 0):
         raise ValueError(f"table {path}: depths have to rise from above 0, and factors to be above 0")
-    return _fitted(facts, depth, factor, path)
+    return _fit_table(_facts(lines), depth, factor, path)
+
+
+def _facts(lines: list[str]) -> dict[str, Any]:
+    """Return the facts of the lines that begin with #, name = JSON; other text stays text."""
+    facts: dict[str, Any] = {}
+    for line in lines:
+        if not line.startswith("#"):
+            continue
+        name, equals, value = line[1:].partition("=")
+        try:
+            facts[name.strip()] = json_document(value) if equals else None
+        except ValueError:
+            facts[name.strip()] = value.strip()
+    return facts
 
 
 def smooth_table(depths: Floats, factors: Floats, flat: bool = False) -> tuple[Floats, float, float]:
-    """The curve of a table at the depths of its rows, by how much, relatively, it misses the worst, and c_0.
+    """Return the curve of a table at its depths, its largest relative difference to a row, and c_0.
 
-    A flat tip touches with all of its face at once: its c_0 is what the rows go to, by a line in the depth.
+    A flat tip touches with all of its face at once: its c_0 is the limit of the rows, by a line in the depth.
     """
     at_touch = 1.0
     if flat:
         at_touch = float(np.polynomial.Polynomial.fit(depths, factors, 1)(0.0))
-    _, curve, worst = _curve(depths, factors, _SMOOTH, at_touch)
-    return curve, worst, at_touch
+    _, curve, misfit = _curve(depths, factors, _SMOOTHING_DEGREE, at_touch)
+    return curve, misfit, at_touch
 
 
 def _curve(depth: Floats, factor: Floats, degree: int, at_touch: float) -> tuple[Floats, Floats, float]:
+    """Return coefficients c_i, curve (n,) and largest relative difference, by least relative squares."""
     x = np.sqrt(depth / depth[-1])
     matrix = np.column_stack([x**i for i in range(1, min(degree, len(depth) - 1) + 1)])
-    found = np.linalg.lstsq(matrix / factor[:, None], (factor - at_touch) / factor, rcond=None)[0]
-    curve: Floats = np.asarray(at_touch + matrix @ found, float)
-    return np.asarray(found, float), curve, float(np.max(np.abs(curve / factor - 1.0)))
+    coefficients = np.linalg.lstsq(matrix / factor[:, None], (factor - at_touch) / factor, rcond=None)[0]
+    curve: Floats = np.asarray(at_touch + matrix @ coefficients, float)
+    return np.asarray(coefficients, float), curve, float(np.max(np.abs(curve / factor - 1.0)))
 
 
-def _fitted(facts: dict[str, Any], depth: Floats, factor: Floats, path: Path) -> ThicknessTable:
+def _fit_table(facts: dict[str, Any], depth: Floats, factor: Floats, path: Path) -> ThicknessTable:
+    """Return the polynomial of a file's rows; raises ValueError where they are not a smooth curve."""
     deepest = float(depth[-1])
     at_touch = facts.get("at_touch", 1.0)
     if isinstance(at_touch, bool) or not isinstance(at_touch, int | float) or not 0 < at_touch < math.inf:
         raise ValueError(f"table {path}: at_touch is the factor at no depth, a number above 0, not {at_touch!r}")
-    found, _, worst = _curve(depth, factor, _DEGREE, at_touch)
-    if not math.isfinite(worst) or worst > _WORST:
-        raise ValueError(f"table {path}: the factors are not a smooth curve: a row is {worst:.1%} off")
-    return ThicknessTable(facts, deepest, tuple(float(c) for c in found), worst, at_touch)
+    coefficients, _, misfit = _curve(depth, factor, _DEGREE, at_touch)
+    if not math.isfinite(misfit) or misfit > _MAX_MISFIT:
+        raise ValueError(f"table {path}: the factors are not a smooth curve: a row is {misfit:.1%} off")
+    return ThicknessTable(facts, deepest, tuple(coefficients.tolist()), misfit, at_touch)

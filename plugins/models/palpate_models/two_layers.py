@@ -27,9 +27,10 @@ DEEP_ELASTICITY = Parameter(
 SKIN_THICKNESS = Parameter(
     "skin_thickness", "h_s", "m", "thickness of the layer on top", lower=1e-4, upper=0.1, start=3e-3, start_std=3e-3
 )
-_RATIO = math.log(12.5)  # of the moduli, to which the share is fitted
-_WIDEST = 13.0  # contact radii over the layer's thickness, likewise
-# Coefficients of powers of ln(1 + x), each a polynomial in the logarithm of the moduli's ratio.
+_MAX_LOG_RATIO = math.log(12.5)  # of the moduli: the share is fitted to ratios of 1/12 to 12
+_MAX_RADIUS = 13.0  # contact radius over the layer's thickness to which the share is fitted
+# Fitted to the exact solution of Dhaliwal and Rau (1970), see `TwoLayers`: coefficients of powers of ln(1 + x), each a
+# polynomial in the logarithm of the moduli's ratio.
 _SHARE = (
     (-0.06577, 0.41723, 0.00659, -0.00615, -0.00051),
     (1.01315, -0.66511, -0.12996, 0.01895, 0.00594),
@@ -39,28 +40,29 @@ _SHARE = (
 
 
 def layer_share(ratio: Any, x: Any) -> Any:
-    """Share w with which the layer counts, E_s^w E^(1 - w), for the logarithm of E_s/E and x = sqrt(R d)/h.
+    """Return the share w with which the layer counts, E_s^w E^(1 - w), for the logarithm of E_s/E and x = sqrt(R d)/h.
 
     w = 1/(1 + x e^p), p a polynomial in ln(1 + x) and ln(E_s/E), both held beyond the range they are fitted in.
     """
-    wide = log(1.0 + select(x - _WIDEST, 0.0, _WIDEST + 0.0 * x, x))
-    known = select(ratio - _RATIO, 0.0, _RATIO + 0.0 * ratio, ratio)
-    known = select(-_RATIO - known, 0.0, -_RATIO + 0.0 * ratio, known)
+    width = log(1.0 + select(x - _MAX_RADIUS, 0.0, _MAX_RADIUS + 0.0 * x, x))
+    bounded = select(ratio - _MAX_LOG_RATIO, 0.0, _MAX_LOG_RATIO + 0.0 * ratio, ratio)
+    bounded = select(-_MAX_LOG_RATIO - bounded, 0.0, -_MAX_LOG_RATIO + 0.0 * ratio, bounded)
+    # Horner's scheme in the width.
     power: Any = 0.0
     for row in reversed(_SHARE):
-        power = power * wide + sum(one * known**i for i, one in enumerate(row))
+        power = power * width + sum(coefficient * bounded**i for i, coefficient in enumerate(row))
     return 1.0 / (1.0 + x * math.e**power)
 
 
 class _LayeredMaterial(ContactModel):
-    """What both models of two layers have in common."""
+    """The common part of both models of two layers."""
 
     law_error: ClassVar[float] = 0.0036
 
     indenter: Indenter = Field(description="the tip, a sphere")
 
     @model_validator(mode="after")
-    def _known_tip(self) -> Self:
+    def _check_tip(self) -> Self:
         if not isinstance(self.indenter, Sphere | ExactSphere | NeoHookeanSphere):
             raise ValueError(
                 f"indenter: two layers are known under spheres, not under a {type(self.indenter).__name__}"
@@ -72,17 +74,23 @@ class _LayeredMaterial(ContactModel):
         assert isinstance(self.indenter, Sphere | ExactSphere | NeoHookeanSphere)
         return self.indenter.radius
 
-    def _pressed(self, depth: Any, rate: Any, theta: Sequence[Any], thickness: Any) -> Any:
+    def _layered_force(self, depth: Any, rate: Any, theta: Sequence[Any], thickness: Any) -> Any:
+        """8/3 E_s^w E^(1 - w) A(d) + 8 eta a(d) d' [N]."""
         skin, deep, viscosity = theta[:3]
         x = (self._radius * depth) ** 0.5 / thickness
         modulus = deep * (skin / deep) ** layer_share(log(skin / deep), x)
         elastic = 8.0 / 3.0 * modulus * self.indenter.profile_area(depth)
         return elastic + 8.0 * viscosity * self.indenter.contact_radius(depth) * rate
 
-    def _widest(self, depth: float, thickness: float) -> str:
+    def _validity(self, depth: float, thickness: float) -> str:
+        """Return a warning beyond the range of the tip or of the share's fit; else an empty text."""
         x = math.sqrt(self._radius * depth) / thickness
         tip = self.indenter.validity(depth)
-        wide = "" if x <= _WIDEST else f"the contact radius is {x:.1f} of the layer's thickness; known to {_WIDEST:g}"
+        wide = (
+            ""
+            if x <= _MAX_RADIUS
+            else f"the contact radius is {x:.1f} of the layer's thickness; known to {_MAX_RADIUS:g}"
+        )
         return "; ".join(text for text in (tip, wide) if text)
 
 
@@ -103,15 +111,15 @@ class TwoLayers(_LayeredMaterial):
 
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """8/3 E_s^w E^(1 - w) A(d) + 8 eta a(d) d' [N]."""
-        return self._pressed(depth, rate, theta, self.skin_thickness)
+        return self._layered_force(depth, rate, theta, self.skin_thickness)
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """E of what is below the layer, and eta."""
         return _material(theta, 3)
 
     def validity(self, depth: float) -> str:
-        """What does not hold of the tip, or of the layer's share, at a depth [m]."""
-        return self._widest(depth, self.skin_thickness)
+        """Return a warning where tip or layer's share do not hold at a depth [m]; else an empty text."""
+        return self._validity(depth, self.skin_thickness)
 
 
 class FreeTwoLayers(_LayeredMaterial):
@@ -127,20 +135,21 @@ class FreeTwoLayers(_LayeredMaterial):
 
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """8/3 E_s^w E^(1 - w) A(d) + 8 eta a(d) d' [N]."""
-        return self._pressed(depth, rate, theta, theta[3])
+        return self._layered_force(depth, rate, theta, theta[3])
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """E of what is below the layer, and eta."""
         return _material(theta, 4)
 
     def validity(self, depth: float) -> str:
-        """What does not hold of the tip at a depth [m]."""
+        """Return a warning where the tip does not hold at a depth [m]; else an empty text."""
         return self.indenter.validity(depth)
 
 
 def _material(theta: Sequence[float], count: int) -> tuple[MaterialValue, ...]:
-    elastic = tuple(float(place == 1) for place in range(count))
-    viscous = tuple(float(place == 2) for place in range(count))
+    """Return E below the layer and eta, the second and third of `count` parameters."""
+    elastic = tuple(float(i == 1) for i in range(count))
+    viscous = tuple(float(i == 2) for i in range(count))
     below = "of what lies below the layer; it is determined where the press is deep against the layer's thickness"
     return (
         MaterialValue("elasticity", theta[1], elastic, below),

@@ -11,7 +11,10 @@ from pydantic import Field
 from palpate_models.indenters.spheres import sphere_angle, sphere_area
 
 _ANGLE = "angle t between the cone and the untouched surface: 90 degrees less half of the opening angle"
-_STEEPEST = math.radians(88.0)  # beyond, the fixed number of Newton steps does not reach rounding
+_MAX_ANGLE = math.radians(88.0)  # beyond it, the fixed number of Newton steps does not reach rounding
+_RISE_STEPS = 4  # Newton steps of a truncated cone from its guess to rounding
+_RADIUS_STEPS = 5  # Newton steps of a blunt cone from its guess to rounding
+_CONE_DEPTH = 1.5  # depths of the sphere, a choice: any depth of the cone, where its root is not used
 
 
 class Cone(Indenter):
@@ -45,10 +48,11 @@ class TruncatedCone(Indenter):
     face_radius: Depth = Field(gt=0, description="radius b of the flat face")
 
     def _rise(self, depth: Any) -> Any:
-        """s = sqrt(a^2/b^2 - 1), from sqrt(1 + s^2) atan(s) = d/(b tan t) = q."""
+        """Return s = sqrt(a^2/b^2 - 1), from sqrt(1 + s^2) atan(s) = d/(b tan t) = q."""
         q = depth / (self.face_radius * math.tan(self.angle))
+        # The guess has both limits: q for a flat tip, 2 q/pi for a cone.
         s = q * (1.0 + 2.0 / math.pi * q) / (1.0 + q)
-        for _ in range(4):
+        for _ in range(_RISE_STEPS):
             root, angle = (1.0 + s * s) ** 0.5, arctan(s)
             s = s - (root * angle - q) * root / (1.0 + s * angle)
         return s
@@ -73,21 +77,21 @@ class BluntCone(Indenter):
     Source: the MDR integral of the profile; for a parabolic cap Briscoe, Sebastian and Adams 1994.
     """
 
-    angle: Angle = Field(gt=0, le=_STEEPEST, description=_ANGLE + "; 88 degrees at most")
+    angle: Angle = Field(gt=0, le=_MAX_ANGLE, description=_ANGLE + "; 88 degrees at most")
     tip_radius: Depth = Field(gt=0, description="radius R of the sphere at the tip")
 
     @property
     def sphere_depth(self) -> float:
-        """Depth [m] from which on the cone is in contact, too."""
+        """The depth [m] from which on the cone is in contact, too."""
         return self.tip_radius * math.sin(self.angle) * math.atanh(math.sin(self.angle))
 
     def _cone_radius(self, depth: Any) -> Any:
-        """Contact radius in units of R, at a depth in units of R that is not less than that of the sphere."""
+        """Return the contact radius in units of R, at a depth in units of R that reaches the cone."""
         sine, cosine, tangent = math.sin(self.angle), math.cos(self.angle), math.tan(self.angle)
         # Far out the tip is a cone whose apex lies a little below: a guess from below, where it exceeds b.
         guess = 2.0 / (math.pi * tangent) * (depth + sine * tangent - 1.0 + cosine)
         a = select(guess, sine, guess, sine)
-        for _ in range(5):
+        for _ in range(_RADIUS_STEPS):
             s = _root_of((a / sine) ** 2 - 1.0)
             per_radius = log((1.0 + a) / (cosine + sine * s)) + tangent * arctan(s)
             slope = per_radius + a / (1.0 + a) + sine * (tangent - s) / (cosine + sine * s)
@@ -97,7 +101,7 @@ class BluntCone(Indenter):
     def contact_radius(self, depth: Any) -> Any:
         """The sphere's, then the root a of a [L + tan(t) atan(s)] = d [m]."""
         scaled, edge = depth / self.tip_radius, self.sphere_depth / self.tip_radius
-        cone = self._cone_radius(select(scaled, edge, scaled, 1.5 * edge))
+        cone = self._cone_radius(select(scaled, edge, scaled, _CONE_DEPTH * edge))
         sphere = tanh(sphere_angle(select(scaled, edge, edge, scaled)))
         return self.tip_radius * select(scaled, edge, cone, sphere)
 
@@ -105,8 +109,9 @@ class BluntCone(Indenter):
         """The sphere's, then 1/2 [(R^2 + a^2) L + b s R cos t - a R + tan(t) (a^2 atan(s) + b^2 s)] [m^2]."""
         sine, cosine, tangent = math.sin(self.angle), math.cos(self.angle), math.tan(self.angle)
         scaled, edge = depth / self.tip_radius, self.sphere_depth / self.tip_radius
-        a = self._cone_radius(select(scaled, edge, scaled, 1.5 * edge))
+        a = self._cone_radius(select(scaled, edge, scaled, _CONE_DEPTH * edge))
         s = _root_of((a / sine) ** 2 - 1.0)
+        # The terms of the cap, then those of the cone.
         capped = (1.0 + a * a) * log((1.0 + a) / (cosine + sine * s)) + sine * s * cosine - a
         cone = (capped + tangent * (a * a * arctan(s) + sine * sine * s)) / 2.0
         sphere = sphere_area(select(scaled, edge, edge, scaled))
@@ -114,5 +119,5 @@ class BluntCone(Indenter):
 
 
 def _root_of(square: Any) -> Any:
-    """Square root that is 0, with a finite derivative, where rounding makes its argument negative."""
+    """Return the square root; 0, with a finite derivative, where rounding makes the argument negative."""
     return select(square, 0.0, select(square, 0.0, square, 1.0) ** 0.5, 0.0)

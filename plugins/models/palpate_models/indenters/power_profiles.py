@@ -8,11 +8,11 @@ from typing import Any
 from palpate import Depth, Indenter
 from pydantic import Field
 
-_DEEP = 2.0  # radii, at which the force of the paraboloid is 20 % above that of the sphere
+_MAX_DEPTH = 2.0  # radii, a choice: there the force of the paraboloid is 20 % above that of the sphere
 
 
 def hess_factor(exponent: float) -> float:
-    """k_n of the reduced profile k_n c_n x^n of a tip c_n r^n: pi/2, 2 and 8/3 for n = 1, 2 and 4."""
+    """Return k_n of the reduced profile k_n c_n x^n of a tip c_n r^n: pi/2, 2 and 8/3 for n = 1, 2 and 4."""
     n = exponent
     return math.sqrt(math.pi) / 2 * n * math.gamma(n / 2) / math.gamma((n + 1) / 2)
 
@@ -43,8 +43,8 @@ class Sphere(Indenter):
         return 2.0 / 3.0 * depth * (self.radius * depth) ** 0.5
 
     def validity(self, depth: float) -> str:
-        """Depth at which the paraboloid is a sphere no more."""
-        if depth <= _DEEP * self.radius:
+        """Return a warning beyond the depth to which the paraboloid approximates a sphere."""
+        if depth <= _MAX_DEPTH * self.radius:
             return ""
         return f"the depth is {depth / self.radius:.3g} times the radius of the sphere: take exact-sphere"
 

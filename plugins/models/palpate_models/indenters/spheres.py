@@ -7,27 +7,29 @@ from typing import Any, ClassVar
 from palpate import Depth, Indenter, select, tanh
 from pydantic import Field
 
-_SERIES = 0.0025  # of d/R: below it the closed form of the area loses digits to cancellation
-_NO_POLE = 1e-300  # keeps 0/0 at d = 0 a 0
+_SERIES_DEPTH = 0.0025  # d/R, a choice: below it the closed form of the area loses digits to cancellation
+_POLE_GUARD = 1e-300  # a choice: 0/0 at d = 0 is 0
+_NEWTON_STEPS = 3  # from the guess to rounding
+_LARGE_STRAIN = 0.15  # of A by d/R, fitted to finite elements (see `NeoHookeanSphere`)
 
 
 def sphere_angle(depth: Any) -> Any:
-    """u >= 0 with u tanh(u) = depth: three Newton steps from a guess within 10 % everywhere reach rounding."""
+    """Return u >= 0 with u tanh(u) = depth: Newton steps from a guess within 10 % everywhere reach rounding."""
     u = (depth + depth * depth * (1.0 + 3.0 * depth) / (3.0 + 3.0 * depth)) ** 0.5
-    for _ in range(3):
+    for _ in range(_NEWTON_STEPS):
         x = tanh(u)
-        u = u - (u * x - depth) / (x + u * (1.0 - x * x) + _NO_POLE)
+        u = u - (u * x - depth) / (x + u * (1.0 - x * x) + _POLE_GUARD)
     return u
 
 
 def sphere_area(depth: Any) -> Any:
-    """Area of the unit sphere in the reduced plane, at a depth in units of its radius; its derivative is tanh(u)."""
+    """Return the area of the unit sphere in the reduced plane, at a depth over R; its derivative is tanh(u)."""
     u = sphere_angle(depth)
     x = tanh(u)
     s = u * u
     # u - tanh(u) as a series where the difference of both would lose digits.
     series = u * s * (1 / 3 - s * (2 / 15 - s * (17 / 315 - s * (62 / 2835 - s * 1382 / 155925))))
-    return (select(depth, _SERIES, u - x, series) + u * x * x) / 2.0
+    return (select(depth, _SERIES_DEPTH, u - x, series) + u * x * x) / 2.0
 
 
 class ExactSphere(Indenter):
@@ -76,22 +78,22 @@ class NeoHookeanSphere(Indenter):
 
     def contact_radius(self, depth: Any) -> Any:
         """sqrt(R d) (1 - 0.25 d/R) [m]."""
-        known = self._known(depth)
-        return self.radius * known**0.5 * (1.0 - 0.25 * known)
+        e = self._bounded(depth)
+        return self.radius * e**0.5 * (1.0 - 0.25 * e)  # 5/3 of the area's coefficient
 
     def profile_area(self, depth: Any) -> Any:
         """(2/3) sqrt(R) d^1.5 (1 - 0.15 d/R) [m^2]."""
-        known = self._known(depth)
-        area = 2.0 / 3.0 * known**1.5 * (1.0 - 0.15 * known) + 0.75 * (depth / self.radius - known)
+        e = self._bounded(depth)
+        area = 2.0 / 3.0 * e**1.5 * (1.0 - _LARGE_STRAIN * e) + 0.75 * (depth / self.radius - e)  # a(R) is 0.75 R
         return self.radius**2 * area
 
-    def _known(self, depth: Any) -> Any:
-        """Depth over radius, 1 at most: deeper, the contact radius is held at its last value."""
+    def _bounded(self, depth: Any) -> Any:
+        """Return depth over radius, 1 at most: deeper, the contact radius is held at its last value."""
         scaled = depth / self.radius
         return select(scaled, 1.0, 1.0 + 0.0 * scaled, scaled)
 
     def validity(self, depth: float) -> str:
-        """Depth beyond which the correction is not fitted."""
+        """Return a warning beyond the depth to which the correction is fitted."""
         if depth <= self.radius:
             return ""
         return f"the depth is {depth / self.radius:.0%} of the radius; the large-strain correction is known to 100 %"

@@ -8,8 +8,9 @@ from typing import Any
 from palpate import Angle, Depth, Indenter, select
 from pydantic import Field
 
-_POWER, _BEND = 1.7, 0.2  # of the force until all of the face touches; value and slope at the end are exact
-_STEEPEST = math.radians(15.0)
+_POWER = 1.7  # of u, fitted to boundary elements; value and slope in full contact are exact
+_BEND = 0.2  # of u, with `_POWER`
+_MAX_TILT = math.radians(15.0)  # a choice: larger angles are not small
 
 
 class TiltedFlat(Indenter):
@@ -25,15 +26,15 @@ class TiltedFlat(Indenter):
     """
 
     radius: Depth = Field(gt=0, description="radius R of the face")
-    tilt: Angle = Field(gt=0, le=_STEEPEST, description="angle t between face and surface")
+    tilt: Angle = Field(gt=0, le=_MAX_TILT, description="angle t between face and surface")
 
     @property
     def full_depth(self) -> float:
-        """Depth 3 R t [m] from which on the whole face touches."""
+        """The depth 3 R t [m] from which on the whole face touches."""
         return 3.0 * self.radius * self.tilt
 
     def _share(self, depth: Any) -> Any:
-        """u, 1 at most."""
+        """Return u, 1 at most."""
         u = depth / self.full_depth
         return select(u, 1.0, 1.0 + 0.0 * u, u)
 

@@ -1,4 +1,4 @@
-"""A formula f(r) in a pipeline file, read by a whitelist of what it may hold; never run as Python."""
+"""A formula f(r) in a pipeline file, read by a whitelist of operations; never run as Python."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-_LONGEST = 500  # characters
-_DEEPEST = 50  # nested operations
+_MAX_LENGTH = 500  # characters, a choice against formulas that nobody writes
+_MAX_NESTING = 50  # operations, a choice: well within Python's own limit of recursion
 
 
 def _smallest(*values: Any) -> Any:
-    chosen = values[0]
+    minimum = values[0]
     for value in values[1:]:
-        chosen = np.where(np.real(value) < np.real(chosen), value, chosen)
-    return chosen
+        minimum = np.where(np.real(value) < np.real(minimum), value, minimum)
+    return minimum
 
 
 def _largest(*values: Any) -> Any:
@@ -53,48 +53,50 @@ _OPERATORS: Mapping[type[ast.AST], Callable[..., Any]] = {
 
 
 def parse_formula(text: str, constants: Mapping[str, float]) -> Callable[[Any], Any]:
-    """The function f(r) that a text writes down, for real and complex arrays.
+    """Return the function f(r) of a text, for real and complex arrays.
 
     Allowed are numbers, r, pi, the given constants, + - * / ** (or ^) and brackets, and the functions sqrt, exp, log,
-    sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, abs, min, max. Raises ValueError that says what is not allowed.
+    sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, abs, min, max. Raises ValueError for anything else.
     """
-    if len(text) > _LONGEST:
-        raise ValueError(f"the formula has {len(text)} characters; {_LONGEST} are allowed")
+    if len(text) > _MAX_LENGTH:
+        raise ValueError(f"the formula has {len(text)} characters; {_MAX_LENGTH} are allowed")
     try:
         tree = ast.parse(text.replace("^", "**").strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
         raise ValueError(f"{text!r} is not a formula: {getattr(error, 'msg', error)}") from error
-    known = {"pi": math.pi, **constants}
-    _check(tree, text, {"r", *known}, 0)
-    return lambda radius: _value(tree, {**known, "r": radius})
+    names = {"pi": math.pi, **constants}
+    _check(tree, text, {"r", *names}, 0)
+    return lambda radius: _value(tree, {**names, "r": radius})
 
 
 def _check(node: ast.AST, text: str, names: set[str], depth: int) -> None:
-    if depth > _DEEPEST:
+    """Raise ValueError where a part of a formula is not allowed."""
+    if depth > _MAX_NESTING:
         raise ValueError(f"{text!r} is nested too deeply")
     match node:
         case ast.Constant(value=int() | float()) if not isinstance(node.value, bool):
-            inner: list[ast.AST] = []
+            parts: list[ast.AST] = []
         case ast.Name(id=name) if name in names:
-            inner = []
+            parts = []
         case ast.Name(id=name):
             raise ValueError(f"{text!r}: {name!r} is unknown; there are {', '.join(sorted(names))} (add to constants)")
         case ast.BinOp(left, operator, right) if type(operator) in _OPERATORS:
-            inner = [left, right]
+            parts = [left, right]
         case ast.UnaryOp(operator, operand) if type(operator) in _OPERATORS:
-            inner = [operand]
+            parts = [operand]
         case ast.Call(ast.Name(id=name), arguments, []) if name in _FUNCTIONS and len(arguments) > 0:
             if len(arguments) != 1 and name not in ("min", "max"):
                 raise ValueError(f"{text!r}: {name} takes one argument")
-            inner = list(arguments)
+            parts = list(arguments)
         case _:
             written = ast.unparse(node)
             raise ValueError(f"{text!r}: {written!r} is not allowed; there are {', '.join(_FUNCTIONS)} and + - * / **")
-    for part in inner:
+    for part in parts:
         _check(part, text, names, depth + 1)
 
 
 def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
+    """Return the value of a part of a formula that `_check` has passed."""
     match node:
         case ast.Constant(value):
             try:
@@ -109,4 +111,4 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
             return _OPERATORS[type(operator)](_value(operand, names))
         case ast.Call(ast.Name(name), arguments):
             return _FUNCTIONS[name](*(_value(argument, names) for argument in arguments))
-    raise AssertionError(ast.dump(node))  # _check lets nothing else through
+    raise AssertionError(ast.dump(node))  # _check refuses all others

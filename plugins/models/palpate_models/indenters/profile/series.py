@@ -10,8 +10,8 @@ from palpate import Floats, select
 
 from palpate_models.indenters.profile.inverse import ContactRadius
 
-_DEGREE = 8
-_NARROWEST = 1 / 64  # piece, in units of the whole range of depth^(1/4)
+_DEGREE = 8  # a choice: of a piece
+_MIN_WIDTH = 1 / 64  # of the whole range of depth^(1/4), a choice: narrowest piece
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,14 @@ class RadiusSeries:
 
 
 def _clamped(w: Any, piece: SeriesPiece) -> Any:
+    """Return t of a piece, 0 before and 1 after it."""
     t = (w - piece.start) / piece.width
     t = select(t, 0.0, t, 0.0 * t)
     return select(t, 1.0, 1.0 + 0.0 * t, t)
 
 
 def _polynomial(coefficients: tuple[float, ...], t: Any) -> Any:
+    """Return a polynomial without a constant, by Horner's scheme."""
     value: Any = 0.0
     for coefficient in reversed(coefficients):
         value = (value + coefficient) * t
@@ -64,7 +66,7 @@ def _polynomial(coefficients: tuple[float, ...], t: Any) -> Any:
 
 
 def radius_series(exact: ContactRadius, tolerance: float, floor: float) -> RadiusSeries:
-    """Polynomials that follow a contact radius to a tolerance relative to a(d).
+    """Return polynomials that follow a contact radius to a tolerance relative to a(d).
 
     Where a(d) is below `floor` times the edge, the tolerance is relative to that. Pieces are halved until they meet the
     tolerance or are as narrow as they may be.
@@ -72,29 +74,30 @@ def radius_series(exact: ContactRadius, tolerance: float, floor: float) -> Radiu
     pieces, error, waiting = [], 0.0, [(0.0, 1.0)]
     while waiting:
         start, width = waiting.pop()
-        radius, worst = _fitted(exact, start, width, floor * exact.edge)
-        if worst > tolerance and width > _NARROWEST:
+        radius, piece_error = _fit_piece(exact, start, width, floor * exact.edge)
+        if piece_error > tolerance and width > _MIN_WIDTH:
             waiting += [(start + width / 2, width / 2), (start, width / 2)]
             continue
         pieces.append(_piece(start, width, radius, exact.depth))
-        error = max(error, worst)
+        error = max(error, piece_error)
     edge = exact.face + sum(sum(piece.radius) for piece in pieces)
     return RadiusSeries(exact.depth, exact.face, edge, tuple(pieces), error)
 
 
-def _fitted(exact: ContactRadius, start: float, width: float, floor: float) -> tuple[Floats, float]:
-    """Coefficients in t of a over one piece, and the largest error relative to a between the nodes."""
+def _fit_piece(exact: ContactRadius, start: float, width: float, floor: float) -> tuple[Floats, float]:
+    """Return coefficients in t of a over one piece, and the largest error relative to a between the nodes."""
+    # Interpolation at Chebyshev's extrema.
     nodes = (1.0 - np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)) / 2.0
     values = exact(start + width * nodes)
     coefficients: Floats = np.linalg.solve(np.vander(nodes, increasing=True), values).astype(float)
     between = (nodes[1:] + nodes[:-1]) / 2.0
-    wanted = exact(start + width * between)
-    fitted = np.polynomial.polynomial.polyval(between, coefficients)
-    return coefficients, float(np.max(np.abs(fitted - wanted) / np.maximum(wanted, floor)))
+    exact_radius = exact(start + width * between)
+    radius = np.polynomial.polynomial.polyval(between, coefficients)
+    return coefficients, float(np.max(np.abs(radius - exact_radius) / np.maximum(exact_radius, floor)))
 
 
 def _piece(start: float, width: float, radius: Floats, depth: float) -> SeriesPiece:
-    """The area's polynomial is the integral of a over d, with d = D w^4 and w = start + width t."""
+    """Return a piece with the area's polynomial, the integral of a over d = D w^4 with w = start + width t."""
     polynomial = np.polynomial.polynomial
     w = np.array([start, width])
     slope = 4.0 * depth * width * polynomial.polymul(polynomial.polypow(w, 3), radius)

@@ -10,10 +10,13 @@ from palpate import select
 
 from palpate_models.indenters.profile.inverse import ContactRadius
 
-_DEGREES = range(2, 17, 2)
+_DEGREES = range(2, 17, 2)  # a choice (0033): the shortest that meets the tolerance is taken
 _EXPONENTS = (1.0, 2 / 3, 1 / 2, 1 / 3, 1 / 4, 1 / 6)  # of r, r^1.5, r^2, r^3, r^4, r^6
-_NEAR = 0.02
-_APEX = (1e-3, 4e-3)  # of the edge: where the exponent at the apex is read off
+_EXPONENT_TOLERANCE = 0.02  # a choice: an exponent so near to one of these is that one
+_APEX_RADII = (1e-3, 4e-3)  # of the edge, a choice: there the exponent at the apex is taken
+_CHECKS_PER_DEGREE = 8  # a choice: depths at which a polynomial is compared
+_APEX_POINTS = 4000  # a choice: of the contact radius by depth^(1/4) near the apex
+_MIN_APEX = 1e-6  # of depth^(1/4), a choice: where these points begin
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,7 @@ class SmoothRadius:
 
 
 def _polynomial(coefficients: tuple[float, ...], s: Any) -> Any:
+    """Return a polynomial by Horner's scheme."""
     value: Any = 0.0
     for coefficient in reversed(coefficients):
         value = value * s + coefficient
@@ -54,7 +58,7 @@ def _polynomial(coefficients: tuple[float, ...], s: Any) -> Any:
 
 
 def smooth_radius(exact: ContactRadius, tolerance: float, floor: float) -> SmoothRadius | None:
-    """A power times the shortest polynomial that follows a contact radius to a tolerance; None where none does.
+    """Return a power times the shortest polynomial that follows a contact radius to a tolerance; None where none does.
 
     The tolerance is relative to a(d), or to `floor` times the edge where a(d) is less.
     """
@@ -63,25 +67,29 @@ def smooth_radius(exact: ContactRadius, tolerance: float, floor: float) -> Smoot
     exponent = _apex_exponent(exact)
     chebyshev = np.polynomial.chebyshev
     for degree in _DEGREES:
+        # Interpolation at Chebyshev's nodes.
         nodes = (1.0 + chebyshev.chebpts1(degree + 1)) / 2.0
         values = exact(nodes**0.25) / nodes**exponent
         series = chebyshev.Chebyshev.fit(nodes, values, degree, domain=[0.0, 1.0])
         coefficients = series.convert(kind=np.polynomial.Polynomial, domain=[-1, 1], window=[-1, 1]).coef
-        tried = np.linspace(0.0, 1.0, 8 * degree + 1)[1:] ** 2
-        wanted = exact(tried**0.25)
-        found = tried**exponent * np.polynomial.polynomial.polyval(tried, coefficients)
-        error = float(np.max(np.abs(found - wanted) / np.maximum(wanted, floor * exact.edge)))
-        if error <= tolerance and np.all(np.diff(found) > 0):
+        # The radius between the nodes, which has to grow.
+        s = np.linspace(0.0, 1.0, _CHECKS_PER_DEGREE * degree + 1)[1:] ** 2
+        exact_radius = exact(s**0.25)
+        fitted_radius = s**exponent * np.polynomial.polynomial.polyval(s, coefficients)
+        difference = np.abs(fitted_radius - exact_radius) / np.maximum(exact_radius, floor * exact.edge)
+        error = float(np.max(difference))
+        if error <= tolerance and np.all(np.diff(fitted_radius) > 0):
             radius = tuple(coefficients.tolist())
             return SmoothRadius(exact.depth, sum(radius), exponent, radius, error)
     return None
 
 
 def _apex_exponent(exact: ContactRadius) -> float:
-    """e of a(d) ~ d^e at the apex, one of those of common shapes where it is near."""
-    w = np.geomspace(1e-6, 1.0, 4000)
+    """Return e of a(d) ~ d^e at the apex, that of a common shape where it is near."""
+    # The slope of ln a by ln d = 4 ln w between two small radii.
+    w = np.geomspace(_MIN_APEX, 1.0, _APEX_POINTS)
     a = exact(w)
-    near, far = (float(np.interp(np.log(share * exact.edge), np.log(a), np.log(w))) for share in _APEX)
-    found = float(np.log(_APEX[1] / _APEX[0]) / (4.0 * (far - near)))
-    closest = min(_EXPONENTS, key=lambda e: abs(e - found))
-    return closest if abs(closest - found) < _NEAR else found
+    near, far = (float(np.interp(np.log(share * exact.edge), np.log(a), np.log(w))) for share in _APEX_RADII)
+    exponent = float(np.log(_APEX_RADII[1] / _APEX_RADII[0]) / (4.0 * (far - near)))
+    closest = min(_EXPONENTS, key=lambda e: abs(e - exponent))
+    return closest if abs(closest - exponent) < _EXPONENT_TOLERANCE else exponent

@@ -8,12 +8,18 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
-_PANELS, _NODES = 20, 12  # of the quadrature, for formulas
-_LOOKED_AT = 1000  # radii, in the search for kinks
+_PANELS = 20  # a choice: of the quadrature, for formulas
+_NODES = 12  # a choice: of each panel
+_KINK_RADII = 1000  # a choice: radii in the search for kinks
+_KINK_RATIO = 5  # a choice: a jump of the slope over the changes around it
+_MIN_JUMP = 1e-9  # of the largest change, a choice: a smaller jump is rounding
+_JUMP_LEFT = 0.5  # of a jump, a choice: a kink keeps more when its interval shrinks, a bend does not
+_HALVINGS = 60  # of an interval: 1e-18, below rounding
+_COMPLEX_STEP = 1e-40  # [m]; the derivative by a complex step has no difference, so that any small one is exact
 
 
 def reduced_of_curve(curve: Any) -> Callable[[Floats], Floats]:
-    """g(x) of a scipy piecewise cubic f(r): exact, since its slope is a quadratic on each piece.
+    """Return g(x) of a scipy piecewise cubic f(r): exact, since its slope is a quadratic on each piece.
 
     With r = x sin(p) the integral is x times that of f'(x sin p) over p from 0 to pi/2.
     """
@@ -24,6 +30,7 @@ def reduced_of_curve(curve: Any) -> Callable[[Floats], Floats]:
     powers = np.array([c0 - c1 * start + c2 * start**2, c1 - 2 * c2 * start, c2])
 
     def reduced(x: Floats) -> Floats:
+        # Angles p of the pieces' edges; an edge beyond x is at pi/2. Then the integrals of 1, sin p and sin^2 p.
         with np.errstate(divide="ignore", invalid="ignore"):
             sine = np.minimum(np.where(x[:, None] > 0, edges / x[:, None], 1.0), 1.0)
         angle, cosine = np.arcsin(sine), np.sqrt((1 - sine) * (1 + sine))
@@ -35,19 +42,20 @@ def reduced_of_curve(curve: Any) -> Callable[[Floats], Floats]:
 
 
 def reduced_of_function(profile: Callable[[Any], Any], edge: float) -> Callable[[Floats], Floats]:
-    """g(x) of a function f(r), 0 <= r <= edge, that takes complex numbers.
+    """Return g(x) of a function f(r), 0 <= r <= edge, that takes complex numbers.
 
     The slope is exact, by a complex step; the integral is by Gauss-Legendre on panels that restart at every kink.
     """
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
 
     def slope(radii: Floats) -> Floats:
-        return np.broadcast_to(np.imag(profile(radii + 1e-40j)) / 1e-40, radii.shape)
+        return np.broadcast_to(np.imag(profile(radii + 1j * _COMPLEX_STEP)) / _COMPLEX_STEP, radii.shape)
 
     breaks = np.array(_kinks(slope, edge))
     panels = np.linspace(0.0, np.pi / 2, _PANELS + 1)
 
     def reduced(x: Floats) -> Floats:
+        # Panels of the angle p with r = x sin(p), cut at the kinks.
         with np.errstate(divide="ignore"):
             at_breaks = np.arcsin(np.minimum(breaks / x[:, None], 1.0))
         edges = np.sort(np.hstack([np.tile(panels, (len(x), 1)), at_breaks]), axis=1)
@@ -60,17 +68,20 @@ def reduced_of_function(profile: Callable[[Any], Any], edge: float) -> Callable[
 
 
 def _kinks(slope: Callable[[Floats], Floats], edge: float) -> list[float]:
-    """Radii [m] at which the slope of a profile jumps."""
-    radii = np.linspace(0.0, edge, _LOOKED_AT + 2)[1:-1]
+    """Return the radii [m] at which the slope of a profile jumps."""
+    # Candidates: intervals whose slope changes far more than around them.
+    radii = np.linspace(0.0, edge, _KINK_RADII + 2)[1:-1]
     change = np.abs(np.diff(slope(radii)))
     around = np.maximum.reduce([np.roll(change, shift) for shift in (-3, -2, 2, 3)])
-    found = []
-    for i in np.flatnonzero(change > 5 * around + 1e-9 * np.max(change, initial=0.0)):
-        low, high, jump = radii[i], radii[i + 1], change[i]
-        for _ in range(60):
+    kinks = []
+    for i in np.flatnonzero(change > _KINK_RATIO * around + _MIN_JUMP * np.max(change, initial=0.0)):
+        # The half that has more of the change, again and again.
+        low, high = radii[i], radii[i + 1]
+        for _ in range(_HALVINGS):
             middle = (low + high) / 2
-            before, at, after = slope(np.array([low, middle, high]))
-            low, high = (low, middle) if abs(at - before) > abs(after - at) else (middle, high)
-        if abs(np.diff(slope(np.array([low, high])))[0]) > 0.5 * jump:
-            found.append(float(high))
-    return found
+            slope_low, slope_middle, slope_high = slope(np.array([low, middle, high]))
+            is_below = abs(slope_middle - slope_low) > abs(slope_high - slope_middle)
+            low, high = (low, middle) if is_below else (middle, high)
+        if abs(np.diff(slope(np.array([low, high])))[0]) > _JUMP_LEFT * change[i]:
+            kinks.append(float(high))
+    return kinks
