@@ -138,10 +138,17 @@ def _measurements(
     by_constants = ca.jacobian(force, ca.vertcat(t, s))
     slopes = [ca.jacobian(force, m), by_constants, ca.jacobian(by_constants.T, m), ca.hessian(force, m)[0]]
     # The height is counted from the tip, so that the surface stands at the depth.
-    slopes = ca.substitute(slopes, [m, t, s], [ca.vertcat(0.0, -rate, -acceleration), theta, depth])
-    unit, flat = ca.SX.eye(n), (ca.SX.zeros(1, k + 1), ca.SX.zeros(k + 1, n), ca.SX.zeros(n, n))
+    point = [ca.vertcat(0.0, -rate, -acceleration), theta, depth]
+    row, by_constants, mixed, curvature = ca.substitute(slopes, [m, t, s], point)
+    # Height and velocity are entries of the motion, and have no other slopes.
+    unit, no_constants, no_mixed, no_curvature = (
+        ca.SX.eye(n),
+        ca.SX.zeros(1, k + 1),
+        ca.SX.zeros(k + 1, n),
+        ca.SX.zeros(n, n),
+    )
     return (
-        _Measurement(unit[0, :], *flat, assumed[1], real[1]),
-        _Measurement(unit[1, :], *flat, assumed[2], real[2]),
-        _Measurement(*slopes, assumed[0], real[0]),
+        _Measurement(unit[0, :], no_constants, no_mixed, no_curvature, assumed[1], real[1]),
+        _Measurement(unit[1, :], no_constants, no_mixed, no_curvature, assumed[2], real[2]),
+        _Measurement(row, by_constants, mixed, curvature, assumed[0], real[0]),
     )

@@ -119,7 +119,8 @@ def _reading_symbols(process: KinematicProcess, linearised: bool) -> _SampleSymb
     import casadi as ca
 
     column = ca.SX.sym("w", 4 + process.states * linearised)
-    return _SampleSymbols(column, *ca.vertsplit(column[:4]), column[4:])
+    force, height, velocity, interval = ca.vertsplit(column[:4])
+    return _SampleSymbols(column, force, height, velocity, interval, column[4:])
 
 
 def predict(
