@@ -1,4 +1,4 @@
-"""How the tip goes onto the skin and off it, for every motion that palpates by a sine."""
+"""The way of the tip onto the skin and off it, for every motion that palpates by a sine."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from typing import Any
 from palpate import Depth, Frequency, Settings, Speed, Time
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion_parts import PlannedMotion, through
+from palpate_trajectories.motion_parts import TOP_SPEED, PlannedMotion, through
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.oscillation import together
 from palpate_trajectories.smooth_profile import Knot, KnotProfile, profile
 from palpate_trajectories.surface_motion import Footway, SurfaceMotion
 
-_TOP_SPEED = 0.25  # [m/s], the usual limit near people (ISO 10218-1)
-_PERIODS = 4.0  # of the sine that a line must last
+_MIN_PERIODS = 4.0  # of the sine, a choice: a line that lasts fewer is not followed by it
 
 
 class PressShape(Settings):
@@ -33,17 +32,17 @@ class PressShape(Settings):
     speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
 
     @model_validator(mode="after")
-    def _possible(self) -> Any:
+    def _check_motion(self) -> Any:
         if self.amplitude >= self.bias:
             raise ValueError(f"amplitude {self.amplitude:g} m must be smaller than bias {self.bias:g} m")
-        if 2 * math.pi * self.frequency * self.amplitude > _TOP_SPEED:
-            speed = 2 * math.pi * self.frequency * self.amplitude
-            raise ValueError(f"the sine moves at {speed:.3g} m/s, allowed {_TOP_SPEED:g}: lower amplitude or frequency")
+        speed = 2 * math.pi * self.frequency * self.amplitude
+        if speed > TOP_SPEED:
+            raise ValueError(f"the sine moves at {speed:.3g} m/s, allowed {TOP_SPEED:g}: lower amplitude or frequency")
         return self
 
     @property
     def transfer(self) -> float:
-        """Duration of an approach, and of a retraction [s]."""
+        """The duration of an approach, and of a retraction [s]."""
         return (self.clearance + self.bias) / self.speed
 
 
@@ -63,16 +62,16 @@ def press_motion(
     measuring: Sequence[tuple[float, float]],
     surface: NominalHeight,
 ) -> PlannedMotion:
-    """The motion that touches the skin at given times while it goes a way over it."""
+    """Return the motion that touches the skin at given times while it moves along a path."""
     last = touches[-1].end + press.transfer
     return PlannedMotion(
         duration=last,
         x=through(x),
         y=through(y),
-        depth=_between(touches, press.transfer, -press.clearance, press.bias),
+        depth=_touch_profile(touches, press.transfer, -press.clearance, press.bias),
         measuring=tuple(measuring),
         surface=surface,
-        swell=_between(touches, press.transfer, 0.0, 1.0),
+        swell=_touch_profile(touches, press.transfer, 0.0, 1.0),
         wave=together([press.amplitude], [press.frequency]),
         wave_start=touches[0].begin,
     )
@@ -81,31 +80,31 @@ def press_motion(
 def surface_press(
     press: PressShape, touches: Sequence[Touch], footway: Footway, measuring: Sequence[tuple[float, float]]
 ) -> SurfaceMotion:
-    """The motion that touches a surface at given times while its foot goes a way over it."""
+    """Return the motion that touches a surface at given times while its foot moves along a path."""
     return SurfaceMotion(
         duration=touches[-1].end + press.transfer,
         footway=footway,
-        depth=_between(touches, press.transfer, -press.clearance, press.bias),
+        depth=_touch_profile(touches, press.transfer, -press.clearance, press.bias),
         measuring=tuple(measuring),
-        swell=_between(touches, press.transfer, 0.0, 1.0),
+        swell=_touch_profile(touches, press.transfer, 0.0, 1.0),
         wave=together([press.amplitude], [press.frequency]),
         wave_start=touches[0].begin,
     )
 
 
-def _between(touches: Sequence[Touch], transfer: float, away: float, there: float) -> KnotProfile:
-    """The profile that goes from `away` to `there` before every touch and back after it."""
+def _touch_profile(touches: Sequence[Touch], transfer: float, away: float, touching: float) -> KnotProfile:
+    """Return the profile that changes from `away` to `touching` before every touch, and back after it."""
     knots = []
     for touch in touches:
-        knots += [Knot(touch.begin - transfer, away), Knot(touch.begin, there)]
-        knots += [Knot(touch.end, there), Knot(touch.end + transfer, away)]
+        knots += [Knot(touch.begin - transfer, away), Knot(touch.begin, touching)]
+        knots += [Knot(touch.end, touching), Knot(touch.end + transfer, away)]
     return profile(knots)
 
 
 def refuse_hasty(press: PressShape, way: float, speed: float) -> None:
     """Raise ValueError where a line is over before the sine has measured it."""
-    if way * press.frequency < _PERIODS * speed:
+    if way * press.frequency < _MIN_PERIODS * speed:
         raise ValueError(
             f"speed: at {speed:g} m/s a line of {way:g} m lasts {way * press.frequency / speed:.2g} periods of the "
-            f"sine, which cannot follow; at least {_PERIODS:g} are needed: go slower, or raise the frequency"
+            f"sine, which cannot follow; at least {_MIN_PERIODS:g} are needed: go slower, or raise the frequency"
         )

@@ -8,13 +8,11 @@ from typing import Any
 from palpate import Depth, Frequency, Length, Speed, Time
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion_parts import PlannedMotion, Wave
+from palpate_trajectories.motion_parts import TOP_SPEED, PlannedMotion, Wave
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.oscillation import ChirpPhase, Oscillation, together
 from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot, profile, rest_profile
-
-_TOP_SPEED = 0.25  # [m/s]
 
 
 class MultiSine(PlannedTrajectory):
@@ -35,7 +33,7 @@ class MultiSine(PlannedTrajectory):
     surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
-    def _possible(self) -> Any:
+    def _check_motion(self) -> Any:
         if len(self.amplitudes) != len(self.frequencies):
             raise ValueError(f"{len(self.amplitudes)} amplitudes do not go with {len(self.frequencies)} frequencies")
         if min(*self.amplitudes, *self.frequencies) <= 0:
@@ -45,7 +43,7 @@ class MultiSine(PlannedTrajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion:
-        return shaken(self, together(self.amplitudes, self.frequencies))
+        return oscillating_motion(self, together(self.amplitudes, self.frequencies))
 
 
 class Chirp(PlannedTrajectory):
@@ -66,7 +64,7 @@ class Chirp(PlannedTrajectory):
     surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
-    def _possible(self) -> Any:
+    def _check_motion(self) -> Any:
         if self.last_frequency * self.duration < 1:
             raise ValueError(f"duration {self.duration:g} s is shorter than one period of the last frequency")
         refuse_wave(self._wave, self.bias)
@@ -78,19 +76,20 @@ class Chirp(PlannedTrajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion:
-        return shaken(self, self._wave)
+        return oscillating_motion(self, self._wave)
 
 
 def refuse_wave(wave: Oscillation | ChirpPhase, bias: float) -> None:
     """Raise ValueError where an oscillation would leave the skin or is too fast."""
     if wave.reach >= bias:
         raise ValueError(f"the oscillation reaches {wave.reach:g} m and must stay below the bias of {bias:g} m")
-    if wave.top_speed > _TOP_SPEED:
-        raise ValueError(f"the oscillation moves at up to {wave.top_speed:.3g} m/s, allowed {_TOP_SPEED:g}")
+    if wave.top_speed > TOP_SPEED:
+        raise ValueError(f"the oscillation moves at up to {wave.top_speed:.3g} m/s, allowed {TOP_SPEED:g}")
 
 
-def shaken(settings: MultiSine | Chirp, wave: Wave) -> PlannedMotion:
-    """Approach, oscillation, retraction."""
+def oscillating_motion(settings: MultiSine | Chirp, wave: Wave) -> PlannedMotion:
+    """Return approach, oscillation and retraction as one motion."""
+    # The depth goes to the bias and back, while the oscillation grows from nothing and fades.
     transfer = (settings.clearance + settings.bias) / settings.speed
     begin = settings.standstill + transfer
     end = begin + settings.duration

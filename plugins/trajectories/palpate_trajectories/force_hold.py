@@ -1,4 +1,4 @@
-"""A tip that is led by the force: creep at a constant force."""
+"""A tip under force control: creep at a constant force."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot, rest_profile
 
-_PEAK = 2.0  # a turn takes at least so many times what constant acceleration would
+_TURN_TIME = 2.0  # a choice: duration of a turn over that at constant acceleration; a smooth one peaks higher
 
 
 class ForceHold(PlannedTrajectory):
     """Down to a force and held there, by a closed loop in the arm's own process: the tip creeps at a constant force.
 
-    The tip's speed along the normal is gain (force - what is felt), at most `speed`, with gain = 1/(response
+    The tip's speed along the normal is gain (force - measured force), at most `speed`, with gain = 1/(response
     stiffness): in a material of that stiffness the lacking force falls to 1/e in the time `response`, in a softer one
     more slowly. What is declared here is the envelope: never deeper than `depth`, never faster than `speed`, and no
     longer than `duration` from the approach on; the tip is stopped and leaves where it would have to go deeper. As
@@ -41,7 +41,7 @@ class ForceHold(PlannedTrajectory):
     surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
-    def _possible(self) -> Any:
+    def _check_motion(self) -> Any:
         way = self.depth + self.clearance
         if way <= self.speed * self._turn:
             raise ValueError(f"speed {self.speed:g} m/s is never reached over a distance of {way:g} m: lower it")
@@ -54,16 +54,17 @@ class ForceHold(PlannedTrajectory):
 
     @property
     def _turn(self) -> float:
-        return _PEAK * self.speed / self.acceleration
+        """The duration of a turn from rest to the speed [s]."""
+        return _TURN_TIME * self.speed / self.acceleration
 
     @property
     def _way_time(self) -> float:
-        """How long the whole way takes at that speed [s]."""
+        """The duration of the whole way at that speed [s]."""
         return (self.depth + self.clearance) / self.speed + self._turn
 
     @property
     def force_law(self) -> ForceLaw:
-        """How the force leads."""
+        """The law of the force control."""
         gain = 1.0 / (self.response * self.stiffness)
         begin = self.standstill
         return ForceLaw(self.force, begin, begin + self.duration, self.speed, self.acceleration, gain)
@@ -71,16 +72,16 @@ class ForceHold(PlannedTrajectory):
     @cached_property
     def _motion(self) -> PlannedMotion:
         law, top, turn = self.force_law, -self.clearance, self._turn
-        part = self.speed * turn / 2
+        turn_way = self.speed * turn / 2
         down, up = law.begin, law.end
         knots = [
             Knot(down, top),
-            Knot(down + turn, top + part, self.speed),
-            Knot(down + self._way_time - turn, self.depth - part, self.speed),
+            Knot(down + turn, top + turn_way, self.speed),
+            Knot(down + self._way_time - turn, self.depth - turn_way, self.speed),
             Knot(down + self._way_time, self.depth),
             Knot(up, self.depth),
-            Knot(up + turn, self.depth - part, -self.speed),
-            Knot(up + self._way_time - turn, top + part, -self.speed),
+            Knot(up + turn, self.depth - turn_way, -self.speed),
+            Knot(up + self._way_time - turn, top + turn_way, -self.speed),
             Knot(up + self._way_time, top),
         ]
         x, y = (rest_profile(value) for value in self.place)

@@ -13,15 +13,19 @@ from palpate import Angle, AngularSpeed, Floats, Length, Speed, Surface, Time, T
 from pydantic import Field, model_validator
 
 from palpate_trajectories.approach import PressShape, Touch, press_motion, surface_press
-from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time, through
+from palpate_trajectories.motion_parts import TOP_SPEED, PlannedMotion, line_knots, line_time, through
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.stations import Stations
 from palpate_trajectories.surface_motion import StationFootway, SurfaceLine, SurfaceMotion
 
-_MOST_POINTS = 2000
-_RAMP = 0.25  # [s]
+_MAX_POINTS = 2000  # a choice: a finer pitch is a mistake
+_RAMP = 0.25  # [s], a choice: acceleration and deceleration of a way, as the default of a line
+_ROUNDING = 1e-9  # pitches and periods, a choice: rounding of a whole number of them
+_MIN_SPEED = 1e-9  # [m/s], a choice: of a coordinate that does not move
+_MAX_EXCHANGED = 400  # points, a choice: 2-opt costs their square, and more of them keep the first tour
+_MIN_GAIN = 1e-12  # [m], a choice: a smaller gain is rounding
 
 Place = tuple[float, float]
 
@@ -41,7 +45,7 @@ class GridPoints(PlannedTrajectory):
     order: tuple[int, ...] | None = Field(default=None, description="order of the visits; left out: a short path")
     duration: Time = Field(default=3.0, gt=0, description="measured part of each visit")
     settle: Time = Field(default=0.5, ge=0, description="sine before the measured part of each visit")
-    travel_speed: Speed = Field(default=0.05, gt=0, le=0.25, description="speed from point to point, in free air")
+    travel_speed: Speed = Field(default=0.05, gt=0, le=TOP_SPEED, description="speed from point to point, in free air")
     first_point: int = Field(default=0, ge=0, description="first visit, counted from 0; to continue a run")
     press: PressShape = Field(description="depth, sine, approach")
     turn_speed: AngularSpeed = Field(
@@ -53,15 +57,15 @@ class GridPoints(PlannedTrajectory):
     )
 
     @model_validator(mode="after")
-    def _possible(self) -> Any:
-        gridded = self.size is not None and self.pitch is not None
-        if gridded == bool(self.places):
+    def _check_motion(self) -> Any:
+        has_grid = self.size is not None and self.pitch is not None
+        if has_grid == bool(self.places):
             raise ValueError("give either size and pitch of a grid, or places")
         if self.size is not None and min(self.size) < 0:
             raise ValueError("size: no length may be below 0")
         count = self._count
-        if count > _MOST_POINTS:
-            raise ValueError(f"these are {count} points; {_MOST_POINTS} are allowed")
+        if count > _MAX_POINTS:
+            raise ValueError(f"these are {count} points; {_MAX_POINTS} are allowed")
         if self.order is not None and sorted(self.order) != list(range(count)):
             raise ValueError(f"order must name each of the points 0 to {count - 1} once")
         if self.first_point >= count:
@@ -70,9 +74,10 @@ class GridPoints(PlannedTrajectory):
 
     @property
     def _count(self) -> int:
+        """The number of points."""
         if self.places or self.size is None or self.pitch is None:
             return len(self.places)
-        along, across = (math.floor(extent / self.pitch + 1e-9) + 1 for extent in self.size)
+        along, across = (math.floor(extent / self.pitch + _ROUNDING) + 1 for extent in self.size)
         return along * across
 
     @cached_property
@@ -84,9 +89,12 @@ class GridPoints(PlannedTrajectory):
 
     @property
     def _grid(self) -> tuple[Place, ...]:
+        """The points of the grid, row by row."""
         assert self.size is not None
         assert self.pitch is not None
-        along, across = (np.arange(math.floor(extent / self.pitch + 1e-9) + 1) * self.pitch for extent in self.size)
+        along, across = (
+            np.arange(math.floor(extent / self.pitch + _ROUNDING) + 1) * self.pitch for extent in self.size
+        )
         a, b = np.meshgrid(along - along[-1] / 2, across - across[-1] / 2)
         cos, sin = math.cos(self.angle), math.sin(self.angle)
         x, y = self.centre[0] + cos * a - sin * b, self.centre[1] + sin * a + cos * b
@@ -94,20 +102,20 @@ class GridPoints(PlannedTrajectory):
 
     @cached_property
     def _touches(self) -> list[Touch]:
-        """When each visit is on the skin; every touch begins at a whole number of periods after the first."""
+        """The touch of each visit; every one begins at a whole number of periods after the first."""
         press, stay = self.press, self.settle + self.duration
         period = 1.0 / press.frequency
         begin = press.standstill + press.transfer
         touches = [Touch(begin, begin + stay)]
         for travel in self._travels:
             soonest = touches[-1].end + 2 * press.transfer + travel
-            begin = touches[0].begin + math.ceil((soonest - touches[0].begin) / period - 1e-9) * period
+            begin = touches[0].begin + math.ceil((soonest - touches[0].begin) / period - _ROUNDING) * period
             touches.append(Touch(begin, begin + stay))
         return touches
 
     @cached_property
     def _stations(self) -> tuple[Stations, list[SurfaceLine]] | None:
-        """Stations of the visits and the lines between them; None where it follows a nominal height."""
+        """The stations of the visits and the lines between them; None where the motion follows a nominal height."""
         if isinstance(self.surface, NominalHeight):
             return None
         visits = self.visits[self.first_point :]
@@ -116,7 +124,7 @@ class GridPoints(PlannedTrajectory):
 
     @property
     def _travels(self) -> list[float]:
-        """How long each way to the next visit takes [s]."""
+        """The duration of each way to the next visit [s]."""
         if self._stations is not None:
             speeds = self.press.clearance, self.travel_speed, self.turn_speed
             return [line.duration(*speeds) for line in self._stations[1]]
@@ -141,47 +149,59 @@ class GridPoints(PlannedTrajectory):
         return surface_press(self.press, self._touches, StationFootway(stations, lines, through(knots)), measuring)
 
     def _level_motion(self, measuring: Sequence[tuple[float, float]]) -> PlannedMotion:
+        """Return the motion over a nominal height, in x and y."""
         assert isinstance(self.surface, NominalHeight)
         touches, visits = self._touches, self.visits[self.first_point :]
         x, y = [Knot(0.0, visits[0][0])], [Knot(0.0, visits[0][1])]
-        for touch, a, b in zip(touches, visits[:-1], visits[1:], strict=False):
-            leave, way = touch.end + self.press.transfer, math.dist(a, b)
-            for knots, axis in ((x, 0), (y, 1)):
-                speed = self.travel_speed * abs(b[axis] - a[axis]) / way if way > 0 else self.travel_speed
-                knots += [Knot(leave, a[axis]), *line_knots(leave, a[axis], b[axis], max(speed, 1e-9), _RAMP)]
+        for touch, here, there in zip(touches, visits[:-1], visits[1:], strict=False):
+            leave, distance = touch.end + self.press.transfer, math.dist(here, there)
+            # Each coordinate has its share of the speed, so that both arrive at once.
+            for knots, begin, end in ((x, here[0], there[0]), (y, here[1], there[1])):
+                speed = self.travel_speed
+                if distance > 0:
+                    speed = self.travel_speed * abs(end - begin) / distance
+                knots += [Knot(leave, begin), *line_knots(leave, begin, end, max(speed, _MIN_SPEED), _RAMP)]
         return press_motion(self.press, touches, x, y, measuring, self.surface)
 
     def after(self, elapsed: float) -> Trajectory | None:
-        """The visits that were not finished after a time [s]."""
-        done = self.first_point + sum(touch.end <= elapsed for touch in self._touches)
-        return self.model_copy(update={"first_point": done}) if done < len(self.visits) else None
+        """Return the visits that were not finished after a time [s]; None when all were."""
+        next_point = self.first_point + sum(touch.end <= elapsed for touch in self._touches)
+        if next_point >= len(self.visits):
+            return None
+        return self.model_copy(update={"first_point": next_point})
 
 
 def short_order(places: Sequence[Place]) -> list[int]:
-    """An order in which the way through all places is short: nearest neighbour from the first, then 2-opt."""
+    """Return an order with a short path through all places: nearest neighbour from the first, then 2-opt."""
     points = np.array(places)
     distance = np.linalg.norm(points[:, None] - points[None], axis=2)
-    tour, left = [0], list(range(1, len(points)))
-    while left:
-        nearest = min(left, key=lambda i: (distance[tour[-1], i], i))
+    # Nearest neighbour; of equally near ones the first.
+    tour, unvisited = [0], list(range(1, len(points)))
+    while unvisited:
+        nearest = min(unvisited, key=lambda i: (distance[tour[-1], i], i))
         tour.append(nearest)
-        left.remove(nearest)
-    if len(tour) > 400:
+        unvisited.remove(nearest)
+    # 2-opt (Croes 1958).
+    if len(tour) > _MAX_EXCHANGED:
         return tour
-    gained = True
-    while gained:
-        gained = _exchange(tour, distance)
+    is_shorter = True
+    while is_shorter:
+        is_shorter = _exchange(tour, distance)
     return tour
 
 
 def _exchange(tour: list[int], distance: Floats) -> bool:
-    """Reverse stretches of an open tour in place where that makes it shorter."""
-    gained = False
+    """Reverse stretches of an open tour in place where that makes it shorter; return True if it did."""
+    is_shorter = False
     for i in range(len(tour) - 2):
         for j in range(i + 2, len(tour)):
-            old = distance[tour[i], tour[i + 1]] + (distance[tour[j], tour[j + 1]] if j + 1 < len(tour) else 0.0)
-            new = distance[tour[i], tour[j]] + (distance[tour[i + 1], tour[j + 1]] if j + 1 < len(tour) else 0.0)
-            if new < old - 1e-12:
+            # The edges at both ends of the stretch, as they are and exchanged; an open tour ends without one.
+            length = distance[tour[i], tour[i + 1]]
+            exchanged = distance[tour[i], tour[j]]
+            if j + 1 < len(tour):
+                length = length + distance[tour[j], tour[j + 1]]
+                exchanged = exchanged + distance[tour[i + 1], tour[j + 1]]
+            if exchanged < length - _MIN_GAIN:
                 tour[i + 1 : j + 1] = tour[i + 1 : j + 1][::-1]
-                gained = True
-    return gained
+                is_shorter = True
+    return is_shorter

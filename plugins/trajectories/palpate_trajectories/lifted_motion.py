@@ -10,7 +10,7 @@ from pydantic import Field
 
 
 class LiftedTrajectory(Trajectory):
-    """Another motion at a height above its own, and slower: what an arm will do, seen in free air."""
+    """Another motion at a height above its own, and slower: a rehearsal of an arm in free air."""
 
     of: Trajectory = Field(description="the motion")
     lift: Length = Field(gt=0, description="height above it")
@@ -18,15 +18,18 @@ class LiftedTrajectory(Trajectory):
 
     @property
     def total_duration(self) -> float:
-        """That of the motion at this pace [s]."""
+        """The motion's time at this pace [s]."""
         return self.of.total_duration / self.pace
 
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
+        """Return setpoints (n, 3)."""
         setpoint = self.of.at(np.asarray(time * self.pace))
+        turning = setpoint.angular_velocity
+        if turning is not None:
+            turning = turning * self.pace
         return replace(
             setpoint,
             position=setpoint.position + np.array([0.0, 0.0, self.lift]),
             velocity=setpoint.velocity * self.pace,
-            angular_velocity=None if (turn := setpoint.angular_velocity) is None else turn * self.pace,
+            angular_velocity=turning,
         )

@@ -16,6 +16,8 @@ from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.surface_motion import SurfaceLine, SurfaceMotion, footway_along
 
+_MIN_LENGTH = 1e-6  # [m], a choice: a shorter line is none
+
 
 class LineSweep(PlannedTrajectory):
     """A sweep along a line: standstill, approach, palpation at the beginning, line at constant speed, retract.
@@ -36,14 +38,15 @@ class LineSweep(PlannedTrajectory):
     )
 
     @model_validator(mode="after")
-    def _possible(self) -> Any:
-        if self._way < 1e-6:
+    def _check_motion(self) -> Any:
+        if self._length < _MIN_LENGTH:
             raise ValueError("start and end are the same place: no line to sweep")
-        refuse_hasty(self.press, self._way, self.speed)
+        refuse_hasty(self.press, self._length, self.speed)
         return self
 
     @property
-    def _way(self) -> float:
+    def _length(self) -> float:
+        """The length of the line [m] in x and y."""
         return math.dist(self.start, self.end)
 
     @property
@@ -56,8 +59,9 @@ class LineSweep(PlannedTrajectory):
         return self._level_motion if self.followed is None else self._surface_motion(self.followed)
 
     def _surface_motion(self, surface: Surface) -> SurfaceMotion:
-        """At its speed along the surface."""
-        begin, line = self.press.standstill + self.press.transfer, SurfaceLine.on(surface, self.start, self.end)
+        """Return the motion with its speed along the surface."""
+        begin = self.press.standstill + self.press.transfer
+        line = SurfaceLine.on(surface, self.start, self.end)
         leave = begin + self.settle
         arrive = leave + line_time(line.length, self.speed, self.ramp)
         knots = [Knot(0.0, 0.0), *line_knots(leave, 0.0, 1.0, self.speed / line.length, self.ramp)]
@@ -70,10 +74,11 @@ class LineSweep(PlannedTrajectory):
         assert isinstance(self.surface, NominalHeight)
         begin = self.press.standstill + self.press.transfer
         leave = begin + self.settle
-        share = [abs(b - a) / self._way for a, b in zip(self.start, self.end, strict=True)]
-        x, y = (
-            line_knots(leave, a, b, self.speed * part, self.ramp)
-            for a, b, part in zip(self.start, self.end, share, strict=True)
-        )
-        arrive = leave + line_time(self._way, self.speed, self.ramp)
+        # Each coordinate has its share of the speed, so that both arrive at once.
+        coordinates = []
+        for start, end in zip(self.start, self.end, strict=True):
+            share = abs(end - start) / self._length
+            coordinates.append(line_knots(leave, start, end, self.speed * share, self.ramp))
+        x, y = coordinates
+        arrive = leave + line_time(self._length, self.speed, self.ramp)
         return press_motion(self.press, [Touch(begin, arrive)], x, y, [(begin, arrive)], self.surface)

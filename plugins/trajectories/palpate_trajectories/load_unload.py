@@ -8,7 +8,7 @@ from typing import Any
 from palpate import Depth, Length, Speed, Time
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion_parts import PlannedMotion, through
+from palpate_trajectories.motion_parts import TOP_SPEED, PlannedMotion, through
 from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import TURN, Knot, rest_profile
@@ -33,7 +33,7 @@ class LoadUnload(PlannedTrajectory):
     surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
-    def _possible(self) -> Any:
+    def _check_motion(self) -> Any:
         refuse_speeds(self.speeds, self.depth + self.clearance, self.turn)
         return self
 
@@ -59,7 +59,7 @@ class Compression(PlannedTrajectory):
     surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
-    def _possible(self) -> Any:
+    def _check_motion(self) -> Any:
         refuse_speeds((self.speed,), self.thickness * self.strain + self.clearance, self.turn)
         return self
 
@@ -71,32 +71,34 @@ class Compression(PlannedTrajectory):
 def refuse_speeds(speeds: tuple[float, ...], way: float, turn: float) -> None:
     """Raise ValueError where a speed is not positive or is never reached between two turns."""
     for speed in speeds:
-        if speed <= 0 or speed > 0.25:
-            raise ValueError(f"speed {speed:g} m/s must be above 0 and at most 0.25 m/s")
+        if speed <= 0 or speed > TOP_SPEED:
+            raise ValueError(f"speed {speed:g} m/s must be above 0 and at most {TOP_SPEED:g} m/s")
         if way <= speed * turn:
             raise ValueError(f"speed {speed:g} m/s is never reached: its turns of {turn:g} s take all of {way:g} m")
 
 
 def loading_cycles(settings: LoadUnload | Compression, speeds: list[float], depth: float, hold: float) -> PlannedMotion:
-    """Cycles down to a depth, with a hold at the bottom, from and to rest at the clearance."""
+    """Return cycles down to a depth, with a hold at the bottom, from and to rest at the clearance."""
     turn, top = settings.turn, -settings.clearance
-    now = settings.standstill
-    knots = [Knot(now, top)]
+    time = settings.standstill
+    knots = [Knot(time, top)]
     for speed in speeds:
-        way = speed * turn / 2
-        knots.append(Knot(now + turn, top + way, speed))
-        now += turn
+        # From rest to the speed.
+        turn_way = speed * turn / 2
+        knots.append(Knot(time + turn, top + turn_way, speed))
+        time += turn
         # A turn reaches beyond the place where it begins; with a hold it stops, and takes two halves of a move.
-        bottom = depth - (TURN * speed * turn if hold == 0 else way)
-        now += (bottom - top - way) / speed
-        knots.append(Knot(now, bottom, speed))
+        bottom = depth - (TURN * speed * turn if hold == 0 else turn_way)
+        time += (bottom - top - turn_way) / speed
+        knots.append(Knot(time, bottom, speed))
         if hold > 0:
-            knots += [Knot(now + turn, depth), Knot(now + turn + hold, depth)]
-            now += turn + hold
-        knots.append(Knot(now + turn, bottom, -speed))
-        now += turn + (bottom - top - way) / speed
-        knots.append(Knot(now, top + way, -speed))
-        now += turn
-        knots.append(Knot(now, top))
+            knots += [Knot(time + turn, depth), Knot(time + turn + hold, depth)]
+            time += turn + hold
+        # Up again, and to rest.
+        knots.append(Knot(time + turn, bottom, -speed))
+        time += turn + (bottom - top - turn_way) / speed
+        knots.append(Knot(time, top + turn_way, -speed))
+        time += turn
+        knots.append(Knot(time, top))
     x, y = (rest_profile(value) for value in settings.place)
-    return PlannedMotion(now, x, y, through(knots), ((settings.standstill, now),), settings.surface)
+    return PlannedMotion(time, x, y, through(knots), ((settings.standstill, time),), settings.surface)

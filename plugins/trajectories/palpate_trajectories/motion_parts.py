@@ -1,28 +1,34 @@
-"""Motions from their parts: a way over the surface, a depth below it, an oscillation of that depth."""
+"""Motions from their parts: a path over the surface, a depth below it, an oscillation of that depth."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Floats, Setpoint
 
 from palpate_trajectories.nominal_height import NominalHeight
-from palpate_trajectories.smooth_profile import Knot, KnotProfile, profile, rest_profile
+from palpate_trajectories.smooth_profile import PEAK, Knot, KnotProfile, profile, rest_profile
+
+TOP_SPEED = 0.25  # [m/s], the usual limit near people (ISO 10218-1)
+_MIN_RAMPS = 1.5  # of speed times ramp, a choice: a shorter way is one smooth move
+_MIN_WAY = 1e-12  # [m], a choice: a shorter way is none
 
 
 class Wave(Protocol):
     """An oscillation of the depth."""
 
     def at(self, time: Floats) -> tuple[Floats, Floats]:
-        """Way inwards [m] and its rate [m/s]."""
+        """Return the displacement inwards [m] and its rate [m/s]."""
         ...
 
 
 @dataclass(frozen=True)
 class PlannedMotion:
-    """Everything that a trajectory does, over the whole of its time.
+    """The whole motion of a trajectory.
 
     z(t) = h(x, y) - depth(t) - swell(t) w(t - wave_start): the skin h, the depth around which the oscillation w goes,
     and how much of it there is, from 0 to 1.
@@ -39,49 +45,64 @@ class PlannedMotion:
     wave_start: float = 0.0
 
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints at times (n,) [s]."""
+        """Return setpoints at times (n,) [s]."""
         t = np.asarray(time, float)
-        (x, x_rate), (y, y_rate), (depth, rate) = self.x.at(t), self.y.at(t), self.depth.at(t)
+        x, x_rate = self.x.at(t)
+        y, y_rate = self.y.at(t)
+        depth, depth_rate = self.depth.at(t)
         if self.wave is not None:
-            (swell, growth), (wave, wave_rate) = self.swell.at(t), self.wave.at(t - self.wave_start)
-            depth, rate = depth + swell * wave, rate + growth * wave + swell * wave_rate
-        height, along_x, along_y = self.surface.at(x, y)
-        rise = along_x * x_rate + along_y * y_rate
-        measuring = np.zeros(len(t), bool)
-        for begin, end in self.measuring:
-            measuring |= (t >= begin) & (t < end)
-        return Setpoint(
-            np.column_stack([x, y, height - depth]), np.column_stack([x_rate, y_rate, rise - rate]), measuring
-        )
+            depth, depth_rate = add_wave(t, depth, depth_rate, self.swell, self.wave, self.wave_start)
+        # The tip follows the skin, and moves down by the depth.
+        height, slope_x, slope_y = self.surface.at(x, y)
+        height_rate = slope_x * x_rate + slope_y * y_rate
+        position = np.column_stack([x, y, height - depth])
+        velocity = np.column_stack([x_rate, y_rate, height_rate - depth_rate])
+        return Setpoint(position, velocity, is_within(t, self.measuring))
+
+
+def add_wave(
+    time: Floats, depth: Floats, rate: Floats, swell: KnotProfile, wave: Wave, wave_start: float
+) -> tuple[Floats, Floats]:
+    """Return depth and its rate (n,) with an oscillation: d + s w, and its derivative d' + s' w + s w'."""
+    (share, growth), (displacement, speed) = swell.at(time), wave.at(time - wave_start)
+    return depth + share * displacement, rate + growth * displacement + share * speed
+
+
+def is_within(time: Floats, stretches: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+    """Return True (n,) at times within any of the stretches, their end excluded."""
+    inside = np.zeros(len(time), bool)
+    for begin, end in stretches:
+        inside |= (time >= begin) & (time < end)
+    return inside
 
 
 def line_knots(start: float, begin: float, end: float, speed: float, ramp: float) -> list[Knot]:
-    """Knots of a coordinate that goes from begin to end at constant speed, from rest to rest, from a time on.
+    """Return the knots of a coordinate from begin to end at constant speed, from rest to rest, from a time on.
 
     Speeding up and slowing down take `ramp` [s] and half of `speed` times it each; a shorter way is one smooth move.
     """
     way = abs(end - begin)
-    if way < 1e-12:
+    if way < _MIN_WAY:
         return [Knot(start, begin)]
-    if way <= 1.5 * speed * ramp:
+    if way <= _MIN_RAMPS * speed * ramp:
         return [Knot(start, begin), Knot(start + line_time(way, speed, ramp), end)]
     rate = speed if end > begin else -speed
-    part, total = rate * ramp / 2, line_time(way, speed, ramp)
+    ramp_way, total = rate * ramp / 2, line_time(way, speed, ramp)
     return [
         Knot(start, begin),
-        Knot(start + ramp, begin + part, rate),
-        Knot(start + total - ramp, end - part, rate),
+        Knot(start + ramp, begin + ramp_way, rate),
+        Knot(start + total - ramp, end - ramp_way, rate),
         Knot(start + total, end),
     ]
 
 
 def line_time(way: float, speed: float, ramp: float) -> float:
-    """How long such a line takes [s]."""
-    if way < 1e-12:
+    """Return the duration of such a line [s]."""
+    if way < _MIN_WAY:
         return 0.0
-    return 1.875 * way / speed if way <= 1.5 * speed * ramp else way / speed + ramp
+    return PEAK * way / speed if way <= _MIN_RAMPS * speed * ramp else way / speed + ramp
 
 
 def through(knots: list[Knot]) -> KnotProfile:
-    """The profile through knots; a single one rests."""
+    """Return the profile through knots; a single one rests."""
     return profile(knots) if len(knots) > 1 else rest_profile(knots[0].value)

@@ -10,7 +10,8 @@ import numpy as np
 from palpate import Angle, ConfigurationError, Floats, InputFile, Length, Settings
 from pydantic import Field, model_validator
 
-_STEEPEST = np.deg2rad(30.0)
+_MAX_TILT = np.deg2rad(30.0)  # a choice: a steeper skin is a surface, whose normals the tool follows
+_MIN_AREA = 1e-6  # [m^2], a choice: twice the area of three touches, below which they are one line
 
 
 class NominalHeight(Settings):
@@ -21,8 +22,8 @@ class NominalHeight(Settings):
     """
 
     height: Length = Field(default=0.0, description="height at the origin of the work frame")
-    tilt_x: Angle = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="rise towards positive x")
-    tilt_y: Angle = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="rise towards positive y")
+    tilt_x: Angle = Field(default=0.0, ge=-_MAX_TILT, le=_MAX_TILT, description="rise towards positive x")
+    tilt_y: Angle = Field(default=0.0, ge=-_MAX_TILT, le=_MAX_TILT, description="rise towards positive y")
     touches: tuple[tuple[Length, Length, Length], ...] = Field(
         default=(), description="three touched places [x, y, z]; they replace height and tilt"
     )
@@ -31,12 +32,12 @@ class NominalHeight(Settings):
     )
 
     @model_validator(mode="after")
-    def _one_way_to_say_it(self) -> Any:
+    def _check_statement(self) -> Any:
         if self.touches and self.file is not None:
             raise ValueError("give either touches or file")
         if self.touches and len(self.touches) != 3:
             raise ValueError(f"touches needs three places, not {len(self.touches)}")
-        if self.touches and abs(self._touched_area) < 1e-6:
+        if self.touches and abs(self._touched_area) < _MIN_AREA:
             raise ValueError("the three touches lie on one line, or nearly so: no plane goes through them alone")
         if self.file is not None:
             _ = self._spline
@@ -44,6 +45,7 @@ class NominalHeight(Settings):
 
     @property
     def _touched_area(self) -> float:
+        """Twice the signed area [m^2] of the triangle of the touches."""
         (ax, ay, _), (bx, by, _), (cx, cy, _) = self.touches
         return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
@@ -65,7 +67,7 @@ class NominalHeight(Settings):
         return RectBivariateSpline(y, x, heights, kx=min(3, len(y) - 1), ky=min(3, len(x) - 1))
 
     def at(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Height [m] and slopes towards x and y, each (n,)."""
+        """Return height [m] and slopes towards x and y, each (n,)."""
         if self.file is not None:
             spline = self._spline
             return spline.ev(y, x), spline.ev(y, x, dy=1), spline.ev(y, x, dx=1)
@@ -74,7 +76,7 @@ class NominalHeight(Settings):
 
 
 def read_heights(file: Path) -> tuple[Floats, Floats, Floats]:
-    """x (nx,), y (ny,) and heights (ny, nx), all [m], of a CSV map; raises ConfigurationError."""
+    """Return x (nx,), y (ny,) and heights (ny, nx), all [m], of a CSV map; raises ConfigurationError."""
     try:
         table = np.genfromtxt(file.read_text(encoding="utf-8-sig").splitlines(), delimiter=",")
     except (OSError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""What the tip does around a depth: nothing, a sine, several, or a chirp."""
+"""Oscillations of the tip around a depth: none, a sine, several, or a chirp."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Oscillation:
     frequencies: tuple[float, ...]  # [Hz]
 
     def at(self, time: Floats) -> tuple[Floats, Floats]:
-        """Way inwards [m] and its rate [m/s] at times (n,) [s]."""
+        """Return the displacement inwards [m] and its rate [m/s] at times (n,) [s]."""
         value, rate = np.zeros_like(time), np.zeros_like(time)
         for amplitude, frequency in zip(self.amplitudes, self.frequencies, strict=True):
             omega = 2 * np.pi * frequency
@@ -27,12 +27,12 @@ class Oscillation:
 
     @property
     def reach(self) -> float:
-        """Largest way from the middle that it can take [m]."""
+        """The largest possible displacement from the middle [m]."""
         return sum(self.amplitudes)
 
     @property
     def top_speed(self) -> float:
-        """Largest rate that it can have [m/s]."""
+        """The largest possible rate [m/s]."""
         return sum(2 * np.pi * f * a for a, f in zip(self.amplitudes, self.frequencies, strict=True))
 
 
@@ -49,26 +49,27 @@ class ChirpPhase:
     duration: float  # [s]
 
     def at(self, time: Floats) -> tuple[Floats, Floats]:
-        """Way inwards [m] and its rate [m/s] at times (n,) [s]."""
+        """Return the displacement inwards [m] and its rate [m/s] at times (n,) [s]."""
         growth = np.log(self.last / self.first) / self.duration
-        inside = np.clip(time, 0.0, self.duration)
-        frequency = self.first * np.exp(growth * inside)
-        cycles = (frequency - self.first) / growth if growth else self.first * inside
-        cycles = cycles + frequency * (time - inside)
+        # Cycles within the chirp, then those before or after at a constant frequency.
+        bounded = np.clip(time, 0.0, self.duration)
+        frequency = self.first * np.exp(growth * bounded)
+        cycles = (frequency - self.first) / growth if growth else self.first * bounded
+        cycles = cycles + frequency * (time - bounded)
         phase = 2 * np.pi * cycles
         return self.amplitude * np.sin(phase), self.amplitude * np.cos(phase) * 2 * np.pi * frequency
 
     @property
     def reach(self) -> float:
-        """Largest way from the middle that it takes [m]."""
+        """The largest displacement from the middle [m]."""
         return self.amplitude
 
     @property
     def top_speed(self) -> float:
-        """Largest rate that it has [m/s]."""
+        """The largest rate [m/s]."""
         return 2 * np.pi * max(self.first, self.last) * self.amplitude
 
 
 def together(amplitudes: Sequence[float], frequencies: Sequence[float]) -> Oscillation:
-    """Sines of several amplitudes and frequencies at once."""
+    """Return sines of several amplitudes and frequencies at once."""
     return Oscillation(tuple(amplitudes), tuple(frequencies))

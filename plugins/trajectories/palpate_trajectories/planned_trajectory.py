@@ -15,14 +15,14 @@ class PlannedTrajectory(Trajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion | SurfaceMotion:
-        """Everything that it does, over the whole of its time."""
+        """The whole motion."""
         raise NotImplementedError
 
     @property
     def total_duration(self) -> float:
-        """From rest to rest [s]."""
+        """The time from rest to rest [s]."""
         return self._motion.duration
 
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
+        """Return setpoints (n, 3)."""
         return self._motion.at(time)

@@ -11,6 +11,8 @@ from pydantic import Field, model_validator
 
 from palpate_trajectories.stations import Stations, setpoint_at_station
 
+_ROUNDING = 1e-9  # periods, a choice: rounding of a whole number of them
+
 
 class Point(Trajectory):
     """Palpation at a point: standstill in free air, approach, settle, sine around a depth, retract.
@@ -39,39 +41,38 @@ class Point(Trajectory):
     )
 
     @model_validator(mode="after")
-    def _stays_in_contact(self) -> Any:
+    def _check_contact(self) -> Any:
         if self.amplitude >= self.bias:
             raise ValueError(f"amplitude {self.amplitude:g} m must be smaller than bias {self.bias:g} m")
         return self
 
     @property
     def total_duration(self) -> float:
-        """From rest to rest [s]."""
+        """The time from rest to rest [s]."""
         return self.standstill + 2 * self._transfer + self._sine_time
 
     @property
     def _transfer(self) -> float:
-        """Duration of the approach, and of the retraction [s]."""
+        """The duration of the approach, and of the retraction [s]."""
         return (self.clearance + self.bias) / self.speed
 
     @property
     def _settling(self) -> float:
-        """How long the sine goes before the measured part [s]."""
-        return float(np.ceil(self.settle * self.frequency - 1e-9)) / self.frequency
+        """The duration of the sine before the measured part [s]."""
+        return float(np.ceil(self.settle * self.frequency - _ROUNDING)) / self.frequency
 
     @property
     def _sine_time(self) -> float:
-        """The sine continues after the measured part until it next crosses the bias outwards [s]."""
-        half_periods = np.ceil(2 * self.frequency * (self._settling + self.duration) - 1e-9)
+        """The duration of the sine [s]: beyond the measured part until it next crosses the bias outwards."""
+        half_periods = np.ceil(2 * self.frequency * (self._settling + self.duration) - _ROUNDING)
         return float(half_periods + (half_periods % 2 == 0)) / (2 * self.frequency)
 
     @cached_property
     def _polynomials(self) -> tuple[Floats, Floats]:
-        """Coefficients of approach and retraction, in time since their beginning."""
+        """The coefficients of approach and retraction, in time since their beginning."""
         speed = 2 * np.pi * self.frequency * self.amplitude
-        above, below = (self.clearance, 0.0, 0.0), (-self.bias, speed, 0.0)
-        inwards = (-self.bias, -speed, 0.0)
-        return _quintic(above, inwards, self._transfer), _quintic(below, above, self._transfer)
+        clear, inwards, outwards = (self.clearance, 0.0, 0.0), (-self.bias, -speed, 0.0), (-self.bias, speed, 0.0)
+        return _quintic(clear, inwards, self._transfer), _quintic(outwards, clear, self._transfer)
 
     @property
     def followed(self) -> Surface | None:
@@ -80,49 +81,52 @@ class Point(Trajectory):
 
     @cached_property
     def _station(self) -> Stations | None:
+        """The place on the surface; None without one."""
         return None if self.surface is None else Stations.on(self.surface, np.array([self.place]))
 
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3); only the depth moves."""
-        setpoint = self._level(time)
+        """Return setpoints (n, 3); only the depth moves."""
+        setpoint = self._level_setpoint(time)
         if self._station is not None:
             return setpoint_at_station(setpoint, self._station.foot[0], self._station.normal[0])
         setpoint.position[:, :2] = self.place
         return setpoint
 
-    def _level(self, time: Floats) -> Setpoint:
-        """Over the origin of the work frame."""
+    def _level_setpoint(self, time: Floats) -> Setpoint:
+        """Return setpoints over the origin of the work frame."""
+        # Standstill, approach, sine, retraction, standstill.
         t = np.asarray(time, float)
         sine_begins = self.standstill + self._transfer
         sine_ends = sine_begins + self._sine_time
-        omega, phase = 2 * np.pi * self.frequency, t - sine_begins
+        omega, sine_time = 2 * np.pi * self.frequency, t - sine_begins
         approach, retraction = self._polynomials
         pieces = [t < self.standstill, t < sine_begins, t < sine_ends, t < sine_ends + self._transfer]
-        inward, outward = t - self.standstill, t - sine_ends
+        approach_time, retraction_time = t - self.standstill, t - sine_ends
         z = [
             np.full_like(t, self.clearance),
-            np.polyval(approach, inward),
-            -self.bias - self.amplitude * np.sin(omega * phase),
-            np.polyval(retraction, outward),
+            np.polyval(approach, approach_time),
+            -self.bias - self.amplitude * np.sin(omega * sine_time),
+            np.polyval(retraction, retraction_time),
         ]
         v = [
             np.zeros_like(t),
-            np.polyval(np.polyder(approach), inward),
-            -self.amplitude * omega * np.cos(omega * phase),
-            np.polyval(np.polyder(retraction), outward),
+            np.polyval(np.polyder(approach), approach_time),
+            -self.amplitude * omega * np.cos(omega * sine_time),
+            np.polyval(np.polyder(retraction), retraction_time),
         ]
         position, velocity = np.zeros((len(t), 3)), np.zeros((len(t), 3))
         position[:, 2] = np.select(pieces, z, self.clearance)
         velocity[:, 2] = np.select(pieces, v, 0.0)
-        measured = phase - self._settling
-        return Setpoint(position, velocity, (measured >= 0) & (measured < self.duration))
+        measured_time = sine_time - self._settling
+        return Setpoint(position, velocity, (measured_time >= 0) & (measured_time < self.duration))
 
 
 def _quintic(start: tuple[float, float, float], end: tuple[float, float, float], duration: float) -> Floats:
-    """Coefficients, highest first, of the fifth-order polynomial with given motion (z, z', z'') at both ends."""
+    """Return the coefficients, highest first, of the fifth-order polynomial with motion (z, z', z'') at both ends."""
     rows = []
+    powers = [np.poly1d([1.0] + [0.0] * k) for k in range(5, -1, -1)]
     for t in (0.0, duration):
-        powers = [np.poly1d([1.0] + [0.0] * k) for k in range(5, -1, -1)]
-        rows += [[np.polyder(p, order)(t) if order else p(t) for p in powers] for order in range(3)]
+        for order in range(3):
+            rows.append([np.polyder(power, order)(t) for power in powers])
     coefficients: Floats = np.linalg.solve(np.array(rows), np.array([*start, *end]))
     return coefficients

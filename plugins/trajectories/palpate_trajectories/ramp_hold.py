@@ -36,36 +36,37 @@ class RampHold(PlannedTrajectory):
     surface: NominalHeight = Field(default=NominalHeight(), description="nominal surface")
 
     @model_validator(mode="after")
-    def _possible(self) -> Any:
-        ways = [b - a for a, b in itertools.pairwise((-self.clearance, *self.depths))]
-        if min(ways) <= 0:
+    def _check_motion(self) -> Any:
+        distances = [b - a for a, b in itertools.pairwise((-self.clearance, *self.depths))]
+        if min(distances) <= 0:
             raise ValueError(f"depths {', '.join(f'{d:g} m' for d in self.depths)} must be above 0 and increase")
-        for way in ways:
-            refuse_speeds((self.speed,), way, self.turn)
+        for distance in distances:
+            refuse_speeds((self.speed,), distance, self.turn)
         return self
 
     @cached_property
     def _motion(self) -> PlannedMotion:
-        now, level = self.standstill, -self.clearance
-        knots = [Knot(now, level)]
+        # Down to each depth, and held there.
+        time, level = self.standstill, -self.clearance
+        knots = [Knot(time, level)]
         for depth in self.depths:
-            knots += _line(now, level, depth, self.speed, self.turn)
-            now, level = knots[-1].time + self.hold, depth
-            knots.append(Knot(now, level))
-        held = now
-        knots += _line(now, level, -self.clearance, -self.speed, self.turn)
+            knots += _ramp_knots(time, level, depth, self.speed, self.turn)
+            time, level = knots[-1].time + self.hold, depth
+            knots.append(Knot(time, level))
+        # Up again, not measured.
+        measuring = (self.standstill, time)
+        knots += _ramp_knots(time, level, -self.clearance, -self.speed, self.turn)
         x, y = (rest_profile(value) for value in self.place)
-        return PlannedMotion(
-            knots[-1].time + self.standstill, x, y, through(knots), ((self.standstill, held),), self.surface
-        )
+        end = knots[-1].time + self.standstill
+        return PlannedMotion(end, x, y, through(knots), (measuring,), self.surface)
 
 
-def _line(start: float, begin: float, end: float, speed: float, turn: float) -> list[Knot]:
-    """From rest to rest at constant speed between two turns, from a time on; the first knot is left out."""
-    part = speed * turn / 2
-    arrive = start + turn + (end - begin - 2 * part) / speed
+def _ramp_knots(start: float, begin: float, end: float, speed: float, turn: float) -> list[Knot]:
+    """Return the knots after the first of a way from rest to rest, at constant speed between two turns."""
+    turn_way = speed * turn / 2  # that of a turn from rest to the speed
+    arrive = start + turn + (end - begin - 2 * turn_way) / speed
     return [
-        Knot(start + turn, begin + part, speed),
-        Knot(arrive, end - part, speed),
+        Knot(start + turn, begin + turn_way, speed),
+        Knot(arrive, end - turn_way, speed),
         Knot(arrive + turn, end),
     ]

@@ -18,7 +18,8 @@ from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.surface_motion import SurfaceLine, SurfaceMotion, footway_along
 
-_MOST_LINES = 2000
+_MAX_LINES = 2000  # a choice: a finer pitch is a mistake
+_ROUNDING = 1e-9  # lines and [m], a choice: rounding of a whole number of pitches
 
 
 class Raster(PlannedTrajectory):
@@ -46,13 +47,13 @@ class Raster(PlannedTrajectory):
     )
 
     @model_validator(mode="after")
-    def _possible(self) -> Any:
+    def _check_motion(self) -> Any:
         if min(self.size) <= 0:
             raise ValueError("size: both lengths must be above 0")
-        if self.pitch > self.size[1] + 1e-9:
+        if self.pitch > self.size[1] + _ROUNDING:
             raise ValueError(f"pitch {self.pitch:g} m is more than the height of the area, {self.size[1]:g} m")
-        if self.lines > _MOST_LINES:
-            raise ValueError(f"pitch {self.pitch:g} m makes {self.lines} lines; {_MOST_LINES} are allowed")
+        if self.lines > _MAX_LINES:
+            raise ValueError(f"pitch {self.pitch:g} m makes {self.lines} lines; {_MAX_LINES} are allowed")
         if self.first_line >= self.lines:
             raise ValueError(f"first_line {self.first_line}: the raster has {self.lines} lines, 0 to {self.lines - 1}")
         refuse_hasty(self.press, self.size[0], self.speed)
@@ -60,32 +61,36 @@ class Raster(PlannedTrajectory):
 
     @property
     def lines(self) -> int:
-        """How many lines the whole raster has."""
-        return math.floor(self.size[1] / self.pitch + 1e-9) + 1
+        """The number of lines of the whole raster."""
+        return math.floor(self.size[1] / self.pitch + _ROUNDING) + 1
 
     @cached_property
-    def _way(self) -> _LinePath:
-        """The way over the area, in coordinates along and across the lines."""
-        way = _LinePath(self.press.standstill + self.press.transfer + self.settle)
-        if (surface := self.followed) is not None:
-            way.line = lambda begin, end: SurfaceLine.on(surface, self._place(*begin), self._place(*end))
+    def _path(self) -> _LinePath:
+        """The path over the area, in coordinates along and across the lines."""
+        path = _LinePath(self.press.standstill + self.press.transfer + self.settle)
+        surface = self.followed
+        if surface is not None:
+            path.line = lambda begin, end: SurfaceLine.on(surface, self._place(*begin), self._place(*end))
         half, lowest = self.size[0] / 2, -self.pitch * (self.lines - 1) / 2
         for line in range(self.first_line, self.lines):
+            across = lowest + line * self.pitch
             forwards = line % 2 == 0 or not self.boustrophedon
             begin, end = (-half, half) if forwards else (half, -half)
+            # To the beginning of the line: aside by the pitch, or back without measuring.
             if line > self.first_line:
-                pace = self.speed if self.boustrophedon else self.return_speed
-                way.go(begin, lowest + line * self.pitch, pace, self.ramp, not self.boustrophedon)
-                way.now += self.dwell
+                speed = self.speed if self.boustrophedon else self.return_speed
+                path.go(begin, across, speed, self.ramp, not self.boustrophedon)
+                path.now += self.dwell
             else:
-                way.place(begin, lowest + line * self.pitch)
-            way.go(end, lowest + line * self.pitch, self.speed, self.ramp, False)
-            way.finished.append(way.now)
-            way.now += self.dwell
-        return way
+                path.place(begin, across)
+            # Along the line.
+            path.go(end, across, self.speed, self.ramp, False)
+            path.finished.append(path.now)
+            path.now += self.dwell
+        return path
 
     def _place(self, along: float, across: float) -> tuple[float, float]:
-        """x and y of a place along and across the lines."""
+        """Return x and y of a place along and across the lines."""
         cos, sin = math.cos(self.angle), math.sin(self.angle)
         return self.centre[0] + cos * along - sin * across, self.centre[1] + sin * along + cos * across
 
@@ -96,50 +101,51 @@ class Raster(PlannedTrajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion | SurfaceMotion:
-        way, begin = self._way, self.press.standstill + self.press.transfer
-        edges = [begin, *(edge for pause in way.pauses for edge in pause), way.now]
+        # Measured but for the pauses.
+        path, begin = self._path, self.press.standstill + self.press.transfer
+        edges = [begin, *(edge for pause in path.pauses for edge in pause), path.now]
         measuring = list(zip(edges[::2], edges[1::2], strict=True))
         if isinstance(self.surface, NominalHeight):
             return self._level_motion(measuring)
-        footway = footway_along(way.surface_lines, through([Knot(0.0, 0.0), *way.progress]))
-        return surface_press(self.press, [Touch(begin, way.now)], footway, measuring)
+        footway = footway_along(path.surface_lines, through([Knot(0.0, 0.0), *path.progress]))
+        return surface_press(self.press, [Touch(begin, path.now)], footway, measuring)
 
     def _level_motion(self, measuring: list[tuple[float, float]]) -> PlannedMotion:
+        """Return the motion over a nominal height, in x and y."""
         assert isinstance(self.surface, NominalHeight)
-        way, begin = self._way, self.press.standstill + self.press.transfer
+        path, begin = self._path, self.press.standstill + self.press.transfer
         cos, sin = math.cos(self.angle), math.sin(self.angle)
-        x = [
-            Knot(k.time, self.centre[0] + cos * k.along - sin * k.across, cos * k.pace - sin * k.drift)
-            for k in way.knots
-        ]
-        y = [
-            Knot(k.time, self.centre[1] + sin * k.along + cos * k.across, sin * k.pace + cos * k.drift)
-            for k in way.knots
-        ]
-        return press_motion(self.press, [Touch(begin, way.now)], x, y, measuring, self.surface)
+        x, y = [], []
+        for knot in path.knots:
+            place_x, place_y = self._place(knot.along, knot.across)
+            x.append(Knot(knot.time, place_x, cos * knot.speed_along - sin * knot.speed_across))
+            y.append(Knot(knot.time, place_y, sin * knot.speed_along + cos * knot.speed_across))
+        return press_motion(self.press, [Touch(begin, path.now)], x, y, measuring, self.surface)
 
     def after(self, elapsed: float) -> Trajectory | None:
-        """The raster that continues with the first line not finished after a time [s]."""
-        done = sum(end <= elapsed for end in self._way.finished)
-        if self.first_line + done >= self.lines:
+        """Return the raster that continues with the first line not finished after a time [s]; None when all are."""
+        next_line = self.first_line + sum(end <= elapsed for end in self._path.finished)
+        if next_line >= self.lines:
             return None
-        return self.model_copy(update={"first_line": self.first_line + done})
+        return self.model_copy(update={"first_line": next_line})
 
 
 @dataclass(frozen=True)
 class _Place:
-    time: float
-    along: float
-    across: float
-    pace: float = 0.0  # [m/s] along the line
-    drift: float = 0.0  # [m/s] across it
+    """A place on the path, and its speed there."""
+
+    time: float  # [s]
+    along: float  # [m]
+    across: float  # [m]
+    speed_along: float = 0.0  # [m/s]
+    speed_across: float = 0.0  # [m/s]
 
 
 @dataclass
 class _LinePath:
-    """A way that grows by straight lines."""
+    """A path that grows by straight lines."""
 
-    now: float
+    now: float  # [s] at its end so far
     knots: list[_Place] = field(default_factory=list)
     finished: list[float] = field(default_factory=list)  # [s] when each line was done
     pauses: list[tuple[float, float]] = field(default_factory=list)  # [s] in contact, but not measuring
@@ -147,30 +153,37 @@ class _LinePath:
     across: float = 0.0
     line: Callable[[tuple[float, float], tuple[float, float]], SurfaceLine] | None = None  # of a line on a surface
     surface_lines: list[SurfaceLine] = field(default_factory=list)
-    progress: list[Knot] = field(default_factory=list)  # lines that are done
+    progress: list[Knot] = field(default_factory=list)  # number of finished lines
 
     def place(self, along: float, across: float) -> None:
-        """Where it begins."""
+        """Begin at a place."""
         self.along, self.across = along, across
         self.knots.append(_Place(self.now, along, across))
 
     def go(self, along: float, across: float, speed: float, ramp: float, pausing: bool) -> None:
-        """Straight to a place, from rest to rest."""
-        way = math.hypot(along - self.along, across - self.across)
+        """Go straight to a place, from rest to rest; a pausing way is not measured."""
         if self.line is not None:
-            self.surface_lines.append(self.line((self.along, self.across), (along, across)))
-            length, done = self.surface_lines[-1].length, len(self.surface_lines)
-            self.progress += line_knots(self.now, done - 1.0, done, speed / length, ramp)
-            before, self.now = self.now, self.now + line_time(length, speed, ramp)
-            self.pauses += [(before, self.now)] if pausing else []
-            self.along, self.across = along, across
-            return
-        unit = ((along - self.along) / way, (across - self.across) / way)
-        self.knots.append(_Place(self.now, self.along, self.across))
-        for knot in line_knots(self.now, 0.0, way, speed, ramp):
-            place = (self.along + unit[0] * knot.value, self.across + unit[1] * knot.value)
-            self.knots.append(_Place(knot.time, *place, unit[0] * knot.rate, unit[1] * knot.rate))
-        before, self.now = self.now, self.now + line_time(way, speed, ramp)
+            length = self._add_surface_line(self.line((self.along, self.across), (along, across)), speed, ramp)
+        else:
+            length = self._add_line(along, across, speed, ramp)
+        before, self.now = self.now, self.now + line_time(length, speed, ramp)
         if pausing:
             self.pauses.append((before, self.now))
         self.along, self.across = along, across
+
+    def _add_surface_line(self, line: SurfaceLine, speed: float, ramp: float) -> float:
+        """Add a line on the surface, in parts of its length; return the length [m]."""
+        self.surface_lines.append(line)
+        count = len(self.surface_lines)
+        self.progress += line_knots(self.now, count - 1.0, count, speed / line.length, ramp)
+        return line.length
+
+    def _add_line(self, along: float, across: float, speed: float, ramp: float) -> float:
+        """Add the knots of a line in the plane; return its length [m]."""
+        length = math.hypot(along - self.along, across - self.across)
+        unit_along, unit_across = (along - self.along) / length, (across - self.across) / length
+        self.knots.append(_Place(self.now, self.along, self.across))
+        for knot in line_knots(self.now, 0.0, length, speed, ramp):
+            place = self.along + unit_along * knot.value, self.across + unit_across * knot.value
+            self.knots.append(_Place(knot.time, *place, unit_along * knot.rate, unit_across * knot.rate))
+        return length

@@ -31,7 +31,7 @@ class Shake(Trajectory):
     )
 
     @model_validator(mode="after")
-    def _stays_in_air(self) -> Any:
+    def _check_height(self) -> Any:
         if any(frequency <= 0 for frequency in self.frequencies):
             raise ValueError("frequencies must be positive")
         lowest = self.height - len(self.frequencies) * self.amplitude
@@ -41,15 +41,18 @@ class Shake(Trajectory):
 
     @property
     def total_duration(self) -> float:
-        """From rest to rest [s]."""
+        """The time from rest to rest [s]."""
         return 2 * self.standstill + 2 * self.ramp + self.settle + self.duration
 
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3) at times (n,) [s]: z = height + w(t) a sum sin(2 pi f_k t + phi_k), w with smooth ramps."""
+        """Return setpoints (n, 3): z = height + w(t) a sum sin(2 pi f_k t + phi_k), w with smooth ramps."""
+        # The window w and its slope.
         t = np.asarray(time, float) - self.standstill
-        full = self.ramp + self.settle + self.duration
-        rise, fall = _smooth(t / self.ramp), _smooth((full + self.ramp - t) / self.ramp)
-        window, slope = rise[0] * fall[0], (rise[1] * fall[0] - rise[0] * fall[1]) / self.ramp
+        fall_begins = self.ramp + self.settle + self.duration
+        rise, rise_slope = _smooth_step(t / self.ramp)
+        fall, fall_slope = _smooth_step((fall_begins + self.ramp - t) / self.ramp)
+        window, slope = rise * fall, (rise_slope * fall - rise * fall_slope) / self.ramp
+        # The sines and their rate.
         wave, rate = np.zeros_like(t), np.zeros_like(t)
         for k, frequency in enumerate(self.frequencies):
             omega, phase = 2 * np.pi * frequency, np.pi * k * (k + 1) / len(self.frequencies)
@@ -58,10 +61,10 @@ class Shake(Trajectory):
         position, velocity = np.zeros((len(t), 3)), np.zeros((len(t), 3))
         position[:, 2] = self.height + window * wave
         velocity[:, 2] = window * rate + slope * wave
-        return Setpoint(position, velocity, (t >= self.ramp + self.settle) & (t < full))
+        return Setpoint(position, velocity, (t >= self.ramp + self.settle) & (t < fall_begins))
 
 
-def _smooth(x: Floats) -> tuple[Floats, Floats]:
-    """The fifth-order step from 0 at x = 0 to 1 at x = 1, at rest at both ends, and its slope."""
+def _smooth_step(x: Floats) -> tuple[Floats, Floats]:
+    """Return the fifth-order step from 0 at x = 0 to 1 at x = 1, at rest at both ends, and its slope."""
     x = np.clip(x, 0.0, 1.0)
     return x**3 * (10 - 15 * x + 6 * x**2), 30 * x**2 * (1 - x) ** 2

@@ -18,8 +18,9 @@ _BASIS = np.array(
         [-3.0, 7.0, -4.0, 0.0, 0.0, 0.0],
     ]
 )
-TURN = 5.0 / 16.0  # way that a turn from speed v to -v takes, of v times its duration
-PEAK = 1.875  # highest speed of a rest-to-rest move, of its mean speed
+TURN = 5.0 / 16.0  # distance of a turn from speed v to -v, over v times its duration; by the basis at its middle
+PEAK = 1.875  # highest speed of a rest-to-rest move over its mean speed; the slope 30 x^2 (1 - x)^2 at 1/2
+_SAME_TIME = 1e-12  # [s], a choice: knots closer than this are one
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,8 @@ class KnotProfile:
     ends: tuple[float, float]
 
     def at(self, time: Floats) -> tuple[Floats, Floats]:
-        """Value and rate (n,) at times (n,) [s]."""
+        """Return value and rate (n,) at times (n,) [s]."""
+        # The stretch of each time, and the fraction of it.
         last = len(self.times) - 2
         stretch = np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, last)
         length = np.diff(self.times)[stretch]
@@ -47,7 +49,7 @@ class KnotProfile:
 
 @dataclass(frozen=True)
 class Knot:
-    """Where a profile has a given value and rate; its second derivative is zero there."""
+    """A time at which a profile has a value and rate; its second derivative is zero there."""
 
     time: float  # [s]
     value: float
@@ -55,23 +57,23 @@ class Knot:
 
 
 def profile(knots: Sequence[Knot]) -> KnotProfile:
-    """The profile through knots, whose times must increase; knots of one time count once."""
-    kept = [knots[0]]
+    """Return the profile through knots, whose times must increase; knots of one time count once."""
+    distinct = [knots[0]]
     for knot in knots[1:]:
-        if knot.time > kept[-1].time + 1e-12:
-            kept.append(knot)
-    if len(kept) == 1:
-        kept.append(Knot(kept[0].time + 1.0, kept[0].value))
-    times = np.array([knot.time for knot in kept])
+        if knot.time > distinct[-1].time + _SAME_TIME:
+            distinct.append(knot)
+    if len(distinct) == 1:
+        distinct.append(Knot(distinct[0].time + 1.0, distinct[0].value))
+    times = np.array([knot.time for knot in distinct])
     rows = []
-    for a, b in itertools.pairwise(kept):
+    for a, b in itertools.pairwise(distinct):
         length = b.time - a.time
         # About the first value, so that a long straight line loses no digits.
         rows.append(np.array([0.0, a.rate * length, b.value - a.value, b.rate * length]) @ _BASIS)
         rows[-1][5] += a.value
-    return KnotProfile(times, np.array(rows), (kept[0].value, kept[-1].value))
+    return KnotProfile(times, np.array(rows), (distinct[0].value, distinct[-1].value))
 
 
 def rest_profile(value: float) -> KnotProfile:
-    """A profile that does not move."""
+    """Return a profile that does not move."""
     return profile([Knot(0.0, value), Knot(1.0, value)])

@@ -8,7 +8,7 @@ import numpy as np
 from palpate import ConfigurationError, Floats, Setpoint, Surface, surface_points
 from palpate_kit.kinematics.turns_to_normals import rotation_to
 
-_UNDERCUT = 0.05  # z of a normal; a skin that is steeper than 87 degrees cannot be reached from above
+_MIN_UPWARD = 0.05  # z of a normal, a choice: a skin steeper than 87 degrees cannot be reached from above
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,9 @@ class Stations:
 
     @classmethod
     def on(cls, surface: Surface, places: Floats) -> Stations:
-        """Those at x and y (k, 2) [m]; raises ConfigurationError where a surface is not known, or hangs over."""
+        """Return the stations at x and y (k, 2) [m]; raises ConfigurationError off a surface, or where it overhangs."""
         points = surface_points(surface, np.asarray(places, float))
-        steep = np.flatnonzero(points.normal[:, 2] < _UNDERCUT)
+        steep = np.flatnonzero(points.normal[:, 2] < _MIN_UPWARD)
         if len(steep):
             x, y = (1e3 * points.position[steep[0], :2]).tolist()
             raise ConfigurationError(
@@ -35,14 +35,15 @@ class Stations:
 
 
 def local_axes(normal: Floats) -> Floats:
-    """Axes (3, 3), as columns, of the local frame at a normal (3,): the work frame's, by the shortest turn."""
+    """Return the axes (3, 3), as columns, at a normal (3,): those of the work frame, by the shortest turn."""
+    # Rodrigues' rotation of z onto the normal.
     x, y, z = normal.tolist()
     share = 1.0 / (1.0 + z)
     return np.array([[1.0 - share * x * x, -share * x * y, x], [-share * x * y, 1.0 - share * y * y, y], [-x, -y, z]])
 
 
 def setpoint_at_station(setpoint: Setpoint, foot: Floats, normal: Floats) -> Setpoint:
-    """Setpoints of a motion over the work frame's plane, in the local frame at a foot (3,) [m] with a normal (3,)."""
+    """Return setpoints over the work frame's plane in the local frame at a foot (3,) [m] with a normal (3,)."""
     axes, count = local_axes(normal), len(setpoint.position)
     position, velocity = setpoint.position @ axes.T + foot, setpoint.velocity @ axes.T
     rotation = np.tile(rotation_to(normal[None]), (count, 1))

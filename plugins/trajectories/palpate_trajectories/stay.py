@@ -16,11 +16,11 @@ class Stay(Trajectory):
 
     @property
     def total_duration(self) -> float:
-        """All of it [s]."""
+        """The whole time [s]."""
         return self.duration
 
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3), all the same."""
+        """Return setpoints (n, 3), all the same."""
         t = np.asarray(time, float)
         position = np.zeros((len(t), 3))
         position[:] = (*self.place, self.height)

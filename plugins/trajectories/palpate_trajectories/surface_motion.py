@@ -11,28 +11,29 @@ import numpy as np
 from palpate import Floats, Setpoint, Surface, angular_velocities
 from palpate_kit.kinematics.turns_to_normals import rotation_rate, rotation_to
 
-from palpate_trajectories.motion_parts import Wave
+from palpate_trajectories.motion_parts import Wave, add_wave, is_within
 from palpate_trajectories.smooth_profile import PEAK, KnotProfile
 from palpate_trajectories.stations import Stations
 
-_LOOKS = 101  # places of a line at which its slopes are looked at
-_SHORTEST = 1e-3  # [s]
-_PITCH, _FEWEST = 0.5e-3, 9  # [m] between the stations of a line, and how many it has at least
+_SLOPE_CHECKS = 101  # a choice: places of a line at which its slopes are taken
+_MIN_DURATION = 1e-3  # [s], a choice: of the way between two stations
+_PITCH = 0.5e-3  # [m], a choice: between the stations of a line
+_MIN_STATIONS = 9  # a choice: of a line
 
 Course = tuple[Floats, Floats, Floats, Floats]  # foot [m] and its rate, normal and its rate, each (n, 3)
 
 
 class Footway(Protocol):
-    """Where the foot of the tip is on the surface over time."""
+    """The path of the tip's foot on the surface over time."""
 
     def at(self, time: Floats) -> Course:
-        """Foot, normal and their rates at times (n,) [s]."""
+        """Return foot, normal and their rates at times (n,) [s]."""
         ...
 
 
 @dataclass(frozen=True)
 class SurfaceMotion:
-    """Everything that a trajectory does over a surface: foot(t) - depth(t) n(t), the tool along n(t)."""
+    """The whole motion of a trajectory over a surface: foot(t) - depth(t) n(t), the tool along n(t)."""
 
     duration: float  # [s]
     footway: Footway
@@ -43,20 +44,17 @@ class SurfaceMotion:
     wave_start: float
 
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints at times (n,) [s]."""
+        """Return setpoints at times (n,) [s]."""
         t = np.asarray(time, float)
         foot, foot_rate, normal, normal_rate = self.footway.at(t)
-        (depth, rate), (swell, growth) = self.depth.at(t), self.swell.at(t)
-        wave, wave_rate = self.wave.at(t - self.wave_start)
-        depth, rate = depth + swell * wave, rate + growth * wave + swell * wave_rate
-        measuring = np.zeros(len(t), bool)
-        for begin, end in self.measuring:
-            measuring |= (t >= begin) & (t < end)
+        depth, rate = self.depth.at(t)
+        depth, rate = add_wave(t, depth, rate, self.swell, self.wave, self.wave_start)
+        # The tip along the normal, whose turn moves it, too; the tool turns with the normal.
         position = foot - depth[:, None] * normal
         velocity = foot_rate - rate[:, None] * normal - depth[:, None] * normal_rate
         rotation = rotation_to(normal)
         turning = angular_velocities(rotation, rotation_rate(normal, normal_rate))
-        return Setpoint(position, velocity, measuring, rotation, turning)
+        return Setpoint(position, velocity, is_within(t, self.measuring), rotation, turning)
 
 
 @dataclass(frozen=True)
@@ -72,19 +70,21 @@ class SurfaceLine:
 
     @classmethod
     def on(cls, surface: Surface, begin: tuple[float, float], end: tuple[float, float]) -> SurfaceLine:
-        """The line between two places [x, y]; raises ConfigurationError where the surface is not known below it."""
+        """Return the line between two places [x, y]; raises ConfigurationError where it leaves the surface."""
         from scipy.interpolate import CubicSpline
 
-        count = max(math.ceil(math.dist(begin, end) / _PITCH) + 1, _FEWEST)
+        count = max(math.ceil(math.dist(begin, end) / _PITCH) + 1, _MIN_STATIONS)
         stations = Stations.on(surface, np.linspace(begin, end, count))
         steps = np.linalg.norm(np.diff(stations.foot, axis=0), axis=1)
-        done = np.concatenate([[0.0], np.cumsum(steps)])
+        distance = np.concatenate([[0.0], np.cumsum(steps)])
         columns = np.hstack([stations.foot, stations.normal])
-        share = done / done[-1] if done[-1] > 0 else np.linspace(0.0, 1.0, count)  # twice the same place
-        return cls(float(done[-1]), CubicSpline(share, columns))
+        length = float(distance[-1])
+        share = distance / length if length > 0 else np.linspace(0.0, 1.0, count)  # twice the same place
+        return cls(length, CubicSpline(share, columns))
 
     def at(self, share: Floats) -> Course:
-        """Foot, normal and their rates per part of the way, at parts (n,) of it."""
+        """Return foot, normal and their rates per part of the way, at parts (n,) of it."""
+        # The spline's normal is made a unit vector, and its rate the part across it.
         value, rate = self._spline(share), self._spline(share, 1)
         size = np.linalg.norm(value[:, 3:], axis=1, keepdims=True)
         normal = value[:, 3:] / size
@@ -92,11 +92,11 @@ class SurfaceLine:
         return value[:, :3], rate[:, :3], normal, (rate[:, 3:] - along * normal) / size
 
     def duration(self, clearance: float, speed: float, turn_speed: float) -> float:
-        """How long a smooth way above it takes [s] at speeds [m/s] and [rad/s] that are not passed."""
-        _, foot_rate, _, normal_rate = self.at(np.linspace(0.0, 1.0, _LOOKS))
+        """Return the duration of a smooth way above it [s] at speeds [m/s] and [rad/s] that are not exceeded."""
+        _, foot_rate, _, normal_rate = self.at(np.linspace(0.0, 1.0, _SLOPE_CHECKS))
         way = np.linalg.norm(foot_rate + clearance * normal_rate, axis=1).max()
         turn = np.linalg.norm(normal_rate, axis=1).max()
-        return max(PEAK * float(way) / speed, PEAK * float(turn) / turn_speed, _SHORTEST)
+        return max(PEAK * float(way) / speed, PEAK * float(turn) / turn_speed, _MIN_DURATION)
 
 
 @dataclass(frozen=True)
@@ -108,23 +108,26 @@ class StationFootway:
     progress: KnotProfile
 
     def at(self, time: Floats) -> Course:
-        """Foot, normal and their rates at times (n,) [s]."""
+        """Return foot, normal and their rates at times (n,) [s]."""
+        # Each time is on a leg, which is taken at the leg's own part of the way.
         progress, rate = self.progress.at(time)
         number = np.clip(np.floor(progress).astype(int), 0, max(len(self.legs) - 1, 0))
         foot, normal = self.stations.foot[number].copy(), self.stations.normal[number].copy()
         foot_rate, normal_rate = np.zeros_like(foot), np.zeros_like(foot)
         for i in np.unique(number).tolist() if self.legs else ():
             rows = number == i
-            columns = self.legs[i].at(progress[rows] - i)
-            foot[rows], normal[rows] = columns[0], columns[2]
-            foot_rate[rows], normal_rate[rows] = columns[1] * rate[rows, None], columns[3] * rate[rows, None]
+            foot[rows], foot_slope, normal[rows], normal_slope = self.legs[i].at(progress[rows] - i)
+            foot_rate[rows] = foot_slope * rate[rows, None]
+            normal_rate[rows] = normal_slope * rate[rows, None]
         return foot, foot_rate, normal, normal_rate
 
 
 def footway_along(lines: Sequence[SurfaceLine], progress: KnotProfile) -> StationFootway:
-    """The footway along lines that follow one another."""
-    ends = [line.at(np.array([0.0, 1.0])) for line in lines]
-    stations = Stations(
-        np.array([ends[0][0][0], *(end[0][1] for end in ends)]), np.array([ends[0][2][0], *(end[2][1] for end in ends)])
-    )
-    return StationFootway(stations, lines, progress)
+    """Return the footway along lines that follow one another."""
+    # The stations are the first line's beginning and the end of each line.
+    feet, normals = [], []
+    for line in lines:
+        foot, _, normal, _ = line.at(np.array([0.0, 1.0]))
+        feet += list(foot) if not feet else [foot[1]]
+        normals += list(normal) if not normals else [normal[1]]
+    return StationFootway(Stations(np.array(feet), np.array(normals)), lines, progress)

@@ -14,7 +14,7 @@ from palpate_trajectories.stations import Stations, setpoint_at_station
 
 
 class TranslatedTrajectory(Trajectory):
-    """Another motion, moved along the surface as it is; times, heights and speeds stay the same.
+    """Another motion, moved along the surface; times, heights and speeds stay the same.
 
     On a `surface` the motion is that in the local frame of a place: along the normal there what it was along z.
     """
@@ -26,7 +26,7 @@ class TranslatedTrajectory(Trajectory):
     )
 
     @model_validator(mode="after")
-    def _on_one_surface(self) -> Any:
+    def _check_surface(self) -> Any:
         if self.surface is not None and surface_of(self.of) is not None:
             raise ValueError("surface: the motion itself follows one already")
         if self.surface is None and surface_of(self.of) is not None:
@@ -40,15 +40,16 @@ class TranslatedTrajectory(Trajectory):
 
     @cached_property
     def _station(self) -> Stations | None:
+        """The place of the local frame; None without a surface."""
         return None if self.surface is None else Stations.on(self.surface, np.array([self.by]))
 
     @property
     def total_duration(self) -> float:
-        """That of the motion [s]."""
+        """The motion's time [s]."""
         return self.of.total_duration
 
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
+        """Return setpoints (n, 3)."""
         setpoint = self.of.at(time)
         if self._station is not None:
             return setpoint_at_station(setpoint, self._station.foot[0], self._station.normal[0])

@@ -9,6 +9,10 @@ import numpy as np
 from palpate import ConfigurationError, Depth, Floats, InputFile, Setpoint, Speed, Trajectory
 from pydantic import Field, model_validator
 
+from palpate_trajectories.motion_parts import TOP_SPEED
+
+_CHECKS = 20001  # a choice: instants at which speed and height of the motion are checked
+
 
 class FromFile(Trajectory):
     """Through the waypoints of a CSV file, at their times: columns time [s], x, y, z [m], and optionally measuring.
@@ -19,11 +23,11 @@ class FromFile(Trajectory):
 
     file: InputFile = Field(description="the waypoints, .csv, relative to the pipeline file")
     deepest: Depth = Field(default=0.01, gt=0, description="depth below z = 0 that the motion may not exceed")
-    top_speed: Speed = Field(default=0.25, gt=0, le=0.25, description="speed that the motion may not exceed")
+    top_speed: Speed = Field(default=TOP_SPEED, gt=0, le=TOP_SPEED, description="speed that the motion may not exceed")
 
     @model_validator(mode="after")
-    def _possible(self) -> Any:
-        time = np.linspace(0.0, self.total_duration, 20001)
+    def _check_motion(self) -> Any:
+        time = np.linspace(0.0, self.total_duration, _CHECKS)
         setpoint = self.at(time)
         fastest = float(np.linalg.norm(setpoint.velocity, axis=1).max())
         if fastest > self.top_speed:
@@ -37,6 +41,7 @@ class FromFile(Trajectory):
 
     @cached_property
     def _waypoints(self) -> Floats:
+        """The rows of the file, from time 0; raises ConfigurationError."""
         try:
             text = self.file.read_text(encoding="utf-8-sig").splitlines()
             skip = int(bool(text) and text[0].lstrip()[:1].isalpha())
@@ -52,6 +57,7 @@ class FromFile(Trajectory):
 
     @cached_property
     def _splines(self) -> tuple[Any, Any]:
+        """Position and velocity over time, at rest at both ends."""
         from scipy.interpolate import make_interp_spline
 
         table = self._waypoints
@@ -61,18 +67,18 @@ class FromFile(Trajectory):
 
     @property
     def total_duration(self) -> float:
-        """From the first waypoint to the last [s]."""
+        """The time from the first waypoint to the last [s]."""
         return float(self._waypoints[-1, 0])
 
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints (n, 3)."""
+        """Return setpoints (n, 3)."""
         table, (position, velocity) = self._waypoints, self._splines
-        inside = np.clip(time, 0.0, table[-1, 0])
-        moving = ((time >= 0) & (time <= table[-1, 0]))[:, None]
-        place = position(inside)
+        bounded = np.clip(time, 0.0, table[-1, 0])
+        is_moving = ((time >= 0) & (time <= table[-1, 0]))[:, None]
+        place = position(bounded)
         if table.shape[1] == 5:
-            stretch = np.clip(np.searchsorted(table[:, 0], inside, side="right") - 1, 0, len(table) - 1)
+            stretch = np.clip(np.searchsorted(table[:, 0], bounded, side="right") - 1, 0, len(table) - 1)
             measuring = table[stretch, 4] > 0.5
         else:
             measuring = place[:, 2] < 0
-        return Setpoint(place, np.where(moving, velocity(inside), 0.0), measuring & moving[:, 0])
+        return Setpoint(place, np.where(is_moving, velocity(bounded), 0.0), measuring & is_moving[:, 0])

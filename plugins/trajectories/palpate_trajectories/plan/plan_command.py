@@ -22,8 +22,9 @@ from palpate_trajectories.plan.plan_text import (
     safety_lines,
 )
 
-_STEP = 1e-3  # [s]
-_MOST = 2_000_000
+_STEP = 1e-3  # [s], a choice: instants at which a motion is checked
+_MAX_STEPS = 2_000_000  # a choice: longer motions have a larger step
+_MAX_DRAWN = 40_000  # a choice: instants in a figure
 
 
 def plan(
@@ -42,10 +43,11 @@ def plan(
     pipeline = load_pipeline(file, overrides or [])
     if not pipeline.trajectories:
         raise ConfigurationError(f"{file}: has no [trajectory.*] table to plan")
+    # Each motion: its facts, the devices' own checks, the limits, text and figure.
     answer, problems = {}, list[str]()
     for name, trajectory in pipeline.trajectories.items():
         end = duration_of(trajectory)
-        time = np.arange(0.0, end + _STEP, max(_STEP, end / _MOST))
+        time = np.arange(0.0, end + _STEP, max(_STEP, end / _MAX_STEPS))
         setpoint = setpoints_at(trajectory, time)
         facts = answer[name] = _facts(pipeline, end, time, setpoint, expect or [])
         ask_devices(pipeline.devices, setpoint)
@@ -74,48 +76,63 @@ def plan(
 
 
 def _draw(time: Floats, setpoint: Setpoint, name: str, path: Path) -> None:
-    rows = slice(None, None, max(len(time) // 40_000, 1))
+    """Save the figure of a motion."""
+    rows = slice(None, None, max(len(time) // _MAX_DRAWN, 1))
     image = plan_picture(time[rows], setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows], name)
     save_figure(image, path)
 
 
 def _facts(pipeline: Pipeline, end: float, time: Any, setpoint: Setpoint, expect: list[str]) -> dict[str, Any]:
-    """What a motion that ends at a time [s] is and asks for [SI]."""
-    place, velocity = setpoint.position, setpoint.velocity
-    forces: dict[str, float | None] = {}
-    for name, model in pipeline.models.items():
-        theta = _expected(pipeline, model, expect)
-        depth, rate = -place[:, 2], -velocity[:, 2]
-        forces[name] = None
-        if theta is not None:
-            force = contact_force(model, depth, rate, theta, (0.0,) * len(model.memory))
-            forces[name] = float(np.maximum(force, 0.0).max())
-    limits = {
-        name: [c.limits[1] for s in device.streams if s.layout == "wrench" for c in s.channels if c.limits]
-        for name, device in pipeline.devices.items()
-    }
+    """Return duration, speeds, extent and forces [SI] of a motion that ends at a time [s]."""
+    position, velocity = setpoint.position, setpoint.velocity
+    acceleration = np.linalg.norm(np.diff(velocity, axis=0), axis=1) / np.diff(time)
     return {
         "duration": end,
         "measured": float(np.count_nonzero(setpoint.measuring)) / len(time) * end,
         "speed": float(np.linalg.norm(velocity, axis=1).max()),
-        "acceleration": float((np.linalg.norm(np.diff(velocity, axis=0), axis=1) / np.diff(time)).max()),
-        "low": place.min(axis=0).tolist(),
-        "high": place.max(axis=0).tolist(),
-        "forces": forces,
-        "force_limits": {name: known[0] for name, known in limits.items() if known},
+        "acceleration": float(acceleration.max()),
+        "low": position.min(axis=0).tolist(),
+        "high": position.max(axis=0).tolist(),
+        "forces": _largest_forces(pipeline, -position[:, 2], -velocity[:, 2], expect),
+        "force_limits": _force_limits(pipeline),
     }
 
 
+def _largest_forces(pipeline: Pipeline, depth: Floats, rate: Floats, expect: list[str]) -> dict[str, float | None]:
+    """Return the largest force [N] by each model along depths and rates; None where its parameters are unknown."""
+    forces: dict[str, float | None] = {}
+    for name, model in pipeline.models.items():
+        theta = _expected(pipeline, model, expect)
+        forces[name] = None
+        if theta is not None:
+            force = contact_force(model, depth, rate, theta, (0.0,) * len(model.memory))
+            forces[name] = float(np.maximum(force, 0.0).max())
+    return forces
+
+
+def _force_limits(pipeline: Pipeline) -> dict[str, float]:
+    """Return the upper limit [N] of each force sensor that states one, that of its first channel."""
+    limits = {}
+    for name, device in pipeline.devices.items():
+        for stream in device.streams:
+            ranges = [channel.limits for channel in stream.channels if channel.limits]
+            if stream.layout == "wrench" and ranges:
+                limits.setdefault(name, ranges[0][1])
+    return limits
+
+
 def _expected(pipeline: Pipeline, model: Any, expect: list[str]) -> list[float] | None:
-    """The model's parameters as expected, or the truth of a simulated rig; None where some are not known."""
-    known = truth_of(pipeline.devices)
+    """Return the model's parameters as expected, or the truth of a simulated rig; None where some are unknown."""
+    values = truth_of(pipeline.devices)
     units = {parameter.name: parameter.unit for parameter in model.parameters}
     for assignment in expect:
         name, _, text = assignment.partition("=")
         if name not in units:
             raise ConfigurationError(f"--expect: the model has no {name!r} (there are: {', '.join(units)})")
         try:
-            known[name] = to_si(text, units[name])
+            values[name] = to_si(text, units[name])
         except ValueError as error:
             raise ConfigurationError(f"--expect: {name}: {error}") from error
-    return [known[name] for name in units] if all(name in known for name in units) else None
+    if not all(name in values for name in units):
+        return None
+    return [values[name] for name in units]

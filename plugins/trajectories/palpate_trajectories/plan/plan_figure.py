@@ -1,4 +1,4 @@
-"""The picture of a motion before it is made."""
+"""The figure of a planned motion."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from palpate import Floats
 from palpate_kit.figures import figure_of, legend_outside, style
 
-_BINS = 400  # of time; a motion of minutes is drawn by its least and largest value in each
-_CLOSE = 2.0  # [s] of the motion that are drawn as they are
-_STILL = 1e-3  # [m]; less is not a way across
-_MEASURED = "#0072B2"
+_BINS = 400  # of time, a choice: a motion of minutes is drawn by its least and largest value in each
+_DETAIL = 2.0  # [s], a choice: stretch that is drawn sample by sample
+_MIN_TRAVEL = 1e-3  # [m], a choice: a motion with less is not drawn from above
+_MEASURED = "#0072B2"  # blue of the Okabe-Ito palette
 
 
 @style()
@@ -23,17 +23,17 @@ def plan_picture(
     measuring: NDArray[np.bool_],
     name: str,
 ) -> Any:
-    """A motion before it is made: seen from above where it goes anywhere, height and speed, as a whole and close by."""
-    across = bool(np.ptp(position[:, :2], axis=0).max() > _STILL)
+    """Return the figure of a planned motion: from above if it travels, height and speed, as a whole and in detail."""
+    across = bool(np.ptp(position[:, :2], axis=0).max() > _MIN_TRAVEL)
     figure, axes = figure_of(2, 3 if across else 2, width=175.0, height=48.0)
     height, speed = 1e3 * position[:, 2], 1e3 * np.linalg.norm(velocity, axis=1)
-    close = _close_by(time, measuring)
+    detail = _detail_rows(time, measuring)
     *above, whole, near = axes
     for (left, right), values, word in ((whole, height, "height [mm]"), (near, speed, "speed [mm/s]")):
         _envelope(left, time, values, measuring)
         left.set(xlabel="time [s]", ylabel=word)
-        right.plot(time[close], values[close], color="0.7", linestyle="-")
-        right.plot(time[close], np.where(measuring, values, np.nan)[close], color=_MEASURED, linestyle="-")
+        right.plot(time[detail], values[detail], color="0.7", linestyle="-")
+        right.plot(time[detail], np.where(measuring, values, np.nan)[detail], color=_MEASURED, linestyle="-")
         right.set(xlabel="time [s]", ylabel=word)
     for axis in whole:
         axis.axhline(0.0, color="black", linewidth=0.5)
@@ -45,14 +45,14 @@ def plan_picture(
     return figure
 
 
-def _close_by(time: Floats, measuring: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The first seconds that are measured, or of the whole motion."""
+def _detail_rows(time: Floats, measuring: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the rows of the first seconds that are measured, or of the whole motion."""
     begin = float(time[measuring][0]) if measuring.any() else float(time[0])
-    return np.asarray((time >= begin) & (time <= begin + _CLOSE))
+    return np.asarray((time >= begin) & (time <= begin + _DETAIL))
 
 
 def _envelope(axis: Any, time: Floats, values: Floats, measuring: NDArray[np.bool_]) -> None:
-    """Least and largest value over time; what is measured is darker."""
+    """Draw least and largest value over time; the measured part is darker."""
     for rows, colour, label in ((~measuring, "0.7", "on the way"), (measuring, _MEASURED, "measured")):
         if not rows.any():
             continue
@@ -61,13 +61,13 @@ def _envelope(axis: Any, time: Floats, values: Floats, measuring: NDArray[np.boo
         low, high = np.full(_BINS, np.inf), np.full(_BINS, -np.inf)
         np.minimum.at(low, slot, values[rows])
         np.maximum.at(high, slot, values[rows])
-        known = high >= low
+        has_values = high >= low
         middle = 0.5 * (edges[1:] + edges[:-1])
-        axis.fill_between(middle, low, high, where=known, color=colour, linewidth=0.8, label=label)
+        axis.fill_between(middle, low, high, where=has_values, color=colour, linewidth=0.8, label=label)
 
 
 def _from_above(row: Any, position: Floats, measuring: NDArray[np.bool_]) -> None:
-    """The way from above, and its sections along the longer side."""
+    """Draw the path from above, and its height along the longer side."""
     above, along = row
     x, y, z = 1e3 * position.T
     above.plot(x, y, color="0.7", linewidth=0.6, linestyle="-", label="on the way")

@@ -1,4 +1,4 @@
-"""What a motion does, as text: facts next to the limits of [safety], and its height over time in characters."""
+"""A motion as text: facts next to the limits of [safety], and its height over time in characters."""
 
 from __future__ import annotations
 
@@ -9,26 +9,30 @@ import numpy as np
 from palpate import Trajectory, setpoints_at
 from palpate_engine import MotionReport, Pipeline, SafetySettings, check_own_motion, own_motions
 
-_WIDTH, _HEIGHT = 72, 14  # characters of the drawing
+_WIDTH = 72  # characters, a choice: width of the drawing
+_HEIGHT = 14  # lines, a choice: height of the drawing
+_TIMES_PER_CHARACTER = 8  # a choice: instants that are drawn in one column
+_MIN_RANGE = 1e-9  # [m], a choice: a level motion is a line
 
 
 def draw_height(trajectory: Trajectory, end: float) -> Iterator[str]:
-    """Height over the time until its end [s], in characters; ``#`` where it is meant for estimation."""
-    times = np.linspace(0.0, end, 8 * _WIDTH)
+    """Yield the height over the time until its end [s], in characters; ``#`` where it is meant for estimation."""
+    times = np.linspace(0.0, end, _TIMES_PER_CHARACTER * _WIDTH)
     setpoint = setpoints_at(trajectory, times)
     height = setpoint.position[:, 2]
     low, high = float(height.min()), float(height.max())
-    rows = np.rint((high - height) / max(high - low, 1e-9) * (_HEIGHT - 1)).astype(int)
+    rows = np.rint((high - height) / max(high - low, _MIN_RANGE) * (_HEIGHT - 1)).astype(int)
     canvas = [[" "] * _WIDTH for _ in range(_HEIGHT)]
     for i, row in enumerate(rows.tolist()):
-        canvas[row][i // 8] = "#" if setpoint.measuring[i] else "."
+        canvas[row][i // _TIMES_PER_CHARACTER] = "#" if setpoint.measuring[i] else "."
     for i, line in enumerate(canvas):
-        yield f"{1e3 * (high - (high - low) * i / (_HEIGHT - 1)):8.2f} mm |{''.join(line).rstrip()}"
+        level = high - (high - low) * i / (_HEIGHT - 1)
+        yield f"{1e3 * level:8.2f} mm |{''.join(line).rstrip()}"
     yield " " * 12 + "+" + "-" * _WIDTH
 
 
 def fact_lines(pipeline: Pipeline, facts: Mapping[str, Any]) -> Iterator[str]:
-    """The facts of a motion, each with its limit where the pipeline has one."""
+    """Yield the facts of a motion, each with its limit where the pipeline has one."""
     limits = pipeline.safety
     yield f"duration      {facts['duration']:.2f} s, of which {facts['measured']:.2f} s are measured"
     speed = f" (limit {1e3 * limits.speed:g})" if limits else ""
@@ -49,7 +53,7 @@ def fact_lines(pipeline: Pipeline, facts: Mapping[str, Any]) -> Iterator[str]:
 
 
 def safety_lines(report: MotionReport | None, limits: SafetySettings | None) -> Iterator[str]:
-    """Whether the limits are kept, and how hard the tip presses when it is stopped."""
+    """Yield the check of the limits, and the force with which the tip presses when it is stopped."""
     if report is None or limits is None:
         yield "safety        no limits to check, for [safety] is missing; a live robot would not move"
         return
@@ -62,16 +66,17 @@ def safety_lines(report: MotionReport | None, limits: SafetySettings | None) -> 
 
 
 def own_motion_lines(pipeline: Pipeline) -> Iterator[str]:
-    """Motions that arms make on their own."""
-    for name, own in own_motions(pipeline.devices).items():
+    """Yield the motions that arms make on their own."""
+    for name, motion in own_motions(pipeline.devices).items():
         yield (
-            f"device {name}: moves to the start on its own, straight, from at most {1e3 * own.distance:g} mm away at "
-            f"no more than {1e3 * own.speed:g} mm/s; checked against the box once the tip's position is known"
+            f"device {name}: moves to the start on its own, straight, from at most {1e3 * motion.distance:g} mm away "
+            f"at no more than {1e3 * motion.speed:g} mm/s; checked against the box once the tip's position is known"
         )
 
 
 def own_motion_problems(pipeline: Pipeline) -> Iterator[str]:
-    """What motions that arms make on their own break of the limits, as far as it is known before they connect."""
-    if pipeline.safety is not None:
-        for name, own in own_motions(pipeline.devices).items():
-            yield from (f"device {name}: {problem}" for problem in check_own_motion(own, pipeline.safety))
+    """Yield the limits that motions of arms on their own break, as far as known before they connect."""
+    if pipeline.safety is None:
+        return
+    for name, motion in own_motions(pipeline.devices).items():
+        yield from (f"device {name}: {problem}" for problem in check_own_motion(motion, pipeline.safety))
