@@ -16,7 +16,7 @@ from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.surface_motion import SurfaceLine, SurfaceMotion, footway_along
 
-_MIN_LENGTH = 1e-6  # [m], a choice: a shorter line is none
+_MIN_LENGTH = 1e-6  # [m], a choice: a shorter line does not count
 
 
 class LineSweep(PlannedTrajectory):

@@ -15,7 +15,7 @@ from palpate_trajectories.smooth_profile import PEAK, Knot, KnotProfile, profile
 
 TOP_SPEED = 0.25  # [m/s], the usual limit near people (ISO 10218-1)
 _MIN_RAMPS = 1.5  # of speed times ramp, a choice: a shorter way is one smooth move
-_MIN_WAY = 1e-12  # [m], a choice: a shorter way is none
+_MIN_WAY = 1e-12  # [m], a choice: a shorter way does not count
 
 
 class Wave(Protocol):

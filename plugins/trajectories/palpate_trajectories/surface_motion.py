@@ -125,7 +125,7 @@ class StationFootway:
 def footway_along(lines: Sequence[SurfaceLine], progress: KnotProfile) -> StationFootway:
     """Return the footway along lines that follow one another."""
     # The stations are the first line's beginning and the end of each line.
-    feet, normals = [], []
+    feet, normals = list[Floats](), list[Floats]()
     for line in lines:
         foot, _, normal, _ = line.at(np.array([0.0, 1.0]))
         feet += list(foot) if not feet else [foot[1]]

@@ -112,7 +112,7 @@ def _largest_forces(pipeline: Pipeline, depth: Floats, rate: Floats, expect: lis
 
 def _force_limits(pipeline: Pipeline) -> dict[str, float]:
     """Return the upper limit [N] of each force sensor that states one, that of its first channel."""
-    limits = {}
+    limits = dict[str, float]()
     for name, device in pipeline.devices.items():
         for stream in device.streams:
             ranges = [channel.limits for channel in stream.channels if channel.limits]
