@@ -9,7 +9,7 @@ _public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def __getattr__(name: str) -> object:
-    """A public name, imported when it is first used; AttributeError names what is alike."""
+    """Return a public name, imported when it is first used; AttributeError names similar ones."""
     if name.startswith("_") or name in __all__:
         return _public(name)
     try:

@@ -1,4 +1,4 @@
-"""What the alignment found in a record: free air and tare, the share of the force sideways, turns of the tool."""
+"""Findings of the alignment in a record: free air and tare, the share of the force sideways, turns of the tool."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ import numpy as np
 from palpate.stream_health import Health
 from palpate.vectors import Floats
 
+_SLOPE_SIGMAS = 3.0  # a choice: standard uncertainties of a slope that are covered
+
 
 @dataclass(frozen=True)
 class AirLine:
-    """The force in free air by a line over time: its level, its slope, and how far readings scatter about it."""
+    """The force in free air by a line over time: its level, its slope, and the scatter of readings about it."""
 
     middle: float  # [s]
     level: float  # [N] there
@@ -25,21 +27,21 @@ class AirLine:
     until: float  # [s]
 
     def less(self, offset: float) -> AirLine:
-        """The same of a force less an offset [N]."""
+        """Return the line of a force less an offset [N]."""
         return replace(self, level=self.level - offset)
 
     def at(self, time: Floats) -> Floats:
-        """Force (n,) [N] at times [s]."""
+        """Return the force (n,) [N] at times [s]."""
         return self.level + self.slope * (time - self.middle)
 
     def spread(self, time: Floats) -> Floats:
-        """By how much (n,) [N] the line may be off at times [s], by three standard uncertainties of its slope."""
-        return 3.0 * self.slope_std * np.abs(time - self.middle)
+        """Return the possible error (n,) [N] of the line at times [s], by standard uncertainties of its slope."""
+        return _SLOPE_SIGMAS * self.slope_std * np.abs(time - self.middle)
 
 
 @dataclass(frozen=True)
 class Tare:
-    """What was subtracted from the force, and how noisy the force was there."""
+    """The offset that was subtracted from the force, and the noise of the force there."""
 
     offset: float  # [N]
     offset_std: float | None  # [N] standard uncertainty of the offset, from the scatter; None where none was measured
@@ -50,7 +52,7 @@ class Tare:
 
 @dataclass(frozen=True)
 class SidewaysShare:
-    """Slopes of the two forces across the tool over the force along it: what changes together, and no offset."""
+    """Slopes of the two forces across the tool over the force along it: common changes, without any offset."""
 
     x: float
     y: float
@@ -58,7 +60,7 @@ class SidewaysShare:
 
     @property
     def size(self) -> float:
-        """Of both together."""
+        """The length of both together."""
         return math.hypot(self.x, self.y)
 
 
@@ -80,7 +82,7 @@ class TurnedTool:
 
 @dataclass(frozen=True)
 class AlignmentReport:
-    """What the alignment found in a record."""
+    """Findings of the alignment in a record."""
 
     streams: Mapping[str, Health]  # by "device.stream"
     tare: Tare | None

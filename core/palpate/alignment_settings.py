@@ -1,4 +1,4 @@
-"""The ``[alignment]`` table: which channels serve as force, position and velocity, and what is known of them."""
+"""The ``[alignment]`` table: the channels of force, position and velocity, and the facts that are known of them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from palpate.parts import Settings
 from palpate.surface import Surface
 from palpate.units import Angle, Delay, Force, ForceDrift, Quantity, Stiffness, Time, TipMass, quantity_schema, to_si
 
-# What a role's channel must be in; a channel of undeclared unit ("1") is accepted as it is.
+# The unit of a role's channel; a channel of undeclared unit ("1") is accepted.
 SIGNAL_UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
-_ANGLE = math.radians(2.0)  # standard uncertainty of a direction of which none is declared
+_DIRECTION_STD = math.radians(2.0)  # a choice: standard uncertainty of a direction without a declared one
+_DIRECTION_RANGE = (1e-6, 1e6)  # a choice: lengths of three numbers that are a direction
+_MAX_FORCE = 500.0  # [N], a choice: a larger number without a unit was meant in another one
 
 
 class Signal(Settings):
@@ -42,7 +44,7 @@ _TARE = {"anyOf": [{"enum": ["free-air", "none", "calibrated"]}, quantity_schema
 
 
 class AlignmentSettings(Settings):
-    """How streams become samples."""
+    """The table: channels of the samples, and the facts of rig and record that turn streams into samples."""
 
     force: Signal = Field(description="force along the surface normal, positive where it pushes the tip out")
     position: Signal = Field(
@@ -160,18 +162,18 @@ class AlignmentSettings(Settings):
 
     @property
     def timing_uncertainty(self) -> float | None:
-        """Standard uncertainty [s] of the time between force and motion; None where neither side declares any."""
+        """The standard uncertainty [s] of the time between force and motion; None where neither side declares any."""
         force, motion = self.force.uncertainty, (self.velocity or self.position).uncertainty
         return None if force is None and motion is None else math.hypot(force or 0.0, motion or 0.0)
 
     @property
     def zero_uncertainty(self) -> float | None:
-        """Standard uncertainty [N] that is stated of the zero of the force; None where free air determines it."""
+        """The standard uncertainty [N] that is stated of the zero of the force; None where free air determines it."""
         return None if self.tare == "free-air" else self.tare_uncertainty
 
     @property
     def force_zero(self) -> Literal["air", "stated", "open"]:
-        """Source of the zero of the force: the record's own air, a statement, or none.
+        """The source of the zero of the force: the record's own air, a statement, or none.
 
         A force as it was recorded whose zero has an uncertainty is one that was zeroed, which states it.
         """
@@ -181,23 +183,23 @@ class AlignmentSettings(Settings):
 
     @property
     def orientation_uncertainties(self) -> dict[str, tuple[float, bool]]:
-        """Standard uncertainty [rad] of mounting and normal, as far as they are used, and whether it is declared."""
+        """The standard uncertainty [rad] of mounting and normal, as far as used, and True for a declared one."""
         stated = {"mounting": self.mounting_uncertainty} if self.is_oriented else {}
         stated |= {"normal": self.normal_uncertainty} if self.is_projecting else {}
-        return {name: (_ANGLE if std is None else std, std is not None) for name, std in stated.items()}
+        return {name: (_DIRECTION_STD if std is None else std, std is not None) for name, std in stated.items()}
 
     @property
     def is_oriented(self) -> bool:
-        """Whether samples depend on the tool's orientation."""
+        """True if samples depend on the tool's orientation."""
         return self.weight == "turning" or self.is_projecting
 
     @property
     def is_projecting(self) -> bool:
-        """Whether force and motion are those along a normal that is stated."""
+        """True if force and motion are those along a stated normal."""
         return self.normal is not None or self.surface is not None
 
     @model_validator(mode="after")
-    def _one_normal(self) -> AlignmentSettings:
+    def _check_normal(self) -> AlignmentSettings:
         if self.normal is not None and self.surface is not None:
             raise ValueError("give either normal or surface")
         if self.beam is not None and (self.is_oriented or self.velocity is not None):
@@ -208,35 +210,36 @@ class AlignmentSettings(Settings):
 
     @field_validator("gravity", "normal")
     @classmethod
-    def _direction(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
-        if value is not None and not 1e-6 < math.hypot(*value) < 1e6:
+    def _check_direction(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        shortest, longest = _DIRECTION_RANGE
+        if value is not None and not shortest < math.hypot(*value) < longest:
             raise ValueError("must be a direction: three finite numbers that are not all 0")
         return value
 
     @field_validator("tare", mode="before")
     @classmethod
-    def _tare(cls, value: Any) -> Any:
+    def _read_tare(cls, value: Any) -> Any:
         return _force_or_word(value, ("free-air", "calibrated", "none"), "1.8 N")
 
     @field_validator("touch_force", mode="before")
     @classmethod
-    def _touch(cls, value: Any) -> Any:
-        found = None if value is None else _force_or_word(value, ("noise",), "0.5 N")
-        if isinstance(found, float) and not found > 0.0:
+    def _read_touch(cls, value: Any) -> Any:
+        force = None if value is None else _force_or_word(value, ("noise",), "0.5 N")
+        if isinstance(force, float) and not force > 0.0:
             raise PydanticCustomError("tare", "{reason}", {"reason": "must be greater than 0 N"})
-        return found
+        return force
 
 
 def _force_or_word(value: Any, words: tuple[str, ...], example: str) -> Any:
-    """A force [N], or one of some words; raises PydanticCustomError."""
+    """Return a force [N], or one of some words; raises PydanticCustomError."""
     if value in words:
         return value
     try:
-        found = to_si(value, "N")
+        force = to_si(value, "N")
     except ValueError as error:
-        named = ", ".join(f'"{word}"' for word in words)
-        reason = f'{value!r} is not one of {named} and a force such as "{example}"'
+        allowed = ", ".join(f'"{word}"' for word in words)
+        reason = f'{value!r} is not one of {allowed} and a force such as "{example}"'
         raise PydanticCustomError("tare", "{reason}", {"reason": reason}) from error
-    if not isinstance(value, str) and (doubt := Quantity("N", most=500.0).doubt(found)):
+    if not isinstance(value, str) and (doubt := Quantity("N", most=_MAX_FORCE).doubt(force)):
         raise PydanticCustomError("tare", "{reason}", {"reason": doubt})
-    return found
+    return force

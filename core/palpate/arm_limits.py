@@ -1,4 +1,4 @@
-"""What an arm monitors itself, in the process that commands it: the limits of its motion, and the force."""
+"""Limits that an arm monitors itself, in the process that commands it: those of its motion, and the force."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from palpate.repeated_readings import Repeats
 from palpate.sound_force import SoundForce
 from palpate.vectors import Floats
 
-RETREAT, RETREAT_SPEED = 0.5e-3, 2e-3  # [m], [m/s] of the retreat before a motion
-NO_DEPTH = 1e3  # [m]; the box alone counts
-NO_AGE = 1e3  # [s]; readings and states may be as old as they are
+RETREAT = 0.5e-3  # [m], a choice: distance of the retreat before a motion
+RETREAT_SPEED = 2e-3  # [m/s], a choice: of that retreat
+NO_DEPTH = 1e3  # [m], a choice: so deep that the box alone counts
+NO_AGE = 1e3  # [s], a choice: so old that no reading or state is too old
 
 
 @dataclass(frozen=True)
 class ArmLimits:
-    """What every command of an arm has to keep, wherever it comes from; positions in the work frame."""
+    """Limits of every command of an arm, of any origin; positions in the work frame."""
 
     low: tuple[float, ...]  # (3,) [m]
     high: tuple[float, ...]  # (3,) [m]
@@ -55,7 +56,7 @@ class SharedReadings:
 
 @dataclass(frozen=True)
 class ForceWatch:
-    """The force at which an arm stops on its own, and what its readings have to be like to be believed."""
+    """The force at which an arm stops on its own, and the conditions under which its readings are believed."""
 
     readings: SharedReadings
     channels: tuple[int, ...]  # of the stream
@@ -74,7 +75,7 @@ class ForceWatch:
 
 
 def torque_fault(torques: Floats, tare: Floats, most: float) -> str | None:
-    """Why readings (n, axes) of torque [N m] stop a motion: over `most` from their tare (axes,), or no numbers."""
+    """Return why torques (n, axes) [N m] stop a motion: over `most` from their tare (axes,), or invalid."""
     largest = float(np.abs(torques - tare).max(initial=0.0))
     if largest <= most:
         return None
@@ -92,7 +93,7 @@ class SupportsLimits(Protocol):
         ...
 
     def watch_force(self, watch: ForceWatch) -> None:
-        """Stop without the host where a channel differs by more than `stop` from its tare, or is not to be believed."""
+        """Stop without the host where a channel is more than `stop` off its tare, or not credible."""
         ...
 
 
@@ -101,7 +102,7 @@ class SupportsRetreat(Protocol):
     """An arm that can feel whether it touches: by a retreat, never by an advance."""
 
     def retreat(self, way: float, speed: float) -> float:
-        """Go outwards along the normal by at most `way` [m] at `speed` [m/s] and hold there; how long [s] it takes."""
+        """Go outwards along the normal by at most `way` [m] at `speed` [m/s] and hold; return the duration [s]."""
         ...
 
 
@@ -110,7 +111,7 @@ class SupportsSharing(Protocol):
     """A link whose readings another process can look at."""
 
     def shared(self, stream: str) -> SharedReadings | None:
-        """Where the readings of a stream are."""
+        """Return the shared memory of a stream's readings; None where they are not shared."""
         ...
 
 
@@ -120,5 +121,5 @@ class Shareable(Protocol):
 
     @property
     def shared_streams(self) -> tuple[str, ...]:
-        """Their names."""
+        """The names of these streams."""
         ...

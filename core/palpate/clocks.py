@@ -18,7 +18,8 @@ from functools import partial
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary
 
-URGENT = 20  # real-time priority of threads that watch an arm; below those of robots and sensors
+URGENT = 20  # a choice: real-time priority of threads that watch an arm, below those of robots and sensors
+_MAX_INTERRUPTION = 20_000  # [ns], a choice: two readings of a clock so close have no interruption between them
 
 
 class Event(Protocol):
@@ -31,11 +32,11 @@ class Event(Protocol):
         """Lower the flag."""
 
     def is_set(self) -> bool:
-        """Whether it is raised."""
+        """Return True if the flag is raised."""
         ...
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait until it is raised, for up to `timeout` [s]; whether it is."""
+        """Wait until the flag is raised, for up to `timeout` [s]; return True if it is."""
         ...
 
 
@@ -46,19 +47,19 @@ class Queue(Protocol):
         """Append an item."""
 
     def get(self, block: bool = True, timeout: float | None = None) -> Any:
-        """Remove the first item, waiting for one for up to `timeout` [s]."""
+        """Remove and return the first item, waiting for one for up to `timeout` [s]."""
         ...
 
     def get_nowait(self) -> Any:
-        """Remove the first item, if there is one."""
+        """Remove and return the first item, if there is one."""
         ...
 
     def qsize(self) -> int:
-        """The number of items."""
+        """Return the number of items."""
         ...
 
     def empty(self) -> bool:
-        """Whether it is empty."""
+        """Return True if the queue is empty."""
         ...
 
 
@@ -67,58 +68,58 @@ class Thread(Protocol):
 
     @property
     def ident(self) -> int | None:
-        """Its number; None before it was started."""
+        """The number of the thread; None before it was started."""
         ...
 
     def start(self) -> None:
-        """Start it."""
+        """Start the thread."""
 
     def join(self, timeout: float | None = None) -> None:
-        """Wait until it has ended, for up to `timeout` [s]."""
+        """Wait until the thread has ended, for up to `timeout` [s]."""
 
     def is_alive(self) -> bool:
-        """Whether it runs."""
+        """Return True if the thread runs."""
         ...
 
 
 class Clock(Protocol):
-    """What code that runs in real time may know and do about time."""
+    """The time of code that runs in real time: reading it, sleeping, waiting, threads."""
 
     simulated: bool
 
     def now_ns(self) -> int:
-        """Monotonic time [ns]."""
+        """Return the monotonic time [ns]."""
         ...
 
     def now(self) -> float:
-        """Monotonic time [s]."""
+        """Return the monotonic time [s]."""
         ...
 
     def epoch_ns(self) -> int:
-        """Time since 1970 [ns]."""
+        """Return the time since 1970 [ns]."""
         ...
 
     def processor_time(self) -> float:
-        """Processor time [s] that this process and its children have used; 0 in simulated time."""
+        """Return the processor time [s] that this process and its children have used; 0 in simulated time."""
         ...
 
     def sleep(self, duration: float, /) -> None:
         """Sleep [s]."""
 
     def wait(self, readable: Sequence[Any], timeout: float | None) -> list[Any]:
-        """Those of some open files that can be read, waiting for up to `timeout` [s] until there is one."""
+        """Return those of some open files that can be read, waiting for up to `timeout` [s] until there is one."""
         ...
 
     def event(self) -> Event:
-        """A new flag."""
+        """Return a new flag."""
         ...
 
     def queue(self, most: int = 0) -> Queue:
-        """A new queue, in real time of at most so many items (0: any number): who puts one more waits."""
+        """Return a new queue, in real time of at most so many items (0: any number): one more waits."""
         ...
 
     def thread(self, target: Callable[[], Any], name: str, urgent: bool = False) -> Thread:
-        """A new daemon thread, not started yet; an urgent one goes before other programs where that is permitted."""
+        """Return a new daemon thread, not started yet; an urgent one precedes other programs where permitted."""
         ...
 
 
@@ -132,7 +133,7 @@ class WallClock:
     sleep = staticmethod(time.sleep)
 
     def processor_time(self) -> float:
-        """Processor time [s] of this process and of its children that have ended."""
+        """Return the processor time [s] of this process and of its children that have ended."""
         return sum(os.times()[:4])
 
     def wait(self, readable: Sequence[Any], timeout: float | None) -> list[Any]:
@@ -140,20 +141,20 @@ class WallClock:
         return select.select(readable, [], [], timeout)[0]
 
     def event(self) -> Event:
-        """A `threading.Event`."""
+        """Return a `threading.Event`."""
         return threading.Event()
 
     def queue(self, most: int = 0) -> Queue:
-        """A `queue.SimpleQueue`, or a `queue.Queue` where its length is limited."""
+        """Return a `queue.SimpleQueue`, or a `queue.Queue` where its length is limited."""
         return queue.Queue(most) if most else queue.SimpleQueue()
 
     def thread(self, target: Callable[[], Any], name: str, urgent: bool = False) -> Thread:
-        """A `threading.Thread`."""
+        """Return a `threading.Thread`."""
         return threading.Thread(target=partial(_urgently, target) if urgent else target, daemon=True, name=name)
 
 
 def _urgently(target: Callable[[], Any]) -> None:
-    """Call a function at real-time priority, which what it starts does not inherit."""
+    """Call a function at real-time priority, which its own threads and processes do not inherit."""
     with suppress(AttributeError, OSError):  # not permitted
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(URGENT))
     target()
@@ -164,7 +165,7 @@ _clocks: list[Clock] = [_WALL]
 
 
 def clock() -> Clock:
-    """The clock of this process."""
+    """Return the clock of this process."""
     return _clocks[-1]
 
 
@@ -179,23 +180,24 @@ def use_clock(other: Clock) -> Iterator[None]:
 
 
 def epoch_offset() -> int:
-    """What makes host time [ns], since the epoch, out of monotonic time: one for the whole life of a process."""
-    by = clock()
-    if by not in _offsets:
-        _offsets[by] = _measured_offset(by)
-    return _offsets[by]
+    """Return host time since the epoch less monotonic time [ns]: one number for the whole life of a process."""
+    current = clock()
+    if current not in _offsets:
+        _offsets[current] = _measure_offset(current)
+    return _offsets[current]
 
 
 def host_time_ns() -> int:
-    """Host time [ns], as batches bear it: it goes on evenly where the computer's clock is set during a run."""
+    """Return the host time [ns] of batches: it advances evenly where the computer's clock is set during a run."""
     return clock().now_ns() + epoch_offset()
 
 
 _offsets: WeakKeyDictionary[Clock, int] = WeakKeyDictionary()
 
 
-def _measured_offset(by: Clock) -> int:
+def _measure_offset(source: Clock) -> int:
+    """Return time since 1970 less monotonic time [ns], both read without an interruption between them."""
     while True:
-        before, epoch, after = by.now_ns(), by.epoch_ns(), by.now_ns()
-        if after - before < 20_000:  # nothing came in between
+        before, epoch, after = source.now_ns(), source.epoch_ns(), source.now_ns()
+        if after - before < _MAX_INTERRUPTION:
             return epoch - (before + after) // 2

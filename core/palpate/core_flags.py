@@ -149,5 +149,5 @@ _RECORD = {
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """What the core's own flags mean."""
+    """The meanings of the core's own flags."""
     return {**_ESTIMATE, **_RECORD}

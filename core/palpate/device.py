@@ -51,7 +51,7 @@ class Batch:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """(n,) True where every channel is a finite number."""
+        """True (n,) where every channel is a finite number."""
         return finite_rows(self.values)
 
 
@@ -59,7 +59,7 @@ class Link(Protocol):
     """A connected device."""
 
     def batches(self) -> Iterator[Batch]:
-        """Batches in the order of their arrival, until the device has no more."""
+        """Yield batches in the order of their arrival, until the device has no more."""
         ...
 
 
@@ -68,7 +68,7 @@ class Arm(Protocol):
     """A connected device that moves the tip."""
 
     def batches(self) -> Iterator[Batch]:
-        """Batches in the order of their arrival, until the motion is over."""
+        """Yield batches in the order of their arrival, until the motion is over."""
         ...
 
     def follow(self, trajectory: Trajectory) -> None:
@@ -85,7 +85,7 @@ class SupportsApproach(Protocol):
     """An arm that moves on its own from its present position to the first setpoint."""
 
     def approach_path(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
-        """Times (n,) [s] and setpoints of the way that `follow` would take now; nothing moves for it.
+        """Return times (n,) [s] and setpoints of the way that `follow` would take now; nothing moves for it.
 
         Raises DeviceError where the arm stands too far away.
         """
@@ -97,7 +97,7 @@ class Retractable(Protocol):
     """An arm that can leave the material by itself."""
 
     def retract(self) -> None:
-        """Stop and go back along the normal to where the motion began: from any thread, any number of times."""
+        """Stop and move back along the normal to the start of the motion: from any thread, any number of times."""
         ...
 
 
@@ -106,7 +106,7 @@ class SupportsForceControl(Protocol):
     """An arm that closes the loop of a `ForceLed` motion by itself, where its commands are sent."""
 
     def refuse_law(self, law: ForceLaw) -> None:
-        """Raise ConfigurationError where it cannot be led like this; nothing moves for it."""
+        """Raise ConfigurationError where the arm cannot follow a law; nothing moves for it."""
         ...
 
 
@@ -116,7 +116,7 @@ class ReportsHealth(Protocol):
 
     @property
     def health(self) -> Mapping[str, Any]:
-        """What a record should say: lateness, losses, scheduling, identity; numbers, texts and tables of them."""
+        """The health for the record: lateness, losses, scheduling, identity; numbers, texts and tables of them."""
         ...
 
 
@@ -126,7 +126,7 @@ class SeparateReceiver(Protocol):
 
     @property
     def attended(self) -> int:
-        """When that process last looked for readings [ns], on the clock of `Batch.received`."""
+        """The time at which that process last looked for readings [ns], on the clock of `Batch.received`."""
         ...
 
 
@@ -138,68 +138,68 @@ class Device(Part, ABC):
     @property
     @abstractmethod
     def streams(self) -> tuple[Stream, ...]:
-        """What the device sends."""
+        """The streams that the device sends."""
 
     @abstractmethod
     def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """A link that lives as long as the context; `seed` is for devices that draw random numbers."""
+        """Return a link that lives as long as the context; `seed` is for devices that draw random numbers."""
 
     @property
     def live(self) -> bool:
-        """Whether it sends in real time, so that it must not be kept waiting; a log or a fast simulation does not.
+        """True if the device sends in real time, so that it must not wait; a log or a fast simulation does not.
 
-        The batches of a live link come at least every 0.1 s, empty ones where there is nothing to say.
+        The batches of a live link come at least every 0.1 s, empty ones without new readings.
         """
         return False
 
     @property
     def provenance(self) -> Mapping[str, str]:
-        """What a record must say of this device to be redone: file and hash, serial number, firmware."""
+        """The facts by which a record can be redone: file and hash, serial number, firmware."""
         return {}
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know before trusting this device, such as a log that is cut."""
+        """Warnings before this device is trusted, such as a log that is cut."""
         return ()
 
     @property
     def simulated(self) -> bool:
-        """Whether its readings are those of a simulation, computed by the formulas of a model."""
+        """True if the readings are those of a simulation, computed by the formulas of a model."""
         return isinstance(self, KnowsTruth)
 
     @property
     def duration(self) -> float | None:
-        """How long a recorded log is [s], for progress bars; None where that is not known."""
+        """The duration of a recorded log [s], for progress bars; None where it is not known."""
         return None
 
 
 def address(device: str, stream: Stream, channel: Channel) -> str:
-    """How a pipeline names a channel: ``rig.wrench.z``, or ``log.fz`` where the stream has no name."""
+    """Return the name of a channel in a pipeline: ``rig.wrench.z``, or ``log.fz`` where the stream has no name."""
     return ".".join(part for part in (device, stream.name, channel.name) if part)
 
 
 @runtime_checkable
 class KnowsTruth(Protocol):
-    """A device that knows what an estimator should find."""
+    """A device that knows the values that an estimator should find."""
 
     @property
     def truth(self) -> Mapping[str, float]:
-        """By parameter name [SI]."""
+        """The values by parameter name [SI]."""
         ...
 
     @property
     def outlines(self) -> tuple[Floats, ...]:
-        """Closed outlines (k, 2) [m] of what is hidden below the skin, for pictures."""
+        """Closed outlines (k, 2) [m] of the objects below the skin, for pictures."""
         ...
 
 
 @runtime_checkable
 class KnowsGravity(Protocol):
-    """A device that knows which way is down in the frame of its poses."""
+    """A device that knows the direction of gravity in the frame of its poses."""
 
     @property
     def gravity(self) -> tuple[float, ...]:
-        """Direction of gravity (3,)."""
+        """The direction of gravity (3,)."""
         ...
 
 
@@ -208,7 +208,7 @@ class Turnable(Protocol):
     """A device whose tool can be turned without a person."""
 
     def turned(self, down: tuple[float, ...]) -> Device:
-        """This device with its tool turned so that gravity points along `down` in the sensor's frame."""
+        """Return this device with its tool turned so that gravity points along `down` in the sensor's frame."""
         ...
 
 
@@ -218,22 +218,22 @@ class SupportsOwnMotion(Protocol):
 
     @property
     def own_motion(self) -> OwnMotion:
-        """How far, fast and sudden."""
+        """The motion's limits: distance, speed, deceleration."""
         ...
 
 
 @runtime_checkable
 class Observable(Protocol):
-    """A device that can be listened to without disturbing what it is doing."""
+    """A device that a second connection can read without disturbing it."""
 
     def observe(self, seed: int) -> AbstractContextManager[Link]:
-        """A link that only listens."""
+        """Return a link that only reads."""
         ...
 
 
 @dataclass(frozen=True)
 class StopModes:
-    """Which values in a robot's states mean that its own safety system stopped it."""
+    """The values in a robot's states that mean a stop by its own safety system."""
 
     channel: str  # of one of its streams
     emergency: tuple[int, ...]  # its values at an emergency stop
@@ -246,26 +246,26 @@ class ReportsStops(Protocol):
 
     @property
     def stop_modes(self) -> StopModes | None:
-        """How; None where this one cannot be watched."""
+        """The values that mean a stop; None for a robot that cannot be watched."""
         ...
 
 
 @runtime_checkable
 class SupportsReach(Protocol):
-    """A device that does not go everywhere."""
+    """A device with a limited reach."""
 
     def refuse(self, setpoint: Setpoint) -> None:
-        """Raise ConfigurationError where this device must not go; nothing moves for it."""
+        """Raise ConfigurationError for setpoints that this device must not reach; nothing moves for it."""
         ...
 
 
 def is_live(devices: Mapping[str, Device]) -> bool:
-    """Whether any of the devices sends in real time."""
+    """Return True if any of the devices sends in real time."""
     return any(device.live for device in devices.values())
 
 
 def truth_of(devices: Mapping[str, Device]) -> dict[str, float]:
-    """What the simulated ones among devices know, by parameter name [SI]."""
+    """Return the true values that simulated devices know, by parameter name [SI]."""
     simulated = [device for device in devices.values() if isinstance(device, KnowsTruth)]
     return {name: value for device in simulated for name, value in device.truth.items()}
 
@@ -278,5 +278,5 @@ def ask_devices(devices: Mapping[str, Device], setpoint: Setpoint) -> None:
 
 
 def own_motions(devices: Mapping[str, Device]) -> dict[str, OwnMotion]:
-    """What arms among devices do by themselves, by name."""
+    """Return the own motions of the arms among devices, by name."""
     return {name: device.own_motion for name, device in devices.items() if isinstance(device, SupportsOwnMotion)}

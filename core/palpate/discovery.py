@@ -1,4 +1,4 @@
-"""Finding plugins: what is installed and which files are named, what each offers, and what is wrong with it."""
+"""Discovery of plugins: installed ones and named files, their offers, and the faults in them."""
 
 from __future__ import annotations
 
@@ -55,17 +55,19 @@ class Discovery:
 
     @property
     def oddities(self) -> tuple[str, ...]:
-        """What is in plugins that were loaded, and is not as it was meant."""
-        odd = (odd for module, plugin in self.plugins.items() for odd in _oddities(module, plugin))
-        return (*self.clashes, *odd)
+        """Sentences on parts of loaded plugins that are not as they were meant."""
+        sentences = list(self.clashes)
+        for module, plugin in self.plugins.items():
+            sentences += _oddities(module, plugin)
+        return tuple(sentences)
 
     def named(self, kind: str, hook: str, root: type) -> dict[str, tuple[Any, Plugin]]:
-        """Everything of a kind by name, with the plugin it comes from; raises PluginError like `settle_claims`."""
+        """Return everything of a kind by name, with its plugin; raises PluginError like `settle_claims`."""
         return self._settled(kind, self._offers(hook, lambda offer: dict(_checked(offer, kind, root))))
 
     @property
     def offers(self) -> dict[str, dict[str, Any]]:
-        """What is returned by `palpate_offers`: by field of the registry, by name; raises PluginError like `named`."""
+        """The offers of `palpate_offers`: by field of the registry, by name; raises PluginError like `named`."""
         answers = list(self._offers("palpate_offers", _checked_kinds))
         answers.sort(key=lambda answer: not answer[0].is_file)  # of which one is used, the user's file goes first
         return {
@@ -79,19 +81,20 @@ class Discovery:
         }
 
     def _settled(self, kind: str, offers: Iterable[tuple[Plugin, Mapping[str, Any]]]) -> dict[str, tuple[Any, Plugin]]:
-        """The offers of a kind by the name that reaches each; names that several plugins claim are noted."""
+        """Return the offers of a kind by the name that reaches each; names that several plugins claim are noted."""
         claims = settle_claims(kind, offers)
         self.clashes.extend(claims.notices)
         self.ambiguous.update({(kind, name): sentence for name, sentence in claims.ambiguous.items()})
         return claims.offers
 
     def _offers(self, hook: str, check: Callable[[Any], _Checked]) -> Iterator[tuple[Plugin, _Checked]]:
-        """What each plugin, and the core, answers to a hook, once it is checked.
+        """Yield the checked answer of each plugin, and of the core, to a hook.
 
         A hook that raises or answers anything else is noted in `failures`, and the others are asked; raises PluginError
         where it is that of a file, which the user can correct.
         """
         for module, plugin in {core_flags: _CORE, **self.plugins}.items():
+            # One plugin at a time, so that an error is that plugin's.
             others = [other for _, other in self.manager.list_name_plugin() if other is not module]
             try:
                 offers = self.manager.subset_hook_caller(hook, others)()
@@ -107,6 +110,7 @@ class Discovery:
                     yield plugin, checked
 
     def _fail(self, plugin: Plugin, problem: str, error: Exception) -> None:
+        """Note a problem of an installed plugin; raise PluginError for a file, which its user can correct."""
         if plugin.is_file:
             raise PluginError(f"plugin {plugin.name}: {problem}") from error
         before = self.failures.get(plugin.name)
@@ -129,8 +133,8 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
             _register(manager, entry.load(), name)
         except Exception as error:  # whatever a third-party import raises
             failures[name] = f"plugin {name} could not be loaded: {_cause(error)}"
-    for given in files:
-        file = given if isinstance(given, PluginFile) else PluginFile.read(given)
+    for path in files:
+        file = path if isinstance(path, PluginFile) else PluginFile.read(path)
         module = import_plugin_file(file)
         try:
             _register(manager, module, str(file.path))
@@ -140,36 +144,36 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
 
 
 def _cause(error: Exception) -> str:
-    """``KeyError: 'lost'``, in one line."""
+    """Return ``KeyError: 'lost'``, in one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def _place(error: Exception, plugin: Plugin) -> str:
-    """``own.py, line 7``: where a plugin's own file raised, or called what did."""
+    """Return ``own.py, line 7``: the place in a plugin's own file that raised, or called the code that did."""
     frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if frame.filename == plugin.place] or frames
-    return f"{Path(own[-1].filename).name}, line {own[-1].lineno}"
+    plugin_frames = [frame for frame in frames if frame.filename == plugin.place] or frames
+    return f"{Path(plugin_frames[-1].filename).name}, line {plugin_frames[-1].lineno}"
 
 
 def missing_methods(part: Any) -> str:
-    """The methods that a part's kind asks for and it does not define; empty if none is missing."""
+    """Return the methods of a part's kind that the part does not define; empty if none is missing."""
     return ", ".join(sorted(part.__abstractmethods__)) if isabstract(part) else ""
 
 
 def _register(manager: pluggy.PluginManager, module: ModuleType, name: str) -> None:
-    """Take a plugin on; where pluggy refuses one of its hooks, none of them stays."""
-    known = manager.has_plugin(name)
+    """Register a plugin; where pluggy refuses one of its hooks, none of them stays."""
+    was_registered = manager.has_plugin(name)
     try:
         manager.register(module, name)
     except Exception:
-        if not known:
+        if not was_registered:
             manager.unregister(name=name)
         raise
 
 
 @cache
 def _installed(_: tuple[str, ...]) -> tuple[tuple[str, importlib.metadata.EntryPoint], ...]:
-    """Every installed plugin with its name; looked up once in a process, which may build a thousand pipelines.
+    """Return every installed plugin with its name; looked up once in a process, for a thousand pipelines.
 
     palpate's own come first and the others by name, in one order on every machine. pluggy's own loader drops a second
     distribution's entry of a taken name without a word, so it is not asked.
@@ -178,26 +182,26 @@ def _installed(_: tuple[str, ...]) -> tuple[tuple[str, importlib.metadata.EntryP
         (f"{entry.dist.name} {entry.dist.version} ({entry.name})" if entry.dist else entry.name, entry)
         for entry in importlib.metadata.entry_points(group=hooks.PROJECT)
     ]
-    own = [(name, entry) for name, entry in named if name.startswith(_own_prefix())]
+    shipped = [(name, entry) for name, entry in named if name.startswith(_own_prefix())]
     others = [(name, entry) for name, entry in named if not name.startswith(_own_prefix())]
-    return (*own, *sorted(others, key=lambda plugin: plugin[0]))
+    return (*shipped, *sorted(others, key=lambda plugin: plugin[0]))
 
 
 @cache
 def _own_prefix() -> str:
-    """``palpate 0.2.0 (``: how the names of palpate's own plugins begin."""
+    """Return ``palpate 0.2.0 (``: the beginning of the names of palpate's own plugins."""
     return f"{_DISTRIBUTION} {importlib.metadata.version(_DISTRIBUTION)} ("
 
 
 def import_plugin_file(file: PluginFile) -> ModuleType:
-    """The module of a file: that of the last time where nobody has changed it, for its classes are to stay the same.
+    """Return the module of a file: that of the last time if it is unchanged, so that its classes stay the same.
 
     Its content is compiled as it was read: another file there by now, or compiled code next to it, is not executed.
     Nor is a file next to it that it imports. Raises PluginError.
     """
     name = f"palpate_file_{file.path.stem}"
     before = sys.modules.get(name)
-    if before is not None and _is_of(before, file):
+    if before is not None and _executes(before, file):
         return before
     module = ModuleType(name)
     module.__file__, module.__package__ = str(file.path), ""
@@ -213,10 +217,10 @@ def import_plugin_file(file: PluginFile) -> ModuleType:
 
 
 def _advice(error: Exception, path: Path) -> str:
-    """What to do about an import from the folder of a plugin file; empty for any other."""
+    """Return the remedy for an import from the folder of a plugin file; empty for any other error."""
     name = (getattr(error, "name", None) or "").partition(".")[0]
-    beside = bool(name) and (path.with_name(f"{name}.py").exists() or (path.parent / name).is_dir())
-    if not isinstance(error, ImportError) or not (beside or "relative import" in str(error)):
+    is_neighbour = bool(name) and (path.with_name(f"{name}.py").exists() or (path.parent / name).is_dir())
+    if not isinstance(error, ImportError) or not (is_neighbour or "relative import" in str(error)):
         return ""
     return (
         f"; nothing is imported from the folder of a plugin file, since approval covers {path.name} alone: move the "
@@ -224,13 +228,13 @@ def _advice(error: Exception, path: Path) -> str:
     )
 
 
-def _is_of(module: ModuleType, file: PluginFile) -> bool:
+def _executes(module: ModuleType, file: PluginFile) -> bool:
     source = plugin_file_of(module)
     return source is not None and (source.path.resolve(), source.content) == (file.path.resolve(), file.content)
 
 
 def plugin_file_of(module: Any) -> PluginFile | None:
-    """The plugin file whose content a module executes; None for an installed one."""
+    """Return the plugin file whose content a module executes; None for an installed one."""
     source = getattr(module, _SOURCE, None)
     return source if isinstance(source, PluginFile) else None
 
@@ -241,23 +245,23 @@ def _digest(module: Any) -> str:
 
 
 def _oddities(module: Any, plugin: Plugin) -> Iterator[str]:
-    """Functions that look like hooks but are not, and a plugin without any."""
-    known = {name for name in vars(hooks) if name.startswith(_PREFIX)}
+    """Yield sentences on functions that look like hooks but are not, and on a plugin without any."""
+    hook_names = {name for name in vars(hooks) if name.startswith(_PREFIX)}
     marked = {name for name, item in vars(module).items() if hasattr(item, f"{hooks.PROJECT}_impl")}
     named = {name for name, item in vars(module).items() if isfunction(item) and name.startswith(_PREFIX)}
     former = {f"{_PREFIX}{field}": f"{{{kind!r}: ...}}" for kind, (field, _) in hooks.OFFERS.items()}
-    for name in sorted(marked - known):
-        hint = f": return it as {former[name]} from palpate_offers" if name in former else suggest(name, known)
+    for name in sorted(marked - hook_names):
+        hint = f": return it as {former[name]} from palpate_offers" if name in former else suggest(name, hook_names)
         yield f"plugin {plugin.name}: {name} is not a hook{hint}"
     for name in sorted(named - marked):
-        hint = "" if name in known else f", and is not a hook{suggest(name, known)}"
+        hint = "" if name in hook_names else f", and is not a hook{suggest(name, hook_names)}"
         yield f"plugin {plugin.name}: {name} is not marked @palpate.plugin{hint}"
-    if not marked & known and not marked | named:
+    if not marked & hook_names and not marked | named:
         yield f"plugin {plugin.name} offers nothing: it has no function marked @palpate.plugin, such as palpate_models"
 
 
 def _checked_kinds(offer: Any) -> dict[str, dict[str, Any]]:
-    """The items of `palpate_offers` by kind; raises PluginError for an unknown kind, or an item not of its kind."""
+    """Return items of `palpate_offers` by kind; raises PluginError for an unknown kind, or an item not of its kind."""
     if not isinstance(offer, Mapping):
         raise PluginError(f"returns {offer!r}, not a mapping of kinds")
     for kind in offer:
@@ -267,7 +271,7 @@ def _checked_kinds(offer: Any) -> dict[str, dict[str, Any]]:
 
 
 def _checked(offer: Any, kind: str, root: type) -> Iterator[tuple[str, Any]]:
-    """The items of an offer; raises PluginError where it is not a mapping, or one of them is not of the kind."""
+    """Yield the items of an offer; raises PluginError where it is not a mapping, or one of them is not of the kind."""
     if not isinstance(offer, Mapping):
         raise PluginError(f"returns {offer!r}, not a mapping of names")
     for name, item in offer.items():

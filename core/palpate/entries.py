@@ -33,22 +33,22 @@ class Entry:
 
     @cached_property
     def part(self) -> type[Part]:
-        """The part; raises PluginError where what the plugin names cannot be imported or is not a part."""
+        """The part; raises PluginError where the plugin's name of it cannot be imported or is not a part."""
         try:
-            found: Any = import_target(self.offered) if isinstance(self.offered, str) else self.offered
+            part: Any = import_target(self.offered) if isinstance(self.offered, str) else self.offered
         except PluginError as error:
             raise PluginError(f"plugin {self.plugin.name}: {self.name!r}: {error}") from error
-        if not (isinstance(found, type) and issubclass(found, self.root)):
+        if not (isinstance(part, type) and issubclass(part, self.root)):
             raise PluginError(
                 f"plugin {self.plugin.name}: {self.name!r} ({self.offered}) is not of kind {self.root.__name__}"
             )
-        if missing := missing_methods(found):
-            raise PluginError(f"plugin {self.plugin.name}: {self.name!r} ({found.__name__}) does not define {missing}")
-        return found
+        if missing := missing_methods(part):
+            raise PluginError(f"plugin {self.plugin.name}: {self.name!r} ({part.__name__}) does not define {missing}")
+        return part
 
     @cached_property
     def problem(self) -> str | None:
-        """Why the part cannot be used; None where it can."""
+        """The reason why the part cannot be used; None if it can."""
         try:
             _ = self.part
         except PluginError as error:
@@ -56,7 +56,7 @@ class Entry:
         return None
 
     def is_of(self, part: type[Part]) -> bool:
-        """Whether this is the entry of a part; imports nothing of another name."""
+        """Return True if this is the entry of a part; imports nothing of another name."""
         if isinstance(self.offered, str):
             return self.offered.rpartition(":")[2] == part.__qualname__ and self.part is part
         return self.offered is part
@@ -64,7 +64,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class FlagEntry:
-    """What a flag's code means, and who registered it."""
+    """The meaning of a flag's code, and the plugin that registered it."""
 
     meaning: FlagMeaning
     plugin: Plugin

@@ -1,4 +1,4 @@
-"""What can go wrong, drawn as a tree.
+"""The errors of palpate, drawn as a tree.
 
 ::
 
@@ -23,7 +23,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from types import FrameType, MappingProxyType
 
-_SHOWN = 12  # names in a message
+_SHOWN = 12  # a choice: names in a message
+_SIMILARITY = 0.6  # a choice, that of difflib: names at least so similar are suggested
 _SHARED = "; all plugins share the readings and estimates of a run, so they are read-only: change a copy"
 
 
@@ -86,20 +87,20 @@ class OutputError(UserError):
 
 
 def error_text(error: BaseException) -> str:
-    """What an error says; that of another program's code with its type."""
+    """Return the text of an error; that of another program's code with its type."""
     return str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
 
 
 def error_in(error: BaseException, frame: FrameType | None = None, line: int = 0) -> str:
-    """``ValueError: no (my_filter.py, line 12, in run)``: an error of other people's code, and its place.
+    """Return ``ValueError: no (my_filter.py, line 12, in run)``: an error of other people's code, and its place.
 
-    The place is where it was raised, unless a frame and a line of it are given.
+    The place is that at which it was raised, unless a frame and a line of it are given.
     """
     if frame is None:
         *_, (frame, line) = traceback.walk_tb(error.__traceback__)
-    what = " ".join(f"{type(error).__name__}: {error}".split())
+    message = " ".join(f"{type(error).__name__}: {error}".split())
     place = f"{Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name}"
-    return f"{what} ({place}){_SHARED if _is_write(error) else ''}"
+    return f"{message} ({place}){_SHARED if _is_write(error) else ''}"
 
 
 def _is_write(error: BaseException) -> bool:
@@ -108,9 +109,9 @@ def _is_write(error: BaseException) -> bool:
 
 
 def suggest(given: str, allowed: Iterable[str]) -> str:
-    """``; did you mean 'x'? (there are: x, y)`` for messages about an unknown name."""
+    """Return ``; did you mean 'x'? (there are: x, y)`` for messages about an unknown name."""
     names = sorted(allowed)
-    close = get_close_matches(given, names, n=_SHOWN, cutoff=0.6)
+    close = get_close_matches(given, names, n=_SHOWN, cutoff=_SIMILARITY)
     meant = f"; did you mean {close[0]!r}?" if close else ""
     shown = names if len(names) <= _SHOWN else [*(close or names[:_SHOWN]), "..."]
     return f"{meant} (there {'is' if len(names) == 1 else 'are'}: {', '.join(shown) or 'none'})"

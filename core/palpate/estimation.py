@@ -21,11 +21,11 @@ from palpate.vectors import Floats, read_only
 
 @dataclass(frozen=True)
 class Samples:
-    """A block of samples: what the aligned streams say at the instants of the position stream.
+    """A block of samples: the aligned streams at the instants of the position stream.
 
     The blocks of a run are shared by all of its plugins and read-only; ``replace(samples, force=...)`` is another one.
 
-    Missing force or velocity is NaN. `force` is what the sensor feels without tare and weight of the tip; the inertia
+    Missing force or velocity is NaN. `force` is the reading without tare and weight of the tip; the inertia
     of the tip, mass times acceleration, is still in it, since only a process model knows the acceleration.
     """
 
@@ -53,7 +53,7 @@ class Samples:
 
     @classmethod
     def joined(cls, blocks: Sequence[Samples]) -> Samples:
-        """One block from several in their order, read-only where there are several."""
+        """Return one block from several in their order, read-only where there are several."""
         filled = [block for block in blocks if len(block)] or blocks[:1]
         if len(filled) == 1:
             return filled[0]
@@ -110,7 +110,7 @@ class Estimates:
 
     @classmethod
     def idle(cls, samples: Samples, parameters: int) -> Estimates:
-        """Estimates that say nothing, for samples that are not tracked."""
+        """Return estimates without numbers, for samples that are not tracked."""
         n, nan = len(samples), np.nan
         column, table = np.full(n, nan), np.full((n, parameters), nan)
         status = np.full(n, Status.IDLE, np.uint32)
@@ -119,14 +119,12 @@ class Estimates:
 
 @dataclass(frozen=True)
 class Problem:
-    """What an estimator is started on: the contact model and what the alignment knows of the rig."""
+    """The problem of an estimator: the contact model, and the facts of the rig that the alignment knows."""
 
     model: ContactModel
     tip_mass: float | None  # [kg] of all that hangs behind the sensor; None where it is not declared
     timing_uncertainty: float | None = None  # [s] standard uncertainty between force and motion; None: not declared
-    standstill: float | None = (
-        None  # [s] at the beginning of the record that the tip hangs still in free air; None: unknown
-    )
+    standstill: float | None = None  # [s] at the record's beginning that the tip hangs still in free air; None: unknown
     others: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # parameters of the other models, by their name
     zero_uncertainty: float | None = None  # [N] standard uncertainty that is stated of the zero of the force
     # Source of the zero of the force: the record's own air, a statement, or none.
@@ -134,10 +132,10 @@ class Problem:
 
 
 class Tracker(Protocol):
-    """An estimator at work: what it has learned lives here."""
+    """An estimator at work: its state lives here."""
 
     def run(self, samples: Samples) -> Estimates:
-        """Estimates for a block of 1..n samples; the same numbers however the samples are cut into blocks."""
+        """Return estimates for a block of 1..n samples; the same numbers for any division into blocks."""
         ...
 
 
@@ -151,27 +149,27 @@ class Estimator(Part, ABC):
 
     @property
     def declared_noise(self) -> tuple[float, float] | None:
-        """Standard deviations of force [N] and velocity [m/s] that it counts on; None where it does not ask for any."""
+        """The assumed standard deviations of force [N] and velocity [m/s]; None of an estimator without such."""
         return None
 
     @property
     def follows_changes(self) -> bool:
-        """Whether it is set to follow a material that changes along the way, rather than to find one value."""
+        """True if it is set to follow a material that changes along the way, rather than to find one value."""
         return False
 
     @property
     def robust(self) -> bool:
-        """Whether single readings that are far off move its estimates little."""
+        """True if single readings that are far off move its estimates little."""
         return False
 
     @abstractmethod
     def start(self, problem: Problem) -> Tracker:
-        """A fresh tracker on a problem; raises ConfigurationError where the problem lacks what the estimator needs."""
+        """Return a fresh tracker on a problem; raises ConfigurationError where the problem lacks a needed fact."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """One sample, as `track_by_step` hands it to a step function."""
+    """One sample of a step function, see `track_by_step`."""
 
     interval: float  # [s] since the sample before; 0 at the first of a stretch
     force: float  # [N]
@@ -182,7 +180,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Belief:
-    """What a step function answers: its estimate after one sample."""
+    """The answer of a step function: its estimate after one sample."""
 
     values: Floats  # (k,)
     std: Floats  # (k,)
@@ -195,7 +193,7 @@ class Belief:
 
 
 def track_by_step(parameters: int, step: Callable[[Moment], Belief]) -> Tracker:
-    """A tracker from a plain function of one sample, called for the active samples in their order.
+    """Return a tracker from a plain function of one sample, called for the active samples in their order.
 
     The way for a filter in plain numpy: keep the state where you like (a closure, an object), answer a `Belief`.
     """
@@ -228,7 +226,12 @@ class _StepTracker:
 
 
 def _write(estimates: Estimates, row: int, moment: Moment, belief: Belief) -> None:
-    estimates.values[row], estimates.std[row] = belief.values, belief.std
-    estimates.surface[row], estimates.surface_std[row] = moment.position + belief.depth, belief.depth_std
-    estimates.force[row], estimates.nis[row], estimates.status[row] = belief.force, belief.nis, belief.status
+    """Write the answer of a step function as the estimate of one sample."""
+    estimates.values[row] = belief.values
+    estimates.std[row] = belief.std
+    estimates.surface[row] = moment.position + belief.depth
+    estimates.surface_std[row] = belief.depth_std
+    estimates.force[row] = belief.force
+    estimates.nis[row] = belief.nis
+    estimates.status[row] = belief.status
     estimates.innovation[row] = belief.innovation

@@ -1,4 +1,4 @@
-"""What an offline fit reports in addition to its estimates, the same for every fit."""
+"""The report of an offline fit in addition to its estimates, the same for every fit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Effect:
-    """What one source of uncertainty does to one unknown."""
+    """The effect of one source of uncertainty on one unknown."""
 
     sensitivity: float | None  # unit of the unknown per unit of the source
     contribution: float | None  # standard uncertainty; None where that of the source is not known
@@ -31,7 +31,7 @@ class Effect:
 
     @classmethod
     def of(cls, value: float, contribution: float, sensitivity: float | None = None) -> Effect:
-        """That of a source which contributes a standard uncertainty to a value."""
+        """Return the effect of a source that contributes a standard uncertainty to a value."""
         return cls(sensitivity, contribution, 100.0 * contribution / abs(value) if value else None)
 
 
@@ -47,7 +47,7 @@ class BudgetRow:
 
 @dataclass(frozen=True)
 class FitReport:
-    """Residual, unknowns and evidence of a fit; what a fit does not know stays at its default."""
+    """Residual, unknowns and evidence of a fit; fields that a fit does not know stay at their default."""
 
     rss: float  # [N^2] sum of the squared residuals
     samples: int
@@ -65,10 +65,10 @@ class FitReport:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the residuals [N]."""
+        """The root mean square of the residuals [N]."""
         return math.sqrt(self.rss / self.samples) if self.samples else math.nan
 
     def table(self) -> dict[str, Any]:
-        """As in ``result.json``."""
+        """Return the report as in ``result.json``."""
         pairs = [{"first": a, "second": b, "value": value} for (a, b), value in self.correlations.items()]
         return {**asdict(self), "rms": self.rms, "correlations": pairs}

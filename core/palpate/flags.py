@@ -1,4 +1,4 @@
-"""Flags: failed assumptions, each as a short code and a sentence; what a code means is registered once."""
+"""Flags: failed assumptions, each as a short code and a sentence; the meaning of a code is registered once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any, Literal, get_args
 
 Severity = Literal["note", "doubtful", "invalid"]
 Verdict = Literal["good", "note", "doubtful", "invalid"]
-NOT_DETERMINED, NEEDS = "not determined", "needs "  # further words of a value; "needs delay"
+NOT_DETERMINED = "not determined"  # a further word of a value
+NEEDS = "needs "  # before the fact that a value needs, as in "needs delay"
 
 SEVERITIES: dict[Severity, str] = {
     "invalid": "the track's numbers must not be used",
@@ -17,7 +18,7 @@ SEVERITIES: dict[Severity, str] = {
     "note": "for information",
 }
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)  # from the best to the worst
-ADVICE: dict[str, str] = {  # a verdict in words, and what a person is to do with a track of that verdict
+ADVICE: dict[str, str] = {  # a verdict in words, with the advice on a track of that verdict
     "good": "good: trust it",
     "note": "good: trust it",
     "doubtful": "doubtful: look at it",
@@ -39,17 +40,17 @@ def needs_fact(verdict: str) -> bool:
 
 
 def verdict_rank(verdict: str) -> int:
-    """The order of verdicts from good to invalid; a word that gives no number comes just before the last."""
+    """Return the order of verdicts from good to invalid; a word without a number comes just before the last."""
     return {"good": 0, "note": 0, "doubtful": 1, "invalid": 3}.get(verdict, 2)
 
 
 def advice_on(verdict: str) -> str:
-    """A verdict in words: of what gives a number with what to do, else why it has none."""
+    """Return a verdict in words: with the advice for a number, else the reason why a number is missing."""
     return ADVICE.get(verdict, verdict)
 
 
 def verdict_word(verdict: str) -> str:
-    """The word of a verdict for a reader: a note moves no value beyond its uncertainty, so that the track is good."""
+    """Return the word of a verdict for a reader: a note moves no value beyond its uncertainty, so the track is good."""
     return "good" if verdict == "note" else verdict
 
 
@@ -57,8 +58,8 @@ def verdict_word(verdict: str) -> str:
 class Flag:
     """A failed assumption: a code for programs and a sentence for readers.
 
-    `effects` is by how much what the flag names can move each value [SI], by name of the value; a name that is missing
-    is not moved, infinity stands for no bound, and None for an effect that is not known.
+    `effects` holds the possible shift of each value [SI], by name of the value; a missing name does not move, infinity
+    stands for no bound, and None for unknown effects.
     """
 
     code: str  # of lower-case words with hyphens; registered by `palpate_flags`
@@ -74,7 +75,7 @@ class Flag:
         return f"{self.code}: {self.message}"
 
     def table(self) -> dict[str, Any]:
-        """As in ``result.json``."""
+        """Return the flag as in ``result.json``."""
         table: dict[str, Any] = {"code": self.code, "message": self.message, "severity": self.severity}
         if self.remedy:
             table["remedy"] = self.remedy
@@ -86,7 +87,7 @@ class Flag:
 
     @classmethod
     def of_table(cls, table: Mapping[str, Any]) -> Flag:
-        """The flag of a table as `table` makes it."""
+        """Return the flag of a table made by `table`."""
         effects = table.get("effects")
         if effects is not None:
             effects = {name: math.inf if size is None else size for name, size in effects.items()}
@@ -97,9 +98,9 @@ class Flag:
 
 @dataclass(frozen=True)
 class FlagMeaning:
-    """What a flag's code means, the same wherever it is raised; `SEVERITIES` says what each severity is.
+    """The meaning of a flag's code, the same wherever it is raised; `SEVERITIES` explains each severity.
 
-    A code that is `evidence_of` another is not a flag of its own, but a sign of what the other one names.
+    A code that is `evidence_of` another is not a flag of its own, but a sign of the other one.
     """
 
     severity: Severity
@@ -110,7 +111,7 @@ class FlagMeaning:
 
     @classmethod
     def sign(cls, of: str, meaning: str) -> FlagMeaning:
-        """The meaning of a sign `of` a flag, whose severity and remedy apply."""
+        """Return the meaning of a sign `of` a flag, whose severity and remedy apply."""
         return cls("note", meaning, "", evidence_of=of)
 
 
@@ -118,36 +119,45 @@ UNREGISTERED = FlagMeaning("doubtful", "A flag that no plugin has registered.", 
 
 
 def judged_flags(flags: Iterable[Flag], meanings: Mapping[str, FlagMeaning]) -> tuple[Flag, ...]:
-    """Flags with severity and remedy, one for each cause: those that are evidence of another stand under that one.
+    """Return flags with severity and remedy, one for each cause: evidence of another flag stands under that one.
 
     Where the other one was not raised itself, its evidence raises it. Its effects are the largest of all that are
     known, and not known where none is.
     """
     causes: dict[tuple[str, int | None], list[Flag]] = {}
-    for place, flag in enumerate(flags):
+    # Signs by the flag that they are evidence of; a note is not a doubt, and stands by itself.
+    for number, flag in enumerate(flags):
         meaning = meanings.get(flag.code, UNREGISTERED)
-        is_note = meaning.severity == "note" and not meaning.evidence_of  # which is not a doubt, and stands by itself
+        is_note = meaning.severity == "note" and not meaning.evidence_of
         head = meaning.evidence_of if meaning.evidence_of in meanings else flag.code
-        causes.setdefault((head, place if is_note else None), []).append(flag)
-    return tuple(_one(code, signs, meanings) for (code, _), signs in causes.items())
+        causes.setdefault((head, number if is_note else None), []).append(flag)
+    return tuple(_flag_of_cause(code, signs, meanings) for (code, _), signs in causes.items())
 
 
-def _one(code: str, signs: list[Flag], meanings: Mapping[str, FlagMeaning]) -> Flag:
-    """The flag of one cause, with its evidence."""
+def _flag_of_cause(code: str, signs: list[Flag], meanings: Mapping[str, FlagMeaning]) -> Flag:
+    """Return the flag of one cause, with its evidence."""
     meaning = meanings.get(code, UNREGISTERED)
-    own = [sign for sign in signs if sign.code == code]
-    known = [sign.effects for sign in signs if sign.effects is not None]
-    names = dict.fromkeys(name for effects in known for name in effects)
-    effects = {name: max(e.get(name, 0.0) for e in known) for name in names} if known else None
-    message = "; ".join(dict.fromkeys(sign.message for sign in own or signs))
-    evidence = (*(sign for sign in signs if sign.code != code), *(e for sign in own for e in sign.evidence))
+    raised = [sign for sign in signs if sign.code == code]
+    evidence = [sign for sign in signs if sign.code != code]
+    for flag in raised:
+        evidence += flag.evidence
+    message = "; ".join(dict.fromkeys(sign.message for sign in raised or signs))
     causes = tuple(dict.fromkeys(cause for sign in signs for cause in sign.causes or ()))
     return replace(
-        signs[0], code=code, message=message, severity=meaning.severity, effects=effects, causes=causes,
-        evidence=evidence, remedy=meaning.remedy,
+        signs[0], code=code, message=message, severity=meaning.severity, effects=_largest_effects(signs), causes=causes,
+        evidence=tuple(evidence), remedy=meaning.remedy,
     )  # fmt: skip
 
 
+def _largest_effects(signs: Iterable[Flag]) -> dict[str, float] | None:
+    """Return the largest effect of any sign on each value; None where no sign has known effects."""
+    known = [sign.effects for sign in signs if sign.effects is not None]
+    if not known:
+        return None
+    names = dict.fromkeys(name for effects in known for name in effects)
+    return {name: max(effects.get(name, 0.0) for effects in known) for name in names}
+
+
 def verdict(flags: Iterable[Flag]) -> Verdict:
-    """The worst severity among judged flags; ``good`` without any, ``doubtful`` for an unregistered one."""
+    """Return the worst severity among judged flags; ``good`` without any, ``doubtful`` for an unregistered one."""
     return VERDICTS[max((VERDICTS.index(flag.severity or "doubtful") for flag in flags), default=0)]

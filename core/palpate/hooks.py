@@ -1,4 +1,4 @@
-"""The whole plugin interface: what a plugin's module may offer.
+"""The whole plugin interface: the offers of a plugin's module.
 
 A plugin is a module named in the entry-point group ``palpate`` of its distribution, or a file named in
 ``[run] plugins``. It offers parts, commands and more by functions of the names below, each marked
@@ -82,15 +82,15 @@ def palpate_twins() -> Mapping[str, type[Twin] | str]:  # type: ignore[empty-bod
 
 @_hook
 def palpate_diagnoses() -> Mapping[str, Diagnosis]:  # type: ignore[empty-body]
-    """Functions that judge what the tracks of a run found, by name; each is called once when a run has ended.
+    """Functions that judge the findings of a run's tracks, by name; each is called once when a run has ended.
 
-    What they answer joins the track's flags and its budget of uncertainty, and ``diagnoses.NAME`` of its result.
+    Their answers join the track's flags and its budget of uncertainty, and ``diagnoses.NAME`` of its result.
     """
 
 
 @_hook
 def palpate_offers() -> Mapping[str, Mapping[str, Offer]]:  # type: ignore[empty-body]
-    """What serves one command, or one moment of a run: by kind, by name, as in ``{"check": {"blunt": Check(blunt)}}``.
+    """Offers for one command, or one moment of a run: by kind, by name, as in ``{"check": {"blunt": Check(blunt)}}``.
 
     - ``calibration``: reads the file of ``[run] calibration``; of several that of a file is used, then palpate's own.
     - ``check``: is called with the parts of each pipeline that is built, and refuses wrong ones.
@@ -177,9 +177,10 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """KINDS, EXTENSIONS and OFFERS with their classes, which are imported when they are first asked for."""
+    """Return KINDS, EXTENSIONS or OFFERS with their classes, which are imported on first use."""
     tables = {"KINDS": _KINDS, "EXTENSIONS": _EXTENSIONS, "OFFERS": _OFFERS}
     if name not in tables:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = found = {key: (hook, import_target(root)) for key, (hook, root) in tables[name].items()}
-    return found
+    table = {key: (hook, import_target(root)) for key, (hook, root) in tables[name].items()}
+    globals()[name] = table
+    return table

@@ -1,4 +1,4 @@
-"""Files that are read: regular, of bounded size and nesting; those of a log's pipeline in the folder of the log."""
+"""Input files: regular, of bounded size and nesting; those of a log's pipeline in the folder of the log."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from pathlib import Path
 from stat import S_ISREG
 from typing import Any
 
-LARGEST = 1 << 25  # [bytes] of a file that a pipeline takes data from
-_TEXT = 1 << 28  # [bytes] of a text that is read at once: the fits of ten thousand logs
-_DEEP = "tables and lists are nested too deep"
+LARGEST = 1 << 25  # [bytes], a choice: of a file from which a pipeline takes data
+_MAX_TEXT = 1 << 28  # [bytes], a choice: of a text that is read at once, such as the fits of ten thousand logs
+_TOO_DEEP = "tables and lists are nested too deep"
 
 
 @dataclass(frozen=True)
 class Enclosure:
-    """What a pipeline that a log carries may read: files in the log's folder, and those that it was recorded with."""
+    """The files of a pipeline that a log carries: those in the log's folder, and those that it was recorded with."""
 
     log: Path
     digests: frozenset[str] = frozenset()  # SHA-256 of the files that it was recorded with, as the log states them
 
     def admits(self, path: Path) -> bool:
-        """Whether a file may be read; symbolic links are followed first."""
+        """Return True if a file may be read; symbolic links are followed first."""
         if path.resolve().is_relative_to(self.log.parent.resolve()):
             return True
         if not (path.is_file() and 0 < path.stat().st_size <= LARGEST):  # files of a device driver have no size
@@ -33,7 +33,7 @@ class Enclosure:
 
 
 def check_input(path: Path, enclosure: Enclosure | None = None) -> None:
-    """Raise ValueError where a file must not be read; one that is not there is left to whoever reads it."""
+    """Raise ValueError where a file must not be read; a missing one is left to its reader."""
     try:
         status = path.stat()
     except ValueError as error:
@@ -52,28 +52,28 @@ def check_input(path: Path, enclosure: Enclosure | None = None) -> None:
 
 
 def bounded_text(path: Path, encoding: str = "utf-8") -> str:
-    """The text of a file; raises UnicodeDecodeError, and OSError where it is not a regular file or far too large."""
+    """Return the text of a file; raises UnicodeDecodeError, and OSError if it is not regular or far too large."""
     status = path.stat()
     if not S_ISREG(status.st_mode):  # a pipe would be waited for, and a device has no end
         raise OSError(errno.EINVAL, "is not a regular file", str(path))
-    if status.st_size > _TEXT:
-        raise OSError(errno.EFBIG, f"has {status.st_size} bytes; at most {_TEXT} are read", str(path))
+    if status.st_size > _MAX_TEXT:
+        raise OSError(errno.EFBIG, f"has {status.st_size} bytes; at most {_MAX_TEXT} are read", str(path))
     return path.read_text(encoding=encoding)
 
 
 def json_document(text: str) -> Any:
-    """What a text of JSON says; raises ValueError, for one that is nested too deep as well."""
+    """Return the data of a text of JSON; raises ValueError, also for one that is nested too deep."""
     try:
         return json.loads(text)
     except RecursionError as error:
-        raise ValueError(_DEEP) from error
+        raise ValueError(_TOO_DEEP) from error
 
 
 def toml_tables(text: str) -> dict[str, Any]:
-    """The tables of a text of TOML; raises tomllib.TOMLDecodeError, for one that is nested too deep as well."""
+    """Return the tables of a text of TOML; raises tomllib.TOMLDecodeError, also for one that is nested too deep."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:
         raise
     except (ValueError, RecursionError) as error:  # of a number of 5000 digits, too
-        raise tomllib.TOMLDecodeError(_DEEP if isinstance(error, RecursionError) else str(error)) from error
+        raise tomllib.TOMLDecodeError(_TOO_DEEP if isinstance(error, RecursionError) else str(error)) from error

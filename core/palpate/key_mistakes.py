@@ -1,4 +1,4 @@
-"""What is wrong with the keys of settings, in words: the same in a pipeline file and in Python."""
+"""Mistakes in the keys of settings, in words: the same in a pipeline file and in Python."""
 
 from __future__ import annotations
 
@@ -12,51 +12,62 @@ from pydantic_core import ErrorDetails
 
 from palpate.errors import ConfigurationError, suggest
 
+_MAX_SHOWN = 60  # characters, a choice: of a value in a message
+
 Location = tuple[str, ...]  # ("device", "log", "columns", "z")
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """One thing that is wrong, and where."""
+    """One mistake, and its place."""
 
     location: Location  # ("model", "dr", "poisson")
     problem: str
 
 
 def settings_error(error: ValidationError, settings: type[BaseModel]) -> ConfigurationError:
-    """What validation says of settings that are made in Python: one line for each mistake."""
+    """Return the error of settings that are made in Python: one clause for each mistake."""
     mistakes = mistakes_of(error, settings, ())
     lines = [": ".join((*filter(None, [".".join(m.location)]), m.problem)) for m in mistakes]
     return ConfigurationError(f"{settings.__name__}: {'; '.join(lines)}")
 
 
 def mistakes_of(error: ValidationError, settings: type[BaseModel], location: Location) -> list[Mistake]:
-    """The mistakes in one table that validation found."""
-    found = []
+    """Return the mistakes in one table that validation found."""
+    mistakes = []
     for detail in error.errors(include_url=False):
-        *above, last = detail["loc"] or ("",)
-        named = detail["type"] in ("extra_forbidden", "missing")  # the last step is a key, whatever it looks like
-        inner = tuple(str(step) for step in above if not _is_branch(step))
-        inner += (str(last),) if detail["loc"] and (named or not _is_branch(last)) else ()
-        key = inner[:-1] if detail["type"] == "extra_forbidden" else inner
-        found.append(Mistake(location + key, _problem(detail, settings, inner)))
-    misspelt = set(_misspelt(error))
-    return [m for m in found if m.location[len(location) :] not in misspelt or not m.problem.startswith(_MISSING)]
+        keys = _key_path(detail)
+        # An unknown key is a mistake of the table that has it.
+        place = keys[:-1] if detail["type"] == "extra_forbidden" else keys
+        mistakes.append(Mistake(location + place, _problem(detail, settings, keys)))
+    # A key is not reported as missing where a similar unknown one is.
+    misspelt = set(_misspelt_keys(error))
+    return [m for m in mistakes if m.location[len(location) :] not in misspelt or not m.problem.startswith(_MISSING)]
 
 
-def _misspelt(error: ValidationError) -> Iterator[Location]:
-    """Keys that are missing since another one, which there is not, was written for them."""
-    found = error.errors(include_url=False)
-    missing = [tuple(map(str, detail["loc"])) for detail in found if detail["type"] == "missing"]
-    for detail in found:
-        *above, last = (str(step) for step in detail["loc"] or ("",))
+def _key_path(detail: ErrorDetails) -> Location:
+    """Return the keys of an error's location, without the branches of unions."""
+    *parents, last = detail["loc"] or ("",)
+    keys = tuple(str(step) for step in parents if not _is_branch(step))
+    is_key = detail["type"] in ("extra_forbidden", "missing")  # the last step is a key, even if it looks like a branch
+    if detail["loc"] and (is_key or not _is_branch(last)):
+        keys += (str(last),)
+    return keys
+
+
+def _misspelt_keys(error: ValidationError) -> Iterator[Location]:
+    """Yield the missing keys for which a similar unknown key was written."""
+    details = error.errors(include_url=False)
+    missing = [tuple(map(str, detail["loc"])) for detail in details if detail["type"] == "missing"]
+    for detail in details:
+        *parents, last = (str(step) for step in detail["loc"] or ("",))
         if detail["type"] == "extra_forbidden":
-            beside = [place[-1] for place in missing if place[:-1] == tuple(above)]
-            yield from ((*above, name) for name in get_close_matches(last, beside, n=1))
+            siblings = [place[-1] for place in missing if place[:-1] == tuple(parents)]
+            yield from ((*parents, name) for name in get_close_matches(last, siblings, n=1))
 
 
 def _is_branch(step: int | str) -> bool:
-    """Union branches show up in pydantic's locations; no key of ours looks like one."""
+    """Return True for a branch of a union, a step of pydantic's locations that no key of settings looks like."""
     return isinstance(step, str) and ("[" in step or step in ("float", "constrained-str", "Signal"))
 
 
@@ -73,42 +84,51 @@ _WORDS = {
 }
 
 
-def _problem(detail: ErrorDetails, settings: type[BaseModel], inner: Location) -> str:
-    given, kind = detail["input"], detail["type"]
+def _problem(detail: ErrorDetails, settings: type[BaseModel], keys: Location) -> str:
+    """Return the mistake of one error in words."""
+    value, kind = detail["input"], detail["type"]
     if kind == "missing":
-        return f"{_MISSING} ({_meaning(settings, inner)})"
+        return f"{_MISSING} ({_meaning(settings, keys)})"
     if kind == "extra_forbidden":
-        return f"unknown key {inner[-1]!r}{suggest(inner[-1], _fields(settings, inner[:-1]))}"
+        return f"unknown key {keys[-1]!r}{suggest(keys[-1], _fields(settings, keys[:-1]))}"
     if kind == "literal_error":
         expected = str(detail.get("ctx", {}).get("expected", "")).replace(" or ", ",").split(",")
         allowed = [word.strip().strip("'") for word in expected]
-        return f"{_shown(given)} is not allowed{suggest(str(given), allowed)}"
+        return f"{_as_toml(value)} is not allowed{suggest(str(value), allowed)}"
     if kind in ("quantity", "tare", "value_error"):
         return detail["msg"].removeprefix("Value error, ")
     word = _WORDS.get(kind.split("_")[0])
     if word is not None and kind.endswith(("_type", "_from_float", "_parsing")):
-        return f"must be {word}, not {_shown(given)}"
-    return f"{_shown(given)}: {detail['msg'].replace('Input should', 'must')}"
+        return f"must be {word}, not {_as_toml(value)}"
+    return f"{_as_toml(value)}: {detail['msg'].replace('Input should', 'must')}"
 
 
-def _shown(given: Any) -> str:
-    """What was given, as TOML writes it."""
-    text = str(given).lower() if isinstance(given, bool) else repr(given)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+def _as_toml(value: Any) -> str:
+    """Return a value as TOML writes it, cut to `_MAX_SHOWN`."""
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
 
 
 def _nested(settings: type[BaseModel], path: Location) -> type[BaseModel] | None:
-    """The settings at the end of a path of keys; the keys of a dictionary of settings count as steps."""
+    """Return the settings at the end of a path of keys; the keys of a dictionary of settings count as steps."""
     current: Any = settings
     for step in path:
         if isinstance(current, type) and issubclass(current, BaseModel):
             field = current.model_fields.get(step)
             current = field.annotation if field else None
         else:
-            current = next((a for a in get_args(current) if isinstance(a, type) and issubclass(a, BaseModel)), None)
+            current = _settings_in(current)
     if not isinstance(current, type):
-        current = next((a for a in get_args(current) if isinstance(a, type) and issubclass(a, BaseModel)), None)
+        current = _settings_in(current)
     return current if isinstance(current, type) and issubclass(current, BaseModel) else None
+
+
+def _settings_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the first settings among the arguments of an annotation."""
+    for argument in get_args(annotation):
+        if isinstance(argument, type) and issubclass(argument, BaseModel):
+            return argument
+    return None
 
 
 def _fields(settings: type[BaseModel], path: Location) -> list[str]:
@@ -116,7 +136,8 @@ def _fields(settings: type[BaseModel], path: Location) -> list[str]:
     return list(nested.model_fields) if nested else []
 
 
-def _meaning(settings: type[BaseModel], inner: Location) -> str:
-    nested = _nested(settings, inner[:-1])
-    field = nested.model_fields.get(inner[-1]) if nested else None
+def _meaning(settings: type[BaseModel], keys: Location) -> str:
+    """Return the description of a key."""
+    nested = _nested(settings, keys[:-1])
+    field = nested.model_fields.get(keys[-1]) if nested else None
     return (field.description if field and field.description else "") or "it must be given"

@@ -1,4 +1,4 @@
-"""What a plugin adds besides parts: commands, report sections, templates; plain data, nothing is imported for it."""
+"""Offers of a plugin besides parts: commands, report sections, templates; plain data, nothing is imported for it."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ class Command:
 
 @dataclass(frozen=True)
 class ReportSection:
-    """A part of what is shown of a result: ``function(result)`` answers tables and texts, none where it has none."""
+    """A section of a shown result: ``function(result)`` answers tables and texts, none where it has none."""
 
     target: str  # "module:function"
     order: int = 50  # sections are shown by increasing order
-    detail: bool = False  # whether a terminal shows it only with --details; a report always does
+    detail: bool = False  # True: a terminal shows it only with --details; a report always does
 
 
 @dataclass(frozen=True)
 class Report:
-    """What is made of a run that has ended: ``function(folder)`` writes a file and answers where it is."""
+    """A file about a run that has ended: ``function(folder)`` writes it and answers its path."""
 
     target: str  # "module:function"
 
@@ -71,17 +71,17 @@ class Diagnosis:
 
 @dataclass(frozen=True)
 class Summary:
-    """What is gathered of each track while a run goes on: ``function()`` answers a `TrackSummary`."""
+    """A summary of each track while a run goes on: ``function()`` answers a `TrackSummary`."""
 
     target: str | Callable[..., Any]  # "module:function", imported when a run begins; or the function
 
 
 @dataclass(frozen=True)
 class Recorder:
-    """What writes down the estimates of every run: ``function(folder, parameters by track, pipeline, offline)``.
+    """A recorder of every run's estimates: ``function(folder, parameters by track, pipeline, offline)``.
 
-    It answers a context with an `EstimatesWriter`. `pipeline` has what its own table says, and ``[run]
-    estimates_interval``; `offline` tracks, which speak when the record has ended, are opened apart.
+    It answers a context with an `EstimatesWriter`. `pipeline` has its own table, and ``[run]
+    estimates_interval``; `offline` tracks, which end with the record, are opened apart.
     """
 
     target: str | Callable[..., Any]  # "module:function", imported when a run begins; or the function
@@ -99,16 +99,16 @@ class Check:
 
 @dataclass(frozen=True)
 class Fact:
-    """What ``palpate info`` says of an installation: ``function()`` answers one line, such as which kernel runs."""
+    """A line of ``palpate info`` on an installation: ``function()`` answers it, such as the kernel that runs."""
 
     target: str  # "module:function"
 
 
 @dataclass(frozen=True)
 class FileSuggestion:
-    """What ``palpate info FILE --suggest`` says of a file that is not a log: ``function(path)`` returns commands.
+    """A suggestion of ``palpate info FILE --suggest`` for other files than logs: ``function(path)`` returns commands.
 
-    It answers a sequence of commands, comments and what is to be filled in, and None for a file of another kind.
+    It answers a sequence of commands, comments and blanks to fill in, and None for a file of another kind.
     """
 
     target: str  # "module:function"
@@ -116,21 +116,21 @@ class FileSuggestion:
 
 @dataclass(frozen=True)
 class CalibrationReader:
-    """What reads the file of ``[run] calibration``: ``function(path, valid for [s])`` answers what is taken from it."""
+    """A reader of ``[run] calibration``: ``function(path, valid for [s])`` answers the calibration of a file."""
 
     target: str  # "module:function"
 
 
 @dataclass(frozen=True)
 class ControlReader:
-    """What reads the chart of ``[run] control``: ``function(path, valid for [s])`` answers the check behind a run."""
+    """A reader of ``[run] control``: ``function(path, valid for [s])`` answers the check of a chart behind a run."""
 
     target: str  # "module:function"
 
 
 @dataclass(frozen=True)
 class Display:
-    """What shows a run on the terminal: ``function(pipeline)`` answers a context with a writer that has `progress`."""
+    """A display of a run on the terminal: ``function(pipeline)`` answers a context with a writer with `progress`."""
 
     target: str  # "module:function"
 
@@ -144,7 +144,7 @@ class Template:
     help: str  # one line
 
     def text(self) -> str:
-        """The text; raises PluginError where the package lacks it."""
+        """Return the text; raises PluginError where the package lacks it."""
         from importlib.resources import files
 
         try:
@@ -170,21 +170,21 @@ Offer = (
 
 
 def function_of(offer: Offer) -> Callable[..., Any]:
-    """The function that an offer names; raises PluginError where it cannot be imported."""
+    """Return the function that an offer names; raises PluginError where it cannot be imported."""
     return import_target(offer.target) if isinstance(offer.target, str) else offer.target
 
 
 def import_target(target: str) -> Callable[..., Any]:
-    """What ``module:name`` names; raises PluginError where it cannot be imported."""
+    """Return the object that ``module:name`` names; raises PluginError where it cannot be imported."""
     module, colon, name = target.partition(":")
     if not (module and colon and name):
         raise PluginError(f"{target!r} is not of the form MODULE:FUNCTION")
     try:
-        found: Callable[..., Any] = getattr(import_module(module), name)
+        target_object: Callable[..., Any] = getattr(import_module(module), name)
     except (ImportError, AttributeError) as error:
         raise PluginError(f"{target} cannot be imported: {error}") from error
     except PalpateError:
         raise
     except Exception as error:  # whatever a third-party import raises
         raise PluginError(f"{target} cannot be imported: {type(error).__name__}: {error}") from error
-    return found
+    return target_object

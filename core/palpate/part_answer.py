@@ -15,21 +15,24 @@ _T = TypeVar("_T")
 
 
 def answer_of(part: Part, question: Callable[[], _T], when: str = "") -> _T:
-    """What a part answers to a question; raises PluginError naming part, file and line where its code raises."""
+    """Return the answer of a part to a question; raises PluginError with part, file and line where its code raises."""
     try:
         return question()
     except PalpateError:
         raise
     except (Exception, SystemExit) as error:
-        place = _last_own_step(part, error)
+        place = _last_step_in_part(part, error)
         raise PluginError(f"{part.kind} {type(part).__name__} failed{when}: {error_in(error, *place)}") from error
 
 
-def _last_own_step(part: Part, error: BaseException) -> tuple[FrameType, int]:
-    """Frame and line in the file of a part's class that an error has passed last; else where it was raised."""
+def _last_step_in_part(part: Part, error: BaseException) -> tuple[FrameType, int]:
+    """Return the last frame and line of an error in the file of a part's class; else those that raised it."""
     steps = list(traceback.walk_tb(error.__traceback__))
     try:
-        own = inspect.getfile(type(part))
+        part_file = inspect.getfile(type(part))
     except (TypeError, OSError):
-        own = ""
-    return next((step for step in reversed(steps) if step[0].f_code.co_filename == own), steps[-1])
+        part_file = ""
+    for step in reversed(steps):
+        if step[0].f_code.co_filename == part_file:
+            return step
+    return steps[-1]

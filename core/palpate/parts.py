@@ -25,28 +25,28 @@ from palpate.key_mistakes import settings_error
 
 
 def _tuples(value: Any) -> Any:
-    """TOML has only lists; settings are frozen, so they hold tuples."""
+    """Return lists, which TOML has, as tuples, since settings are frozen; other values stay."""
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
 
 
 def _forget_derived(settings: BaseModel) -> None:
-    """What settings have computed from their fields is void in a copy with other fields."""
-    kept = vars(settings)
-    for name in kept.keys() - type(settings).model_fields.keys():
-        del kept[name]
+    """Drop the numbers that settings have computed from their fields, which are void in a copy with other fields."""
+    attributes = vars(settings)
+    for name in attributes.keys() - type(settings).model_fields.keys():
+        del attributes[name]
 
 
 class Settings(BaseModel):
     """A table of a pipeline file: frozen, strict, and closed to keys that it does not know.
 
-    What follows from the fields may be kept in a `cached_property`, never in a private attribute: a copy with other
-    values (`model_copy`) computes it again.
+    Numbers that follow from the fields may be kept in a `cached_property`, never in a private attribute: a copy with
+    other values (`model_copy`) computes them again.
     """
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", protected_namespaces=())
 
     def __init__(self, /, **keys: Any) -> None:
-        """Settings by their keys; raises ConfigurationError with every mistake at once."""
+        """Make settings by their keys; raises ConfigurationError with every mistake at once."""
         try:
             super().__init__(**keys)
         except ValidationError as error:
@@ -78,14 +78,14 @@ class Part(Settings):
 
 
 def _alternatives(annotation: Any) -> tuple[Any, ...]:
-    """What an annotation allows directly: itself, or the members of a union; not what a container holds."""
+    """Return the direct alternatives of an annotation: itself, or the members of a union; not those in a container."""
     if get_origin(annotation) in (Union, UnionType):
         return get_args(annotation)
     return (annotation,)
 
 
 def part_kind(annotation: Any) -> str | None:
-    """The kind of part that a field's annotation asks for, or None where it asks for none."""
+    """Return the kind of part that a field's annotation requires; None if it requires none."""
     for candidate in _alternatives(annotation):
         if isinstance(candidate, type) and issubclass(candidate, Part):
             return candidate.kind
@@ -93,7 +93,7 @@ def part_kind(annotation: Any) -> str | None:
 
 
 def nested_settings(annotation: Any) -> type[Settings] | None:
-    """The settings (not parts) that a field's annotation asks for, or None where it asks for none."""
+    """Return the settings (not parts) that a field's annotation requires; None if it requires none."""
     for candidate in _alternatives(annotation):
         if isinstance(candidate, type) and issubclass(candidate, Settings) and not issubclass(candidate, Part):
             return candidate
@@ -101,63 +101,70 @@ def nested_settings(annotation: Any) -> type[Settings] | None:
 
 
 def table_of_parts(annotation: Any) -> Any:
-    """The part that each entry of a field's table must be, or None where the field holds no table of parts."""
+    """Return the part that each entry of a field's table must be; None where the field holds no table of parts."""
     if get_origin(annotation) is dict:
         inner = get_args(annotation)[1]
         return inner if part_kind(inner) else None
     return None
 
 
-def _beside_the_pipeline(value: Any, info: ValidationInfo) -> Any:
+def _relative_to_pipeline(value: Any, info: ValidationInfo) -> Any:
+    """Return a path in the folder of the pipeline file, which the context names."""
     if not isinstance(value, str | Path):
         return value
     base = (info.context or {}).get("base", Path())
     return Path(base) / os.path.expanduser(value)  # which, other than that of pathlib, never raises
 
 
-File = Annotated[Path, BeforeValidator(_beside_the_pipeline)]
+File = Annotated[Path, BeforeValidator(_relative_to_pipeline)]
 """A path; where it is relative, relative to the pipeline file that names it."""
 
 
-def _checked(path: Path, info: ValidationInfo) -> Path:
+def _check_path(path: Path, info: ValidationInfo) -> Path:
     check_input(path, (info.context or {}).get("enclosure"))
     return path
 
 
-InputFile = Annotated[Path, BeforeValidator(_beside_the_pipeline), AfterValidator(_checked)]
-"""A `File` that data are read from: regular, of at most 32 MiB, and in a log's pipeline within the log's folder."""
+InputFile = Annotated[Path, BeforeValidator(_relative_to_pipeline), AfterValidator(_check_path)]
+"""A `File` with data: regular, of at most 32 MiB, and in a log's pipeline within the log's folder."""
 
 
 def input_files(value: Any) -> list[Path]:
-    """Every input file that settings, and what is nested in them, name."""
+    """Return every input file that settings, also nested ones, name."""
+    files: list[Path] = []
     if isinstance(value, dict | tuple):
-        return [file for item in (value.values() if isinstance(value, dict) else value) for file in input_files(item)]
-    found: list[Path] = []
-    for name, described in type(value).model_fields.items() if isinstance(value, Settings) else ():
+        for item in value.values() if isinstance(value, dict) else value:
+            files += input_files(item)
+        return files
+    for name, field in type(value).model_fields.items() if isinstance(value, Settings) else ():
         item = getattr(value, name)
-        one = Annotated[described.annotation, *described.metadata] if described.metadata else described.annotation
-        if isinstance(item, Path) and InputFile in _alternatives(one):
-            found.append(item)
+        annotation = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+        if isinstance(item, Path) and InputFile in _alternatives(annotation):
+            files.append(item)
         else:
-            found += input_files(item)
-    return found
+            files += input_files(item)
+    return files
 
 
-def _marks(annotation: Any) -> list[Any]:
-    """The metadata of what an annotation allows, at any depth of unions."""
-    inner = [mark for one in get_args(annotation) if not isinstance(one, str) for mark in _marks(one)]
-    return [*getattr(annotation, "__metadata__", ()), *inner]
+def _metadata(annotation: Any) -> list[Any]:
+    """Return the metadata of an annotation and of its alternatives, at any depth of unions."""
+    metadata = list(getattr(annotation, "__metadata__", ()))
+    for argument in get_args(annotation):
+        if not isinstance(argument, str):
+            metadata += _metadata(argument)
+    return metadata
 
 
 def numbers_of(part: Settings, above: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], float, str]]:
-    """Every number among the keys of settings and of what is nested in them: path, value, SI unit."""
-    found: list[tuple[tuple[str, ...], float, str]] = []
-    for name, described in type(part).model_fields.items():
+    """Return every number among the keys of settings, also nested ones: path, value, SI unit."""
+    numbers: list[tuple[tuple[str, ...], float, str]] = []
+    for name, field in type(part).model_fields.items():
         value = getattr(part, name)
         if isinstance(value, Settings):
-            found += numbers_of(value, (*above, name))
+            numbers += numbers_of(value, (*above, name))
         elif isinstance(value, float):
-            marks = (*described.metadata, *_marks(described.annotation))
-            units = (getattr(item, "unit", None) for item in marks)
-            found.append(((*above, name), value, next((unit for unit in units if isinstance(unit, str)), "1")))
-    return found
+            # The unit is that of the first quantity among the field's metadata.
+            metadata = (*field.metadata, *_metadata(field.annotation))
+            units = [item.unit for item in metadata if isinstance(getattr(item, "unit", None), str)]
+            numbers.append(((*above, name), value, units[0] if units else "1"))
+    return numbers

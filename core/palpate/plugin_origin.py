@@ -9,7 +9,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Plugin:
-    """Where parts come from: a distribution's entry point, or a file."""
+    """The origin of parts: a distribution's entry point, or a file."""
 
     name: str  # "palpate-punch 1.0 (punch)" or the file's path
     place: str = ""  # file of its module
@@ -18,7 +18,7 @@ class Plugin:
 
     @property
     def is_file(self) -> bool:
-        """Whether the user names it, by a file; else it is installed."""
+        """True for a file that the user names; else the plugin is installed."""
         return bool(self.digest)
 
     @property

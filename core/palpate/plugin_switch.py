@@ -1,4 +1,4 @@
-"""The environment variable PALPATE_PLUGINS: which distributions, besides palpate's own, take part."""
+"""The environment variable PALPATE_PLUGINS: the distributions, besides palpate's own, that take part."""
 
 from __future__ import annotations
 

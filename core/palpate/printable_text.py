@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 def printable(text: str, lines: bool = False) -> str:
-    """The text with what is not a visible character spelled out, so that it commands no terminal.
+    """Return the text with every invisible character spelled out, so that it commands no terminal.
 
     It stays on one line, unless `lines` says that it may have several.
 

@@ -67,16 +67,16 @@ class Registry:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What is wrong with plugins and does not stop anything."""
+        """The faults of plugins that do not stop anything."""
         return (*self.failures.values(), *self.oddities, *self.left_out, *self.older_names)
 
     def judged(self, flags: Iterable[Flag]) -> tuple[Flag, ...]:
-        """Flags with severity and remedy, one for each cause; an unregistered one is doubtful."""
+        """Return flags with severity and remedy, one for each cause; an unregistered one is doubtful."""
         return judged_flags(flags, self.meanings)
 
     @cached_property
     def meanings(self) -> Mapping[str, FlagMeaning]:
-        """What each flag's code means."""
+        """The meaning of each flag's code."""
         return {code: entry.meaning for code, entry in self.flags.items()}
 
     def demand_sound(self, parts: Mapping[str, Mapping[str, Part]]) -> None:
@@ -90,13 +90,13 @@ class Registry:
                 raise PluginError(f"check {name!r} raises {type(error).__name__}: {error}") from error
 
     def find(self, kind: str, name: str) -> type[Part]:
-        """The part of a kind and name, or its initials; raises PluginError with what there is and what was meant."""
+        """Return the part of a kind and name, or its initials; raises PluginError with the names and similar ones."""
         if full := full_name(self.parts[kind], name):
             return self.parts[kind][full].part
         raise PluginError(self._absence(kind, name, self.parts[kind]))
 
     def named(self, kind: str, name: str) -> str:
-        """The full name of a part, from it or from its initials ("dr"); raises ConfigurationError."""
+        """Return the full name of a part, from it or from its initials ("dr"); raises ConfigurationError."""
         if full := full_name(self.parts[kind], name):
             return full
         raise ConfigurationError(self._absence(kind, name, [*self.parts[kind], *unique_initials(self.parts[kind])]))
@@ -124,7 +124,7 @@ class Registry:
         return replace(self, parts=parts, ambiguous=ambiguous, older_names=tuple(sentences))
 
     def command(self, name: str) -> Command:
-        """A command by its whole name; raises PluginError with what there is, and what may have been meant."""
+        """Return a command by its whole name; raises PluginError with the names and similar ones."""
         if name not in self.commands:
             if sentence := self.ambiguous.get(("command", name)):
                 raise PluginError(sentence)
@@ -140,17 +140,17 @@ class Registry:
         return self.commands[name]
 
     def subcommands(self, name: str) -> dict[str, Command]:
-        """The subcommands of a command, or of the first word of several, by their own word."""
+        """Return the subcommands of a command, or of the first word of several, by their own word."""
         head = f"{name} "
-        return {other.removeprefix(head): one for other, one in self.commands.items() if other.startswith(head)}
+        return {full.removeprefix(head): command for full, command in self.commands.items() if full.startswith(head)}
 
     @property
     def _lost(self) -> str:
-        """Plugins that may have had what is not found, and hooks that are misspelt."""
+        """The notices on plugins that may have had a missing name, and on misspelt hooks."""
         return "".join(f"; {notice}" for notice in self.notices)
 
     def name_of(self, part: type[Part]) -> str:
-        """The name by which a pipeline asks for a part on every machine."""
+        """Return the name of a part in pipelines on every machine."""
         return next(entry.qualified for entry in self.parts[part.kind].values() if entry.is_of(part))
 
 
@@ -161,56 +161,59 @@ def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
     noted in `failures` and does not stop the others; so is a name that two plugins claim, in `oddities`. Raises
     PluginError where a file fails, or claims a name of palpate's own.
     """
-    found = discover(_with_those_at_hand(files))
+    discovery = discover(_with_files_at_hand(files))
     parts = {
         kind: {
             key: Entry(key.rpartition(":")[2], part, plugin, root)
-            for key, (part, plugin) in found.named(kind, hook, root).items()
+            for key, (part, plugin) in discovery.named(kind, hook, root).items()
         }
         for kind, (hook, root) in hooks.KINDS.items()
     }
     offered: dict[str, Any] = {
         hook.removeprefix("palpate_"): {
             name: FlagEntry(offer, plugin) if kind == "flag" else offer
-            for name, (offer, plugin) in found.named(kind, hook, root).items()
+            for name, (offer, plugin) in discovery.named(kind, hook, root).items()
         }
         for kind, (hook, root) in hooks.EXTENSIONS.items()
     }
-    plugins = tuple(found.plugins.values())
-    offered |= found.offers
-    offered |= {"ambiguous": found.ambiguous, "left_out": found.left_out}
-    return Registry(parts, plugins, found.failures, found.oddities, **offered)
+    plugins = tuple(discovery.plugins.values())
+    offered |= discovery.offers
+    offered |= {"ambiguous": discovery.ambiguous, "left_out": discovery.left_out}
+    return Registry(parts, plugins, discovery.failures, discovery.oddities, **offered)
 
 
-def _with_those_at_hand(files: Iterable[Path | PluginFile]) -> list[Path | PluginFile]:
+def _with_files_at_hand(files: Iterable[Path | PluginFile]) -> list[Path | PluginFile]:
+    """Return the files of ``palpate --plugin FILE``, then those of the others that are not among them."""
     at_hand = plugin_files_at_hand()
-    known = {file.path.resolve() for file in at_hand}
-    return [
-        *at_hand,
-        *(one for one in files if (one.path if isinstance(one, PluginFile) else one).resolve() not in known),
-    ]
+    named_paths = {file.path.resolve() for file in at_hand}
+    together: list[Path | PluginFile] = [*at_hand]
+    for file in files:
+        path = file.path if isinstance(file, PluginFile) else file
+        if path.resolve() not in named_paths:
+            together.append(file)
+    return together
 
 
 def load_commands() -> Registry:
-    """Only the commands of every installed plugin and of ``palpate --plugin FILE``; raises like `load`."""
-    found = discover(plugin_files_at_hand())
-    offered = found.named("command", "palpate_commands", Command)
+    """Return only the commands of every installed plugin and of ``palpate --plugin FILE``; raises like `load`."""
+    discovery = discover(plugin_files_at_hand())
+    offered = discovery.named("command", "palpate_commands", Command)
     return Registry(
         {},
-        tuple(found.plugins.values()),
-        found.failures,
-        found.oddities,
+        tuple(discovery.plugins.values()),
+        discovery.failures,
+        discovery.oddities,
         commands={name: command for name, (command, _) in offered.items()},
-        ambiguous=found.ambiguous,
-        left_out=found.left_out,
+        ambiguous=discovery.ambiguous,
+        left_out=discovery.left_out,
     )
 
 
 def offers(hook: str, root: type) -> dict[str, Any]:
-    """What all that is installed offers by one hook, each of a class `root`, by name; parts are not imported."""
+    """Return the offers of all plugins by one hook, each of a class `root`, by name; parts are not imported."""
     return {name: offer for name, (offer, _) in discover(plugin_files_at_hand()).named("name", hook, root).items()}
 
 
 def analysis(name: str) -> Callable[..., Any]:
-    """The function behind a subcommand, whichever plugin offers it; raises PluginError where none does."""
+    """Return the function behind a subcommand of any plugin; raises PluginError where none offers it."""
     return function_of(load_commands().command(name))

@@ -1,4 +1,4 @@
-"""Equal readings in a row: how often a sound sensor repeats itself, and when it no longer measures."""
+"""Equal readings in a row: the repeats of a sound sensor, and those of one that no longer measures."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from palpate.vectors import Floats
 
-_STUCK, _TIMES = 0.1, 5  # [s], and of the longest run at standstill: beyond both, a sensor no longer measures
-_SUSPECT = 0.03  # [s] in place of 0.1
+_STUCK_SPAN = 0.1  # [s], a choice: a sensor that repeats itself for longer no longer measures
+_STUCK_RATIO = 5  # longest runs at standstill, a choice: nor does one before so many
+_SUSPECT_SPAN = 0.03  # [s], a choice: in place of `_STUCK_SPAN`, for a run that continues
 
 
 @dataclass(frozen=True)
@@ -29,17 +30,17 @@ class Repeats:
 
     @classmethod
     def of(cls, rows: Floats, rate: float, axes: Mapping[int, str], forces: tuple[int, ...], stream: str) -> Repeats:
-        """From the readings (n, columns) of a standstill; `axes`: columns with their names, `forces` among them."""
-        fine = [column for column in forces if _exceeds_resolution(rows[:, column])]
-        names = [f"every axis of {stream}", *(axes[column] for column in fine)]
-        groups = (tuple(axes), *((column,) for column in fine))
+        """Return the repeats in readings (n, columns) of a standstill; `axes`: columns by name, `forces` among them."""
+        resolved = [column for column in forces if _exceeds_resolution(rows[:, column])]
+        names = [f"every axis of {stream}", *(axes[column] for column in resolved)]
+        groups = (tuple(axes), *((column,) for column in resolved))
         count = RepeatCount(cls(tuple(names), groups, (0,) * len(groups), rate))
         count.add(rows)
         return cls(tuple(names), groups, tuple(count.longest.tolist()), rate)
 
     def most(self, span: float) -> Floats:
-        """So many readings in a row (groups,) are believed, where a run of a time [s] does not count."""
-        return np.maximum(span * self.rate, _TIMES * np.array(self.longest, np.float64))
+        """Return the most equal readings in a row (groups,) of a sound sensor, and at least those of a span [s]."""
+        return np.maximum(span * self.rate, _STUCK_RATIO * np.array(self.longest, np.float64))
 
 
 class RepeatCount:
@@ -49,21 +50,22 @@ class RepeatCount:
         self._usual = usual
         self._columns = sorted({first + column for group in usual.groups for column in group})
         self._groups = [[self._columns.index(first + column) for column in group] for group in usual.groups]
-        self._stuck, self._suspect = usual.most(_STUCK), usual.most(_SUSPECT)
+        self._stuck, self._suspect = usual.most(_STUCK_SPAN), usual.most(_SUSPECT_SPAN)
         self._before: Floats | None = None
-        self._runs = np.zeros(len(self._groups), np.int64)  # that go on
+        self._runs = np.zeros(len(self._groups), np.int64)  # those that continue
         self.longest = self._runs.copy()  # of the latest readings
 
     def add(self, rows: Floats) -> None:
-        """Readings (n, columns), in their order."""
+        """Count readings (n, columns), in their order."""
         if not len(rows):
             return
         rows = rows[:, self._columns]
         before = np.full((1, rows.shape[1]), np.inf) if self._before is None else self._before
+        # A missing reading (NaN) repeats a missing one.
         joined = np.concatenate([before, rows])
         changed = (joined[1:] != joined[:-1]) & ~(np.isnan(joined[1:]) & np.isnan(joined[:-1]))
         self._before = joined[-1:]
-        if changed.all():  # as a rule, and in each period of a servo loop
+        if changed.all():  # the usual case, and fast: it is that of each period of a servo loop
             self.longest, self._runs = np.maximum(self._runs, 1), np.ones_like(self._runs)
             return
         for i, columns in enumerate(self._groups):
@@ -71,32 +73,32 @@ class RepeatCount:
 
     @property
     def suspect(self) -> bool:
-        """Whether a run that goes on is so long that the force may not be what is read."""
+        """True if a run that continues is so long that the force may differ from its reading."""
         return bool((self._runs > self._suspect).any())
 
     @property
     def fault(self) -> str | None:
-        """Why the latest readings are not believed; None where they are."""
-        over = np.flatnonzero(self.longest > self._stuck)
-        if not len(over):
+        """The reason why the latest readings are not credible; None if they are."""
+        stuck = np.flatnonzero(self.longest > self._stuck)
+        if not len(stuck):
             return None
-        group, usual = int(over[0]), self._usual
-        lasted, still = (1e3 * runs[group] / usual.rate for runs in (self.longest, usual.longest))
+        group, usual = int(stuck[0]), self._usual
+        duration, at_standstill = (1e3 * runs[group] / usual.rate for runs in (self.longest, usual.longest))  # [ms]
         return (
-            f"{usual.names[group]} repeats its reading in every digit for {lasted:.0f} ms (at standstill for "
-            f"{still:.0f} ms at most): the sensor is stuck or clipped, and the force is unknown"
+            f"{usual.names[group]} repeats its reading in every digit for {duration:.0f} ms (at standstill for "
+            f"{at_standstill:.0f} ms at most): the sensor is stuck or clipped, and the force is unknown"
         )
 
 
 def _runs(changed: NDArray[np.bool_], before: int) -> tuple[int, int]:
-    """The run that goes on at the end, and the longest; `changed` (n,): whether a reading differs from the last."""
+    """Return the run that continues at the end, and the longest; `changed` (n,): True where a reading differs."""
     edges = np.concatenate([[-before], np.flatnonzero(changed), [len(changed)]])
     runs = np.diff(edges)
     return int(runs[-1]), int(runs.max())
 
 
 def _exceeds_resolution(values: Floats) -> bool:
-    """Whether the noise of readings (n,) is larger than the smallest step between two of them."""
+    """Return True if the noise of readings (n,) is larger than the smallest step between two of them."""
     finite = values[np.isfinite(values)]
     steps = np.diff(np.unique(finite))
     return len(steps) > 0 and float(finite.std()) >= float(steps.min())

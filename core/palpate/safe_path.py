@@ -1,4 +1,4 @@
-"""Where palpate, and the Python programs that it starts, look for modules: never in the current folder."""
+"""The module path of palpate, and of the Python programs that it starts: never the current folder."""
 
 from __future__ import annotations
 

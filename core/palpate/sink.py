@@ -1,4 +1,4 @@
-"""Sinks: where raw batches, samples and estimates go while a run goes on."""
+"""Sinks: destinations of raw batches, samples and estimates while a run goes on."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ Extent = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest x, y,
 
 
 def _never(reason: str) -> None:
-    """Nothing runs that could be stopped."""
+    """Do nothing: no run can be stopped."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a sink knows of the run that it writes down, and how it can end it."""
+    """Facts of the run that a sink writes down, and the function that ends it."""
 
     folder: Path
     streams: Mapping[str, tuple[Stream, ...]]  # by device
     tracks: Mapping[str, tuple[Parameter, ...]]  # parameters by track
-    facts: Mapping[str, str]  # versions, seed, hashes: what it takes to redo the run
+    facts: Mapping[str, str]  # versions, seed, hashes: all that is needed to redo the run
     documents: Mapping[str, str]  # files by name: the pipeline as run and as given
     name: str = ""
     duration: float | None = None  # [s] as planned, of the record; None where unknown
@@ -44,15 +44,15 @@ class Writer(Protocol):
     """An open sink."""
 
     def batch(self, device: str, batch: Batch) -> None:
-        """Raw readings of one of a device's streams."""
+        """Take raw readings of one of a device's streams."""
         ...
 
     def samples(self, samples: Samples) -> None:
-        """Aligned samples."""
+        """Take aligned samples."""
         ...
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """What a track made of the latest samples."""
+        """Take the estimates of a track for the latest samples."""
         ...
 
 
@@ -60,7 +60,7 @@ class EstimatesWriter(Protocol):
     """An open table of estimates."""
 
     def write(self, samples: Samples, estimates: Mapping[str, Estimates]) -> None:
-        """The estimates of some samples, by track; those of offline tracks come once, for the whole record."""
+        """Take the estimates of some samples, by track; those of offline tracks come once, for the whole record."""
         ...
 
 
@@ -82,26 +82,26 @@ class TakesFlags(Protocol):
     """A writer that is informed of flags when they are raised and when they are cleared."""
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
-        """All flags of a track, or of the record as a whole, whenever they have changed."""
+        """Take all flags of a track, or of the record as a whole, whenever they have changed."""
         ...
 
 
 @dataclass(frozen=True)
 class GuardState:
-    """What the guard of a live run does."""
+    """The state of a live run's guard."""
 
     phase: Literal["standstill", "motion", "tripped", "over"]
-    reason: str | None = None  # why it tripped
+    reason: str | None = None  # of a trip
     peak_force: float = 0.0  # [N] largest tared reading until now
     calls_for_stop: bool = False  # a person has to press the emergency stop; `reason` says why
 
 
 @runtime_checkable
 class TakesGuard(Protocol):
-    """A writer that is informed of what the guard does."""
+    """A writer that is informed of the guard's state."""
 
     def guard(self, state: GuardState) -> None:
-        """Its state, whenever it has changed."""
+        """Take the guard's state, whenever it has changed."""
         ...
 
 
@@ -110,7 +110,7 @@ class TakesResult(Protocol):
     """A writer that takes the result."""
 
     def result(self, table: Mapping[str, Any]) -> None:
-        """The contents of ``result.json``; nothing comes after it."""
+        """Take the contents of ``result.json``; nothing comes after it."""
         ...
 
 
@@ -121,7 +121,7 @@ class Sink(Part, ABC):
 
     @abstractmethod
     def open(self, run: Run) -> AbstractContextManager[Writer]:
-        """A writer that lives as long as the context; raises OutputError where it cannot write.
+        """Return a writer that lives as long as the context; raises OutputError where it cannot write.
 
         Threads and processes of a sink are started here: what a run starts later, while a robot moves, inherits the
         real-time scheduling of the thread that starts it.

@@ -1,4 +1,4 @@
-"""A sound force at standstill, by which an arm judges whether the force rises on the way in."""
+"""A sound force at standstill, against which an arm compares the rise of the force on the way in."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ import numpy as np
 
 from palpate.vectors import Floats
 
-NO_SET_FORCE = 1e9  # [N]; no law holds a force
-LONGEST = 1e-3  # [m] of a window
-POSE = 10.0  # times the noise of the pose, which a window is long at least
-_BLOCKS, _SHORTEST = 40, 8  # of a standstill; readings of one
+NO_SET_FORCE = 1e9  # [N], a choice: so large that no law holds it
+LONGEST = 1e-3  # [m], a choice: longest window
+POSE = 10.0  # noises of the pose, a choice: a shorter window is not judged
+_BLOCKS = 40  # a choice: blocks of a standstill, whose means show the correlation of its readings
+_MIN_BLOCK = 8  # readings, a choice: of a block
 
 
 @dataclass(frozen=True)
 class SoundForce:
-    """A sound force at standstill, in free air, and over which ways it has to rise in contact."""
+    """A sound force at standstill, in free air, and the distances over which it has to rise in contact."""
 
     name: str
     windows: tuple[float, ...]  # [m]
     std: float  # [N] of one reading
-    correlation: float  # by so much the variance of a mean is larger than that of independent readings
+    correlation: float  # variance of a mean over that of independent readings
     roughness: float  # [N] rms of second differences; 0 where the resolution hides it
     inertia: float  # [N] of the tip's mass, at most
     position_std: float  # [m]
@@ -30,19 +31,30 @@ class SoundForce:
 
     @classmethod
     def of(cls, name: str, force: Floats, position: Floats, window: float, inertia: float) -> SoundForce:
-        """From readings (n,) [N] and positions (m,) [m] at standstill, all finite; `window` [m] besides 1 mm."""
-        size = max(len(force) // _BLOCKS, _SHORTEST)
-        means = force[: len(force) // size * size].reshape(-1, size).mean(axis=1)
-        std = float(force.std())
-        of_means = size * float(means.var()) / std**2 if len(means) > 2 and std > 0.0 else 1.0
-        steps = np.diff(np.unique(force))
-        fine = len(steps) > 0 and std >= float(steps.min())
-        roughness = float(np.sqrt(np.mean(np.diff(force, 2) ** 2))) if fine and len(force) > 2 else 0.0
-        position_std = float(position.std())
+        """Return that of finite readings (n,) [N] and positions (m,) [m] at standstill; `window` [m] besides 1 mm."""
+        std, position_std = float(force.std()), float(position.std())
+        # Windows that the noise of the pose does not hide.
         windows = {min(window, LONGEST), LONGEST}
-        judged = tuple(sorted(w for w in windows if w >= POSE * position_std))
-        return cls(name, judged, std, max(of_means, 1.0), roughness, inertia, position_std)
+        judged = tuple(sorted(length for length in windows if length >= POSE * position_std))
+        return cls(name, judged, std, _correlation(force, std), _roughness(force, std), inertia, position_std)
 
     def standard_error(self, count: float) -> float:
-        """Of the mean of so many readings [N]."""
+        """Return the standard error [N] of the mean of so many readings."""
         return self.std * math.sqrt(self.correlation / count)
+
+
+def _correlation(force: Floats, std: float) -> float:
+    """Return the variance of the means of blocks over that of independent readings (n,) [N], 1 at least."""
+    size = max(len(force) // _BLOCKS, _MIN_BLOCK)
+    means = force[: len(force) // size * size].reshape(-1, size).mean(axis=1)
+    ratio = size * float(means.var()) / std**2 if len(means) > 2 and std > 0.0 else 1.0
+    return max(ratio, 1.0)
+
+
+def _roughness(force: Floats, std: float) -> float:
+    """Return the rms of second differences [N] of readings (n,); 0 where the noise is below the resolution."""
+    steps = np.diff(np.unique(force))
+    is_resolved = len(steps) > 0 and std >= float(steps.min())
+    if not is_resolved or len(force) <= 2:
+        return 0.0
+    return float(np.sqrt(np.mean(np.diff(force, 2) ** 2)))

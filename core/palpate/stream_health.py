@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from palpate.device import Stream
 
 _SECOND = 1_000_000_000  # [ns]
-_SECONDS = 1000  # in one batch; more are not a clock
-_LEAST_SECONDS = 4
-_LEAST_INTERVALS = 10  # by which a rate is compared with the announced one
-RATE_TOLERANCE = 1.05  # factor; sensors' clocks are within 2 % of their nominal rate
-_STEPS = 3.5  # of a coarse reading, by which it may go on after a repeat
+_MAX_SECONDS = 1000  # a choice: in one batch; more are not those of a clock
+_MIN_SECONDS = 4  # a choice: a shorter record shows no drift of a clock
+_MIN_INTERVALS = 10  # a choice: fewer do not show a rate
+RATE_TOLERANCE = 1.05  # factor, a choice: sensors' clocks are within 2 % of their nominal rate
+_COARSE_STEPS = 3.5  # least changes, a choice: a coarse reading changes by up to so many after a repeat
+_END_SHARE = 5  # a choice: a drift is taken from a fifth of the record at each end
 
 
 @dataclass
@@ -41,79 +42,83 @@ class Health:
     _earliest: dict[int, int] = field(default_factory=dict)  # by second: the least time [ns] from stamp to arrival
 
     def arrived(self, stamps: NDArray[np.int64], received: NDArray[np.int64]) -> None:
-        """Take note of when readings arrived, and how late, against a clock that other streams share."""
+        """Count the arrivals of readings, and their lateness by a clock that other streams share."""
         if len(received):
             self.began = int(received[0]) if self.began is None else self.began
             self.ended = int(received[-1])
             self.has_arrivals = self.has_arrivals or bool((received != stamps).any())
         if self.stream.clock != "log" or not len(stamps):
             return
+        # The least lateness of each second of the record.
         origin = int(stamps[0]) if self.first is None else self.first
-        late = received - stamps
+        lateness = received - stamps
         if (stamps[1:] < stamps[:-1]).any():
             order = np.argsort((stamps - origin) // _SECOND, kind="stable")
-            late, stamps = late[order], stamps[order]
-        begins = _seconds(stamps - origin)
-        leasts = np.minimum.reduceat(late, begins)
+            lateness, stamps = lateness[order], stamps[order]
+        begins = _second_rows(stamps - origin)
+        minima = np.minimum.reduceat(lateness, begins)
         seconds = (stamps[begins] - origin) // _SECOND
-        for second, least in zip(seconds.tolist()[:_SECONDS], leasts.tolist(), strict=False):
-            self._earliest[second] = min(self._earliest.get(second, least), least)
+        for second, minimum in zip(seconds.tolist()[:_MAX_SECONDS], minima.tolist(), strict=False):
+            self._earliest[second] = min(self._earliest.get(second, minimum), minimum)
 
     @property
     def gained(self) -> float | None:
-        """How much the time-stamps gained on the clock of the log over the record [s]; None where it is too short.
+        """The gain of the time-stamps on the clock of the log over the record [s]; None where it is too short.
 
         The least lateness of a second is that of a message that nothing held up.
         """
-        if len(self._earliest) < _LEAST_SECONDS:
+        if len(self._earliest) < _MIN_SECONDS:
             return None
-        least = [late for _, late in sorted(self._earliest.items())]
-        few = len(least) // 5 + 1
-        return float(np.mean(least[:few]) - np.mean(least[-few:])) / _SECOND
+        minima = [lateness for _, lateness in sorted(self._earliest.items())]
+        count = len(minima) // _END_SHARE + 1
+        return float(np.mean(minima[:count]) - np.mean(minima[-count:])) / _SECOND
 
     def in_order(self, stamps: NDArray[np.int64], gap: int) -> NDArray[np.bool_]:
-        """(n,) True for readings whose time-stamp is after all those before it; counts the others, and gaps [ns]."""
+        """Return True (n,) for readings whose time-stamp is after all those before; count the others, and gaps [ns]."""
         if not len(stamps):
             return np.zeros(0, bool)
-        before = np.concatenate([[stamps[0] - 1 if self.last is None else self.last], stamps])
-        step = np.diff(before)
-        good: NDArray[np.bool_] = step > 0
-        if not good.all():
-            before = np.maximum.accumulate(before)
-            step = stamps - before[:-1]
-            good = step > 0
+        # Each reading against the latest time-stamp before it.
+        latest = np.concatenate([[stamps[0] - 1 if self.last is None else self.last], stamps])
+        step = np.diff(latest)
+        in_order: NDArray[np.bool_] = step > 0
+        if not in_order.all():
+            latest = np.maximum.accumulate(latest)
+            step = stamps - latest[:-1]
+            in_order = step > 0
             self.duplicates += int(np.count_nonzero(step == 0))
             self.backwards += int(np.count_nonzero(step < 0))
         self.samples += len(stamps)
-        between = step[1:] if self.first is None else step
-        is_gap = between > gap
+        # The intervals: gaps, and those that contradict the announced rate.
+        interval = step[1:] if self.first is None else step
+        is_gap = interval > gap
         self.gaps += int(np.count_nonzero(is_gap))
-        self.paused += int(between[is_gap].sum())
+        self.paused += int(interval[is_gap].sum())
         if self.stream.rate:
-            forward, usual = between[between > 0], _SECOND / self.stream.rate
-            self.shorter += int(np.count_nonzero(forward * RATE_TOLERANCE < usual))
-            self.longer += int(np.count_nonzero(forward > usual * RATE_TOLERANCE))
+            forward, announced = interval[interval > 0], _SECOND / self.stream.rate
+            self.shorter += int(np.count_nonzero(forward * RATE_TOLERANCE < announced))
+            self.longer += int(np.count_nonzero(forward > announced * RATE_TOLERANCE))
         self.first = int(stamps[0]) if self.first is None else self.first
-        self.last = int(before[-1])
-        return good
+        self.last = int(latest[-1])
+        return in_order
 
     def repeated(self, counts: NDArray[np.int64], changes: NDArray[np.float64]) -> None:
-        """Take note of runs (n,) of equal readings, and of the larger change adjacent to each."""
-        every = np.concatenate([self._repeats, np.column_stack([counts, changes])])
-        every = every[np.lexsort((-every[:, 1], -every[:, 0]))]
-        before = np.maximum.accumulate(np.concatenate([[-1.0], every[:-1, 1]]))
-        self._repeats = np.asarray(every[every[:, 1] > before], float)
+        """Count runs (n,) of equal readings, with the larger change next to each; keep those that none surpasses."""
+        # From the longest run on, those whose change is larger than that of every longer one.
+        runs = np.concatenate([self._repeats, np.column_stack([counts, changes])])
+        runs = runs[np.lexsort((-runs[:, 1], -runs[:, 0]))]
+        largest_change = np.maximum.accumulate(np.concatenate([[-1.0], runs[:-1, 1]]))
+        self._repeats = np.asarray(runs[runs[:, 1] > largest_change], float)
 
     @property
     def longest_repeat(self) -> int:
         """The longest run of exactly equal readings apart from coarse readings, which change by a step or two."""
         counts, changes = self._repeats.T
-        stuck = (changes > _STEPS * self.step) | np.isinf(self.step)
+        stuck = (changes > _COARSE_STEPS * self.step) | np.isinf(self.step)
         return int(counts[stuck].max(initial=0.0))
 
     @property
     def rate(self) -> float | None:
-        """Mean rate [Hz] of the readings in order, from their time-stamps."""
+        """The mean rate [Hz] of the readings in order, from their time-stamps."""
         count = self.samples - self.duplicates - self.backwards
         if self.first is None or self.last is None or self.last == self.first:
             return None
@@ -121,32 +126,34 @@ class Health:
 
     @property
     def rate_ratio(self) -> float | None:
-        """Rate by the time-stamps over the announced one, where both their mean and most intervals contradict it.
+        """The rate by the time-stamps over the announced one, where both their mean and most intervals contradict it.
 
         A mean without gaps, unless these are most of the record. A lost reading leaves most intervals as they are, and
         readings that arrive in bunches leave the mean. None where nothing contradicts the rate, where none is
         announced, and where the clock of the arrivals confirms the time-stamps: an arm may send its states more slowly.
         """
         intervals = self.samples - self.duplicates - self.backwards - 1
-        if not self.stream.rate or intervals < _LEAST_INTERVALS or self.first is None or self.last is None:
+        if not self.stream.rate or intervals < _MIN_INTERVALS or self.first is None or self.last is None:
             return None
-        lasted = 0 if self.began is None else self.ended - self.began
-        if self.has_arrivals and lasted < RATE_TOLERANCE * (self.last - self.first) < RATE_TOLERANCE**2 * lasted:
+        # The arrivals confirm the time-stamps.
+        arrival_span = 0 if self.began is None else self.ended - self.began
+        stamp_span = self.last - self.first
+        if self.has_arrivals and arrival_span < RATE_TOLERANCE * stamp_span < RATE_TOLERANCE**2 * arrival_span:
             return None
         mostly_gaps = 2 * self.gaps > intervals
         count = intervals if mostly_gaps else intervals - self.gaps
-        seconds = (self.last - self.first - (0 if mostly_gaps else self.paused)) / _SECOND
+        seconds = (stamp_span - (0 if mostly_gaps else self.paused)) / _SECOND
         ratio = count / seconds / self.stream.rate
         if 2 * self.shorter > intervals and ratio >= RATE_TOLERANCE:
             return ratio
         return ratio if 2 * self.longer > intervals and ratio * RATE_TOLERANCE <= 1.0 else None
 
 
-def _seconds(since: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where times (n,) [ns], sorted by their seconds, begin another second."""
-    first, last = int(since[0]) // _SECOND, int(since[-1]) // _SECOND
-    if last - first > _SECONDS:
-        return np.flatnonzero(np.diff(since // _SECOND, prepend=first - 1))
-    begins = np.searchsorted(since, np.arange(first, last + 1) * _SECOND)
+def _second_rows(time: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the rows at which times (n,) [ns], sorted by their seconds, begin another second."""
+    first, last = int(time[0]) // _SECOND, int(time[-1]) // _SECOND
+    if last - first > _MAX_SECONDS:
+        return np.flatnonzero(np.diff(time // _SECOND, prepend=first - 1))
+    begins = np.searchsorted(time, np.arange(first, last + 1) * _SECOND)
     begins[0] = 0
-    return begins[np.diff(begins, append=len(since)) > 0]
+    return begins[np.diff(begins, append=len(time)) > 0]

@@ -1,4 +1,4 @@
-"""Trajectories: where the tip goes, known in full before anything moves."""
+"""Trajectories: motions of the tip, known in full before anything moves."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from palpate.vectors import Floats, read_only, read_only_view
 
 @dataclass(frozen=True)
 class Setpoint:
-    """Where the tip shall be at some instants, in the work frame: origin on the skin, z outwards."""
+    """Commanded positions of the tip at some instants, in the work frame: origin on the skin, z outwards."""
 
     position: Floats  # (n, 3) [m]
     velocity: Floats  # (n, 3) [m/s]
@@ -33,14 +33,14 @@ class Setpoint:
 
     @property
     def fastest_turn(self) -> float:
-        """Largest angular speed |w| of the setpoints [rad/s]; 0 without rotation."""
+        """The largest angular speed |w| of the setpoints [rad/s]; 0 without rotation."""
         if self.angular_velocity is None:
             return 0.0
         return float(np.linalg.norm(self.angular_velocity, axis=1).max(initial=0.0))
 
     @property
     def axes(self) -> Floats:
-        """Directions (n, 3) out of the skin along the tool."""
+        """The directions (n, 3) out of the skin along the tool."""
         if self.rotation is None:
             return np.broadcast_to(np.array([0.0, 0.0, 1.0]), self.position.shape)
         return turned_axes(self.rotation)
@@ -48,7 +48,7 @@ class Setpoint:
 
 @dataclass(frozen=True)
 class OwnMotion:
-    """What an arm does on its own, besides the commanded motion: it goes to the start, and brakes."""
+    """The motion of an arm on its own, besides the commanded one: to the start, and braking."""
 
     speed: float  # [m/s] at most, on the way from where it stands to the first setpoint
     distance: float  # [m] that this way may be long
@@ -66,16 +66,16 @@ class Trajectory(Part, ABC):
     @property
     @abstractmethod
     def total_duration(self) -> float:
-        """From the first setpoint to the last [s]."""
+        """The time from the first setpoint to the last [s]."""
 
     @abstractmethod
     def at(self, time: Floats) -> Setpoint:
-        """Setpoints at times (n,) [s] since the start; before it and after the end, the resting places."""
+        """Return setpoints at times (n,) [s] since the start; before it and after the end, the resting places."""
 
 
 @dataclass(frozen=True)
 class ForceLaw:
-    """How a force leads the tip along the normal; the setpoints are then the envelope, below which it never goes."""
+    """The law by which a force leads the tip along the normal; the setpoints are then the envelope of its depth."""
 
     force: float  # [N] that is held, positive where the tip is pushed out
     begin: float  # [s] of the motion from which on the force leads
@@ -106,7 +106,7 @@ class SupportsSurface(Protocol):
 
 
 def surface_of(trajectory: Trajectory) -> Surface | None:
-    """The surface that a motion follows, also as part of another one; None if it follows none."""
+    """Return the surface that a motion follows, also as part of another one; None if it follows none."""
     inner = getattr(trajectory, "of", None)
     if isinstance(trajectory, SupportsSurface):
         return trajectory.followed
@@ -119,12 +119,12 @@ class Lifted(Protocol):
 
     @property
     def lift(self) -> float:
-        """Height above the other one [m]."""
+        """The height above the other one [m]."""
         ...
 
     @property
     def pace(self) -> float:
-        """Speed in parts of that of the other one."""
+        """The speed in parts of that of the other one."""
         ...
 
 
@@ -133,7 +133,7 @@ class Resumable(Protocol):
     """A trajectory that can be gone on with where it was stopped; others can only be done as one."""
 
     def after(self, elapsed: float) -> Trajectory | None:
-        """The motion that does what was not finished when this one was stopped `elapsed` [s] after its start.
+        """Return the motion for the unfinished part when this one was stopped `elapsed` [s] after its start.
 
         None where nothing whole is left.
         """
@@ -141,38 +141,44 @@ class Resumable(Protocol):
 
 
 def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
-    """Setpoints of a trajectory at times (n,) [s] since its start; read-only, as every device is asked about them.
+    """Return setpoints of a trajectory at times (n,) [s] since its start; read-only, since every device gets them.
 
     Raises PluginError naming the trajectory if it raises, or if what it returns is not a finite setpoint for each.
     """
     span = f" at {time[0]:.3f} to {time[-1]:.3f} s" if len(time) else ""
-    found = answer_of(trajectory, lambda: trajectory.at(read_only_view(time)), span)
-    name, count = _named(trajectory), len(time)
-    if not isinstance(found, Setpoint):
-        raise PluginError(f"{name}: its `at` returns {type(found).__name__}, not Setpoint")
-    forms: dict[str, tuple[int, ...]] = {"position": (count, 3), "velocity": (count, 3), "measuring": (count,)}
-    if found.rotation is not None or found.angular_velocity is not None:
-        forms |= {"rotation": (count, 3), "angular_velocity": (count, 3)}
-    for field, wanted in forms.items():
-        values = getattr(found, field)
-        if not isinstance(values, np.ndarray) or values.shape != wanted or values.dtype.kind not in "fiub":
-            what = (
-                f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
-            )
-            raise PluginError(f"{name}: {field} for {count} times is {what}; expected an array of numbers {wanted}")
-        rows = np.isfinite(values).reshape(count, -1).all(axis=1)
-        if not rows.all():
-            raise PluginError(f"{name}: a setpoint is not a finite number: {field} at {time[np.argmin(rows)]:.3f} s")
-    return read_only(found)
+    setpoint = answer_of(trajectory, lambda: trajectory.at(read_only_view(time)), span)
+    if not isinstance(setpoint, Setpoint):
+        raise PluginError(f"{_name(trajectory)}: its `at` returns {type(setpoint).__name__}, not Setpoint")
+    count = len(time)
+    shapes: dict[str, tuple[int, ...]] = {"position": (count, 3), "velocity": (count, 3), "measuring": (count,)}
+    if setpoint.rotation is not None or setpoint.angular_velocity is not None:
+        shapes |= {"rotation": (count, 3), "angular_velocity": (count, 3)}
+    for field, shape in shapes.items():
+        _check_column(trajectory, field, getattr(setpoint, field), shape, time)
+    return read_only(setpoint)
+
+
+def _check_column(trajectory: Trajectory, field: str, values: Any, shape: tuple[int, ...], time: Floats) -> None:
+    """Raise PluginError where a field of setpoints is not an array of finite numbers of a shape."""
+    name, count = _name(trajectory), len(time)
+    is_array = isinstance(values, np.ndarray)
+    if not is_array or values.shape != shape or values.dtype.kind not in "fiub":
+        kind = f"{values.dtype} of shape {values.shape}" if is_array else type(values).__name__
+        raise PluginError(f"{name}: {field} for {count} times is {kind}; expected an array of numbers {shape}")
+    is_finite = np.isfinite(values).reshape(count, -1).all(axis=1)
+    if not is_finite.all():
+        first = time[np.argmin(is_finite)]
+        raise PluginError(f"{name}: a setpoint is not a finite number: {field} at {first:.3f} s")
 
 
 def duration_of(trajectory: Trajectory) -> float:
-    """Duration of a trajectory [s]; raises PluginError naming it where it raises, or returns none that is finite."""
-    found = answer_of(trajectory, lambda: trajectory.total_duration)
-    if not isinstance(found, (int, float, np.floating)) or not math.isfinite(found) or found < 0:
-        raise PluginError(f"{_named(trajectory)}: its total_duration is {found!r}; expected a finite number of seconds")
-    return float(found)
+    """Return the duration of a trajectory [s]; raises PluginError naming it where it raises, or is not finite."""
+    duration = answer_of(trajectory, lambda: trajectory.total_duration)
+    if not isinstance(duration, (int, float, np.floating)) or not math.isfinite(duration) or duration < 0:
+        problem = f"its total_duration is {duration!r}; expected a finite number of seconds"
+        raise PluginError(f"{_name(trajectory)}: {problem}")
+    return float(duration)
 
 
-def _named(trajectory: Any) -> str:
+def _name(trajectory: Any) -> str:
     return f"trajectory {type(trajectory).__name__}"

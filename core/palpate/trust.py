@@ -1,4 +1,4 @@
-"""Consent to plugin files: which content may be executed, who has approved it, and where that is recorded."""
+"""Consent to plugin files: the content that may be executed, its approval, and the record of that."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class PluginFile:
 
     @classmethod
     def read(cls, path: Path) -> PluginFile:
-        """The file at a path; raises PluginError if it does not exist or is not Python source."""
+        """Return the file at a path; raises PluginError if it does not exist or is not Python source."""
         try:
             if not path.is_file():
                 raise PluginError(f"plugin file {path} does not exist")
@@ -44,13 +44,13 @@ class PluginFile:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the content."""
+        """The SHA-256 of the content."""
         return hashlib.sha256(self.content).hexdigest()
 
 
 @dataclass
 class _Consent:
-    """What has been decided so far, and who can decide."""
+    """The decisions so far, and the persons who can decide."""
 
     arguments: frozenset[str] | None = None  # of the command line; None where no command is at work
     places: frozenset[Path | None] = frozenset()  # of files among them
@@ -102,12 +102,12 @@ def with_plugin_files(paths: Iterable[Path]) -> Iterator[None]:
 
 
 def plugin_files_at_hand() -> tuple[PluginFile, ...]:
-    """The plugin files of `with_plugin_files`; raises ConsentError where a worker finds one with other content."""
+    """Return the plugin files of `with_plugin_files`; raises ConsentError where a worker has one with other content."""
     files = tuple(PluginFile.read(path) for path in _paths_at_hand())
     consent = _consent.get()
     for file in files:
         if consent.inherited and file.digest not in consent.approved:
-            raise _changed(file)
+            raise _content_error(file)
         consent.approved.add(file.digest)
     return files
 
@@ -116,7 +116,8 @@ def _paths_at_hand() -> list[Path]:
     return [Path(text) for text in os.environ.get(NAMED, "").split(os.pathsep) if text]
 
 
-def _changed(file: PluginFile) -> ConsentError:
+def _content_error(file: PluginFile) -> ConsentError:
+    """Return the error for a file whose content the command at work has not approved."""
     return ConsentError(
         f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) is not executed: its content is not what the command "
         "that started this process has approved; do not change it while the command is at work, or read it, then "
@@ -134,52 +135,53 @@ def _deciding(consent: _Consent) -> Iterator[None]:
 
 
 def approved_plugins() -> frozenset[str]:
-    """SHA-256 of the plugin files approved so far by the command at work, or in this process: what workers inherit."""
+    """Return the SHA-256 of the plugin files approved so far in this command or process, which workers inherit."""
     return frozenset(_consent.get().approved)
 
 
 def is_named(path: Path) -> bool:
-    """Whether a person has named a file: on the command line, or, where no command is at work, in Python."""
+    """Return True if a person has named a file: on the command line, or, where no command is at work, in Python."""
     consent = _consent.get()
     return consent.arguments is None or ((place := _place(path)) is not None and place in consent.places)
 
 
 def is_argument(assignment: str) -> bool:
-    """Whether a person has given a ``table.key=value``, as `is_named` for files; settings of own.toml do not count."""
+    """Return True if a person has written a ``table.key=value``, as `is_named` for files; own.toml does not count."""
     arguments = _consent.get().arguments
     return arguments is None or assignment in arguments
 
 
 def _places(path: Path) -> tuple[Path | None, Path | None]:
-    """Where the file of an argument is: its name in its folder, and that of the file itself where this is a link."""
+    """Return the place of an argument's file: its name in its folder, and that of the file itself if it is a link."""
     return _place(path), _resolved(path)
 
 
 def _place(path: Path) -> Path | None:
-    """The path with its folder resolved: a link in a stranger's folder to a file that is named is not that file."""
+    """Return the path with its folder resolved: a stranger's link to a named file is not that file."""
     folder = _resolved(path.parent)
     return folder / path.name if folder else None
 
 
 def approved_files(files: Iterable[Path], place: Path, named: bool) -> tuple[PluginFile, ...]:
-    """The plugin files of the pipeline at `place`, each read once, with content that may be executed.
+    """Return the plugin files of the pipeline at `place`, each read once, with content that may be executed.
 
     Recorded content is approved, and that of a pipeline that a person has `named`; at a terminal they are asked about
     files outside of its folder or of another user. Where it is a recording that names a file they are asked, too. What
     is approved is recorded. Raises ConsentError for content that may not be executed.
     """
     distinct = {_resolved(path) or path: path for path in files}
-    return tuple(_approved(path, place, named) for path in distinct.values())
+    return tuple(_approve(path, place, named) for path in distinct.values())
 
 
-def _approved(path: Path, place: Path, named: bool) -> PluginFile:
+def _approve(path: Path, place: Path, named: bool) -> PluginFile:
+    """Return a file with content that may be executed; raises ConsentError for any other."""
     if PluginSwitch.of_environment().is_off and path.absolute() not in _paths_at_hand():
         raise ConsentError(f"plugin file {path} is not executed: --no-plugins or {SWITCH}=off forbids it")
     file, consent = PluginFile.read(path), _consent.get()
     if file.digest in consent.approved:
         return file
     if consent.inherited:
-        raise _changed(file)
+        raise _content_error(file)
     if file.digest not in trusted_plugins():
         _demand_consent(file, place, named, consent)
         with suppress(OutputError):  # then it is asked about again
@@ -190,19 +192,19 @@ def _approved(path: Path, place: Path, named: bool) -> PluginFile:
 
 def _demand_consent(file: PluginFile, place: Path, named: bool, consent: _Consent) -> None:
     """Raise ConsentError where nobody approves of a file whose content is not recorded."""
-    why = _strangeness(file.path, place.parent) if named else f"is named by the recording {place}"
+    reason = _strangeness(file.path, place.parent) if named else f"is named by the recording {place}"
     if file.digest in consent.refused:
         raise ConsentError(f"plugin file {file.path} is not executed: it was refused")
-    if not why or (named and not _can_ask(consent)):
+    if not reason or (named and not _can_ask(consent)):
         return
     if not _can_ask(consent):
         remedy = f"palpate trust {shlex.quote(printable(str(file.path)))}"
         remedy += " (in Python: palpate_engine.trust_plugin)" if consent.arguments is None else ""
         raise ConsentError(
-            f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {why}, and its content has never been approved "
-            f"here, so it is not executed; read it, then approve it: {remedy}"
+            f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {reason}, and its content has never been "
+            f"approved here, so it is not executed; read it, then approve it: {remedy}"
         )
-    question = f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {why}; a plugin can do all that you can."
+    question = f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {reason}; a plugin can do all that you can."
     print(f"{printable(question)} Execute it? [y/N] ", file=sys.stderr)
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
         consent.refused.add(file.digest)
@@ -210,7 +212,7 @@ def _demand_consent(file: PluginFile, place: Path, named: bool, consent: _Consen
 
 
 def _strangeness(path: Path, folder: Path) -> str:
-    """Why a person is asked about a file that their own pipeline names; empty where they are not."""
+    """Return the reason to ask a person about a file that their own pipeline names; empty without one."""
     if not path.resolve().is_relative_to(folder.resolve()):
         return "lies outside of the pipeline's folder"
     return "belongs to another user" if path.stat().st_uid != os.getuid() else ""
@@ -239,7 +241,7 @@ def trust_plugin(path: Path) -> PluginFile:
 
 
 def trusted_plugins() -> dict[str, str]:
-    """Path of every plugin file whose content is approved, by SHA-256.
+    """Return the path of every plugin file whose content is approved, by SHA-256.
 
     A record that another user owns or can change counts for nothing.
     """
@@ -279,7 +281,7 @@ def _record_file() -> Path:
 
 
 def _resolved(path: Path) -> Path | None:
-    """The path without links; None where the file system refuses it, as a text that is not a path."""
+    """Return the path without links; None where the file system refuses it, as a text that is not a path."""
     try:
         return path.resolve()
     except (OSError, ValueError, RuntimeError):

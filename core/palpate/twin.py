@@ -15,7 +15,7 @@ from palpate.parts import Part
 
 @dataclass(frozen=True)
 class ArmTruth:
-    """What a twin's arm truly did, and what was under it; none of it comes from what its sensors report."""
+    """The true motion of a twin's arm, and the force under it; none of it comes from the sensors' reports."""
 
     low: tuple[float, ...]  # (3,) [m] corner of the box, in the work frame, that the tip was in
     high: tuple[float, ...]  # (3,) [m] the opposite corner
@@ -24,7 +24,7 @@ class ArmTruth:
     turning: float  # [rad/s] fastest turn of the tool
     joint_speed: float  # [rad/s] fastest joint
     force: float  # [N] largest on the skin
-    moving: bool  # whether a joint still moves
+    moving: bool  # True: a joint still moves
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class HoldUp:
     every: float | None = None
 
     def until(self, now: int) -> int:
-        """When [ns after the start] a thread that is due `now` may run."""
+        """Return the time [ns after the start] at which a thread that is due `now` may run."""
         begin, length = round(self.first * 1e9), round(self.duration * 1e9)
         if now < begin:
             return now
@@ -51,11 +51,11 @@ class HoldUp:
 
 @runtime_checkable
 class SupportsTwin(Protocol):
-    """Ability of a device to say which twin stands in for it."""
+    """A device that names the twin that stands in for it."""
 
     @property
     def twin_settings(self) -> Mapping[str, str]:
-        """Keys of the twin's table, in TOML; among them what the device is to the twin: its robot or its sensor."""
+        """The keys of the twin's table, in TOML; among them the device's role: the twin's robot or sensor."""
         ...
 
 
@@ -64,7 +64,7 @@ class SimulatedTwin(Protocol):
 
     @property
     def faults(self) -> Mapping[str, str]:
-        """The faults that it can simulate, each with what happens; words in capitals stand for numbers."""
+        """The faults that it can simulate, each with its effect; words in capitals stand for numbers."""
         ...
 
     def fault(self, words: str) -> None:
@@ -72,7 +72,7 @@ class SimulatedTwin(Protocol):
 
     @property
     def truth(self) -> ArmTruth:
-        """What its arm did so far."""
+        """The motion of its arm so far."""
         ...
 
 
@@ -85,20 +85,20 @@ class Twin(Part, ABC):
     def serve(self, seed: int, ready: Callable[[Mapping[str, str]], None]) -> None:
         """Serve in this process until SIGTERM, Ctrl-C or the end of the standard input.
 
-        `ready` is called once the twin can be reached, with what a user should know: addresses, by name. Raises
+        `ready` is called once the twin can be reached, with its addresses by name. Raises
         DeviceError where an address cannot be had.
         """
 
     @classmethod
     def stand_in(cls, devices: Mapping[str, Device], tip_mass: float | None) -> Mapping[str, str] | None:
-        """Settings, in TOML, of a twin for the devices of a rig, all but its specimen; None where it is not theirs.
+        """Return settings, in TOML, of a twin for the devices of a rig, all but its specimen; None for others' devices.
 
         `tip_mass` [kg] is that of everything behind the sensor, where it is known.
         """
         return None
 
     def simulated(self, seed: int, hold_ups: Sequence[HoldUp] = ()) -> AbstractContextManager[SimulatedTwin]:
-        """Simulated time in this process, in which the devices of the rig reach the twin without ports.
+        """Return a context of simulated time, in which the devices of the rig reach the twin without ports.
 
         Raises ConfigurationError where the twin cannot be simulated.
         """

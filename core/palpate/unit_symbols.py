@@ -1,4 +1,4 @@
-"""The units that people write: names, prefixes and what they are in SI."""
+"""Units as people write them: names, prefixes and their values in SI."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SQUARE_ROOT = re.compile(r"sqrt\((\w+)\)")
 
 _SYMBOLS = {"p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 _WORDS = {"pico": -12, "nano": -9, "micro": -6, "milli": -3, "centi": -2, "kilo": 3, "mega": 6, "giga": 9}
-_PI = math.pi.as_integer_ratio()
+_PI = math.pi.as_integer_ratio()  # a double is a ratio of whole numbers
 
 
 class UnknownUnitError(ValueError):
@@ -26,7 +26,7 @@ class UnknownUnitError(ValueError):
 
 
 class Unit(NamedTuple):
-    """What one of a unit is in SI."""
+    """The value of a unit in SI."""
 
     factor: float
     dimensions: Mapping[str, float]  # base unit -> its power, none of them 0
@@ -35,14 +35,15 @@ class Unit(NamedTuple):
 class _Base(NamedTuple):
     """A unit under one name."""
 
-    over: int  # what one of it is in SI, as a ratio of whole numbers
+    over: int  # its value in SI, as a ratio of whole numbers
     under: int
     dimensions: Mapping[str, int]
 
 
 def _table() -> tuple[dict[str, _Base], dict[str, _Base], dict[str, _Base]]:
-    """Units by the symbols and the words that take prefixes, and by the names that take none."""
+    """Return units by the symbols and the words that take prefixes, and by the names that take none."""
     symbols, words, others = dict[str, _Base](), dict[str, _Base](), dict[str, _Base]()
+    # Those of SI, with prefixes.
     force, pressure = {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}
     for symbol, spelled, dimensions in (
         ("m", ("meter", "metre"), {"m": 1}),
@@ -64,7 +65,8 @@ def _table() -> tuple[dict[str, _Base], dict[str, _Base], dict[str, _Base]]:
         words |= {word: base for name in spelled for word in (name, f"{name}s")}
     symbols["bar"] = _Base(100_000, 1, pressure)
     symbols["P"] = words["poise"] = _Base(1, 10, {"kg": 1, "m": -1, "s": -1})
-    gravity, pound = 980_665, 45_359_237  # 1e-5 m/s^2, 1e-8 kg
+    # Standard gravity [1e-5 m/s^2] and the avoirdupois pound [1e-8 kg], both exact by definition.
+    gravity, pound = 980_665, 45_359_237
     for names, over, under, dimensions in (
         (("min", "minute", "minutes"), 60, 1, {"s": 1}),
         (("h", "hr", "hour", "hours"), 3600, 1, {"s": 1}),
@@ -90,7 +92,7 @@ _BY_SYMBOL, _BY_WORD, _WITHOUT_PREFIX = _table()
 
 
 def is_one_unit(written: str) -> bool:
-    """Whether a text has the form of a unit; what its names mean is not looked at.
+    """Return True if a text has the form of a unit; its names may be unknown.
 
     >>> is_one_unit("N*s/mm"), is_one_unit("mm**9**9")
     (True, False)
@@ -100,7 +102,7 @@ def is_one_unit(written: str) -> bool:
 
 @cache
 def read_unit(written: str) -> Unit:
-    """The unit that a text of the form of one means; raises UnknownUnitError.
+    """Return the unit of a text that has the form of one; raises UnknownUnitError.
 
     From left to right: N/m*s is (N/m)*s. The factor is a ratio of whole numbers, rounded once, but for square roots.
 
@@ -108,6 +110,7 @@ def read_unit(written: str) -> Unit:
     (1.6666666666666667e-05, {'kg': 1.0, 'm': 1.0, 's': -2.5})
     """
     over, under, root, dimensions = 1, 1, 1.0, dict[str, float]()
+    # The sign of the next exponent, and those before each open bracket.
     sign, signs = 1, [1]
     for name, exponent, mark in _TOKEN.findall(_SQUARE_ROOT.sub(r"\1^0.5", written)):
         if mark == "(":
@@ -119,13 +122,15 @@ def read_unit(written: str) -> Unit:
         if mark:
             sign = -1 if mark == "/" else 1
             continue
+        # The factor to its whole power, and the root of half a power.
         base, power = _base(name), sign * signs[-1] * float(exponent or 1)
         up, down = (base.over, base.under) if power > 0 else (base.under, base.over)
         whole, half = divmod(abs(power), 1.0)
-        over, under = over * up ** int(whole), under * down ** int(whole)
+        over *= up ** int(whole)
+        under *= down ** int(whole)
         root *= math.sqrt(up / down) if half else 1.0
-        for unit, one in base.dimensions.items():
-            dimensions[unit] = dimensions.get(unit, 0.0) + one * power
+        for unit, base_power in base.dimensions.items():
+            dimensions[unit] = dimensions.get(unit, 0.0) + base_power * power
         sign = 1
     if len(signs) > 1:
         raise UnknownUnitError(written)
@@ -133,10 +138,10 @@ def read_unit(written: str) -> Unit:
 
 
 def _base(name: str) -> _Base:
-    """The unit of a name, with its prefix if it has one; raises UnknownUnitError."""
+    """Return the unit of a name, with its prefix if it has one; raises UnknownUnitError."""
     for table in (_BY_SYMBOL, _BY_WORD, _WITHOUT_PREFIX):
-        if found := table.get(name):
-            return found
+        if name in table:
+            return table[name]
     for prefixes, units in ((_SYMBOLS, _BY_SYMBOL), (_WORDS, _BY_WORD)):
         for prefix, exponent in prefixes.items():
             base = units.get(name.removeprefix(prefix)) if name.startswith(prefix) else None
@@ -147,5 +152,5 @@ def _base(name: str) -> _Base:
 
 
 def unit_names() -> list[str]:
-    """Every name without its prefix."""
+    """Return every name without its prefix."""
     return [*_BY_SYMBOL, *_BY_WORD, *_WITHOUT_PREFIX]

@@ -14,7 +14,9 @@ from pydantic_core import PydanticCustomError, core_schema
 from palpate.unit_symbols import Unit, UnknownUnitError, is_one_unit, read_unit, unit_names
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-zµμΩ°%].*)?", re.DOTALL)
-_LONGEST = 100  # characters of a quantity
+_MAX_LENGTH = 100  # characters, a choice: of a quantity
+_MAX_SHOWN = 60  # characters, a choice: of a value in a message
+_SLIP_SIMILARITY = 0.5  # a choice: a slip such as "mn" for "mm" shares half of its letters
 
 
 class _Quantity(NamedTuple):
@@ -23,8 +25,8 @@ class _Quantity(NamedTuple):
     dimension: str
     example: str
     usual: tuple[str, ...] = ()
-    plausible: tuple[float, float] = (0.0, math.inf)  # [SI] of a number without a unit, 0 aside
-    meant: str = ""  # the unit that was perhaps meant by an implausible number
+    plausible: tuple[float, float] = (0.0, math.inf)  # [SI], a choice: of a number without a unit, 0 aside
+    meant: str = ""  # the likely unit of an implausible number
 
 
 _QUANTITIES = {
@@ -59,7 +61,7 @@ def _si(unit: str) -> Unit:
 
 
 def dimension(unit: str) -> str:
-    """The word for the dimension of an SI unit.
+    """Return the word for the dimension of an SI unit.
 
     >>> dimension("Pa*s")
     'viscosity'
@@ -68,12 +70,12 @@ def dimension(unit: str) -> str:
 
 
 def example(unit: str) -> str:
-    """A quantity in the display unit, as an example in messages."""
+    """Return a quantity in the display unit, as an example in messages."""
     return _quantity(unit).example
 
 
 def is_number(text: str) -> bool:
-    """Whether a text is a number as it stands, without a unit.
+    """Return True if a text is a number without a unit.
 
     >>> is_number("-1e3"), is_number("5 mm")
     (True, False)
@@ -86,7 +88,7 @@ def is_number(text: str) -> bool:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit, or the sign of per cent.
+    """Return True if a text is a unit, or the sign of per cent.
 
     >>> is_unit("Pa s"), is_unit("%"), is_unit("correlation")
     (True, True, False)
@@ -98,7 +100,7 @@ def is_unit(text: str) -> bool:
 
 
 def to_si(value: object, unit: str) -> float:
-    """A number in SI from what a person wrote: a number (SI already) or a text with a unit.
+    """Return a number in SI from a person's statement: a number (SI already) or a text with a unit.
 
     Raises ValueError, with a readable message, on anything else or on another dimension.
 
@@ -121,12 +123,13 @@ def to_si(value: object, unit: str) -> float:
 
 def _brief(value: object) -> str:
     text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
 
 
 def _parse(text: str, unit: str) -> float:
+    """Return the number of a text in an SI unit; raises ValueError with the form that is expected."""
     wanted = f'write for example "{example(unit)}"'
-    if len(text) > _LONGEST:
+    if len(text) > _MAX_LENGTH:
         raise ValueError(f"{_brief(text)} is too long for a {dimension(unit)}; {wanted}")
     match = _QUANTITY.fullmatch(text)
     if not match:
@@ -139,30 +142,32 @@ def _parse(text: str, unit: str) -> float:
     if not is_one_unit(written):
         raise ValueError(f"{text!r}: {written!r} is not one unit; {wanted}")
     try:
-        given = read_unit(written)
+        stated = read_unit(written)
     except UnknownUnitError as error:
         raise ValueError(f"{text!r}: unknown unit {written!r}{_meant(written, unit)}; {wanted}") from error
     si = _si(unit)
-    if given.dimensions != si.dimensions:
-        raise ValueError(f"{text!r} is {_dimension_of(given, written)}, not a {dimension(unit)}; {wanted}")
-    return number * (given.factor / si.factor)
+    if stated.dimensions != si.dimensions:
+        raise ValueError(f"{text!r} is {_dimension_of(stated, written)}, not a {dimension(unit)}; {wanted}")
+    return number * (stated.factor / si.factor)
 
 
-def _dimension_of(given: Unit, written: str) -> str:
+def _dimension_of(stated: Unit, written: str) -> str:
+    """Return the dimension of a unit with its article, as "a force"; for an unnamed one "in" and the unit."""
     for unit, (name, *_) in _QUANTITIES.items():
-        if _si(unit).dimensions == given.dimensions:
+        if _si(unit).dimensions == stated.dimensions:
             return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
     return f"in {written}"
 
 
 def _meant(written: str, unit: str) -> str:
-    """``; did you mean "kPa"?`` for an unknown unit: one of the expected dimension if any resembles it."""
-    own, usual = _quantity(unit).usual, [text for row in _QUANTITIES.values() for text in row.usual]
-    slips = [name for name in own if len(name) == len(written) and name[0] == written[0]]  # "mn" for "mm"
-    names = dict.fromkeys([*own, *usual, *unit_names()])
+    """Return ``; did you mean "kPa"?`` for an unknown unit: one of the expected dimension if any resembles it."""
+    expected, usual = _quantity(unit).usual, [text for row in _QUANTITIES.values() for text in row.usual]
+    slips = [name for name in expected if len(name) == len(written) and name[0] == written[0]]  # "mn" for "mm"
+    names = dict.fromkeys([*expected, *usual, *unit_names()])
+    # The expected dimension before the others, and another case of letters before another spelling.
     close = (
-        [name for name in own if name.lower() == written.lower()]
-        or get_close_matches(written, slips, n=1, cutoff=0.5)
+        [name for name in expected if name.lower() == written.lower()]
+        or get_close_matches(written, slips, n=1, cutoff=_SLIP_SIMILARITY)
         or [name for name in names if name.lower() == written.lower()]
         or get_close_matches(written, names, n=1)
     )
@@ -180,21 +185,21 @@ class Quantity:
         self.most = most
 
     def doubt(self, number: float) -> str:
-        """Why a number without a unit was hardly meant, with what may have been; empty where it may well be.
+        """Return why a number without a unit is implausible, with the likely one; empty if it is plausible.
 
         >>> Quantity("m").doubt(4)
         '4 without a unit is 4 m; did you mean "4 mm"? (write "4 m" where it is meant)'
         """
-        own = _quantity(self.unit)
-        least, most = own.plausible
-        most = most if self.most is None else self.most
+        quantity = _quantity(self.unit)
+        lowest, highest = quantity.plausible
+        highest = highest if self.most is None else self.most
         size = abs(number)
-        if size == 0 or least <= size <= most or not math.isfinite(size):
+        if size == 0 or lowest <= size <= highest or not math.isfinite(size):
             return ""
-        factor = read_unit(own.meant).factor if own.meant else 0.0
-        meant = (
-            f'; did you mean "{number:g} {own.meant}"?' if least <= size * factor <= most else ", which is implausible"
-        )
+        factor = read_unit(quantity.meant).factor if quantity.meant else 0.0
+        meant = ", which is implausible"
+        if lowest <= size * factor <= highest:
+            meant = f'; did you mean "{number:g} {quantity.meant}"?'
         read = f"{number:g} {self.unit}"
         return f'{number:g} without a unit is {read}{meant} (write "{read}" where it is meant)'
 
@@ -214,7 +219,7 @@ class Quantity:
 
 
 def quantity_schema(unit: str) -> JsonSchemaValue:
-    """JSON schema of what `to_si` reads: a number, or a text with a unit that is not one of another dimension."""
+    """Return the JSON schema of `to_si`: a number, or a text with a unit that is not one of another dimension."""
     number = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*"
     others = "|".join(re.escape(text) for other, row in _QUANTITIES.items() if other != unit for text in row.usual)
     text = {
@@ -250,14 +255,14 @@ Angle = Annotated[float, Quantity("rad")]
 AngularSpeed = Annotated[float, Quantity("rad/s")]
 
 
-# SI unit -> its display unit, and how many of it one SI unit is.
-_PEOPLE = {"Pa": ("kPa", 1e-3), "m": ("mm", 1e3), "Pa*s": ("Pa s", 1.0)}
+# SI unit -> its display unit, and the number of display units in one SI unit.
+_DISPLAY_UNITS = {"Pa": ("kPa", 1e-3), "m": ("mm", 1e3), "Pa*s": ("Pa s", 1.0)}
 
 
 def display_unit(unit: str) -> tuple[str, float]:
-    """The display unit for an SI unit, and how many of it one SI unit is.
+    """Return the display unit for an SI unit, and the number of display units in one SI unit.
 
     >>> display_unit("Pa")
     ('kPa', 0.001)
     """
-    return _PEOPLE.get(unit, (unit, 1.0))
+    return _DISPLAY_UNITS.get(unit, (unit, 1.0))

@@ -1,4 +1,4 @@
-"""Vectors of numbers, and names for what stands in them."""
+"""Vectors of numbers, and names for their parts."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ Floats = NDArray[np.float64]
 
 _Block = TypeVar("_Block")
 
-_FEW = 64  # rows, for which a look at each is as fast as one at their sum
+_SUMMED_ROWS = 64  # a choice: of fewer rows a test of each is as fast as one of their sum
 
 
 def finite_rows(values: Floats) -> NDArray[np.bool_]:
-    """(n,) whether all numbers (n, k) of a row are finite: of few columns far faster than ``all(axis=1)``."""
+    """Return True (n,) for rows of finite numbers (n, k): of few columns far faster than ``all(axis=1)``."""
     rows = np.ones(len(values), bool)
-    if len(values) > _FEW:
+    if len(values) > _SUMMED_ROWS:
+        # A sum is finite only if every number is, which is the usual case.
         with np.errstate(all="ignore"):
-            if np.isfinite(np.add.reduce(values, axis=None)):  # as it nearly always is; nothing not finite would vanish
+            if np.isfinite(np.add.reduce(values, axis=None)):
                 return rows
-    for known in np.isfinite(values).T:
-        rows &= known
+    for is_finite in np.isfinite(values).T:
+        rows &= is_finite
     return rows
 
 
@@ -45,7 +46,7 @@ def read_only(block: _Block) -> _Block:
 
 
 def dot_columns(one: Sequence[Floats] | Floats, other: Sequence[Floats] | Floats) -> Floats:
-    """Scalar products (n,) of vectors by their three columns (n,): the same bits however many rows there are.
+    """Return scalar products (n,) of vectors by their three columns (n,): the same bits however many rows there are.
 
     A matrix product may differ in its last bits with the size of a block.
     """
@@ -53,7 +54,7 @@ def dot_columns(one: Sequence[Floats] | Floats, other: Sequence[Floats] | Floats
 
 
 class Layout:
-    """Where the named parts of a vector stand, one after another.
+    """The places of the named parts of a vector, one after another.
 
     ``Layout(depth=1, rate=1, parameters=2)`` is a vector of four entries: ``at("rate")`` is the place of a part that
     is one entry, ``layout["parameters"]`` the slice of a part of any length, and so also of one that is absent
@@ -70,25 +71,25 @@ class Layout:
             self.size += length
 
     def __contains__(self, name: object) -> bool:
-        """Whether a part of that name has any entries."""
+        """Return True if a part of that name has any entries."""
         rows = self._rows.get(name) if isinstance(name, str) else None
         return rows is not None and rows.start < rows.stop
 
     def __getitem__(self, name: str) -> slice:
-        """The slice of a part; raises KeyError where the layout has none of that name."""
+        """Return the slice of a part; raises KeyError where the layout has none of that name."""
         return self._rows[name]
 
     def __iter__(self) -> Iterator[str]:
-        """The names of the parts, in their order."""
+        """Yield the names of the parts, in their order."""
         return iter(self._rows)
 
     def at(self, name: str) -> int:
-        """The place of a part that is one entry; raises KeyError where it is absent, or longer."""
+        """Return the place of a part that is one entry; raises KeyError where it is absent, or longer."""
         rows = self._rows[name]
         if rows.stop - rows.start != 1:
             raise KeyError(f"{name} is {rows.stop - rows.start} entries, not one")
         return int(rows.start)
 
     def span(self, first: str, last: str) -> slice:
-        """The slice from the beginning of one part to the end of another."""
+        """Return the slice from the beginning of one part to the end of another."""
         return slice(self._rows[first].start, self._rows[last].stop)

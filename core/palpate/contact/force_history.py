@@ -12,12 +12,13 @@ import numpy as np
 from palpate.contact.interfaces import ContactModel, contact_force
 from palpate.vectors import Floats
 
-_LEAST_STEPS = 4  # steps of the integration from one sample to the next
-_MOST_STEPS = 64
-_STEP_TIMES_RATE = 0.25  # Runge-Kutta's local error is then some 1e-5 of what a state forgets in the step
-_TOGETHER = 64  # intervals in one call
+_MIN_STEPS = 4  # a choice: steps of the integration from one sample to the next
+_MAX_STEPS = 64  # a choice: more are too slow, and the samples too far apart
+_STEP_TIMES_RATE = 0.25  # a choice: Runge-Kutta's local error is then some 1e-5 of a state's change in the step
+_BLOCK = 64  # a choice: intervals in one call
+_RATE_CHECKS = 50  # a choice: samples at which the fastest rate is looked for
 # By identity: a third-party model need not be hashable.
-_BUILT: dict[int, tuple[weakref.ref[Any], dict[tuple[int, int], Any]]] = {}
+_FUNCTIONS: dict[int, tuple[weakref.ref[Any], dict[tuple[int, int], Any]]] = {}
 
 
 def force_over_time(
@@ -30,7 +31,7 @@ def force_over_time(
     memory: Sequence[float] | None = None,
     pulls: bool = True,
 ) -> Floats:
-    """Force (n,) [N] at instants (n,) [s] of a motion given by depth (n,) [m] and its rate (n,) [m/s].
+    """Return the force (n,) [N] at instants (n,) [s] of a motion given by depth (n,) [m] and its rate (n,) [m/s].
 
     Internal states start from `memory` (none given: 0, a material at rest) and are integrated by the Runge-Kutta method
     of order 4 between the instants, over which the depth is the cubic that has the given depths and rates. Steps are
@@ -52,51 +53,54 @@ def memory_over_time(
     theta: Sequence[float],
     memory: Sequence[float] | None = None,
 ) -> Floats:
-    """Internal states (n, k) over a motion; see `force_over_time`."""
+    """Return internal states (n, k) over a motion; see `force_over_time`."""
     count = len(model.memory)
     states = np.zeros((len(time), count))
     if not len(time):
         return states
     states[0] = 0.0 if memory is None else memory
-    steps = _steps(model, time, depth, rate, theta)
-    ends = np.column_stack([np.diff(time), depth[:-1], rate[:-1], depth[1:], rate[1:]])
-    done = 0
-    for together in (_TOGETHER, 1):
-        rest = len(ends) - done
-        whole = rest - rest % together
-        _follow(_kept(model, steps, together), states[done:], ends[done : done + whole], theta, together)
-        done += whole
+    steps = _step_count(model, time, depth, rate, theta)
+    # Length of each interval, depth and rate at its beginning and end; whole blocks first, then single intervals.
+    intervals = np.column_stack([np.diff(time), depth[:-1], rate[:-1], depth[1:], rate[1:]])
+    first = 0
+    for block in (_BLOCK, 1):
+        remaining = len(intervals) - first
+        last = first + remaining - remaining % block
+        _integrate(_function(model, steps, block), states[first:], intervals[first:last], theta, block)
+        first = last
     return states
 
 
-def _follow(function: Any, states: Floats, ends: Floats, theta: Sequence[float], together: int) -> None:
-    """Fill in the states (m + 1, k) after intervals (m, 5), so many at a time; the first is there."""
-    state, values = np.empty(states.shape[1]), np.tile(np.array(theta, float), (together, 1))
-    given, after = np.empty((together, 5)), np.empty((together, states.shape[1]))
-    buffer, advance = function.buffer()  # a call through it costs a twentieth of an ordinary one
-    for i, array in enumerate((state, given, values)):
+def _integrate(function: Any, states: Floats, intervals: Floats, theta: Sequence[float], block: int) -> None:
+    """Fill in the states (m + 1, k) after intervals (m, 5), in blocks; the first state is there."""
+    # The function reads and writes these arrays: a call through its buffer costs a twentieth of an ordinary one.
+    state, values = np.empty(states.shape[1]), np.tile(np.array(theta, float), (block, 1))
+    block_intervals, block_states = np.empty((block, 5)), np.empty((block, states.shape[1]))
+    buffer, evaluate = function.buffer()
+    for i, array in enumerate((state, block_intervals, values)):
         buffer.set_arg(i, memoryview(array.data))
-    buffer.set_res(0, memoryview(after.data))
-    for i in range(0, len(ends), together):
-        state[:], given[:] = states[i], ends[i : i + together]
-        advance()
-        states[i + 1 : i + 1 + together] = after
+    buffer.set_res(0, memoryview(block_states.data))
+    for i in range(0, len(intervals), block):
+        state[:] = states[i]
+        block_intervals[:] = intervals[i : i + block]
+        evaluate()
+        states[i + 1 : i + 1 + block] = block_states
 
 
-def _steps(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta: Sequence[float]) -> int:
-    """How many steps an interval needs, from the largest rate at which any state forgets [1/s]."""
+def _step_count(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta: Sequence[float]) -> int:
+    """Return the steps that an interval needs, by the largest rate at which any state forgets [1/s]."""
     import casadi
 
-    forgetting = _kept(model, 0)
-    rows = np.linspace(0, len(depth) - 1, min(len(depth), 50)).astype(int)
+    rows = np.linspace(0, len(depth) - 1, min(len(depth), _RATE_CHECKS)).astype(int)
     motion = casadi.DM(np.array([depth[rows], rate[rows]]))
     at_rest, values = casadi.DM.zeros(len(model.memory), len(rows)), casadi.DM(np.array(theta, float))
-    fastest = float(np.max(np.array(forgetting(at_rest, motion, casadi.repmat(values, 1, len(rows))))))
+    rates = _function(model, 0)(at_rest, motion, casadi.repmat(values, 1, len(rows)))
+    fastest = float(np.max(np.array(rates)))
     longest = float(np.max(np.diff(time), initial=0.0))
     if not math.isfinite(fastest):
         raise ValueError(f"{type(model).__name__}.memory_rate is not finite")
-    steps = max(_LEAST_STEPS, math.ceil(fastest * longest / _STEP_TIMES_RATE))
-    if steps > _MOST_STEPS:
+    steps = max(_MIN_STEPS, math.ceil(fastest * longest / _STEP_TIMES_RATE))
+    if steps > _MAX_STEPS:
         raise ValueError(
             f"{type(model).__name__} forgets within {1e3 / fastest:.3g} ms: too fast for samples every "
             f"{1e3 * longest:.3g} ms"
@@ -104,23 +108,24 @@ def _steps(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta
     return steps
 
 
-def _kept(model: ContactModel, steps: int, together: int = 1) -> Any:
-    """The function of so many intervals of so many steps, or that of the forgetting (0), built once for each model."""
-    known = _BUILT.get(id(model))
-    if known is None or known[0]() is not model:
-        own = id(model)
-        known = _BUILT[own] = (weakref.ref(model, lambda _: _BUILT.pop(own, None)), {})
-    if (steps, together) not in known[1]:
-        if together > 1:
-            made = _kept(model, steps).mapaccum("intervals", together)
+def _function(model: ContactModel, steps: int, block: int = 1) -> Any:
+    """Return function of a block of intervals of so many steps, or of the forgetting (0), built once for a model."""
+    key = id(model)
+    entry = _FUNCTIONS.get(key)
+    # An identity may be that of another model, once the first is gone.
+    if entry is None or entry[0]() is not model:
+        entry = _FUNCTIONS[key] = (weakref.ref(model, lambda _: _FUNCTIONS.pop(key, None)), {})
+    functions = entry[1]
+    if (steps, block) not in functions:
+        if block > 1:
+            functions[steps, block] = _function(model, steps).mapaccum("intervals", block)
         else:
-            made = _interval(model, steps) if steps else _forgetting(model)
-        known[1][steps, together] = made
-    return known[1][steps, together]
+            functions[steps, block] = _interval_function(model, steps) if steps else _forgetting_function(model)
+    return functions[steps, block]
 
 
-def _forgetting(model: ContactModel) -> Any:
-    """CasADi function: the rate at which the states forget [1/s], from states, depth and rate, and parameters."""
+def _forgetting_function(model: ContactModel) -> Any:
+    """Return a CasADi function of states, depth and rate, and parameters: the rate at which states forget [1/s]."""
     import casadi
 
     state, motion = casadi.SX.sym("m", len(model.memory)), casadi.SX.sym("d", 2)
@@ -129,16 +134,22 @@ def _forgetting(model: ContactModel) -> Any:
     return casadi.Function("j", [state, motion, theta], [casadi.norm_1(casadi.jacobian(change, state))])
 
 
-def _interval(model: ContactModel, steps: int) -> Any:
-    """CasADi function: states at the end of an interval from those at its start, its ends, and the parameters."""
+def _interval_function(model: ContactModel, steps: int) -> Any:
+    """Return a CasADi function of states, an interval and parameters: the states at the end of the interval.
+
+    By the classical Runge-Kutta method of order 4 in equal steps::
+
+        x <- x + h/6 (k1 + 2 k2 + 2 k3 + k4)    k1 = f(t, x)    k2 = f(t + h/2, x + h/2 k1)
+        k3 = f(t + h/2, x + h/2 k2)             k4 = f(t + h, x + h k3)
+    """
     import casadi
 
     state, theta = casadi.SX.sym("m", len(model.memory)), casadi.SX.sym("p", len(model.parameters))
-    ends = casadi.SX.sym("e", 5)  # length, depth and rate before, depth and rate after
-    length = ends[0]
+    interval = casadi.SX.sym("e", 5)
+    length, *ends = casadi.vertsplit(interval)  # depth and rate before, depth and rate after
 
     def change(fraction: float, at: Any) -> Any:
-        depth, rate = _cubic(fraction, length, ends[1], ends[2], ends[3], ends[4])
+        depth, rate = _cubic(fraction, length, *ends)
         return casadi.vertcat(*model.memory_rate(depth, rate, casadi.vertsplit(theta), casadi.vertsplit(at)))
 
     step, after = length / steps, state
@@ -149,11 +160,11 @@ def _interval(model: ContactModel, steps: int) -> Any:
         k3 = change(middle, after + step / 2 * k2)
         k4 = change(end, after + step * k3)
         after = after + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return casadi.Function("interval", [state, ends, theta], [after], {"cse": True})
+    return casadi.Function("interval", [state, interval, theta], [after], {"cse": True})
 
 
 def _cubic(fraction: float, length: Any, depth0: Any, rate0: Any, depth1: Any, rate1: Any) -> tuple[Any, Any]:
-    """Depth and rate at a fraction of an interval: Hermite's cubic through both ends."""
+    """Return depth and rate at a fraction of an interval: Hermite's cubic through both ends."""
     s = fraction
     depth = (
         (1 + 2 * s) * (1 - s) ** 2 * depth0

@@ -13,41 +13,43 @@ from palpate.contact.expressions import select
 from palpate.parts import Part
 from palpate.vectors import Floats
 
+_NODES = 8  # of Gauss-Legendre: exact for polynomials in t up to degree 15, so for k up to 12
+
 
 class Indenter(Part, ABC):
-    """A rigid axisymmetric tip as the method of dimensionality reduction sees it (Popov and Hess 2015)."""
+    """A rigid axisymmetric tip by the method of dimensionality reduction (Popov and Hess 2015)."""
 
     kind: ClassVar[str] = "indenter"
     word: ClassVar[str] = ""  # by which people name it on a command line, where its type is called otherwise
 
     @property
     def sphere_radius(self) -> float | None:
-        """Radius [m] of the sphere that the tip is, which touches alike on every inclination; None of another shape."""
+        """The radius [m] of a tip that is a sphere, which touches alike on every inclination; None of another shape."""
         return None
 
     @abstractmethod
     def contact_radius(self, depth: Any) -> Any:
-        """Contact radius a [m] at a depth d >= 0 [m]: the root of g(a) = d, g the reduced profile.
+        """Return the contact radius a [m] at a depth d >= 0 [m]: the root of g(a) = d, g the reduced profile.
 
         Plain operators only, so that one expression runs on floats, arrays, complex numbers and CasADi symbols.
         """
 
     def profile_area(self, depth: Any) -> Any:
-        """Area A(d) [m^2] between tip and surface in the reduced plane: the integral of d - g(x) over 0..a(d).
+        """Return area A(d) [m^2] between tip and surface in the reduced plane: the integral of d - g(x) over 0..a(d).
 
         Since A' = a, it is the integral of `contact_radius`; by Gauss-Legendre in t with depth d t^4, which is exact
         for contact radii that are powers d^(k/4), k up to 12. Override it where a closed form exists.
         """
-        return depth * sum(weight * self.contact_radius(depth * node) for node, weight in _quartic_nodes(8))
+        return depth * sum(weight * self.contact_radius(depth * node) for node, weight in _quartic_nodes(_NODES))
 
     def validity(self, depth: float) -> str:
-        """Which assumption of this tip fails at a depth [m], as a sentence; empty where all hold."""
+        """Return the assumption of this tip that fails at a depth [m], as a sentence; empty where all hold."""
         return ""
 
 
 @cache
 def _quartic_nodes(order: int) -> tuple[tuple[float, float], ...]:
-    """t^4 and 4 t^3 times the weight of t, for Gauss-Legendre on 0..1."""
+    """Return t^4 and 4 t^3 times the weight of t, for Gauss-Legendre on 0..1."""
     import numpy as np
 
     nodes, weights = np.polynomial.legendre.leggauss(order)
@@ -72,7 +74,7 @@ class Parameter:
 
     @property
     def lowest_estimate(self) -> float:
-        """Lower bound of least squares: none for a viscosity, so that many of a material without one average to 0."""
+        """The lower bound of least squares: none for a viscosity, so that those of an elastic material average to 0."""
         return -math.inf if self.role == "viscous" else self.lower
 
 
@@ -87,11 +89,11 @@ class MaterialValue:
 
     @property
     def unit(self) -> str:
-        """SI unit."""
+        """The SI unit."""
         return "Pa*s" if self.name == "viscosity" else "Pa"
 
     def std(self, parameter_std: Sequence[float]) -> float:
-        """Standard deviation sqrt(sum_i (dv/dp_i s_i)^2) of the value v for uncorrelated parameters with s_i (k,)."""
+        """Return the standard deviation sqrt(sum_i (dv/dp_i s_i)^2) of v for uncorrelated parameters with s_i (k,)."""
         return math.hypot(*(slope * std for slope, std in zip(self.gradient, parameter_std, strict=True)))
 
 
@@ -108,7 +110,7 @@ class ContactModel(Part, ABC):
 
     @abstractmethod
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
-        """Force [N], positive where it pushes the tip out, at depth >= 0 [m] and its rate [m/s].
+        """Return the force [N], positive where it pushes the tip out, at depth >= 0 [m] and its rate [m/s].
 
         `theta` holds one value for each of `parameters`, `memory` one for each internal state, in their order. Plain
         operators only: one formula runs on floats, arrays, complex numbers and CasADi symbols. Below depth 0 it is not
@@ -116,23 +118,23 @@ class ContactModel(Part, ABC):
         """
 
     def pull_off_depth(self, theta: Sequence[Any]) -> Any:
-        """Depth [m], 0 or below, at which a tip that leaves comes off; a tip that comes touches at depth 0."""
+        """Return depth [m], 0 or below, at which a tip that leaves comes off; a tip that comes touches at depth 0."""
         return 0.0
 
     def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
-        """Time derivative of each internal state [unit/s], at any depth; empty for a model without memory."""
+        """Return time derivative of each internal state [unit/s], at any depth; empty for a model without memory."""
         return ()
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
-        """Elasticity and viscosity as parameter values imply them, where the model can say them; else nothing."""
+        """Return elasticity and viscosity as parameter values imply them, where the model can; else nothing."""
         return ()
 
     def validity(self, depth: float) -> str:
-        """Which assumption of this model fails at a depth [m], as a sentence; empty where all hold."""
+        """Return the assumption of this model that fails at a depth [m], as a sentence; empty where all hold."""
         return ""
 
     def curved_share(self, curvature: Floats, depth: Floats) -> Floats | None:
-        """Force (n,) on a skin of principal curvatures (n, 2) [1/m] over that on a flat one, at depths (n,) > 0 [m].
+        """Return the force (n,) on a skin of curvatures (n, 2) [1/m] over that on a flat one, at depths (n,) > 0 [m].
 
         None of a model that does not know, or that states what skin there is. Over a surface that says its curvatures,
         a track's forces are divided by it, so that its estimates are those of the material.
@@ -140,11 +142,11 @@ class ContactModel(Part, ABC):
         return None
 
     def other_geometries(self, depth: float, theta: Sequence[float]) -> Mapping[str, tuple[float, ...]]:
-        """Parameter values that mean the same force at a depth [m] under each geometry that what is stated admits."""
+        """Return parameter values of the same force at a depth [m] under each geometry that the statements admit."""
         return {}
 
     def delay_shift(self, theta: Sequence[float]) -> tuple[float, ...]:
-        """Shift of each estimated parameter per second that the force is recorded late [unit/s]; 0 where unknown.
+        """Return the shift of each estimated parameter per second of delay of the force [unit/s]; 0 where unknown.
 
         A force that is late by tau reads F(d, d') = K d + B d' as if B were smaller by K tau.
         """
@@ -154,7 +156,7 @@ class ContactModel(Part, ABC):
 def contact_force(
     model: ContactModel, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = (), *, pulls: bool = True
 ) -> Any:
-    """Force [N] at any depth [m]: that of the model in contact, 0 out of it (paper, eq. final_ext_contact2).
+    """Return the force [N] at any depth [m]: that of the model in contact, 0 out of it (paper, eq. final_ext_contact2).
 
     With ``pulls = False`` the force is never negative, unless the model is `adhesive`: a material that does not stick
     cannot hold a tip back that leaves faster than the material recovers.

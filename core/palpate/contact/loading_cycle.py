@@ -1,4 +1,4 @@
-"""Loading cycles: an ability of models whose force in unloading is not that of the depth alone."""
+"""Loading cycles: an ability of models whose force in unloading does not follow from the depth alone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class LoadingCycle(Protocol):
     """Ability of a contact model to give its force over one loading and one unloading."""
 
     def loading_cycle_force(self, time: Floats, depth: Floats, theta: Sequence[float], reversal: float) -> Floats:
-        """Force (n,) [N] at instants (n,) [s] and depths (n,) [m]; steps back of up to `reversal` [m] are noise.
+        """Return force (n,) [N] at instants (n,) [s] and depths (n,) [m]; steps back of up to `reversal` [m] are noise.
 
         Raises ValueError where the depth has more than one maximum.
         """
@@ -24,7 +24,7 @@ class LoadingCycle(Protocol):
 def loading_cycle_force(
     model: ContactModel, time: Floats, depth: Floats, theta: Sequence[float], reversal: float = 1e-6
 ) -> Floats:
-    """Force (n,) [N] of a model over one loading and one unloading; raises ValueError where it is not known."""
+    """Return force (n,) [N] of a model over one loading and one unloading; raises ValueError where it is not known."""
     if not isinstance(model, LoadingCycle):
         kind = type(model).__name__
         raise ValueError(f"Ting's unloading needs a linear material with a relaxation modulus, not {kind}")

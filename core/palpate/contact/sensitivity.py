@@ -1,4 +1,4 @@
-"""How the contact force answers to its parameters and to depth and rate: derivatives of the model itself."""
+"""Derivatives of the contact force by its parameters, depth and rate: those of the model itself."""
 
 from __future__ import annotations
 
@@ -12,41 +12,43 @@ from palpate.contact.interfaces import ContactModel, contact_force
 from palpate.errors import ConfigurationError
 from palpate.vectors import Floats
 
-_TOGETHER = 1024  # samples
+_BLOCK = 1024  # samples, a choice: a longer map takes longer to build than to run
 
 
 def force_slopes(
     model: ContactModel, depth: Floats, rate: Floats, theta: Sequence[float]
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Force (n,) [N], its derivatives by the parameters (n, k), by depth (n,) [N/m] and by rate (n,) [N s/m].
+    """Return force (n,) [N], its derivatives by the parameters (n, k), by depth (n,) [N/m] and by rate (n,) [N s/m].
 
     The derivatives are those of CasADi's expression for the model, exact to rounding. Raises ConfigurationError for a
     model with memory, whose force depends on more than these.
     """
     if model.memory:
         raise ConfigurationError(f"{type(model).__name__} remembers: its slopes are not those of depth and rate alone")
+    # Functions for whole blocks and for the last one; kept, for models that can be hashed.
     hashable: Any = model
     try:
-        maps = {n: _slopes_of_many(hashable, len(theta), n) for n in _lengths(len(depth))}
-    except TypeError:  # a model that holds what cannot be hashed
-        maps = {n: _slopes_of_many.__wrapped__(model, len(theta), n) for n in _lengths(len(depth))}
-    given = [np.ascontiguousarray(column, np.float64) for column in (depth, rate)]
+        functions = {n: _slopes_function(hashable, len(theta), n) for n in _block_lengths(len(depth))}
+    except TypeError:
+        functions = {n: _slopes_function.__wrapped__(model, len(theta), n) for n in _block_lengths(len(depth))}
+    depth, rate = np.ascontiguousarray(depth, np.float64), np.ascontiguousarray(rate, np.float64)
     parameters = np.array(theta, np.float64)
-    f, table = np.empty(len(depth)), np.empty((len(depth), len(theta) + 2))
-    for begin in range(0, len(depth), _TOGETHER):
-        rows = slice(begin, begin + _TOGETHER)
-        buffer, evaluate = maps[len(depth[rows])].buffer()
-        for i, column in enumerate((given[0][rows], given[1][rows], parameters)):
+    # They write into these arrays, block by block; the Jacobians (1, k + 2) of a block stand side by side.
+    force, slopes = np.empty(len(depth)), np.empty((len(depth), len(theta) + 2))
+    for begin in range(0, len(depth), _BLOCK):
+        rows = slice(begin, begin + _BLOCK)
+        buffer, evaluate = functions[len(depth[rows])].buffer()
+        for i, column in enumerate((depth[rows], rate[rows], parameters)):
             buffer.set_arg(i, column.data)
-        buffer.set_res(0, f[rows].data)
-        buffer.set_res(1, table[rows].data)  # the map puts the (1, k + 2) Jacobians side by side
+        buffer.set_res(0, force[rows].data)
+        buffer.set_res(1, slopes[rows].data)
         evaluate()
-    return f, table[:, : len(theta)], table[:, -2], table[:, -1]
+    return force, slopes[:, : len(theta)], slopes[:, -2], slopes[:, -1]
 
 
 @lru_cache(32)
-def _slopes_of_many(model: ContactModel, parameters: int, count: int) -> Any:
-    """The force of a model and its derivatives for so many samples at once, as a function of CasADi."""
+def _slopes_function(model: ContactModel, parameters: int, count: int) -> Any:
+    """Return a CasADi function of so many samples: the force of a model and its derivatives."""
     import casadi
 
     d, v, p = casadi.SX.sym("d"), casadi.SX.sym("v"), casadi.SX.sym("p", parameters)
@@ -55,6 +57,6 @@ def _slopes_of_many(model: ContactModel, parameters: int, count: int) -> Any:
     return casadi.Function("slopes", [d, v, p], [casadi.densify(force), slopes]).map("slopes", "serial", count, [2], [])
 
 
-def _lengths(count: int) -> set[int]:
-    """How long the blocks of so many samples are: a map over all of them would take longer to build than to run."""
-    return {min(_TOGETHER, count), count % _TOGETHER} - {0}
+def _block_lengths(count: int) -> set[int]:
+    """Return the lengths of the blocks of so many samples."""
+    return {min(_BLOCK, count), count % _BLOCK} - {0}

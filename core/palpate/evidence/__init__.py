@@ -1,1 +1,1 @@
-"""What diagnoses are given of a track, and what they say of it."""
+"""Evidence of a track for diagnoses, and their findings."""

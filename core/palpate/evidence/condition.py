@@ -1,4 +1,4 @@
-"""Conditions: facts that the record cannot show and nobody has stated, and what a value would be with another fact."""
+"""Conditions: facts that no record shows and nobody has stated, and the shift of a value by another fact."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ FORMER_FLAGS = {
     "one-frequency": "frequency",
     "not-distinguishable-from-delay": "delay",
 }
-_NEEDED = 0.5  # of a value, or of its interval of two standard uncertainties, that an alternative moves
+_MAX_SHIFT = 0.5  # of a value, or of its interval of two standard uncertainties, a choice: a larger one needs the fact
+_MAX_PERCENT = 10.0  # a choice: a share beyond it, 1000 %, is shown as "more than tenfold"
 
 
 @dataclass(frozen=True)
@@ -33,17 +34,22 @@ class Condition:
     code: str = ""  # of the flag by which older versions said it
 
     def matters(self, values: Mapping[str, UncertainValue]) -> bool:
-        """Whether the alternative moves any value by its uncertainty; one without an alternative always does."""
-        moved = ((abs(shift), values[name].combined) for name, shift in self.shifts.items() if name in values)
-        return not self.alternative or any(not size < u for size, u in moved if size > 0)
+        """Return True if the alternative moves any value by its uncertainty; a condition without one always does."""
+        if not self.alternative:
+            return True
+        for name, shift in self.shifts.items():
+            # Not "at least": an uncertainty that is not known (NaN) is not below any shift.
+            if name in values and abs(shift) > 0 and not abs(shift) < values[name].combined:
+                return True
+        return False
 
     def needed_by(self, name: str, value: UncertainValue) -> bool:
-        """Whether the alternative moves a value by more than half of it, or of two standard uncertainties."""
+        """Return True if the alternative moves a value by more than half of it, or of two standard uncertainties."""
         size, u = abs(self.shifts.get(name, 0.0)), value.combined
-        return bool(self.alternative) and size > _NEEDED * max(abs(value.value), 0.0 if math.isnan(u) else 2 * u)
+        return bool(self.alternative) and size > _MAX_SHIFT * max(abs(value.value), 0.0 if math.isnan(u) else 2 * u)
 
     def sentence(self, values: Mapping[str, UncertainValue]) -> str:
-        """The assumption, and the relative change of each value if the alternative were true.
+        """Return the assumption, and the relative change of each value if the alternative were true.
 
         Values that change by less than their combined uncertainty are left out.
 
@@ -51,15 +57,18 @@ class Condition:
         >>> thick.sentence({"elasticity": UncertainValue(50.0, 1.0, "Pa")})
         'specimen thicker than 49 mm (22 mm: elasticity 13 % lower)'
         """
-        said = [
-            f"{name} {_share(shift / value.value)} {'higher' if shift * value.value > 0 else 'lower'}"
-            for name, shift in self.shifts.items()
-            if (value := values.get(name)) is not None and value.value and value.combined <= abs(shift) < math.inf
-        ]
-        return f"{self.text} ({self.alternative}: {', '.join(said)})" if said and self.alternative else self.text
+        changes = []
+        for name, shift in self.shifts.items():
+            value = values.get(name)
+            if value is not None and value.value and value.combined <= abs(shift) < math.inf:
+                direction = "higher" if shift * value.value > 0 else "lower"
+                changes.append(f"{name} {_percent(shift / value.value)} {direction}")
+        if not changes or not self.alternative:
+            return self.text
+        return f"{self.text} ({self.alternative}: {', '.join(changes)})"
 
     def table(self, values: Mapping[str, UncertainValue]) -> dict[str, Any]:
-        """As in ``result.json``."""
+        """Return the condition as in ``result.json``."""
         table = {
             "fact": self.fact,
             "message": self.sentence(values),
@@ -71,16 +80,17 @@ class Condition:
         return table | ({"code": self.code} if self.code else {})
 
 
-def _share(share: float) -> str:
-    return f"{float(f'{100 * abs(share):.2g}'):g} %" if abs(share) < 10 else "more than tenfold"
+def _percent(share: float) -> str:
+    """Return a share in per cent, to two digits."""
+    return f"{float(f'{100 * abs(share):.2g}'):g} %" if abs(share) < _MAX_PERCENT else "more than tenfold"
 
 
 def needs(conditions: Iterable[Condition], name: str, value: UncertainValue) -> str:
-    """The fact that a value needs most; empty where it needs none."""
-    needed = [one for one in conditions if one.needed_by(name, value)]
-    return max(needed, key=lambda one: abs(one.shifts[name])).fact if needed else ""
+    """Return the fact that a value needs most; empty where it needs none."""
+    needed = [condition for condition in conditions if condition.needed_by(name, value)]
+    return max(needed, key=lambda condition: abs(condition.shifts[name])).fact if needed else ""
 
 
 def joined(conditions: Sequence[Condition]) -> tuple[Condition, ...]:
-    """One condition for each fact, the first that names it."""
-    return tuple({one.fact: one for one in reversed(conditions)}.values())[::-1]
+    """Return one condition for each fact, the first that names it."""
+    return tuple({condition.fact: condition for condition in reversed(conditions)}.values())[::-1]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.hesitation import hesitations
 from palpate.vectors import Floats, read_only_view
 
-_GAP = 2.5  # of the usual interval
+_GAP = 2.5  # usual intervals, a choice: a longer one is a gap, of at least two missing samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class SampleStore:
 
     @cached_property
     def runs(self) -> NDArray[np.int64]:
-        """Numbers (n,) of the stretches that have no gap."""
+        """The numbers (n,) of the stretches without a gap."""
         step = np.diff(self.time, prepend=self.time[:1])
         usual = float(np.median(step[1:])) if len(step) > 1 else 0.0
         jumps = np.diff(self.index, prepend=self.index[:1] - 1) != 1
@@ -38,7 +38,8 @@ class SampleStore:
 
     @cached_property
     def hesitating(self) -> NDArray[np.bool_]:
-        """(n,) True within a hesitation of the arm, whose jerk no slope over samples shows as it was."""
+        """True (n,) within a hesitation of the arm, whose jerk no slope over samples shows rightly."""
+        # A clock without the jumps at dropped blocks, which are not hesitations.
         step = np.diff(self.time)
         usual = float(np.median(step)) if len(step) else 0.0
         clock = np.cumsum(np.concatenate([[0.0], np.where(np.diff(self.index) == 1, step, usual)]))[: len(self.time)]

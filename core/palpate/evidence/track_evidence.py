@@ -1,4 +1,4 @@
-"""What diagnoses are given of every track when a run has ended, and what they say of it."""
+"""Evidence of every track when a run has ended, and the findings of diagnoses."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from palpate.vectors import Floats
 
 @dataclass(frozen=True)
 class TrackEnd:
-    """The end of a track, of which its result is a mean, and what was declared and found of the record."""
+    """The end of a track, of which its result is a mean, with declarations and findings of the record."""
 
     tail: Tail
     last: Tail  # of the tail, what the result is a mean of
@@ -42,7 +42,7 @@ class TrackEnd:
 
 @dataclass(frozen=True)
 class TrackEvidence:
-    """What a diagnosis may look at: the record of a track, and what the track made of it."""
+    """The evidence for a diagnosis: the record of a track, and its estimates."""
 
     name: str  # "model/estimator"
     model: ContactModel
@@ -54,21 +54,21 @@ class TrackEvidence:
     air_position: Floats  # (a,) [m]
     values: Floats  # (k,) the result's parameters [SI]
     std: Floats  # (k,) standard deviation of each, by the estimator
-    combined: Floats  # (k,) combined standard uncertainty of each, with what the diagnoses before say
+    combined: Floats  # (k,) combined standard uncertainty of each, with the findings of the diagnoses before
     surface: float  # [m]
     report: FitReport | None  # of an offline fit
     tables: Mapping[str, Settings] = field(default_factory=dict)  # of analyses, as the pipeline has them, by name
     ending: TrackEnd | None = None  # None where a track is judged without a run
-    found: Mapping[str, UncertainValue] = field(default_factory=dict)  # by parameter, what the diagnoses before left
-    air_after: Floats = field(
-        default_factory=lambda: np.zeros((3, 0))
-    )  # (3, a) time [s], force [N], position [m] after the last contact, at most 4096 samples
-    surface_uncertainty: float = 0.0  # [m] combined, with what the diagnoses before say
+    # By parameter, with the findings of the diagnoses before.
+    found: Mapping[str, UncertainValue] = field(default_factory=dict)
+    # (3, a) time [s], force [N], position [m] after the last contact, at most 4096 samples.
+    air_after: Floats = field(default_factory=lambda: np.zeros((3, 0)))
+    surface_uncertainty: float = 0.0  # [m] combined, with the findings of the diagnoses before
 
 
 @dataclass(frozen=True)
 class Term:
-    """One source of uncertainty, with what one standard uncertainty of it does; all its effects have one cause."""
+    """One source of uncertainty, with the shifts by one standard uncertainty; all its effects have one cause."""
 
     cause: str
     std: float
@@ -77,7 +77,7 @@ class Term:
     declared: bool = True  # else a default
 
     def row(self, values: Mapping[str, float]) -> BudgetRow:
-        """Its row in the budget of these values (k,), by name."""
+        """Return its row in the budget of these values (k,), by name."""
         effects = {
             name: Effect.of(value, abs(shift), shift / self.std if self.std else None)
             for (name, value), shift in zip(values.items(), self.shifts.tolist(), strict=True)
@@ -87,7 +87,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """What a diagnosis says of one track."""
+    """The findings of a diagnosis on one track."""
 
     flags: tuple[Flag, ...] = ()
     terms: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty [SI] that it adds, by parameter
@@ -104,5 +104,5 @@ class Diagnosed:
     known: frozenset[str] = frozenset()  # facts that the record itself measures, so that they are not conditions
 
 
-# Tracks of one run -> findings by the name of the track; tracks that it has nothing to say of may be left out.
+# Tracks of one run -> findings by the name of the track; tracks without findings may be left out.
 Judge = Callable[[Sequence[TrackEvidence]], Mapping[str, Diagnosed]]
