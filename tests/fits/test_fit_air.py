@@ -1,6 +1,7 @@
 """The free air before a slow ramp, whose contact a threshold sees 0.7 mm too late."""
 
 import numpy as np
+import palpate
 import pytest
 from palpate import Problem, Samples
 from palpate_fits import CasadiFit
@@ -47,3 +48,23 @@ def test_other_contact_points_know_the_noise_of_the_air():
     points = found.details["contact_points"]
     assert abs(points["deviation-from-baseline"]["surface"]) < 0.25e-3
     assert not any(flag.code == "misfit" for flag in found.flags)
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.002])
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_a_sine_that_begins_in_contact_has_no_air(seed, noise):
+    """1.8 to 4.2 mm deep: a quarter of a period is no air with a touch at its end; E would be 159 for 112."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 4.0, 0.002)
+    depth = 3e-3 - 1.2e-3 * np.cos(4 * np.pi * time)
+    rate = 1.2e-3 * 4 * np.pi * np.sin(4 * np.pi * time)
+    force = np.sqrt(5e-3) * (16 / 9 * 112.5e3 * depth**1.5 + 8 * 362 * np.sqrt(depth) * rate)
+    record = palpate.record(
+        time=time,
+        force=force + rng.normal(0.0, noise, len(time)),
+        height=-depth + rng.normal(0.0, 2e-6, len(time)),
+        timing="0.1 ms",
+        tip_mass=0,
+    )
+    with pytest.raises(palpate.UserError, match="not at rest in free air"):
+        palpate.fit(record, tip=Sphere(radius="5 mm"), model="dr")

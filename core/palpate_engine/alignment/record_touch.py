@@ -14,6 +14,7 @@ from palpate_engine.alignment.change_point import samples_as_one, shortest_desce
 from palpate_engine.alignment.contact_threshold import SAMPLES_IN_A_ROW, run_lengths
 
 _EVERY, _OFTEN = 16, 32  # samples between two looks: so many, or such a part of what there is
+_DRIFT = 0.05  # [N/s] of a sensor that warms up (choice); a press of 1 N takes less than 20 s
 _CABLE = 2.0  # [N/m] of a cable that the tip pulls along
 _ROWS = 1024  # means of the record that are looked at together, at most
 _PULSE = 0.05  # [s] over which accelerations are taken
@@ -60,9 +61,8 @@ class TouchSearch:
         """Whether a record without a touch has no more force than a cable and inertia may give, or hum explains it."""
         known = samples[np.isfinite(samples.force) & np.isfinite(samples.position)]
         bend = _accelerated(known.time, known.force, known.position)[3] if len(known) > FEWEST_IN_AIR else None
-        inertia = 0.0 if bend is None else self._most_mass * float(np.ptp(bend))
-        most = ROBOT_FORCE + _CABLE * float(np.ptp(known.position)) + inertia
-        return bool(float(np.ptp(known.force)) < most) or _is_hum(known)
+        is_still = float(np.ptp(known.force)) < _range_in_air(known.position, bend, self._most_mass)
+        return is_still or _is_hum(known)
 
 
 def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
@@ -94,6 +94,11 @@ def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
     first = int(np.argmax(below))
     if surface - float(place.min()) < least:
         return None
+    # A tip that moves in contact from the start on changes the force by more than drift and travel through air do.
+    if first:
+        drift = _DRIFT * float(time[first - 1] - time[0])
+        if float(np.ptp(force[:first])) >= _range_in_air(place[:first], bend, most_mass) + drift:
+            return None
     air = left[:first]
     as_one = float(air @ air) / len(air) * _as_one(air) if len(air) else 0.0
     variance = max(noise**2, as_one, step**2 / 12.0 * _as_one(left))
@@ -106,6 +111,12 @@ def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
     if not lasting.any():
         return None
     return RecordTouch(int(known[int(np.argmax(lasting)) - SAMPLES_IN_A_ROW + 1]), surface, step)
+
+
+def _range_in_air(place: Floats, bend: Floats | None, most_mass: float) -> float:
+    """Return the range of force [N] that a robot's own, a cable and inertia may give without drift."""
+    inertia = 0.0 if bend is None else most_mass * float(np.ptp(bend))
+    return ROBOT_FORCE + _CABLE * float(np.ptp(place)) + inertia
 
 
 def _gain_over_hum(time: Floats, basis: Floats, rest: Floats, left: Floats, interval: float) -> float:
