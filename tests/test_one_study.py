@@ -9,13 +9,17 @@ import html
 import json
 import re
 import shlex
+import shutil
+import warnings
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import palpate as python
 import pytest
 from palpate_desk.folder_view import row_messages
+from palpate_engine import verdict_rank
 from palpate_kit.curves.fit_folder import FitFolder
 
 from tests.command import call
@@ -26,10 +30,10 @@ pytestmark = [pytest.mark.gate, pytest.mark.slow]
 ROOT = Path(__file__).parents[1]
 
 
-def press(seed, elasticity, thickness, n=150):
+def press(seed, elasticity, thickness, n=250):
     """Time [s], force [N] and height [mm] of a press at 1.5 mm/s on a bonded layer [m], held at the end."""
     random = np.random.default_rng(seed)
-    time = np.arange(n) / 75
+    time = np.arange(n) / 125
     depth = np.minimum(2.5e-3, 1.5e-3 * time) - 0.5e-3
     contact = np.maximum(depth, 0.0)
     share = np.sqrt(5e-3 * contact) / thickness
@@ -56,7 +60,7 @@ class Study:
         self.printed = self("fit", "study", "--tip", "sphere 5 mm", "--by", "(ctrl|treat)", "--out", "fits")
 
     def __call__(self, *words):
-        words = [*words, "--jobs", "1"] if words[0] == "fit" and "--pipeline" not in words else words
+        words = [*words, "--jobs", "1"] if words[0] == "fit" and not {"--pipeline", "choose"} & {*words} else words
         return call(*words, cwd=self.folder, COLUMNS="79")
 
     def rows(self, table="fits"):
@@ -95,11 +99,6 @@ def run(tmp_path_factory):
     return folder, done.stdout
 
 
-def wrong(reason):
-    """A contradiction that is known: it goes from here with its cause."""
-    return pytest.mark.xfail(strict=True, reason=reason)
-
-
 def shown(row, name, factor):
     """Value, uncertainty and verdict of a row of fits.csv as numbers in a unit that is shown."""
     value, u = (float(row[key]) * factor for key in (name, f"{name}_combined"))
@@ -119,10 +118,12 @@ def cells_after(text, name):
             re.findall(rf"{QUANTITY}([^±\d-]*)", line)]  # fmt: skip
 
 
+VALUES = {  # of the user, in place of VALUE
+    "--thickness": "12 mm", "--tip": "sphere 5 mm", "--poisson": "0.5", "--base": "bonded", "--delay": "0 ms +- 1 ms",
+}  # fmt: skip
 UNITS = (("elasticity", 1e-3), ("viscosity", 1.0))
 
 
-@wrong("a value that is good or doubtful has no word, and the row has one")
 def test_the_terminal_shows_value_and_verdict_as_fits_csv_has_them(study):
     for name, row in study.rows().items():
         for (key, factor), (value, u, word) in zip(UNITS, cells_after(study.printed.stdout, name), strict=True):
@@ -132,7 +133,6 @@ def test_the_terminal_shows_value_and_verdict_as_fits_csv_has_them(study):
             assert word == known[2], name
 
 
-@wrong('"all 24 usable" under values that are not determined')
 def test_the_last_line_partitions_the_files_for_each_value(study):
     lines = study.printed.stdout.splitlines()
     last = next(line for line in lines if re.match(r"\d+ files?\. E: ", line))
@@ -145,12 +145,11 @@ def test_the_last_line_partitions_the_files_for_each_value(study):
     assert "usable" not in study.printed.stdout
 
 
-@wrong("24 doubtful rows name no cause, and the page of one does")
 def test_a_folder_and_the_page_of_one_curve_name_the_same_cause(study):
     page = study("fit", "study/ctrl_01.csv", "--pipeline", "fits/pipeline.toml", "--out", "cause")
     for text in (study.printed.stdout, page.stdout):
         assert "doubtful[lack-of-fit: thickness] E" in text
-        assert "on a half-space" in text
+        assert "on a half-space" in " ".join(text.split())
         assert re.search(r"help: .*--thickness VALUE", text)
 
 
@@ -166,7 +165,6 @@ def test_the_page_of_one_curve_has_the_numbers_of_its_row(study):
         assert found["verdict"] == row[f"{name}_verdict"]
 
 
-@wrong("the desk shows one word for a row, and none for a value that is good or doubtful")
 def test_the_desk_shows_value_and_verdict_as_fits_csv_has_them(study):
     folder, rows = FitFolder(study.folder / "fits"), study.rows()
     for message in row_messages(folder, folder.rows):
@@ -175,11 +173,9 @@ def test_the_desk_shows_value_and_verdict_as_fits_csv_has_them(study):
         assert "verdict" not in message
 
 
-@wrong("Python's summary has the verdict of the track for each value")
 def test_python_says_of_a_value_what_fits_csv_says(study):
-    table = np.loadtxt(study.folder / "study" / "ctrl_01.csv", delimiter=",", skiprows=1)
-    record = python.record(time=table[:, 0], force=table[:, 1], height=1e-3 * table[:, 2], zero="none")
-    fit = python.fit(record, tip="sphere 5 mm", model="dr")
+    with warnings.catch_warnings(action="ignore"):  # of units that are guessed
+        fit = python.fit(study.folder / "study" / "ctrl_01.csv", tip="sphere 5 mm", model="dr")
     row = study.rows()["ctrl_01"]
     for name, factor in UNITS:
         assert fit[name].verdict == row[f"{name}_verdict"]
@@ -188,35 +184,35 @@ def test_python_says_of_a_value_what_fits_csv_says(study):
         assert f"{fit[name].number}" in str(fit)
 
 
-@wrong("26.6 ± 2.2 of `repeat` is another ± on the page of `report`")
 def test_repeat_and_report_show_the_same_of_a_group(study):
     study.text("fit", "fits")
     repeat = study.text("repeat", "fits", "--by", "group")
     page = study.page("groups.html", "fits", "--by", "group")
     for group in ("ctrl", "treat"):
-        line = next(line for line in repeat.splitlines() if re.search(rf"│ {group} ", line))
+        line = next(line for line in repeat.splitlines() if f"│ {group} " in line)
         assert " ± ".join(re.search(QUANTITY, line).groups()) in page
 
 
-@wrong('"Pa*s" and "Pa s" on one screen')
 def test_a_unit_is_written_in_one_way(study, run):
     page = study.page("unit.html", "fits", "--by", "group")
     for text in (study.printed.stdout, page.partition("Pipeline as")[0], run[1], study.text("fit", "fits")):
         assert "Pa*s" not in text
 
 
-@wrong("the command for a page on one curve is printed with the name of a folder, facts with alternatives as values")
 def test_every_printed_command_runs_as_it_is_printed(study):
-    commands = re.findall(r"(?:^|[ :])(palpate [a-z][^\n]*)", study.printed.stdout + study.text("fit", "fits"))
-    assert commands
-    for line in dict.fromkeys(commands):
-        if re.search(r"\bVALUE\b|\bCODE\b", line):
-            assert "--thickness VALUE" in line or "VALUE" in line
-            continue
-        assert ' mm"' not in line, "an alternative stands as the value of the user"
-        for command in line.split(" && "):
-            done = study(*shlex.split(command)[1:])
-            assert done.returncode == 0, command + done.stderr
+    printed = study.printed.stdout + study.text("fit", "fits")
+    commands = re.findall(r"(?:^|[ :`])(palpate [a-z][^\n`]*)", printed, re.MULTILINE)
+    assert any("VALUE" in line for line in commands)
+    for number, command in enumerate(part for line in dict.fromkeys(commands) for part in line.split(" && ")):
+        words = shlex.split(command)[1:]
+        for option, value in VALUES.items():
+            words = [value if (last, word) == (option, "VALUE") else word for last, word in pairwise(["", *words])]
+        assert "VALUE" not in words, command
+        words += ["--out", f"again-{number}"] if words[:2] == ["fit", "study"] else []
+        if words[:2] == ["fit", "fits"]:  # which would be another folder of fits for all that comes after
+            words[1] = shutil.copytree(study.folder / "fits", study.folder / f"fits-{number}").name
+        done = study(*words)
+        assert done.returncode == 0, command + done.stderr
 
 
 def test_stating_a_fact_of_one_value_leaves_the_word_of_another(study):
@@ -224,7 +220,7 @@ def test_stating_a_fact_of_one_value_leaves_the_word_of_another(study):
     study.text("fit", "study", "--tip", "sphere 5 mm", "--delay", "0 ms +- 0.5 ms", "--out", "delay")
     for name, row in study.rows("delay").items():
         assert row["verdict"] == row["elasticity_verdict"]
-        assert row["elasticity_verdict"] == before[name]["elasticity_verdict"]
+        assert verdict_rank(row["elasticity_verdict"]) <= verdict_rank(before[name]["elasticity_verdict"])
 
 
 def test_a_height_for_each_curve_is_the_same_in_row_and_page(study):
@@ -240,13 +236,11 @@ def test_a_height_for_each_curve_is_the_same_in_row_and_page(study):
     assert track["parameters"]["elasticity"]["value"] == pytest.approx(float(row["elasticity"]), rel=1e-3)
 
 
-@wrong("poisson = 0.5 of the file counts as stated by nobody")
 def test_a_fact_that_the_file_states_is_stated(study, run):
     assert "poisson = 0.5" in (run[0] / "two.toml").read_text()
     assert "Poisson" not in run[1]
 
 
-@wrong("a doubtful value beside `good means`; no headline partitions the values of two tracks")
 def test_a_run_of_two_tracks_has_a_word_for_each_value_and_none_for_the_run(run):
     folder, printed = run
     tracks = json.loads((folder / "two" / "result.json").read_text())["tracks"]
@@ -261,7 +255,23 @@ def test_a_run_of_two_tracks_has_a_word_for_each_value_and_none_for_the_run(run)
     assert "trust it" not in page
 
 
-@wrong("the uncertainty of a screen is not named on it")
 def test_each_screen_says_once_what_its_uncertainty_is(study, run):
     for text in (study.printed.stdout, run[1], study.text("fit", "fits")):
         assert text.count("± one standard uncertainty") == 1
+
+
+def test_the_methods_count_the_verdicts_that_fits_csv_has(study):
+    study.text("report", "fits", "--methods")
+    text = " ".join((study.folder / "fits" / "methods.txt").read_text().split())
+    for name, _ in UNITS:
+        words = Counter(row[f"{name}_verdict"] for row in study.rows().values())
+        sentence = re.search(rf"{name.capitalize()} was ([^.]*)\.", text)[1]
+        for word, count in words.items():
+            assert f"{word} in {count}" in sentence
+
+
+def test_the_page_of_a_folder_has_value_and_verdict_of_each_curve(study):
+    page = study.page("curves.html", "fits")
+    for name, row in study.rows().items():
+        elasticity, viscosity = (row[f"{key}_verdict"] for key, _ in UNITS)
+        assert re.search(rf"{name}\.csv {QUANTITY} kPa {elasticity} {QUANTITY} Pa s {viscosity}", page), name

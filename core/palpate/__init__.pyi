@@ -89,7 +89,7 @@ from .evidence.track_evidence import (
 from .evidence.track_tail import Tail as Tail
 from .evidence.uncertain_value import Bias as Bias
 from .fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
-from .flags import ADVICE as ADVICE, Flag as Flag, FlagMeaning as FlagMeaning
+from .flags import Flag as Flag, FlagMeaning as FlagMeaning
 from .hooks import plugin as plugin
 from .notebook import (
     compare as compare,

@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 
 Severity = Literal["note", "doubtful", "invalid"]
 Verdict = Literal["good", "note", "doubtful", "invalid"]
+EFFECTS = "; can move "  # in a message, before the sizes of its effects
 NOT_DETERMINED = "not determined"  # a further word of a value
 NEEDS = "needs "  # before the fact that a value needs, as in "needs delay"
 
@@ -18,12 +19,6 @@ SEVERITIES: dict[Severity, str] = {
     "note": "for information",
 }
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)  # from the best to the worst
-ADVICE: dict[str, str] = {  # a verdict in words, with the advice on a track of that verdict
-    "good": "good: trust it",
-    "note": "good: trust it",
-    "doubtful": "doubtful: look at it",
-    "invalid": "invalid: do not use it",
-}
 
 
 def is_open(verdict: str) -> bool:
@@ -42,11 +37,6 @@ def needs_fact(verdict: str) -> bool:
 def verdict_rank(verdict: str) -> int:
     """Return the order of verdicts from good to invalid; a word without a number comes just before the last."""
     return {"good": 0, "note": 0, "doubtful": 1, "invalid": 3}.get(verdict, 2)
-
-
-def advice_on(verdict: str) -> str:
-    """Return a verdict in words: with the advice for a number, else the reason why a number is missing."""
-    return ADVICE.get(verdict, verdict)
 
 
 def verdict_word(verdict: str) -> str:
@@ -69,7 +59,14 @@ class Flag:
     # Rows of the budget that hold the effects; None: that of the diagnosis, (): none of them.
     causes: tuple[str, ...] | None = field(default=None, compare=False)
     evidence: tuple[Flag, ...] = field(default=(), compare=False)  # other signs of the same cause
-    remedy: str = field(default="", compare=False)  # from the registry
+    remedy: str = field(default="", compare=False)  # its own, else that of the registry
+    suspects: tuple[str, ...] = field(default=(), compare=False)  # likely causes by name, the likeliest first
+    moves: tuple[str, ...] = field(default=(), compare=False)  # values that it puts in doubt, once a result is judged
+
+    @property
+    def sentence(self) -> str:
+        """The message without the sizes of the effects."""
+        return self.message.partition(EFFECTS)[0]
 
     def __str__(self) -> str:
         return f"{self.code}: {self.message}"
@@ -81,6 +78,10 @@ class Flag:
             table["remedy"] = self.remedy
         if self.effects is not None:
             table["effects"] = {name: size if math.isfinite(size) else None for name, size in self.effects.items()}
+        if self.suspects:
+            table["suspects"] = [*self.suspects]
+        if self.moves:
+            table["moves"] = [*self.moves]
         if self.evidence:
             table["evidence"] = [{"code": sign.code, "message": sign.message} for sign in self.evidence]
         return table
@@ -93,7 +94,8 @@ class Flag:
             effects = {name: math.inf if size is None else size for name, size in effects.items()}
         evidence = tuple(cls(sign["code"], sign["message"]) for sign in table.get("evidence", ()))
         remedy = table.get("remedy", "")
-        return cls(table["code"], table["message"], table["severity"], effects, (), evidence, remedy)
+        suspects, moves = tuple(table.get("suspects", ())), tuple(table.get("moves", ()))
+        return cls(table["code"], table["message"], table["severity"], effects, (), evidence, remedy, suspects, moves)
 
 
 @dataclass(frozen=True)
@@ -143,9 +145,11 @@ def _flag_of_cause(code: str, signs: list[Flag], meanings: Mapping[str, FlagMean
         evidence += flag.evidence
     message = "; ".join(dict.fromkeys(sign.message for sign in raised or signs))
     causes = tuple(dict.fromkeys(cause for sign in signs for cause in sign.causes or ()))
+    remedy = next((sign.remedy for sign in raised if sign.remedy), meaning.remedy)
     return replace(
         signs[0], code=code, message=message, severity=meaning.severity, effects=_largest_effects(signs), causes=causes,
-        evidence=tuple(evidence), remedy=meaning.remedy,
+        evidence=tuple(evidence), remedy=remedy,
+        suspects=tuple(dict.fromkeys(name for sign in raised for name in sign.suspects)),
     )  # fmt: skip
 
 

@@ -86,7 +86,6 @@ from .core_names import (
     Registry as Registry,
     SoundForce as SoundForce,
     StoppedError as StoppedError,
-    advice_on as advice_on,
     analysis as analysis,
     announce as announce,
     approved_files as approved_files,

@@ -10,7 +10,7 @@ from palpate.discovery import import_plugin_file, plugin_file_of
 from palpate.entries import FlagEntry
 from palpate.errors import ConsentError, StoppedError, error_text
 from palpate.evidence.condition import FORMER_FLAGS
-from palpate.flags import SEVERITIES, advice_on, is_open, needs_fact, verdict, verdict_rank, verdict_word
+from palpate.flags import SEVERITIES, is_open, needs_fact, verdict, verdict_rank, verdict_word
 from palpate.hooks import KINDS
 from palpate.input_file import Enclosure, bounded_text, json_document, toml_tables
 from palpate.offers import function_of

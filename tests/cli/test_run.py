@@ -19,10 +19,10 @@ SHORT = ("--set", "trajectory.press.duration=2 s")
 def test_the_example_prints_the_truth_beside_the_estimates(palpate, point_pipeline, tmp_path):
     done = palpate("run", point_pipeline, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    for text in ("dr/ekf", "elasticity", "viscosity", "truth", "112.5", "362", "±", "kPa", "verdict", "->"):
+    for text in ("dr/ekf", "elasticity", "viscosity", "truth", "112.5", "362", "±", "kPa", "verdict", "help:"):
         assert text in done.stdout
     for text in ("eta/G", "surface", "NIS", "assumed exact"):
-        assert text not in done.stdout.partition("doubtful:")[0]
+        assert text not in done.stdout.partition("doubtful[")[0]
     assert max(map(len, done.stdout.partition("written to")[0].splitlines())) <= 80
     assert f"written to {tmp_path / 'out'}" in done.stdout.replace("\n", " ")
 
@@ -121,7 +121,7 @@ def test_ctrl_c_ends_cleanly_with_what_was_found_so_far(point_pipeline, tmp_path
     out, errors = process.communicate(timeout=120)
     assert process.returncode == 128 + number, errors
     # After SIGHUP there is no terminal to print a table on.
-    assert ("interrupted: stopped by" in out.replace("\n", " ")) == (number != signal.SIGHUP)
+    assert ("stopped by" in " ".join(out.split())) == (number != signal.SIGHUP)
     assert f"partial, in {tmp_path / 'out'}" in errors.replace("\n", " ")
     assert "Traceback" not in errors
     result = json.loads((tmp_path / "out" / "result.json").read_text())

@@ -127,7 +127,7 @@ def test_the_result_holds_severities_and_verdict(palpate, point_pipeline, tmp_pa
     short = ("--set", "trajectory.press.duration=1 s", "--set", "alignment.touch_force=90 N")
     done = palpate("run", point_pipeline, "--out", tmp_path / "out", *short)
     track = json.loads((tmp_path / "out" / "result.json").read_text())["tracks"]["dr/ekf"]
-    assert {"code", "message", "severity", "remedy"} == set(track["flags"][0])
+    assert {"code", "message", "severity", "remedy", "moves"} >= set(track["flags"][0]) >= {"code", "severity"}
     assert track["verdict"] == "invalid"
     assert "no-contact" in [flag["code"] for flag in track["flags"] if flag["severity"] == "invalid"]
-    assert "no contact" in done.stdout
+    assert "invalid[no-contact]" in done.stdout

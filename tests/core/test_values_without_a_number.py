@@ -3,10 +3,8 @@
 import json
 
 import pytest
-from palpate import Flag
 from palpate_engine import UncertainValue, is_open, needs_fact
 from palpate_kit.runs.result_file import estimate_of, read_result, usable_value
-from palpate_kit.terminal.flag_summary import summary_lines
 from palpate_report.number_texts import value_of
 from palpate_report.run_contents import RunContents
 from palpate_report.run_verdict import LEVELS, judge, levels_of
@@ -52,20 +50,3 @@ def test_a_page_says_why_there_is_no_number(tmp_path):
 def test_what_is_open_stands_between_doubtful_and_invalid():
     good, doubtful, invalid = LEVELS
     assert levels_of([invalid, "needs delay", good, doubtful, good]) == [good, doubtful, "needs delay", invalid]
-
-
-def test_three_lines_stand_below_a_table():
-    """What the values hold for, what was found, what to type."""
-    flags = [
-        Flag("memory", "the force fades", "doubtful", remedy="Take a model that relaxes."),
-        Flag("misfit", "more than noise", "doubtful", remedy="Look at the residual."),
-        Flag("transient", "begins at 1 s", "note"),
-    ]
-    facts = {"specimen thicker than 49 mm": '--thickness "22 mm"', "force in time": "--delay"}
-    assert list(summary_lines({"a": flags, "b": flags[:1]}, facts)) == [
-        "holds if: specimen thicker than 49 mm; force in time",
-        "doubtful: all: memory: the force fades; and misfit; note: transient",
-        '-> --thickness "22 mm"; --delay; Take a model that relaxes; --details',
-    ]
-    assert list(summary_lines({"a": flags[2:]})) == ["note: transient", "-> palpate describe transient"]
-    assert list(summary_lines({"a": []})) == []

@@ -33,7 +33,7 @@ def workbook(path, sheets, results=False):
 @pytest.mark.slow
 @pytest.mark.parametrize("results", [False, True])
 def test_each_sheet_is_a_row(palpate, tmp_path, monkeypatch, results):
-    """The first sheet was fitted, and "all 1 usable"; a sheet of results before it was asked for its rate."""
+    """The first sheet was fitted, and all was well; a sheet of results before it was asked for its rate."""
     monkeypatch.chdir(tmp_path)
     workbook(tmp_path / "gels.xlsx", {"soft": 30.0, "stiff": 90.0}, results)
     told = palpate("fit", "gels.xlsx", "--tip", "paraboloid 3 mm", "--json")

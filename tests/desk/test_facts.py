@@ -5,7 +5,8 @@ from palpate import ConfigurationError
 from palpate_desk.action import Action
 from palpate_desk.command_gate import demand_allowed
 from palpate_desk.desk import Desk
-from palpate_desk.fact_form import fact_mistakes
+from palpate_desk.fact_form import fact_mistakes, facts_message
+from palpate_desk.folder_view import folder_message, row_messages
 from palpate_engine import read_rig
 from palpate_kit.curves.fit_folder import FitFolder
 
@@ -115,3 +116,36 @@ def test_a_fact_that_the_pipeline_states_goes_before_that_of_the_folder(folder, 
     """An option of ``fit`` against the file of facts, which is copied beside the fits."""
     (folder / "fits" / "rig.toml").write_text('delay = "5 ms +- 1 ms"\n')
     assert {row.state for row in Desk(folder / "fits").folder.rows} == {"current"}
+
+
+def test_a_fact_of_one_curve_is_shown_and_in_the_form_and_changed_for_it_alone(desk, folder):
+    """A height for each curve was nowhere on the page, and the first column by which curves were grouped."""
+    table = folder / "fits" / "curves.csv"
+    head, *rows = table.read_text().splitlines()
+    cells = [f"{row},{8 + number} mm,{'ab'[number % 2]}" for number, row in enumerate(rows)]
+    table.write_text("\n".join([f"{head},thickness,group", *cells]) + "\n")
+    desk.reload()
+    first = next(row for row in row_messages(desk.folder, desk.folder.rows) if row["curve"] == NAMES[0])
+    assert first["facts"] == {"thickness": "8 mm"}
+    assert folder_message(desk)["group_by"] == "group"
+    (field,) = facts_message(desk, [], NAMES[0])["stated"]
+    assert (field["key"], field["value"], field["curve"]) == ("thickness", "8 mm", f"curve={NAMES[0]}")
+    desk.set('rig.thickness="9 mm"', field["curve"])
+    desk.reload()
+    assert desk.folder.settings_of(NAMES[0])[-1] == 'rig.thickness="9 mm"'
+    assert 'rig.thickness="9 mm"' not in desk.folder.settings_of(NAMES[1])
+
+
+def test_no_file_of_facts_is_named_that_is_not_there(desk, folder):
+    assert "rig.toml" not in facts_message(desk, [])["settled"]
+    (folder / "fits" / "rig.toml").write_text(RIG)
+    assert "rig.toml" in facts_message(desk, [])["settled"]
+
+
+def test_each_value_of_a_row_has_its_verdict_and_the_residual_a_unit_with_digits(desk):
+    message = folder_message(desk)
+    assert message["residual_unit"] == "mN"
+    for row in message["rows"]:
+        assert row["verdicts"].keys() == message["units"].keys()
+        assert set(row["verdicts"].values()) <= {"good", "doubtful", "not determined", "needs delay"}
+        assert float(row["rms"]) > 1

@@ -67,18 +67,23 @@ def test_a_value_within_two_uncertainties_of_none_is_not_determined():
         assert weighed.by_value == {"elasticity": verdict, "viscosity": "good"}
     (note,) = weighed.findings
     assert (note.code, note.severity) == ("undetermined", "note")
-    assert "at most 2e+02 Pa, mostly for settling" in note.message
+    assert "at most 0.202 kPa; most of its ± is settling" in note.message
 
 
 @pytest.mark.parametrize(
     ("viscosity", "verdict"),
-    [(UncertainValue(10.0, 20.0, "Pa*s"), "good"), (UncertainValue(10.0, 0.5, "Pa*s"), "doubtful")],
+    [(UncertainValue(10.0, 20.0, "Pa*s"), "not determined"), (UncertainValue(10.0, 0.5, "Pa*s"), "doubtful")],
 )
-def test_a_track_is_the_worst_of_its_values_that_have_a_number(viscosity, verdict):
+def test_a_track_has_the_word_of_its_elasticity_and_each_value_its_own(viscosity, verdict):
+    """A viscosity that is doubtful made the row so, and a delay that was stated with it."""
     one = track("dr", 100.0)
     doubt = Flag("velocity-late", "x", effects={"viscosity": 50.0})
-    both = replace(one, parameters={**one.parameters, "viscosity": viscosity}, flags=(doubt,))
-    assert both.judged(REGISTRY, ()).verdict == verdict
+    both = replace(one, parameters={**one.parameters, "viscosity": viscosity}, flags=(doubt,)).judged(REGISTRY, ())
+    assert both.verdict == both.parameters["elasticity"].verdict == "good"
+    assert both.parameters["viscosity"].verdict == verdict
+    assert all(flag.moves == ("viscosity",) for flag in both.flags if flag.code == "velocity-late")
+    other = replace(one, parameters={"stiffness": one.parameters["elasticity"], "viscosity": viscosity}, flags=(doubt,))
+    assert other.judged(REGISTRY, ()).verdict == ("good" if verdict == "not determined" else "doubtful")
     none = replace(one, parameters={"viscosity": UncertainValue(10.0, 20.0, "Pa*s")}).judged(REGISTRY, ())
     assert none.verdict == "not determined"
 

@@ -213,6 +213,6 @@ def test_a_log_without_contact_is_flagged_and_not_drawn(palpate, logs):
     write_log(logs / "air.csv", 6e-3, elasticity=0.0)
     done = palpate("fit", "air.csv", "--pipeline", "fit.toml", "--out", "out", "--set", "run.tracks=['dr/*']")
     assert done.returncode == 0, done.stderr
-    assert "invalid: no-contact" in done.stdout
-    assert "->" in done.stdout  # what to do
+    assert "invalid[no-contact]" in done.stdout
+    assert "help: " in done.stdout
     assert not (logs / "out" / "air" / "force.png").exists()

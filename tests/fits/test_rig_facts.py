@@ -164,8 +164,8 @@ def test_the_file_beside_the_curves_is_found_and_said_and_one_command_is_enough(
     assert done.returncode == 0, done.stderr
     assert "facts of the rig: curves/rig.toml" in done.stderr
     assert "curves.csv states thickness of 1 of 2 curves" in done.stderr
-    models = "dr, nu 0.5, thick (1 curve) or dr, nu 0.5, 5 mm thick (1 curve)"
-    assert done.stdout.startswith(f"tip: paraboloid, curvature radius 3 mm; {models}; force ")
+    models = "dr, nu 0.5, half-space (1 curve) or dr, nu 0.5, 5 mm thick (1 curve)"
+    assert f"paraboloid, curvature radius 3 mm; {models}; " in " ".join(done.stdout.split())
     rows = rows_of(curves / "out")
     assert float(rows["0"]["elasticity"]) == pytest.approx(1e5, rel=0.01)
     assert rows["1"]["verdict"] == "doubtful"  # its record is of no layer of 5 mm

@@ -4,13 +4,15 @@ import os
 import pty
 import re
 import select
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from palpate import ConfigurationError
-from palpate_engine import read_rig
+from palpate import Condition, ConfigurationError, Flag
+from palpate_engine import TrackResult, UncertainValue, read_rig
 from palpate_fits.file_questions import FileQuestion
 from palpate_fits.sitting import ask_fact, ask_of_files, keep_answers
+from palpate_kit.curves.open_facts import open_facts
 from palpate_kit.curves.stated_facts import stated_facts
 
 from tests import processes
@@ -131,10 +133,7 @@ def test_without_a_terminal_what_can_be_fitted_is_and_one_line_is_there_to_copy(
     assert done.returncode == 1
     assert not (tmp_path / "first" / "rig.toml").exists()
     assert "first/c1.txt: rate: rows per second" in done.stderr
-    assert (
-        "state them, with your values: palpate fit first --tip 'paraboloid 3 mm' --delay \"0 ms +- 1 ms\""
-        in done.stdout
-    )
+    assert "state: palpate fit first --tip 'paraboloid 3 mm' --delay VALUE" in done.stdout
 
 
 class Person:
@@ -204,3 +203,18 @@ def test_two_files_of_facts_are_no_choice_of_the_program(tmp_path):
         (tmp_path / name / "rig.toml").write_text("")
     with pytest.raises(ConfigurationError, match="--rig FILE"):
         stated_facts([tmp_path / "a", tmp_path / "b"], ())
+
+
+def test_a_fact_that_a_finding_names_is_asked_first():
+    """24 files looked like a layer, and nobody was asked how thick it is."""
+    values = {"elasticity": UncertainValue(1e5, 1e3, "Pa", verdict="doubtful")}
+    layer = Flag("lack-of-fit", "it grows faster; 96 %", "doubtful", {"elasticity": 4e4}, remedy="--thickness VALUE",
+                 moves=("elasticity",))  # fmt: skip
+    late = Condition("delay", "force in time", "--delay VALUE", "10 ms", {"elasticity": 5e3})
+    track = TrackResult("dr", "fit", 9, values, values["elasticity"], 0.0, 1.0, (layer,), 0.0, conditions=(late,))
+    assert [(fact.key, fact.effect) for fact in open_facts([track])] == [
+        ("thickness", "it grows faster"),
+        ("delay", "force in time: 10 ms makes E 5 % higher"),
+    ]
+    good = replace(track, parameters={"elasticity": replace(values["elasticity"], verdict="good")})
+    assert [fact.key for fact in open_facts([good])] == ["delay"]

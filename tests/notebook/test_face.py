@@ -596,3 +596,34 @@ def test_a_point_is_no_map(kept):
 def test_a_folder_that_is_no_run(tmp_path):
     with pytest.raises(LogError):
         palpate.open_run(tmp_path)
+
+
+ARRAYS = {"force": np.ones(9), "height": np.linspace(1e-3, 0.0, 9)}
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: palpate.record(time=np.arange(9.0), depth=np.ones(9), force=np.ones(9)), "write height=-depth"),
+        (lambda: palpate.record(time=np.arange(9.0), force=np.ones(9)), "height"),
+        (lambda: palpate.fit("a.csv", thickness="22 mm"), 'write rig={"thickness": "22 mm"}'),
+        (lambda: palpate.fit("a.csv", mode="dr"), "no argument mode=; did you mean 'model'?"),
+        (lambda: palpate.fit(), "fit: missing a required argument: 'record'; write fit(record)"),
+        (lambda: palpate.prepare(tip="sphere 5 mm", rig={"thickness": "5 kPa"}), 'rig["thickness"]: '),
+        (lambda: palpate.record(time=-np.arange(9.0), **ARRAYS), "time: runs backwards from the first reading"),
+        (lambda: palpate.record(time=[0, 1, 2, 1, 4, 5, 6, 7, 8], **ARRAYS), "time: runs backwards at reading 3"),
+        (lambda: palpate.record(rate=500, **ARRAYS | {"force": np.full(9, np.nan)}), "force: holds no number"),
+    ],
+)
+def test_a_call_that_does_not_fit_says_what_to_write(call, words):
+    with pytest.raises(ConfigurationError) as refused:
+        call()
+    assert words in str(refused.value)
+    assert "--" not in str(refused.value)
+
+
+def test_milliseconds_that_are_read_as_seconds_are_asked_about():
+    with pytest.warns(UserWarning, match="is the time in ms"):
+        record = palpate.record(time=2.0 * np.arange(9), **ARRAYS)
+    assert 'units={"time": "ms"}' in record.doubts[0]
+    assert not palpate.record(time=2.0 * np.arange(9), units={"time": "ms"}, **ARRAYS).doubts

@@ -56,7 +56,8 @@ def test_everything_is_on_one_page_the_verdict_first(palpate, copied):
     assert file.stat().st_size < 500_000
     page = read(file)
     words = [
-        "S2, sphere R 5 mm", "trust it", "elasticity", "kPa", "All tracks", "Flags", "What helps", "Force and model",
+        "S2, sphere R 5 mm", "good", "one standard uncertainty",
+        "elasticity", "kPa", "All tracks", "Flags", "What helps", "Force and model",
         "Lack of fit", "Estimates over time", "Innovations", "Budget of uncertainty", "share of variance",
         "Calibration and tare", "Streams", "Where it comes from", "versions", "Pipeline as given",
         "Pipeline as run",
@@ -131,7 +132,7 @@ def test_a_run_that_was_killed_says_what_there_is(palpate, copied):
     done = palpate("report", copied)
     assert done.returncode == 0, done.stderr
     page = read(copied / "report.html")
-    assert page.text.index("do not use it") < page.text.index("was killed")
+    assert page.text.index("no result") < page.text.index("was killed")
     assert "last estimate" in page.text
     assert "palpate replay" in page.text
     assert "kPa" in page.text
@@ -182,7 +183,7 @@ def test_no_contact_is_refused_in_words(palpate, runs, tmp_path):
     run = runs("filters", *short, "device.rig.specimen.surface=-30 mm")
     palpate("report", run, "-o", tmp_path / "r.html")
     page = read(tmp_path / "r.html")
-    assert page.text.index("do not use it") < page.text.index("no-contact") < page.text.index("Press deeper")
+    assert page.text.index("invalid") < page.text.index("no-contact") < page.text.index("Press deeper")
 
 
 @pytest.mark.slow
@@ -253,7 +254,9 @@ def test_sites_are_on_a_map(palpate, point, tmp_path):
 def test_a_run_writes_its_report_or_says_how(palpate, point_pipeline, tmp_path):
     short = ["--set", "trajectory.press.duration=1 s", "--set", 'run.tracks=["dr/ekf"]']
     plain = palpate("run", point_pipeline, "--out", "plain run", *short)
-    assert plain.stdout.splitlines()[-1] == "to share it: palpate report 'plain run'"
+    assert (
+        plain.stdout.splitlines()[-1] == "share: palpate report 'plain run'   why ±: palpate report budget 'plain run'"
+    )
     assert not (tmp_path / "plain run" / "report.html").exists()
     done = palpate("run", point_pipeline, "--out", "told", *short, "--report")
     assert done.stdout.splitlines()[-1] == "report: told/report.html"

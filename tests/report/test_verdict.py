@@ -1,11 +1,15 @@
 """The verdict on records whose truth is known: what is to be trusted is within twice its uncertainty."""
 
+import html
 import json
+import re
 
 import pytest
-from palpate_engine import is_open
 from palpate_report.run_contents import RunContents
+from palpate_report.run_report import page_of
 from palpate_report.run_verdict import LEVELS, judge
+
+from tests import result_documents
 
 TRUST, LOOK, REFUSE = LEVELS
 OPEN = "not determined"
@@ -42,7 +46,7 @@ def test_what_is_to_be_trusted_is_right(runs, case):
     for track in verdict.of(TRUST):
         found = record.document["tracks"][track.track]["parameters"]
         for parameter, value in found.items():
-            if value["value"] is not None and not is_open(value["verdict"]):
+            if value["value"] is not None and value["verdict"] == "good":
                 assert abs(value["value"] - record.document["truth"][parameter]) < 2 * value["combined"], (
                     case,
                     parameter,
@@ -71,3 +75,36 @@ def test_other_models_may_differ(result):
 
     assert result(change).level == TRUST
     assert len(result(lambda _: None).of(TRUST)) == 2
+
+
+DOUBT = {"code": "not-converged", "message": "still moving; can move elasticity by 9 %", "severity": "doubtful",
+         "effects": {"elasticity": 9e3}, "moves": ["elasticity"], "remedy": "Palpate for longer."}  # fmt: skip
+REHEARSAL = {"code": "rehearsal", "message": "simulated time", "severity": "note"}
+
+
+def page_with(tmp_path, tracks):
+    """The text of the page of a run with these tracks."""
+    (tmp_path / "result.json").write_text(json.dumps(result_documents.result(tracks)))
+    page = page_of(RunContents.read(tmp_path))
+    body = re.sub(r"<(script|style|svg).*?</\1>", " ", page, flags=re.S)
+    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", body)).split())
+
+
+def test_a_page_of_several_tracks_has_counts_and_no_headline_of_one(tmp_path):
+    """The words "Good: trust it" stood above the number of one track, where 8 of 12 were doubtful."""
+    doubted = {"elasticity": result_documents.value(1e5, std=2e3, verdict="doubtful")}
+    tracks = {
+        "dr/fit": result_documents.track(parameters={"elasticity": doubted["elasticity"] | {"verdict": "good"}}),
+        "dr/ekf": result_documents.track("doubtful", [DOUBT], parameters=doubted),
+    }
+    text = page_with(tmp_path, tracks)
+    assert "2 tracks. E: 1 good, 1 doubtful doubtful[not-converged] E, 1 of 2 tracks: still moving" in text
+    assert "elasticity 100.0 ± 2.0 kPa doubtful" in text
+    assert "By dr/fit" not in text
+    assert "simulated" not in text
+
+
+def test_a_page_of_one_track_begins_with_its_value_and_that_of_a_rehearsal_with_the_word_simulated(tmp_path):
+    value = result_documents.value(1e5, std=2e3, verdict="good")
+    text = page_with(tmp_path, {"dr/fit": result_documents.track(flags=[REHEARSAL], parameters={"elasticity": value})})
+    assert text.index("simulated: a rehearsal, of no real specimen") < text.index("E 100.0 ± 2.0 kPa good")

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from palpate_kit.numerics.repeated_values import autocorrelation
 from palpate_studies.repeat_figure import draw_repeatability
 from palpate_studies.repeatability import (
     Repeatability,
     against_truth,
-    autocorrelation,
     moving_average,
     repeatability,
 )

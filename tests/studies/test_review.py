@@ -72,7 +72,7 @@ def test_a_rejected_run_is_left_out_and_comes_back(palpate, runs):
     assert json.loads(found.stdout)["runs"][0]["name"].endswith("run_5")
     assert palpate("repeat", "review", *runs, "--reject", "run_5").returncode == 2  # no reason
     done = palpate("repeat", "review", *runs, "--reject", "run_5", "--reason", "the specimen slipped")
-    assert "5 of 6 usable, 1 rejected" in done.stdout
+    assert "5 values. E: 5 good, 0 doubtful; 1 more rejected" in done.stdout
     assert (runs[5] / "result.json").read_bytes() == before
     told = palpate("repeat", *runs, "--json")
     document = json.loads(told.stdout)

@@ -38,4 +38,4 @@ def test_the_budget_tells_it_to_people(runs, capsys):
     budget(runs["stays"].folder)
     shown = " ".join(capsys.readouterr().out.split())
     assert "this is the viscosity at 2 Hz" in shown
-    assert "ms would look like 149 Pa s of it" in shown
+    assert "ms, that would be 149 Pa s of it" in shown

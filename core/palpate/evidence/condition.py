@@ -27,7 +27,7 @@ class Condition:
     """An open fact, which never makes a doubt: the values hold if it is as assumed."""
 
     fact: str  # one of the facts of docs/verdict.md, such as "thickness"
-    text: str  # what is assumed, as in "holds if: ..."
+    text: str  # what is assumed
     remedy: str  # the words that state the fact
     alternative: str = ""  # with which the shifts are, as in "22 mm"; empty: none, and no value needs the fact
     shifts: Mapping[str, float] = field(default_factory=dict)  # [SI] of each value by the alternative, with signs
@@ -55,17 +55,16 @@ class Condition:
 
         >>> thick = Condition("thickness", "specimen thicker than 49 mm", "--thickness", "22 mm", {"elasticity": -6.5})
         >>> thick.sentence({"elasticity": UncertainValue(50.0, 1.0, "Pa")})
-        'specimen thicker than 49 mm (22 mm: elasticity 13 % lower)'
+        'specimen thicker than 49 mm: 22 mm makes elasticity 13 % lower'
         """
-        changes = []
+        shares = dict[str, float]()
         for name, shift in self.shifts.items():
             value = values.get(name)
             if value is not None and value.value and value.combined <= abs(shift) < math.inf:
-                direction = "higher" if shift * value.value > 0 else "lower"
-                changes.append(f"{name} {_percent(shift / value.value)} {direction}")
-        if not changes or not self.alternative:
+                shares[name] = shift / value.value
+        if not shares or not self.alternative:
             return self.text
-        return f"{self.text} ({self.alternative}: {', '.join(changes)})"
+        return f"{self.text}: {self.alternative} makes {_changes(shares)}"
 
     def table(self, values: Mapping[str, UncertainValue]) -> dict[str, Any]:
         """Return the condition as in ``result.json``."""
@@ -78,6 +77,20 @@ class Condition:
             "needed_by": [name for name, value in values.items() if self.needed_by(name, value)],
         }
         return table | ({"code": self.code} if self.code else {})
+
+
+def _changes(shares: Mapping[str, float]) -> str:
+    """Return relative changes in words, the direction behind the last of those that share it.
+
+    >>> _changes({"elasticity": 0.06, "viscosity": 0.091}), _changes({"elasticity": -0.06, "viscosity": 0.091})
+    ('elasticity 6 %, viscosity 9.1 % higher', 'elasticity 6 % lower, viscosity 9.1 % higher')
+    """
+    words, names = [], list(shares)
+    for name, following in zip(names, [*names[1:], None], strict=True):
+        is_last = following is None or (shares[following] > 0) != (shares[name] > 0)
+        direction = f" {'higher' if shares[name] > 0 else 'lower'}" if is_last else ""
+        words.append(f"{name} {_percent(shares[name])}{direction}")
+    return ", ".join(words)
 
 
 def _percent(share: float) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
+from palpate.contact import ContactModel
 from palpate.parts import Part, Settings
 from palpate.registry import Registry
 
@@ -17,9 +18,11 @@ from palpate_engine.config.pipeline import Pipeline
 from palpate_engine.config.third_parties import third_party_versions
 from palpate_engine.config.unit_plausibility import UNCHECKED, implausible_units
 
+POISSON = "poisson"  # of a model: a fact of the specimen, which is open until it is stated
+
 
 def resolved_text(pipeline: Pipeline, beside: Path | None = None) -> str:
-    """The pipeline as a TOML text in SI units, with every default spelled out.
+    """The pipeline as a TOML text in SI units, with every default spelled out but a Poisson's ratio.
 
     Tips, models and surfaces are named where they are used, so that what changes one changes all that is made of it.
     Paths are absolute, so that the text means the same wherever it is kept; those `beside` a folder are as seen from
@@ -85,6 +88,10 @@ def plain_settings(value: Any, registry: Registry) -> Any:
         # What is unlikely without a unit was checked when it was read.
         meant = sorted(implausible_units(type(value), fields))
         head |= {UNCHECKED: meant} if meant else {}
+        if isinstance(value, ContactModel):  # written out, what nobody stated would be stated
+            fields = {
+                name: field for name, field in fields.items() if name != POISSON or name in value.model_fields_set
+            }
         fields |= value.model_extra or {}
         return head | {name: plain_settings(field, registry) for name, field in fields.items() if field is not None}
     if isinstance(value, dict):

@@ -201,10 +201,8 @@ def option_of(name: str) -> str:
 
 
 def words_that_state(fact: str) -> str:
-    """The option that states a fact of a condition, with an example."""
-    name = facts_stated()[fact]
-    example = question_of(name)[1]
-    return f'{option_of(name)} "{example}"' if " " in example else f"{option_of(name)} {example}"
+    """Return the option that states a fact of a condition; its value is the user's."""
+    return f"{option_of(facts_stated()[fact])} VALUE"
 
 
 def read_rig(path: Path) -> RigFacts:

@@ -162,7 +162,7 @@ def _assumed(pipeline: Pipeline, track: TrackResult) -> Iterator[Condition]:
     for key in keys:
         of_tip = key.startswith("indenter.")
         shifts = dict.fromkeys([*track.parameters, *(value.name for value in track.derived)], math.inf)
-        text, words = f"{key} = {known[key]}", f"--set {key}={known[key]}"
+        text, words = f"{key} = {known[key]}", f'--set "{key}=VALUE"'
         yield Condition(key, text, words, "another tip" if of_tip else "", shifts if of_tip else {}, "assumed")
 
 

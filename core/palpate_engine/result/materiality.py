@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 
 from palpate.evidence.condition import Condition, needs
 from palpate.evidence.uncertain_value import UncertainValue
-from palpate.flags import NEEDS, NOT_DETERMINED, VERDICTS, Flag, Verdict
+from palpate.flags import EFFECTS, NEEDS, NOT_DETERMINED, VERDICTS, Flag, Verdict
 from palpate.registry import Registry
+from palpate.units import display_unit
 
 _OPEN = "undetermined"  # the note on a value that the record does not determine
+_ROWS = {"model_discrepancy": "what the law leaves of the force", "the estimator": "the noise of the record"}
 _VISIBLE = 1e-3  # of a value: effects below are not listed
 
 
@@ -43,8 +45,8 @@ def weigh(
     judged = registry.judged(flags)
     unknown = {name for flag in judged if flag.code == _OPEN for name in flag.effects or {}}
     for flag in (*judged, *registry.judged(_undetermined(unknown, values))):
-        said = _with_effects(flag, values)
         moved = _moved(flag, values)
+        said = replace(_with_effects(flag, values), moves=moved if flag.severity != "note" else ())
         if flag.severity == "doubtful" and not moved:
             immaterial.append(said)
             continue
@@ -109,8 +111,15 @@ def _undetermined(said: set[str], values: Mapping[str, UncertainValue]) -> Itera
         elif 2 * u > abs(value.value):
             rows = {"the estimator": value.std, "settling": value.settling, **value.budget}
             most = max((cause for cause in rows if cause != "places"), key=lambda cause: rows[cause])
-            text = f"{name} is at most {abs(value.value) + 2 * u:.2g} {value.unit}, mostly for {most.replace('_', ' ')}"
-            yield Flag("undetermined", text, effects={name: u})
+            word, factor = display_unit(value.unit)
+            size = f"{factor * (abs(value.value) + 2 * u):.3g} {word}"
+            text = f"{name} is at most {size}; most of its ± is {_ROWS.get(most, most.replace('_', ' '))}"
+            yield Flag(
+                "undetermined",
+                text,
+                effects={name: u},
+                suspects=("noise" if most == "the estimator" else most.replace("_", "-"),),
+            )
 
 
 def _with_effects(flag: Flag, values: Mapping[str, UncertainValue]) -> Flag:
@@ -119,7 +128,7 @@ def _with_effects(flag: Flag, values: Mapping[str, UncertainValue]) -> Flag:
         return flag
     sizes = {name: size / abs(values[name].value or 1e-300) for name, size in flag.effects.items() if name in values}
     listed = [f"{name} by {_percent(size)}" for name, size in sizes.items() if size > _VISIBLE]
-    return replace(flag, message=f"{flag.message}; can move {', '.join(listed)}") if listed else flag
+    return replace(flag, message=f"{flag.message}{EFFECTS}{', '.join(listed)}") if listed else flag
 
 
 def _percent(share: float) -> str:

@@ -36,7 +36,7 @@ class TrackResult:
     report: FitReport | None = None  # of an offline fit that was made
     budget: tuple[BudgetRow, ...] = ()  # every source with its effect on each parameter
     diagnoses: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # what diagnoses say, by name
-    verdict: str = "good"  # the worst of its values that are determined and need nothing, and of the record
+    verdict: str = "good"  # that of its elasticity; without one the worst of its values with a number
     immaterial: tuple[Flag, ...] = ()  # that can move no value beyond its uncertainty
     conditions: tuple[Condition, ...] = ()  # open facts; once judged, those that matter
 
@@ -56,19 +56,19 @@ class TrackResult:
         row = _of_row(by_value) or verdict_word(verdict((*of_record, *weighed.findings)))
         of_all = {**free, **{value.name: value.found for value in self.derived}}
         derived = weigh((), {value.name: value.found for value in self.derived}, registry, self.conditions).by_value
+        follows = {name: _worse(_doubt(row), own) for name, own in derived.items()}
         return replace(
             self,
             parameters={
                 name: replace(value, verdict=by_value.get(name, common)) for name, value in self.parameters.items()
             },
             derived=tuple(
-                replace(value, found=replace(value.found, verdict=_worse(_doubt(row), derived[value.name])))
-                for value in self.derived
+                replace(value, found=replace(value.found, verdict=follows[value.name])) for value in self.derived
             ),
             flags=weighed.findings,
             immaterial=weighed.immaterial,
             conditions=tuple(one for one in self.conditions if one.matters(of_all)),
-            verdict=row,
+            verdict=row if row == "invalid" else _chief({**follows, **by_value}, row),
         )
 
     @property
@@ -109,6 +109,12 @@ class TrackResult:
             **({"details": finite_tree(self.details)} if self.details else {}),
             **({"diagnoses": finite_tree(self.diagnoses)} if self.diagnoses else {}),
         }
+
+
+def _chief(by_value: Mapping[str, str], worst: str) -> str:
+    """Return the verdict of the elasticity, a doubt where that alone is void; without one the worst of all."""
+    word = by_value.get("elasticity", worst)
+    return "doubtful" if word == "invalid" else word
 
 
 def _of_row(by_value: Mapping[str, str]) -> str:

@@ -25,6 +25,7 @@ from palpate_engine import (
 from palpate_kit.curves.curve import Curve
 from palpate_kit.runs.shared_tips import name_tips
 from palpate_kit.terminal.motion_text import motion_numbers
+from palpate_kit.terminal.result_table import track_row
 
 Row = dict[str, str]
 _KINDS = 16  # of settings of single curves whose tracks are kept in a process
@@ -156,6 +157,10 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
     told |= {key: repr(number) for key, number in motion_numbers(found.diagnoses.get("motion", {})).items()}
     told |= {"better_laws": " ".join(misfit.get("better_laws", ()))}
     told |= {"conditions": "; ".join(said), "needs": " ".join(_needed(found))}
+    findings = track_row(
+        found, name, of_record=[one for one in outcome.result.flags if one.severity != "note"]
+    ).findings
+    told |= {"findings": " | ".join(finding.cell for finding in findings)}
     flags: tuple[Flag, ...] = (*outcome.result.flags, *found.flags)
     failed = next((flag.message for flag in found.flags if flag.code == "failed"), "")
     codes = " ".join(sorted({flag.code for flag in flags}))

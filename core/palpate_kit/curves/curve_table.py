@@ -13,9 +13,10 @@ from typing import IO, Any
 
 import numpy as np
 import tomli_w
-from palpate import ADVICE, ConfigurationError, Floats, LogError, OutputError, is_number
+from palpate import ConfigurationError, Floats, LogError, OutputError, is_number
 from palpate_engine import (
     DIALECT,
+    SEVERITIES,
     Pipeline,
     bounded_text,
     dialect_tables,
@@ -38,9 +39,14 @@ from palpate_kit.terminal.motion_text import MOTION_COLUMNS
 TABLE, SETTINGS = "fits.csv", "pipeline.toml"
 CURVES = "curves"  # key of its [run]: the folder from which the files of curves are seen
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
-_TEXTS = ("curve", "track", "better_laws", "conditions", "needs", "flags", "settings", "error")
+_TEXTS = ("curve", "track", "better_laws", "findings", "conditions", "needs", "flags", "settings", "error")
 _LINE = 1 << 16  # [bytes] of the head
-_RECENT = ("prediction", *MOTION_COLUMNS, "better_laws")  # columns that tables may lack which were written before 0462
+_RECENT = (
+    "prediction",
+    *MOTION_COLUMNS,
+    "better_laws",
+    "findings",
+)  # columns that tables may lack which were written before 0462
 _OF_TRACK = ("samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
 _TAIL = ("rms", *_RECENT, *_OF_TRACK)
 _LATER = (*_RECENT, "conditions", "needs")  # those before schema 5, as they lack the verdict of each value
@@ -318,7 +324,7 @@ def _wanted(name: str, cell: str) -> str:
     if not cell or name in _TEXTS:
         return ""
     if name == "verdict" or name.endswith("_verdict"):
-        return "" if cell in ADVICE or is_open(cell) else "verdict"
+        return "" if cell in ("good", *SEVERITIES) or is_open(cell) else "verdict"
     return "" if is_number(cell) else "number"
 
 

@@ -1,14 +1,18 @@
-"""The facts that nobody has stated, as they are asked for: by the size of what another fact does to the values."""
+"""The facts that nobody has stated, as they are asked for: by the size of what another fact does to the values.
+
+A fact is asked for where a condition names it, and where a finding does.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from palpate import Condition
-from palpate_engine import TrackResult, UncertainValue, facts_stated
+from palpate_engine import TrackResult, UncertainValue, facts_stated, option_of
 
 from palpate_kit.curves.curve_fits import named_values
+from palpate_kit.terminal.result_table import track_row, with_symbols
 
 
 @dataclass(frozen=True)
@@ -23,12 +27,31 @@ class OpenFact:
 WITHOUT_A_FIT = tuple(OpenFact(key, "it counts as open") for key in ("tip_mass", "tare", "delay", "thickness"))
 
 
-def open_facts(track: TrackResult) -> list[OpenFact]:
-    """The open facts of a track that a person can state, most effective first."""
+def open_facts(tracks: Iterable[TrackResult]) -> list[OpenFact]:
+    """The open facts of tracks that a person can state, each once, most effective first."""
+    largest: dict[str, OpenFact] = {}
+    for track in tracks:
+        for fact in (*_of_findings(track), *_of_conditions(track)):
+            if fact.key not in largest or fact.size > largest[fact.key].size:
+                largest[fact.key] = fact
+    return sorted(largest.values(), key=lambda fact: -fact.size)
+
+
+def _of_conditions(track: TrackResult) -> Iterator[OpenFact]:
     values, stating = named_values(track), facts_stated()
-    conditions = {stating[one.fact]: one for one in track.conditions if one.fact in stating}
-    found = [OpenFact(key, one.sentence(values), _size(one, values)) for key, one in conditions.items()]
-    return sorted(found, key=lambda fact: -fact.size)
+    for one in track.conditions:
+        if one.fact in stating:
+            yield OpenFact(stating[one.fact], with_symbols(one.sentence(values)), _size(one, values))
+
+
+def _of_findings(track: TrackResult) -> Iterator[OpenFact]:
+    """The facts by which findings can be settled; a fact of which the record shows a sign comes before others."""
+    options = {option_of(key): key for key in facts_stated().values()}
+    for finding in track_row(track, "").judging_findings:
+        key = options.get(finding.remedy.partition(" ")[0])
+        if key is not None:
+            size = max((size for size in finding.sizes.values() if size is not None), default=0.0)
+            yield OpenFact(key, with_symbols(finding.sentence.partition("; ")[0]), 1.0 + size)
 
 
 def _size(condition: Condition, values: Mapping[str, UncertainValue]) -> float:

@@ -101,6 +101,8 @@ class FlagDocument(Document):
         description="what it means for the numbers; null where the code is not registered"
     )
     remedy: str = Field("", description="what to do")
+    suspects: list[str] = Field([], description="likely causes by name, the likeliest first")
+    moves: list[str] = Field([], description="values that it puts in doubt")
     effects: dict[str, Number] = Field(
         {}, description="by how much it can move each value [SI], by name; null without bound; absent where not known"
     )
@@ -182,8 +184,8 @@ class TrackDocument(Document):
     estimator: str = Field(description="name of its estimator")
     verdict: str = Field(
         pattern=VERDICT,
-        description="the worst of its values that are determined and need no fact; numbers of an invalid track must "
-        "not be used",
+        description="that of its elasticity, without one the worst of its values with a number; numbers of an invalid "
+        "track must not be used",
     )
     samples: Count = Field(description="that it tracked")
     parameters: dict[str, ValueDocument] = Field(description="of the contact model, by name")

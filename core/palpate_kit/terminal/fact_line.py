@@ -2,27 +2,43 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from palpate import ContactModel, Indenter, printable
-from palpate_engine import AlignmentSettings, Pipeline, Registry, numbers_of
+from palpate_engine import AlignmentSettings, Pipeline, Registry, Result, numbers_of
 
-from palpate_kit.terminal.motion_text import Numbers, motion_text
+from palpate_kit.terminal.motion_text import Numbers, motion_numbers, motion_text
 from palpate_kit.terminal.phrase import Phrase, Quantity, curve_count, merged_phrases, phrase_text, quantity_text
 
 _TARES = {"free-air": "force zeroed in air", "none": "force as recorded", "calibrated": "force zeroed by calibration"}
+_DIAMETER = re.compile(r" \(diameter [^)]*\)")
 Counted = Sequence[tuple[Pipeline, int]]  # pipelines of curves, each with their number
 
 
 def fact_line(pipelines: Counted, motions: Sequence[Numbers] = ()) -> str:
     """Tip, model and force of the first track of the pipelines, and the motions that the records measured.
 
-    As in "tip: sphere, radius 6 mm (diameter 12 mm); dr, nu 0.5, 10 to 22 mm thick; force zeroed in air; press 1 mm/s,
-    0 to 2 mm deep".
+    As in "sphere, radius 6 mm (diameter 12 mm); dr, nu 0.5, 10 to 22 mm thick; press 1 mm/s, 0 to 2 mm deep; force
+    zeroed in air".
     """
     words = facts_in_words(pipelines)
-    head = [f"tip: {words['tip']}"] if "tip" in words else []
-    return "; ".join(filter(None, [*head, words["model"], words["force"], motion_text(motions)]))
+    return "; ".join(filter(None, [words.get("tip"), words["model"], motion_text(motions), words["force"]]))
+
+
+def run_subject(pipeline: Pipeline, result: Result) -> str:
+    """Return tip and model of a run, the motion of its first track on a point, and the estimator of a single track.
+
+    As in "sphere R 5 mm; 2 Hz, 3.5 to 5.1 mm deep; dr, nu 0.5, half-space; kinematic-ekf".
+    """
+    if not pipeline.tracks:
+        return ""
+    tables = [table for track in result.tracks.values() if (table := track.diagnoses.get("motion"))]
+    words = facts_in_words([(pipeline, 1)])
+    tip = _DIAMETER.sub("", words.get("tip", "")).replace(", radius ", " R ")
+    estimators = [pipeline.registry.name_of(type(track.estimator)) for track in pipeline.tracks]
+    parts = [tip, motion_text([motion_numbers(table) for table in tables[:1]]), words["model"]]
+    return "; ".join(filter(None, [*parts, *(estimators if len(estimators) == 1 else [])]))
 
 
 def columns_line(pipeline: Pipeline) -> str:
@@ -102,7 +118,7 @@ def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[Phrase]:
     if "thickness" in type(model).model_fields:
         layer = getattr(model, "thickness", None)
         height = getattr(layer, "height", None)
-        yield ("thick",) if height is None else (Quantity(height, "m"), " thick")
+        yield ("half-space",) if height is None else (Quantity(height, "m"), " thick")
         if (bonded := getattr(layer, "bonded", None)) is not None:
             yield ("glued to its base" if bonded else "sliding on its base",)
     if inclination := getattr(getattr(model, "skin", None), "inclination", 0.0):

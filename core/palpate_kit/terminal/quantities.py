@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from palpate_engine import display_unit
+
 _LARGE, _SMALL = 6, -4  # powers of ten, from and below which a number is written with its power
 _MANY = 1e3  # times a value; an uncertainty beyond that shares no power with it
 FIXED = " (fixed)"
@@ -64,6 +66,26 @@ def round_number(value: float) -> str:
     ('0', '1.125e+05')
     """
     return unsigned(f"{value:.5g}")
+
+
+def value_with_unit(value: float, std: float, unit: str) -> str:
+    """A value and its uncertainty [SI] in the unit in which they are shown.
+
+    >>> value_with_unit(112836.1, 1772.7, "Pa")
+    '112.8 ± 1.8 kPa'
+    """
+    word, factor = display_unit(unit)
+    return f"{value_with_uncertainty(value * factor, std * factor)} {word}".removesuffix(" 1")
+
+
+def number_with_unit(value: float, unit: str, digits: int = 3) -> str:
+    """A number [SI] in the unit in which it is shown.
+
+    >>> number_with_unit(1772.66, "Pa"), number_with_unit(280.0, "Pa*s", 2)
+    ('1.77 kPa', '2.8e+02 Pa s')
+    """
+    word, factor = display_unit(unit)
+    return f"{value * factor:.{digits}g} {word}".removesuffix(" 1")
 
 
 def unsigned(number: str) -> str:

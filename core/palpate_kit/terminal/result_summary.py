@@ -7,70 +7,71 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from palpate import Flag, ReportSection
-from palpate_engine import Result, TrackResult, UncertainValue, display_unit, function_of, is_open, verdict_word
+from palpate_engine import Result, TrackResult, UncertainValue, display_unit, function_of
 
-from palpate_kit.terminal.flag_summary import summary_lines
-from palpate_kit.terminal.quantities import round_number, value_or_fixed
+from palpate_kit.terminal.layout import layout
+from palpate_kit.terminal.quantities import round_number
+from palpate_kit.terminal.result_screen import (
+    coloured,
+    fact_lines,
+    filled,
+    finding_lines,
+    title_line,
+    value_lines,
+    value_table,
+)
+from palpate_kit.terminal.result_table import ResultTable, TableValue, result_table
 from palpate_kit.terminal.table import Table as Cells
 
 _MILLINEWTON = 1e-3  # [N]
-_MEANINGS = {  # of the words of a verdict; any other one needs a fact
-    "good": "nothing counts against the values",
-    "doubtful": "what was found can move a value beyond its ±",
-    "not determined": "the value is within twice its ± of none",
-    "invalid": "its numbers must not be used",
-}
 _ALONG = "ranges along the path of the tip; by place: palpate map {folder}"
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-def result_view(
-    result: Result, sections: Mapping[str, ReportSection] | None = None, details: bool = False
-) -> RenderableType:
-    """The values of each track with their verdict, sections, and the worst doubts.
+def result_views(
+    result: Result, sections: Mapping[str, ReportSection] | None = None, details: bool = False, subject: str = ""
+) -> Iterator[RenderableType]:
+    """Return the values of each track with their verdicts, sections, findings and open facts; a view each.
 
-    With `details` every column, section and flag.
+    `subject` are tip, model and motion in words. With `details` every column, section and flag.
     """
-    from rich.console import Group
     from rich.text import Text
 
+    table, names = result_table(result), list(_units(result))
     shown = {name: section for name, section in (sections or {}).items() if details or not section.detail}
-    said = [Text(_ALONG.format(folder=result.folder))] if any(map(_swept, result.tracks.values())) else []
-    said += [] if details else map(Text, _meanings(result.tracks.values()))
-    parts = [*said, *_more(result, shown), *_derived(result), *_doubts(result, details)]
-    table = _every_number(result) if details else _values(result).view() if result.tracks else _streams(result).view()
-    return Group(table, *parts)
+    if layout() == "table":
+        yield Text(title_line(result.run["name"]))
+        yield from map(Text, filled(subject))
+    if details:
+        yield _every_number(result)
+    elif not result.tracks:
+        yield _streams(result).view()
+    elif len(table.rows) == 1 and layout() == "table":
+        yield from value_lines(table.rows[0], result.truth, names)
+    else:
+        yield value_table(table, names=names).view()
+    if any(map(_swept, result.tracks.values())):
+        yield Text(_ALONG.format(folder=result.folder))
+    yield from _more(result, shown)
+    yield from _derived(result)
+    yield from _flags(result) if details else map(coloured, _lines_below(table))
 
 
-def _meanings(tracks: Iterable[TrackResult]) -> Iterator[str]:
-    """What each word of a verdict in the table means, once; docs/verdict.md says it at length."""
-    words = dict.fromkeys(verdict_word(track.verdict) for track in tracks)
-    words |= dict.fromkeys(
-        value.verdict for track in tracks for value in track.parameters.values()
-        if track.usable and value.verdict is not None and is_open(value.verdict)
-    )  # fmt: skip
-    for word in words:
-        yield f"{word} means: {_MEANINGS.get(word, 'it depends on that fact, which nobody has stated')}"
+def _lines_below(table: ResultTable) -> Iterator[str]:
+    """What was found, notes on the record, open facts; of several tracks how many have which word."""
+    yield from finding_lines(table)
+    for note in table.of_record:
+        yield from filled(f"note[{note.code}] {note.message}", "  ")
+    yield from fact_lines(table)
+    if len(table.rows) > 1:
+        yield table.partition("track")
 
 
 def _units(result: Result) -> dict[str, str]:
     """SI units of all parameters by name."""
     return {name: found.unit for track in result.tracks.values() for name, found in track.parameters.items()}
-
-
-def _values(result: Result) -> Cells:
-    """Every track with its parameters and its verdict, and the truth where it is known."""
-    units = _units(result)
-    heads = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
-    rows = [
-        [label, *_cells(track, list(units))[: len(units)], verdict_word(track.verdict)]
-        for label, track in result.tracks.items()
-    ]
-    if result.truth:
-        rows.append(["truth", *(_plain(_scaled(result.truth.get(name, math.nan), units[name])) for name in units), ""])
-    return Cells.of(result.run["name"], ["track", *heads, "verdict"], rows, ["track", "verdict"])
 
 
 def _streams(result: Result) -> Cells:
@@ -87,25 +88,14 @@ def _streams(result: Result) -> Cells:
     return Cells.of(result.run["name"], ["stream", "readings", "rate\nHz", "gaps"], rows, ["stream"])
 
 
-def _doubts(result: Result, details: bool) -> list[RenderableType]:
-    """The worst doubts, or every flag with its remedy."""
+def _flags(result: Result) -> Iterator[RenderableType]:
+    """Every open fact and every flag with its remedy."""
     from rich.text import Text
 
-    if not details:
-        return [Text(line, style="yellow") for line in lines_below(result)]
     facts = [f"{text}\n    -> {words}" for text, words in open_facts(result.tracks.values()).items()]
-    holds = ["holds if:\n  " + "\n  ".join(facts)] if facts else []
-    texts = (*holds, *flag_lines(result.flags, result.tracks))
-    lines = [Text(line, style="yellow") for line in texts]
-    return [Text("flags" if lines else "no flags"), *lines]
-
-
-def lines_below(result: Result) -> Iterator[str]:
-    """What the values of a run hold for, what was found, and what to type."""
-    notes = [flag for flag in result.flags if flag.severity == "note"]
-    doubts = [flag for flag in result.flags if flag.severity != "note"]
-    flags = {label: [*doubts, *track.flags] for label, track in result.tracks.items()}
-    return summary_lines(flags, open_facts(result.tracks.values()), notes)
+    assumed = ["not in the ±, since nobody stated it:\n  " + "\n  ".join(facts)] if facts else []
+    lines = [Text(line, style="yellow") for line in (*assumed, *flag_lines(result.flags, result.tracks))]
+    yield from [Text("flags" if lines else "no flags"), *lines]
 
 
 def open_facts(tracks: Iterable[TrackResult]) -> dict[str, str]:
@@ -148,7 +138,7 @@ def _derived(result: Result) -> list[RenderableType]:
     from rich.text import Text
 
     lines = [
-        Text(f"  {label}: {value.name} {_shown(value.found)} {display_unit(value.found.unit)[0]} ({value.caveat})")
+        Text(f"  {label}: {value.name} {TableValue.of(value.name, value.found).text} ({value.caveat})")
         for label, track in result.tracks.items()
         for value in track.derived
         if math.isfinite(value.found.value)
@@ -211,23 +201,20 @@ def _plain(value: float) -> str:
     return round_number(value) if math.isfinite(value) else ""
 
 
-def _shown(found: UncertainValue) -> str:
-    if found.verdict == "invalid":
-        return "none"
-    number = value_or_fixed(_scaled(found.value, found.unit), _scaled(found.combined, found.unit))
-    word = found.verdict or ""
-    return f"{number} {word}" if is_open(word) else number
+def _shown(name: str, value: UncertainValue) -> str:
+    shown = TableValue.of(name, value)
+    return " ".join(filter(None, (shown.number, shown.word)))
 
 
 def _cells(track: TrackResult, names: list[str]) -> list[str]:
     if not track.usable:
         reason = next((flag.code for flag in track.flags if flag.severity == "invalid"), "invalid")
         return [*([reason.replace("-", " ")] * len(names)), "", "", "", ""]
-    cells = [_shown(track.parameters[name]) if name in track.parameters else "" for name in names]
+    cells = [_shown(name, track.parameters[name]) if name in track.parameters else "" for name in names]
     if _swept(track):  # one value says nothing of all places
         cells = [_range(track, name) for name in names]
         return [*cells, "", "", _residual(track.force_rms), f"{track.nis:.2f}"]
     every = [*track.parameters.values(), *(value.found for value in track.derived)]
     delays = [found.per_shear for found in every if found.per_shear is not None]
     delay = f"{delays[0] * 1e3:.2f}" if delays else ""
-    return [*cells, delay, _shown(track.surface), _residual(track.force_rms), f"{track.nis:.2f}"]
+    return [*cells, delay, _shown("surface", track.surface), _residual(track.force_rms), f"{track.nis:.2f}"]

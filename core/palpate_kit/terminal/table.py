@@ -17,6 +17,14 @@ _SCREEN = 40  # rows
 _BLOCKS = 10  # rows that are printed as blocks where a table is too wide
 
 
+_STYLES = {"good": "green", "doubtful": "yellow", "invalid": "red", "not determined": "yellow"}
+
+
+def verdict_style(text: str) -> str:
+    """Return the colour of a cell that holds a verdict and nothing else; empty for any other text."""
+    return "yellow" if text.startswith("needs ") else _STYLES.get(text, "")
+
+
 @dataclass(frozen=True)
 class Table:
     """Headings and rows of texts; a heading or cell may have several lines."""
@@ -25,6 +33,7 @@ class Table:
     headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     left: tuple[str, ...] = ()  # headings of the columns that are texts; all others are numbers, to the right
+    is_plain: bool = False  # without lines between the cells
 
     @classmethod
     def of(cls, title: str, headings: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[str] = ()) -> Table:
@@ -36,12 +45,14 @@ class Table:
         from rich.table import Table as View
         from rich.text import Text
 
-        view = View(title=Text(self.title), title_justify="left")
+        view = View(title=Text(self.title) if self.title else None, title_justify="left")
+        if self.is_plain:
+            view = View(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         for heading in self.headings:
             text = heading in self.left
             view.add_column(Text(heading), justify="left" if text else "right", no_wrap=text)
         for row in self.rows:
-            view.add_row(*(Text(cell) for cell in row))
+            view.add_row(*(Text(cell, style=verdict_style(cell)) for cell in row))
         return view
 
 

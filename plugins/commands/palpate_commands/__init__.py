@@ -65,6 +65,7 @@ def palpate_templates() -> dict[str, Template]:
     package, folder = "palpate_commands", "templates"
     return {
         "point": Template(package, f"{folder}/point.toml", "a point palpation on a simulated rig"),
+        "chirp": Template(package, f"{folder}/chirp.toml", "several frequencies in one motion, simulated"),
         "log": Template(package, f"{folder}/log.toml", "your own log; comes with an example"),
         "ur3e": Template(package, f"{folder}/point_ur3e.toml", "a UR3e and a SensONE, or their twins"),
         "raster": Template(package, f"{folder}/raster.toml", "a map of 60 mm x 40 mm, simulated"),

@@ -32,7 +32,7 @@ def init(
         str | None,
         typer.Argument(
             metavar="[WHAT]",
-            help="point, log, ur3e, raster, raster-ur3e, breast-ur3e or calibrate; with --plugin its name. "
+            help="point, chirp, log, ur3e, raster, raster-ur3e, breast-ur3e or calibrate; with --plugin its name. "
             "[default: asks]",
         ),
     ] = None,

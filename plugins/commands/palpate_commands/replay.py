@@ -9,12 +9,14 @@ import typer
 from palpate import ConfigurationError
 from palpate_engine import build_pipeline
 from palpate_kit.runs.replay_source import read_run_log, replay_source
+from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, JsonOption, Overrides
 from palpate_kit.terminal.progress import progress
 
 from palpate_commands.run import execute
 
 
+@with_facts
 def replay(
     source: Annotated[Path, typer.Argument(metavar="LOG_OR_RUN", help="A log that palpate wrote, or a run folder.")],
     overrides: Overrides = None,

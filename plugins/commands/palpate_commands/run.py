@@ -13,11 +13,13 @@ from typing import Annotated
 import typer
 from palpate import ConfigurationError
 from palpate_engine import Pipeline, function_of, load_pipeline, run_pipeline
+from palpate_kit.terminal.fact_line import run_subject
 from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, Overrides
 from palpate_kit.terminal.progress import progress
-from palpate_kit.terminal.result_summary import result_view
+from palpate_kit.terminal.result_screen import WIDTH, print_view
+from palpate_kit.terminal.result_summary import result_views
 from palpate_kit.terminal.table import console
 
 from palpate_commands.lifted_run import lifted
@@ -72,7 +74,9 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
     if as_json:
         typer.echo(json.dumps(result.table(), indent=2))
     else:
-        console(120 if details else 80).print(result_view(result, pipeline.registry.report_sections, details))
+        terminal = console(120 if details else WIDTH)
+        for view in result_views(result, pipeline.registry.report_sections, details, run_subject(pipeline, result)):
+            print_view(terminal, view)
         if (lift := result.run.get("lifted")) is not None:
             typer.echo(
                 f"lifted by {1e3 * lift['height']:g} mm, at {lift['pace']:.0%} of the speed: nothing was palpated"
@@ -89,4 +93,5 @@ def _reported(pipeline: Pipeline, folder: Path) -> Iterator[str]:
         if pipeline.run.report:
             yield f"{name}: {function_of(report)(folder)}"
         else:
-            yield f"to share it: palpate {name} {shlex.quote(str(folder))}"
+            place = shlex.quote(str(folder))
+            yield f"share: palpate {name} {place}   why ±: palpate {name} budget {place}"

@@ -100,7 +100,7 @@ def _facts(outcome: RecordOutcome) -> dict[str, Any]:
         for row in found.budget
     ]
     noise = _noise_before_contact(outcome.samples, surface)
-    asked = [[fact.key, fact.effect] for fact in open_facts(found)] if found.usable else None
+    asked = [[fact.key, fact.effect] for fact in open_facts([found])] if found.usable else None
     facts: dict[str, Any] = finite_tree(
         {"raw": False, "surface": surface, "noise": noise, "flags": flags, "budget": budget, "open": asked}
     )

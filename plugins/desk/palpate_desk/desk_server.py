@@ -130,7 +130,7 @@ class DeskServer:
             elif isinstance(message, asked.RefitOrder):
                 await self._refit(page, message)
             elif isinstance(message, asked.FactsQuestion):
-                self._send(page, facts_message(self.desk, await open_facts_of(self.desk, self._fitted)))
+                self._send(page, facts_message(self.desk, await open_facts_of(self.desk, self._fitted), message.curve))
             elif isinstance(message, asked.FactsOrder):
                 self._state_facts(page, message)
             elif isinstance(message, asked.CompareQuestion):

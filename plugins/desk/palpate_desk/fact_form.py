@@ -8,8 +8,10 @@ from typing import Any
 
 from palpate import ConfigurationError, UserError
 from palpate_engine import RIG, facts_of, option_of, question_of
+from palpate_kit.curves.curve_list import LIST, stated_in
 from palpate_kit.curves.open_facts import WITHOUT_A_FIT
 
+from palpate_desk.action import where_curve
 from palpate_desk.command_gate import FACT_KEYS
 from palpate_desk.curve_answers import CurveAnswer
 from palpate_desk.desk import Desk
@@ -28,11 +30,23 @@ async def open_facts_of(desk: Desk, fitted: Callable[[str], Awaitable[CurveAnswe
     return [(fact.key, fact.effect) for fact in WITHOUT_A_FIT]
 
 
-def facts_message(desk: Desk, asked_for: Iterable[tuple[str, str]]) -> dict[str, Any]:
-    """The open facts of the rig, each with its question, an answer as an example, and what it does."""
+def facts_message(desk: Desk, asked_for: Iterable[tuple[str, str]], curve: str = "") -> dict[str, Any]:
+    """The open facts of the rig, each with its question, an answer as an example, and what it does; those of a curve.
+
+    The facts of a curve are those that its row of ``curves.csv`` states, with the filter words for that curve.
+    """
     fields = [{"key": key, "effect": effect, **dict(zip(("question", "example"), question_of(key), strict=True))}
               for key, effect in asked_for]  # fmt: skip
-    return {"kind": "facts", "file": str(desk.path / RIG), "fields": fields}
+    file = desk.path / RIG
+    places = [str(file)] if file.is_file() else []
+    settled = f"Every fact is stated in {', '.join([*places, LIST])} or the pipeline."
+    cells = stated_in(desk.folder.entries.get(curve, {}))
+    stated = [
+        {"key": key, "value": value, "curve": where_curve(curve),
+         **dict(zip(("question", "example"), question_of(key), strict=True))}
+        for key, value in cells.items()
+    ]  # fmt: skip
+    return {"kind": "facts", "file": str(file), "fields": fields, "settled": settled, "curve": curve, "stated": stated}
 
 
 def fact_mistakes(answers: Mapping[str, str]) -> dict[str, str]:

@@ -12,11 +12,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from palpate import ConfigurationError
-from palpate_engine import display_unit, is_open, registry, write_whole
+from palpate_engine import display_unit, registry, write_whole
+from palpate_kit.curves.curve_list import FACTS
 from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
-from palpate_kit.terminal.quantities import value_or_fixed
+from palpate_kit.curves.row_results import result_row
+from palpate_kit.figures import force_unit
 
 from palpate_desk import page_messages as asked
 from palpate_desk.action import OUT, Action, where_curve
@@ -24,29 +27,41 @@ from palpate_desk.command_gate import demand_allowed
 from palpate_desk.desk import Desk
 
 _COMMAND = "import sys; from palpate_engine.cli import main; main(sys.argv[2:], sys.argv[1].split())"
+_SAMPLE = 200  # rows by which the unit of residuals is chosen
 _WORDS = 2  # of the longest answer of a command that is shown
 
 
 def row_messages(folder: FitFolder, rows: Iterable[CurveRow]) -> list[dict[str, Any]]:
-    """Rows for the page: values as numbers and as text in display units."""
-    units = {name: display_unit(folder.units.get(name, ""))[1] for name in _shown(folder)}
-    return [_row(row, units) for row in rows]
+    """Rows for the page: values as numbers and as text in display units, each with its verdict."""
+    units = {name: folder.units.get(name, "") for name in _shown(folder)}
+    newtons = _residual_unit(folder)[1]
+    return [_row(row, units, newtons) for row in rows]
+
+
+def _residual_unit(folder: FitFolder) -> tuple[str, float]:
+    """Return the unit in which the residuals of a folder are shown, and how many of it one newton is."""
+    known = [float(cells["rms"]) for cells in folder.cells[:_SAMPLE] if cells.get("rms")]
+    return force_unit(float(np.median(known)) if known else 1.0)
 
 
 def _shown(folder: FitFolder) -> list[str]:
     return [name for name in folder.values if name != "surface"]
 
 
-def _row(row: CurveRow, units: dict[str, float]) -> dict[str, Any]:
+def _row(row: CurveRow, units: dict[str, str], newtons: float) -> dict[str, Any]:
     values: dict[str, Any] = {}
-    for name, factor in units.items():
-        value, combined = row.number(name), row.number(f"{name}_combined")
-        if value is not None:
-            text = value_or_fixed(value * factor, math.nan if combined is None else combined * factor)
-            text = f"{text} {verdict}" if is_open(verdict := row.verdict_of(name)) else text
-            values[name] = [value * factor, None if combined is None else combined * factor, text]
+    shown = result_row(row.cells, units, {}).values
+    for name, value in shown.items():
+        factor = display_unit(value.unit)[1]
+        if value.value is not None and value.verdict != "invalid":
+            u = None if math.isnan(value.combined) else value.combined * factor
+            values[name] = [value.value * factor, u, value.number]
+    residual = row.number("rms")
     return {
-        "curve": row.curve, "track": row.track, "values": values, "rms": row.number("rms"), "verdict": row.verdict,
+        "curve": row.curve, "track": row.track, "values": values,
+        "verdicts": {name: value.word for name, value in shown.items()},
+        "rms": None if residual is None else f"{newtons * residual:.3g}",
+        "facts": {name: cell for name in FACTS if (cell := row.groups.get(name))},
         "flags": list(row.flags), "error": row.error, "mark": row.mark, "reason": row.rejected or "",
         "state": row.state, "groups": dict(row.groups), "place": row.place,
     }  # fmt: skip
@@ -65,11 +80,21 @@ def folder_message(desk: Desk) -> dict[str, Any]:
     fit = next((name for name, table in estimators.items() if table.get("type") == "casadi-fit"), "")
     return {
         "kind": "folder", "name": str(folder.path), "units": units, "columns": folder.columns, "meanings": meanings,
+        "residual_unit": _residual_unit(folder)[0], "group_by": _first_group(folder),
         "rows": row_messages(folder, folder.rows), "tip": _tip(tables),
         "model": next(iter(tables.get("model", {})), ""),
         "models": sorted(known.parts["model"]), "fit": fit, "segment": estimators.get(fit, {}).get("segment", ""),
         "own": {name: list(texts) for name, texts in folder.own.items()},
     }  # fmt: skip
+
+
+def _first_group(folder: FitFolder) -> str:
+    """Return the first column by which there are groups: no fact, and no value for each curve; else the first."""
+    for name in folder.columns:
+        values = {cells.get(name, "") for cells in folder.entries.values()}
+        if name not in FACTS and 1 < len(values) < len(folder.entries):
+            return name
+    return next((name for name in folder.columns if name not in FACTS), next(iter(folder.columns), ""))
 
 
 def _tip(tables: dict[str, Any]) -> str:

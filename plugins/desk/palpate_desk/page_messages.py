@@ -66,9 +66,10 @@ class RefitOrder(Question):
 
 
 class FactsQuestion(Question):
-    """Which facts of the rig are open."""
+    """Which facts of the rig are open, and which ``curves.csv`` states of a curve."""
 
     do: Literal["facts"]
+    curve: Text = ""
 
 
 class FactsOrder(Question):

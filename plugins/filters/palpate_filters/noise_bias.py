@@ -10,6 +10,7 @@ import numpy as np
 from palpate import Bias, Diagnosed, Flag, FlagMeaning, Floats, Layout, Samples, TrackEvidence
 from palpate_kit.kernel import Step, compile_step
 from palpate_kit.numerics.tip_travel import noise_of, zero_phase_motion
+from palpate_kit.terminal.quantities import number_with_unit
 
 from palpate_filters.covariance import congruence, mirror
 from palpate_filters.inertial_filter import InertialFilter, PaperStart
@@ -250,7 +251,9 @@ def _diagnosis(track: TrackEvidence, bias: Floats) -> Diagnosed:
             uncorrected.append(share)
         elif abs(shift) > max(_MIN_REPORTED_SHARE * abs(value), _MIN_REPORTED_UNCERTAINTY * combined):
             # No uncertainty here: that of all diagnoses together is not yet known.
-            corrected.append(f"{share}; corrected: {value - shift:.4g} {parameter.unit} (see its budget)")
+            corrected.append(
+                f"{share}; corrected: {number_with_unit(value - shift, parameter.unit, 4)} (see its budget)"
+            )
     texts = []
     if corrected:
         texts.append(f"the filter's own noise and time step shift {', '.join(corrected)}")

@@ -16,7 +16,7 @@ from palpate_engine import Pipeline, Registry, approved_plugins, make_folder, op
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row
-from palpate_kit.curves.curve_list import RECORD, Entries, cells_beside, fact_counts, stated_in
+from palpate_kit.curves.curve_list import FACTS, LIST, RECORD, Entries, cells_beside, fact_counts, stated_in
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.shared_specimen import setup_pairs
@@ -25,12 +25,13 @@ from palpate_kit.terminal.fact_line import columns_line, fact_line
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.motion_text import row_motion
 from palpate_kit.terminal.progress import progress, report_progress
+from palpate_kit.terminal.result_screen import filled, title_line
 from palpate_kit.terminal.table import console
 from palpate_records.recording import Suggestion
 
 from palpate_fits.file_pipelines import DEVICE, FileGroup, file_groups, reader_keys, with_overrides
 from palpate_fits.file_questions import FileQuestion
-from palpate_fits.file_tables import count_line, is_usable, law_line, show_rows
+from palpate_fits.file_tables import is_usable, law_line, partition_line, show_rows
 from palpate_fits.folder_fits import FEW, fit_each
 from palpate_fits.name_groups import group_table, groups_of
 from palpate_fits.setup_tables import pairs_document, show_pairs
@@ -98,10 +99,12 @@ def fit_files(sources: Sequence[Path], wanted: FileFit) -> None:
     if wanted.as_json:
         print_json({"table": str(folder / TABLE), "files": rows, "specimens": pairs_document(pairs)})
     else:
-        _show(rows, groups, parts, folder, known, wanted, _command(sources, wanted))
+        _show(rows, groups, parts, folder, known, wanted, sources)
         if by_name:
             console().print(group_table(rows, by_name, groups[0].pipeline).view())
         show_pairs(pairs)
+        typer.echo(partition_line(rows, groups[0].pipeline, known))
+        typer.echo(f"every number: {folder / TABLE}; {SETTINGS} next to it: how the files were read")
     if not all(map(is_usable, rows)):
         raise typer.Exit(1)
 
@@ -191,19 +194,22 @@ def _show(
     folder: Path,
     known: Registry,
     wanted: FileFit,
-    command: str,
+    sources: Sequence[Path],
 ) -> None:
     fitted = FitFolder(folder).pipelines(row["curve"] for row in rows if not row.get("error"))
-    typer.echo(fact_line(fitted or [(groups[0].pipeline, len(rows))], [row_motion(row) for row in rows]))
-    for line in _columns_lines(groups):
+    typer.echo(title_line(rows[0]["curve"] if len(rows) == 1 else f"{len(rows)} files"))
+    facts = fact_line(fitted or [(groups[0].pipeline, len(rows))], [row_motion(row) for row in rows])
+    for line in (*filled(facts), *_columns_lines(groups)):
         typer.echo(line)
-    show_rows(rows, groups[0].pipeline, known, command, wanted.details)
+    advice = _advice(sources, len(rows))
+    show_rows(rows, groups[0].pipeline, known, _command(sources, wanted), wanted.details, advice)
     if len(rows) == 1:
         laws = rows[0].get("better_laws", "").split()
         if line := law_line(folder, groups[0].pipeline.tracks[0], known, laws):
             typer.echo(line)
+        if rows[0].get("prediction"):
+            typer.echo(f"every second block predicts the others within {float(rows[0]['prediction']):.1%} of the force")
     _show_guesses(groups, wanted.details)
-    typer.echo(f"{folder / TABLE}: every number; {SETTINGS} next to it: how the files were read")
     first = next((row["curve"] for row in rows if is_usable(row)), None)
     if first is not None:
         page = folder / "page"
@@ -213,7 +219,18 @@ def _show(
         words += [*chosen, "-o", str(page)]
         report = shlex.join(["palpate", "report", str(page / shown.path.name.split(".")[0])])
         typer.echo(f"a page on one: {shlex.join(words)} && {report}")
-    typer.echo(count_line(rows, known))
+
+
+def _advice(sources: Sequence[Path], count: int) -> dict[str, list[str]]:
+    """Return where a fact can be stated for each of several files, by its option."""
+    if count < 2:
+        return {}
+    folder = sources[0] if sources[0].is_dir() else sources[0].parent
+    by_column = {key: name for name, key in FACTS.items()}
+    return {
+        option_of(key): [f"or a column `{name}` in {folder / LIST}, a value for each file"]
+        for key, name in by_column.items()
+    }
 
 
 def _columns_lines(groups: Sequence[FileGroup]) -> list[str]:

@@ -3,33 +3,23 @@
 from __future__ import annotations
 
 import shlex
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import typer
-from palpate_engine import (
-    Pipeline,
-    Registry,
-    Track,
-    display_unit,
-    facts_stated,
-    is_open,
-    verdict_word,
-    words_that_state,
-)
-from palpate_kit.curves.curve_fits import Row, row_conditions, value_units
+from palpate_engine import Pipeline, Registry, Track
+from palpate_kit.curves.curve_fits import Row, value_units
 from palpate_kit.curves.curve_table import summary_of
+from palpate_kit.curves.row_results import row_table
+from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.motion_text import motion_text, row_motion
-from palpate_kit.terminal.quantities import value_or_fixed
+from palpate_kit.terminal.result_screen import WIDTH, coloured, fact_lines, finding_lines, value_lines, value_table
 from palpate_kit.terminal.table import Table, console
 
 from palpate_fits.fit_tables import each_table
 
 _MEASURED = "measured"
 MOST = 40  # rows of a table on the terminal
-_NAME = 28  # characters of a file's name
 _SHOWN = ("elasticity", "viscosity")
 _DETAILS = {"rms": ("RMS\nN", ".3g"), "prediction": ("predicted\nwithin", ".1%"), "samples": ("samples", ".0f")}
 
@@ -41,10 +31,26 @@ def is_usable(row: Row) -> bool:
     return not row.get("error") and "invalid" not in (row.get("verdict"), row.get(first))
 
 
-def show_rows(rows: Sequence[Row], pipeline: Pipeline, known: Registry, command: str, details: bool = False) -> None:
-    """Print a row for each file, why files were not read, which flags make values doubtful, and what to type."""
+def show_rows(
+    rows: Sequence[Row],
+    pipeline: Pipeline,
+    known: Registry,
+    command: str,
+    details: bool = False,
+    advice: Mapping[str, Sequence[str]] | None = None,
+) -> None:
+    """Print the values of each file, why files were not read, what was found in how many of them, and open facts.
+
+    `advice` are more lines of help by the option of a remedy.
+    """
+    table = row_table(rows, pipeline.tracks[0].model, known)
     shown = rows if details else rows[:MOST]
-    (console(160) if details else console()).print(file_table(shown, pipeline, details).view())
+    terminal = console(160) if details else console(WIDTH)
+    if len(rows) == 1 and not details and layout() == "table" and not rows[0].get("error"):
+        for value in value_lines(table.rows[0], {}):
+            terminal.print(value)
+    else:
+        terminal.print(file_table(shown, pipeline, known, details).view())
     if len(shown) < len(rows):
         typer.echo(f"and {len(rows) - len(shown)} more: --details shows all")
         names = list(value_units(pipeline.tracks[0].model))
@@ -56,30 +62,8 @@ def show_rows(rows: Sequence[Row], pipeline: Pipeline, known: Registry, command:
     for error, names in alike.items():
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
         typer.echo(f"{names[0]}{others}: {error}", err=True)
-    for line in verdict_lines(rows, known, command):
-        typer.echo(line)
-
-
-def verdict_lines(rows: Sequence[Row], known: Registry, command: str) -> Iterator[str]:
-    """At most three lines: what the values hold for, what was found, and the command that states what is open."""
-    counts: Counter[str] = Counter()
-    said: dict[str, str] = {}  # with the effect in the first file that has the condition
-    for row in rows:
-        facts = row_conditions(row)
-        counts.update(facts.keys())
-        said = facts | said
-    needed = Counter(fact for row in rows for fact in row.get("needs", "").split())
-    if said:
-        fitted = sum(not row.get("error") for row in rows)
-        yield "holds if: " + "; ".join(
-            said[fact] + ("" if count == fitted else f" [{count} of {fitted}]") for fact, count in counts.most_common()
-        )
-    doubtful = [row for row in rows if row.get("verdict") == "doubtful"]
-    if doubtful:
-        yield f"doubtful: {_causes(doubtful, known, 'doubtful')}; palpate describe CODE says what to do"
-    ordered = dict.fromkeys(fact for count in (needed, counts) for fact, _ in count.most_common())
-    if words := [words_that_state(fact) for fact in ordered if fact in facts_stated()]:
-        yield f"state them, with your values: {command} {' '.join(words)}"
+    for line in (*finding_lines(table, command, advice), *fact_lines(table, command)):
+        terminal.print(coloured(line), soft_wrap=True)
 
 
 def law_line(source: Path, track: Track, known: Registry, better_laws: Sequence[str]) -> str:
@@ -91,65 +75,30 @@ def law_line(source: Path, track: Track, known: Registry, better_laws: Sequence[
     return f"a better law? {shlex.join(['palpate', 'fit', 'choose', str(source), '--models', models])}"
 
 
-def count_line(rows: Sequence[Row], known: Registry) -> str:
-    """How many values are usable, and why the others are not."""
-    bad = [row for row in rows if not is_usable(row)]
-    usable = len(rows) - len(bad)
-    return f"{usable} usable, {len(bad)} not: {_causes(bad, known, 'invalid')}" if bad else f"all {usable} usable"
+def partition_line(rows: Sequence[Row], pipeline: Pipeline, known: Registry) -> str:
+    """Return how many files have which word for each value."""
+    table = row_table(rows, pipeline.tracks[0].model, known)
+    return table.partition("file" if len(pipeline.tracks) == 1 else "row")
 
 
-def file_table(rows: Sequence[Row], pipeline: Pipeline, details: bool = False) -> Table:
-    """File, track where there are several, values with combined uncertainty in display units, and verdict."""
-    units = value_units(pipeline.tracks[0].model)
-    shown = [name for name in _SHOWN if name in units] or list(units)[:2]
-    heads = ["file", *(["track"] if len(pipeline.tracks) > 1 else [])]
-    values = [f"{name}\n{display_unit(units[name])[0]}" for name in shown]
-    more = [*(head for head, _ in _DETAILS.values()), _MEASURED] if details else []
+def file_table(rows: Sequence[Row], pipeline: Pipeline, known: Registry, details: bool = False) -> Table:
+    """Return file, track where there are several, and each value with its verdict; with `details` all other columns."""
+    values = value_table(row_table(rows, pipeline.tracks[0].model, known), whole_names=details)
+    if not details:
+        return values
+    heads = [*(head for head, _ in _DETAILS.values()), _MEASURED, "flags"]
     cells = [
-        [
-            row["curve"] if details else _short(row["curve"]),
-            *([row.get("track", "")] if len(heads) > 1 else []),
-            *(_cell(row, name, units[name]) for name in shown),
-            *(
-                format(float(row[name]), form) if row.get(name) else "-"
-                for name, (_, form) in _DETAILS.items()
-                if details
-            ),
-            *([_lines(motion_text([row_motion(row)]))] if details else []),
-            verdict_word(row.get("verdict") or "not read"),
-            *([row.get("flags", "").replace(" ", "\n")] if details else []),
-        ]
-        for row in rows
+        (
+            *of_values,
+            *(format(float(row[name]), form) if row.get(name) else "-" for name, (_, form) in _DETAILS.items()),
+            _lines(motion_text([row_motion(row)])),
+            row.get("flags", "").replace(" ", "\n"),
+        )
+        for row, of_values in zip(rows, values.rows, strict=True)
     ]
-    behind = ["verdict", *(["flags"] if details else [])]
-    return Table.of("", [*heads, *values, *more, *behind], cells, [*heads, *behind, _MEASURED])
+    return Table.of("", [*values.headings, *heads], cells, [*values.left, _MEASURED, "flags"])
 
 
 def _lines(motion: str) -> str:
     """Return the parts of a motion below one another."""
     return motion.replace("; ", "\n").replace(", ", "\n")
-
-
-def _cell(row: Mapping[str, Any], name: str, unit: str) -> str:
-    word = row.get(f"{name}_verdict") or ""
-    if not row.get(name):
-        return word if is_open(word) else "-"
-    factor = display_unit(unit)[1]
-    combined = row.get(f"{name}_combined")
-    value = float(row[name]) * factor
-    number = value_or_fixed(value, float(combined) * factor) if combined else f"{value:.4g} ± ?"
-    return f"{number} {word}" if is_open(word) else number
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= _NAME else f"...{name[3 - _NAME :]}"
-
-
-def _causes(rows: Sequence[Row], known: Registry, severity: str) -> str:
-    """How many have which flags of a severity, the most frequent first."""
-    causes: Counter[str] = Counter()
-    for row in rows:
-        meanings = {code: known.meanings.get(code) for code in row.get("flags", "").split()}
-        codes = [code for code, meaning in meanings.items() if meaning is not None and meaning.severity == severity]
-        causes.update(codes or ["not read" if row.get("error") else "no value"])
-    return ", ".join(f"{cause} ({count})" for cause, count in causes.most_common())

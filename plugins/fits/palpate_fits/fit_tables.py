@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 from palpate import BudgetRow, Effect, FitReport, Flag
 from palpate_engine import Pipeline, Result, TrackResult, UncertainValue, display_unit, is_open
 from palpate_kit.curves.curve_fits import value_units
-from palpate_kit.terminal.flag_summary import summary_lines
+from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.quantities import value_or_fixed, value_with_uncertainty
-from palpate_kit.terminal.result_summary import flag_lines, open_facts
+from palpate_kit.terminal.result_screen import coloured, fact_lines, finding_lines, value_lines, value_table
+from palpate_kit.terminal.result_summary import flag_lines
+from palpate_kit.terminal.result_table import ResultTable, track_row
 from palpate_kit.terminal.table import Table
 
 from palpate_fits.budget import TIMING
@@ -22,52 +24,30 @@ if TYPE_CHECKING:
 Tracks = Mapping[str, TrackResult]
 
 
-_SHOWN = ("elasticity", "viscosity")
-
-
 def fit_overview(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[RenderableType]:
-    """Log, track where there are several, values and verdict; which model each record prefers; the worst doubts."""
+    """Values with their verdicts; which model each record prefers; findings, open facts, how many have which word."""
     from rich.text import Text
 
-    yield overview({name: tracks for name, (tracks, _) in logs.items()}).view()
+    table = logs_table(logs)
+    if len(table.rows) == 1 and layout() == "table":
+        yield from value_lines(table.rows[0], {})
+    else:
+        yield value_table(table, whole_names=True).view()
     for name, (tracks, _) in logs.items():
         if sentence := evidence(tracks):
             yield Text(f"{name}: {sentence}" if len(logs) > 1 else sentence)
-    single = all(len(tracks) == 1 for tracks, _ in logs.values())
-    concerned = {
-        name if single else f"{name} {label}": [*flags, *track.flags]
+    yield from map(coloured, (*finding_lines(table), *fact_lines(table)))
+    if len(table.rows) > 1:
+        yield Text(table.partition("log" if len(table.rows) == len(logs) else "track"))
+
+
+def logs_table(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> ResultTable:
+    """Return the table of the tracks of some logs, with the flags of each record."""
+    return ResultTable(tuple(
+        track_row(track, label, name, [flag for flag in flags if flag.severity != "note"])
         for name, (tracks, flags) in logs.items()
         for label, track in tracks.items()
-    }
-    for line in summary_lines(concerned, open_facts(track for tracks, _ in logs.values() for track in tracks.values())):
-        yield Text(line, style="yellow")
-
-
-def overview(logs: Mapping[str, Tracks]) -> Table:
-    """A row for each fit: elasticity and viscosity, or the first two parameters of a model without, and the verdict."""
-    every = [track for tracks in logs.values() for track in tracks.values()]
-    units = {name: found.unit for track in every for name, found in _chief(track).items()}
-    heads = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
-    several = any(len(tracks) > 1 for tracks in logs.values())
-    rows = [
-        [
-            name,
-            *([label] if several else []),
-            *(_value(_chief(track).get(key) if track.usable else None) for key in units),
-            _verdict(track),
-        ]
-        for name, tracks in logs.items()
-        for label, track in tracks.items()
-    ]
-    left = ["log", *(["track"] if several else []), "verdict"]
-    return Table.of("", [*left[:-1], *heads, "verdict"], rows, left)
-
-
-def _chief(track: TrackResult) -> dict[str, UncertainValue]:
-    """The values of a track that an overview shows, by name; those of the model before what follows from them."""
-    values = {value.name: value.found for value in track.derived} | dict(track.parameters)
-    shown = [name for name in _SHOWN if name in values] or list(track.parameters)[:2]
-    return {name: values[name] for name in shown}
+    ))  # fmt: skip
 
 
 def _value(found: UncertainValue | None) -> str:
@@ -77,13 +57,6 @@ def _value(found: UncertainValue | None) -> str:
     number = value_or_fixed(found.value * factor, found.combined * factor)
     word = found.verdict or ""
     return f"{number} {word}" if is_open(word) else number
-
-
-def _verdict(track: TrackResult) -> str:
-    """The verdict, with the code that makes it invalid."""
-    if track.usable:
-        return track.verdict
-    return next((f"{track.verdict}: {flag.code}" for flag in track.flags if flag.severity == "invalid"), track.verdict)
 
 
 def fit_views(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[RenderableType]:

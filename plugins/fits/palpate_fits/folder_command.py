@@ -18,6 +18,7 @@ from palpate_engine import (
     facts_left_open,
     facts_of,
     facts_stated,
+    option_of,
     parsed_assignment,
     registry,
     resolved_text,
@@ -26,7 +27,7 @@ from palpate_engine import (
 )
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import offline
-from palpate_kit.curves.curve_list import FILE, LIST, add_groups, fact_counts, stated_in
+from palpate_kit.curves.curve_list import FACTS, FILE, LIST, add_groups, fact_counts, stated_in
 from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable, columns_of_fits, replace_columns, write_dialects
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import change_assignments, write_own
@@ -35,8 +36,9 @@ from palpate_kit.runs.replay_source import added_table
 from palpate_kit.runs.rig_file import write_rig
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
+from palpate_kit.terminal.result_screen import title_line
 
-from palpate_fits.file_tables import show_rows
+from palpate_fits.file_tables import partition_line, show_rows
 from palpate_fits.folder_fits import refit
 from palpate_fits.new_files import add_new_files
 from palpate_fits.setup_tables import pairs_document, show_pairs
@@ -110,8 +112,14 @@ def _show(path: Path, count: int, change: FolderChange, refused: Mapping[str, st
         places = {name: place for place, name in enumerate(folder.names)}
         rows = sorted(table.rows, key=lambda row: places[row["curve"]])
         rows += [{"curve": name, "error": error} for name, error in refused.items()]
-        show_rows(rows, pipeline, registry.load(), shlex.join(["palpate", "fit", str(path)]), change.details)
+        typer.echo(title_line(f"{len(folder.names)} files"))
+        advice = {
+            option_of(key): [f"or a column `{name}` in {path / LIST}, a value for each file"]
+            for name, key in FACTS.items()
+        }
+        show_rows(rows, pipeline, registry.load(), shlex.join(["palpate", "fit", str(path)]), change.details, advice)
         show_pairs(pairs)
+        typer.echo(partition_line(rows, pipeline, registry.load()))
         typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted again; every number: {path / TABLE}")
     if failed := sum(track["failed"] for track in found.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)

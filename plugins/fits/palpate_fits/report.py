@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from palpate import BudgetRow, Effect, Estimates, Flag, Floats, Term
 from palpate_kit.budget.systematic_terms import source_terms
 from palpate_kit.numerics.refusal import NotFitted
+from palpate_kit.terminal.quantities import number_with_unit
 
 from palpate_fits.bootstrap import block_bootstrap
 from palpate_fits.budget import PROBE, TIMING, FitSensitivity, open_row
@@ -311,15 +312,16 @@ def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
     for j, place in enumerate(free):
         if j in judged.one_speed and judged.one_speed[j].lower == 0.0:
             what = f"{names[place]} at one speed is the height of the surface to first order: it is"
-            text = f"{what} at most {judged.one_speed[j].upper:.2g} {fit.unknowns.items[place].unit}"
+            text = f"{what} at most {number_with_unit(judged.one_speed[j].upper, fit.unknowns.items[place].unit)}"
             yield Flag("undetermined", text, effects={names[place]: float(total[place])})
         elif judged.held[j] and _is_none(fit, place):
-            text = f"{names[place]} is zero, or at most {2 * total[place]:.2g} {fit.unknowns.items[place].unit}"
+            most = number_with_unit(2 * total[place], fit.unknowns.items[place].unit)
+            text = f"{names[place]} is zero, or at most {most}"
             yield Flag("undetermined", text, effects={names[place]: float(total[place])})
         elif judged.held[j]:
             by_force = names[place] == "surface" and fit.settings.force_uncertainty is not None
             what = "where the measured force leaves force_uncertainty" if by_force else "a bound"
-            text = f"{names[place]} is at {what}, {x[place]:.5g} {fit.unknowns.items[place].unit}"
+            text = f"{names[place]} is at {what}, {number_with_unit(x[place], fit.unknowns.items[place].unit, 5)}"
             own = any(parameter.name == names[place] for parameter in fit.problem.model.parameters)
             yield Flag("at-bound", text, effects={names[place]: math.inf} if own else None)
     yield from _misfit(fit, found)
@@ -331,5 +333,6 @@ def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
             yield Flag("hard-to-tell-apart", found_so, effects={})
     for parameter, value, std in zip(fit.problem.model.parameters, x.tolist(), total.tolist(), strict=False):
         if parameter.role == "elastic" and std > _USELESS * abs(value):
-            found_so = f"{parameter.name} of {value:.3g} {parameter.unit} has a std of {std:.2g}"
+            number, u = (number_with_unit(size, parameter.unit) for size in (value, std))
+            found_so = f"{parameter.name} of {number} has a std of {u}"
             yield Flag("not-identifiable", found_so)

@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 from palpate import ConfigurationError, OutputError, PalpateError, printable
-from palpate_engine import approved_plugins, facts_stated, question_of
+from palpate_engine import TrackResult, approved_plugins, facts_stated, question_of
 from palpate_kit.curves.curve_fits import CurveReader, curve_outcome, record_tracks
 from palpate_kit.curves.curve_list import Entries
 from palpate_kit.curves.open_facts import WITHOUT_A_FIT, OpenFact, open_facts
@@ -90,7 +90,7 @@ def _answered(stated: StatedFacts, question: FileQuestion, answer: str) -> dict[
 
 
 def ask_of_rig(stated: StatedFacts, groups: Sequence[FileGroup], cells: Entries, ask: Ask) -> StatedFacts:
-    """The facts that nobody has stated, most effective first, at most six; the others count as asked.
+    """The facts that nobody has stated, most effective first, at most six; only those that were put are not known.
 
     What ``curves.csv`` states of every curve, by its `cells`, is not open.
     """
@@ -101,7 +101,7 @@ def ask_of_rig(stated: StatedFacts, groups: Sequence[FileGroup], cells: Entries,
     asked = [fact for fact in _open_facts(stated, groups, cells) if fact.key in left][:_MOST]
     for fact in asked:
         stated = ask_fact(stated, fact.key, f"not known; {fact.effect}", ask)
-    open_keys = [key for key in left if getattr(stated.facts, key) is None]
+    open_keys = [fact.key for fact in asked if getattr(stated.facts, fact.key) is None]
     return stated.answered(not_known=(*stated.facts.not_known, *open_keys)) if open_keys else stated
 
 
@@ -110,7 +110,8 @@ def _is_open(stated: StatedFacts, key: str) -> bool:
 
 
 def _open_facts(stated: StatedFacts, groups: Sequence[FileGroup], cells: Entries) -> Iterable[OpenFact]:
-    """The conditions of a curve that can be fitted; of none, what a contact is found by."""
+    """The open facts of the first curves that can be fitted; of none, what a contact is found by."""
+    tracks: list[TrackResult] = []
     curves = [(group, curve) for group in groups for curve in group.curves[:_TRIALS]][:_TRIALS]
     for group, curve in curves:
         reader = CurveReader(group.text, str(group.path), stated.overrides, DEVICE, approved_plugins())
@@ -120,9 +121,8 @@ def _open_facts(stated: StatedFacts, groups: Sequence[FileGroup], cells: Entries
         except PalpateError:
             continue
         track = next(iter(outcome.result.tracks.values()))
-        if track.usable:
-            return open_facts(track)
-    return WITHOUT_A_FIT
+        tracks += [track] if track.usable else []
+    return open_facts(tracks) if tracks else WITHOUT_A_FIT
 
 
 def keep_answers(stated: StatedFacts) -> None:

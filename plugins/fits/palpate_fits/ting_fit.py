@@ -27,6 +27,7 @@ from palpate import (
     to_si,
 )
 from palpate_kit.numerics.normal_equations import scaled_inverse
+from palpate_kit.terminal.quantities import number_with_unit
 from pydantic import Field
 
 from palpate_fits.arm_order import places_in_order
@@ -202,7 +203,8 @@ class _TingTracker:
         parameters = self._problem.model.parameters
         for place in np.flatnonzero(std > _USELESS * np.abs(theta)):
             parameter = parameters[place]
-            text = f"{parameter.name} of {theta[place]:.3g} {parameter.unit} has a std of {std[place]:.2g}"
+            number, u = (number_with_unit(size, parameter.unit) for size in (theta[place], std[place]))
+            text = f"{parameter.name} of {number} has a std of {u}"
             elastic = parameter.role == "elastic"
             effects = {parameter.name: float(std[place])}
             yield Flag("not-identifiable", text) if elastic else Flag("undetermined", text, effects=effects)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,8 +22,12 @@ from palpate_engine import (
     write_whole,
 )
 from palpate_kit.jobs.engines import demand_scheduler
-from palpate_kit.terminal.motion_text import motion_numbers, motion_text
+from palpate_kit.terminal.fact_line import fact_line
+from palpate_kit.terminal.layout import layout
+from palpate_kit.terminal.motion_text import motion_numbers
 from palpate_kit.terminal.progress import progress
+from palpate_kit.terminal.result_screen import filled, print_view, title_line
+from palpate_kit.terminal.result_table import counted
 from palpate_kit.terminal.stiffness_text import stiffness_lines
 from palpate_kit.terminal.table import console
 
@@ -135,9 +139,12 @@ def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
 def _show(logs: Sequence[LogFit], document: dict[str, Any], folder: Path, details: bool) -> None:
     terminal = console(160) if details else console()
     tables = {log.name: (log.result.tracks, log.result.flags) for log in logs}
-    _print_words(_motion_words(logs))
+    if layout() == "table":
+        _print_words(title_line(logs[0].name if len(logs) == 1 else counted(len(logs), "log")))
+        motions = [motion_numbers(table) for log in logs if (table := _motion(log))]
+        _print_words("\n".join(filled(fact_line([(log.pipeline, 1) for log in logs], motions))))
     for view in fit_views(tables) if details else fit_overview(tables):
-        terminal.print(view)
+        print_view(terminal, view)
     if document["evaluation"]:
         terminal.print(evaluation(document["evaluation"]))
     if document["cycles"]:
@@ -153,11 +160,10 @@ def _print_words(words: str) -> None:
         console().print(words, highlight=False, markup=False, soft_wrap=True)
 
 
-def _motion_words(logs: Sequence[LogFit]) -> str:
-    """Return what was measured, by the first track of each log; empty where none was on a point."""
-    motions = [next(iter(log.result.tracks.values())).diagnoses.get("motion", {}) for log in logs if log.result.tracks]
-    words = motion_text([motion_numbers(table) for table in motions])
-    return f"measured: {words}" if words else ""
+def _motion(log: LogFit) -> Mapping[str, Any]:
+    """Return the table of what the first track of a log measured; empty where it was not on a point."""
+    track = next(iter(log.result.tracks.values()), None)
+    return {} if track is None else track.diagnoses.get("motion", {})
 
 
 def _law_words(logs: Sequence[LogFit]) -> str:

@@ -24,6 +24,7 @@ from palpate import (
     Stream,
 )
 from palpate_kit.logs.log_link import file_facts
+from palpate_kit.logs.suggestion import TIP
 from palpate_records.log_files import regular
 from palpate_records.recording import Recording, Suggestion, Survey, TopicSurvey
 from pydantic import Field
@@ -122,11 +123,12 @@ class AfmReplay(Recording):
             alignment["tare_duration"] = f"{_AIR * curve.duration:.3g} s"
             reasons.append(f"tare: the mean of the first {_AIR:.0%} of the approach, which has to be in air")
         alignment["tip_mass"] = "0 g"
-        if others:
+        if others and "curve" not in choices:
             doubts.append(
-                f"the file holds {len(others) + 1} curves, and the first is read: curve = NUMBER reads another"
+                f"the file holds {len(others) + 1} curves, and the first is read: --set device.log.curve=VALUE"
             )
-        doubts.append("the tip: the file does not state its shape and size; state them in [indenter.tip]")
+        if TIP not in choices:
+            doubts.append("the tip: the file does not state its shape and size; state them in [indenter.tip]")
         return Suggestion(
             device, alignment, tuple(reasons), tuple(doubts), tuple(blanks), template=ANALYSIS,
             assumed=("model.*", "alignment.tare", "alignment.*.delay"), has_time=time is not None,

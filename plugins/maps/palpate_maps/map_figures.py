@@ -79,7 +79,7 @@ def _mark(axis: Any, findings: Findings | None, outlines: Sequence[Floats]) -> N
     for outline in outlines:
         axis.plot(*(1e3 * outline.T), "--", color="white", linewidth=0.8)
     for lump in findings.lumps if findings else ():
-        x, y = lump.highest or lump.place
+        x, y = lump.place
         axis.plot(1e3 * x, 1e3 * y, "r+", markersize=7, markeredgewidth=1.5)
 
 

@@ -33,6 +33,8 @@ def numbers(name: str, given: ArrayLike, unit: str, written: str | None = None) 
     if column.ndim != 1:
         shape = " x ".join(map(str, column.shape)) or "a single number"
         raise ConfigurationError(f"{name}: must be one column of numbers, not {shape}")
+    if len(column) and np.isnan(column).all():
+        raise ConfigurationError(f"{name}: holds no number: all {len(column)} readings are missing")
     return column * _scale(name, written, unit)
 
 

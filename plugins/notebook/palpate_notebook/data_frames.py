@@ -25,7 +25,9 @@ def summary_frame(document: Mapping[str, Any], si: bool) -> pandas.DataFrame:
             numbers = {
                 key: math.nan if found[key] is None else factor * found[key] for key in ("value", "std", "combined")
             }
-            rows.append({"track": name, "parameter": parameter, **numbers, "unit": unit, "verdict": track["verdict"]})
+            rows.append(
+                {"track": name, "parameter": parameter, **numbers, "unit": unit, "verdict": found.get("verdict", "")}
+            )
     columns = ["track", "parameter", "value", "std", "combined", "unit", "verdict"]
     return library("pandas").DataFrame(rows, columns=columns).set_index(["track", "parameter"])
 

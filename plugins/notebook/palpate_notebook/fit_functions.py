@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from palpate import ContactModel, Estimator, Indenter, Part
 from palpate_engine import input_files
 
+from palpate_notebook.argument_names import explains_arguments
 from palpate_notebook.fit_object import Fit
 from palpate_notebook.fitter_object import Fitter, RecordEstimator, Rig, facts_in
 from palpate_notebook.record_from_frame import record_of
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 _latest = threading.local()  # the estimator of the latest call in each thread, and what it was made of
 
 
+@explains_arguments
 def fit(
     record: Record | str | Path | pandas.DataFrame,
     *,
@@ -50,6 +52,7 @@ def fit(
     return Fit(_estimator([model], [estimator], tip, uncertainties, rig).estimate(known, name))
 
 
+@explains_arguments
 def prepare(
     *,
     tip: Indenter | str | None = None,
@@ -65,6 +68,7 @@ def prepare(
     return Fitter(RecordEstimator([model], [estimator], tip, uncertainties, rig))
 
 
+@explains_arguments
 def compare(
     record: Record,
     *,

@@ -56,7 +56,7 @@ class Fit:
 
     @property
     def verdict(self) -> str:
-        """The worst severity of its flags: good, note, doubtful or invalid."""
+        """The verdict of its elasticity; of a model without one the worst of its values with a number."""
         return self.track.verdict
 
     @property
@@ -90,11 +90,12 @@ class Fit:
     def to_dict(self) -> dict[str, str | float]:
         """One row [SI], named as the columns of ``fits.csv``: values, uncertainties, verdict, codes of flags."""
         values = {**self.parameters, "surface": self.surface}
-        numbers = {
+        numbers: dict[str, str | float] = {
             f"{name}{kind}": number
             for name, found in values.items()
             for kind, number in (("", found.value), ("_std", found.std), ("_combined", found.combined))
         }
+        numbers |= {f"{name}_verdict": value.verdict for name, value in self.parameters.items()}
         judged = {"verdict": self.verdict, "flags": " ".join(flag.code for flag in self.flags)}
         samples = int(np.isfinite(self.force).sum())
         return {

@@ -18,6 +18,7 @@ from palpate_engine import (
     build_pipeline,
     facts_of,
     facts_set,
+    option_of,
     plain_facts,
     read_rig,
     registry,
@@ -40,7 +41,15 @@ def facts_in(rig: Rig) -> RigFacts:
     """The facts in a file, or of its keys; none of None. Raises ConfigurationError."""
     if rig is None:
         return RigFacts()
-    return facts_of(rig) if isinstance(rig, Mapping) else read_rig(Path(rig))
+    if not isinstance(rig, Mapping):
+        return read_rig(Path(rig))
+    try:
+        return facts_of(rig)
+    except ConfigurationError as error:  # which names options of the command line
+        words = str(error)
+        for key in RigFacts.model_fields:
+            words = words.replace(f"{option_of(key)}:", f'rig["{key}"]:')
+        raise ConfigurationError(words) from error
 
 
 class RecordEstimator:

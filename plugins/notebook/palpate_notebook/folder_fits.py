@@ -16,6 +16,7 @@ from palpate import ConfigurationError
 from palpate_engine import analysis, display_unit
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder
 
+from palpate_notebook.argument_names import explains_arguments
 from palpate_notebook.optional_imports import library
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ _OTHERS = {"rms": "N", "x": "m", "y": "m"}  # numbers of a row that are not valu
 _TEXTS = ("verdict", "conditions", "needs", "flags", "error")
 
 
+@explains_arguments
 def fit_folder(
     path: str | Path | Sequence[str | Path],
     *,

@@ -47,6 +47,7 @@ class UncertainQuantity(float):
     unit: str
     budget: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty by source
     caveat: str = ""  # what has to hold where it follows from other parameters
+    verdict: str = ""  # good, doubtful, not determined, invalid, or needs and the fact that it needs
 
     def __new__(cls, name: str, value: float, *_: object, **__: object) -> UncertainQuantity:
         """The number that it is."""
@@ -56,7 +57,16 @@ class UncertainQuantity(float):
     def of(cls, name: str, table: Mapping[str, Any], budget: Mapping[str, float] | None = None) -> UncertainQuantity:
         """From a value's table in ``result.json``."""
         value, std, combined = (math.nan if table.get(key) is None else table[key] for key in _NUMBERS)
-        return cls(name, value, std, combined, table["unit"], dict(budget or {}), table.get("caveat", ""))
+        return cls(
+            name,
+            value,
+            std,
+            combined,
+            table["unit"],
+            dict(budget or {}),
+            table.get("caveat", ""),
+            table.get("verdict", ""),
+        )
 
     def to(self, unit: str) -> float:
         """The value in another unit, such as ``to("MPa")``; raises ConfigurationError for another dimension."""

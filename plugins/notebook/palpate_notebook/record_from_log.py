@@ -15,6 +15,7 @@ from palpate_kit.logs.draft_pipeline import recording_of
 from palpate_kit.runs.replay_source import read_run_log, replay_source, with_other_channels
 from palpate_records.recording import Suggestion
 
+from palpate_notebook.argument_names import explains_arguments
 from palpate_notebook.record_object import Record, alignment_table
 
 _ROLES = {"height": "position"}
@@ -23,6 +24,7 @@ _TIMED = ("force", "position", "velocity")
 _UNSTATED = ("alignment.tare", "alignment.*.delay")  # of another's log
 
 
+@explains_arguments
 def read(
     path: str | Path,
     signals: Mapping[str, str | float] | None = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from palpate import Batch, ConfigurationError, Floats, Samples, is_number, printable, suggest, to_si
 
+from palpate_notebook.argument_names import explains_arguments
 from palpate_notebook.array_input import numbers, stamps
 from palpate_notebook.html_table import html_table
 from palpate_notebook.memory_device import NamedColumns, register_readings
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 
 _UNITS = {"force": "N", "height": "m", "velocity": "m/s", "x": "m", "y": "m", "measuring": "1"}
 _ROLES = {"height": "position", "x": "lateral_x", "y": "lateral_y"}  # by column, where it is called otherwise
+LONG_INTERVAL = 0.5  # [s] between readings; sensors of force read far more often, and 2 ms read as 2 s
 _SIGNALS = ("force", "height", "velocity")
 
 
@@ -102,6 +105,7 @@ def _told(value: object) -> str:
     return printable(", ".join([str(value.get("channel", "")), *others]).removeprefix(", "))
 
 
+@explains_arguments
 def record(
     *,
     time: ArrayLike | None = None,
@@ -139,12 +143,15 @@ def record(
     columns = _columns(given, units or {})
     stamped = _stamps(time, rate, columns, (units or {}).get("time"))
     _demand_equal_lengths({"time": len(stamped), **{key: len(column) for key, column in columns.items()}})
+    doubts = _doubts(stamped)
+    for text in doubts:
+        warnings.warn(f"{name}: {text}", stacklevel=3)
     names = tuple((key, _UNITS[key]) for key in columns)
     digest, kept = register_readings(NamedColumns(stamped, np.column_stack(list(columns.values())), names))
     table = alignment_table(
         {_ROLES.get(key, key): f"record.{key}" for key in columns}, timing, delay, sign, tip_mass, tare, alignment
     )
-    return Record(name, {"record": {"type": "memory-record", "sha256": digest}}, table, columns=kept)
+    return Record(name, {"record": {"type": "memory-record", "sha256": digest}}, table, doubts=doubts, columns=kept)
 
 
 def _columns(given: Mapping[str, ArrayLike | None], units: Mapping[str, str]) -> dict[str, Floats]:
@@ -161,6 +168,19 @@ def _demand_equal_lengths(lengths: Mapping[str, int]) -> None:
         raise ConfigurationError(f"the columns of a record must be equally long: {listed}")
     if lengths["time"] < 2:
         raise ConfigurationError(f"a record of {lengths['time']} readings is too short")
+
+
+def _doubts(stamped: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return what is not certain of time-stamps (n,) [ns]; raises ConfigurationError for those that run backwards."""
+    steps = np.diff(stamped)
+    if (steps < 0).all():
+        raise ConfigurationError("time: runs backwards from the first reading to the last; turn all columns round")
+    if (steps < 0).any():
+        raise ConfigurationError(f"time: runs backwards at reading {int(np.argmax(steps < 0)) + 1}; sort the readings")
+    interval = 1e-9 * float(np.median(steps))
+    if interval < LONG_INTERVAL:
+        return ()
+    return (f'time: a reading every {interval:.3g} s: is the time in ms? Then write units={{"time": "ms"}}',)
 
 
 def _stamps(

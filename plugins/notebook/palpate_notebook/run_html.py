@@ -1,4 +1,4 @@
-"""A run as text and as HTML: values with their combined uncertainty, and the flags in words."""
+"""A run as text and as HTML: values with their combined uncertainty and verdict, findings, open facts and notes."""
 
 from __future__ import annotations
 
@@ -6,65 +6,76 @@ from collections.abc import Iterator, Mapping
 from html import escape
 from typing import Any
 
-from palpate import printable
+from palpate import Flag, printable
 from palpate_engine import display_unit
+from palpate_kit.runs.document_table import document_table, judges, table_value
 from palpate_kit.terminal.quantities import round_number
+from palpate_kit.terminal.result_screen import LEGEND, fact_lines, finding_lines, title_line
+from palpate_kit.terminal.result_table import TableValue
 
 from palpate_notebook.html_table import html_table
-from palpate_notebook.quantity import UncertainQuantity
 
 Document = Mapping[str, Any]
 
 
 def _cells(document: Document) -> tuple[list[str], list[list[str]]]:
-    """Headings and a row for each track, the truth last where it is known."""
+    """Headings and a row for each track, each value with its verdict; the truth last where it is known."""
     tracks, truth = document["tracks"], document["truth"]
-    units = {name: found["unit"] for track in tracks.values() for name, found in _values(track).items()}
-    headings = ["track", *(f"{name} [{display_unit(unit)[0]}]" for name, unit in units.items()), "NIS", "verdict"]
+    table = document_table(document)
+    units = {name: value.unit for row in table.rows for name, value in row.values.items()}
+    headings = ["track", *(head for name, unit in units.items() for head in (f"{name} [{display_unit(unit)[0]}]", ""))]
     rows = []
-    for name, track in tracks.items():
-        found = {} if track["verdict"] == "invalid" else _values(track)
-        usable = {key for key, value in found.items() if value.get("verdict") != "invalid"}
-        values = [UncertainQuantity.of(key, found[key]).number if key in usable else "" for key in units]
-        nis = "" if track["nis"] is None else f"{track['nis']:.2f}"
-        rows.append([name, *values, nis, track["verdict"]])
+    for row in table.rows:
+        cells = [cell for name in units for cell in _pair(row.values.get(name))]
+        track = tracks[row.track]
+        surface = table_value("surface", track["surface"], track["verdict"]).number
+        rows.append([row.track, *cells, surface, "" if track["nis"] is None else f"{track['nis']:.2f}"])
     if truth:
-        known = [
-            round_number(truth[name] * display_unit(unit)[1]) if name in truth else "" for name, unit in units.items()
-        ]
-        rows.append(["truth", *known, "", ""])
-    return headings, rows
+        known = [_truth(truth.get(name), unit) for name, unit in units.items()]
+        surface = _truth(truth.get("surface"), "m")
+        rows.append(["truth", *(cell for text in known for cell in (text, "")), surface, ""])
+    return [*headings, f"surface [{display_unit('m')[0]}]", "NIS"], rows
 
 
-def _values(track: Document) -> dict[str, Any]:
-    return {**track["parameters"], **track.get("derived", {}), "surface": track["surface"]}
+def _pair(value: TableValue | None) -> tuple[str, str]:
+    """Number and verdict; both empty for a value that a track lacks, and the first for one that must not be used."""
+    if value is None:
+        return "", ""
+    return "" if value.verdict == "invalid" else value.number, value.word
 
 
-def _flags(document: Document) -> Iterator[str]:
-    """Each flag once, with the tracks that it concerns."""
-    concerned: dict[tuple[str, str, str], list[str]] = {}
-    for name, track in document["tracks"].items():
-        for flag in track["flags"]:
-            concerned.setdefault((flag["severity"], flag["code"], flag["message"]), []).append(name)
-    for (severity, code, message), names in concerned.items():
-        every = len(names) == len(document["tracks"]) > 1
-        yield f"{'every track' if every else ', '.join(names)}: {severity}: {code}: {message}"
+def _truth(value: float | None, unit: str) -> str:
+    return "" if value is None else round_number(value * display_unit(unit)[1])
+
+
+def _notes(document: Document) -> Iterator[str]:
+    """Each flag that makes no verdict, once."""
+    flags = [flag for track in document["tracks"].values() for flag in map(Flag.of_table, track["flags"])]
+    yield from dict.fromkeys(f"note[{flag.code}] {flag.message}" for flag in flags if not judges(flag))
+
+
+def _lines(document: Document) -> list[str]:
+    """Findings, open facts and notes."""
+    table = document_table(document)
+    return [printable(line) for line in (*finding_lines(table), *fact_lines(table), *_notes(document))]
 
 
 def run_text(document: Document) -> str:
-    """The table of tracks and the flags, for a terminal."""
+    """The table of tracks, findings, open facts and notes, for a terminal."""
     headings, rows = _cells(document)
     widths = [max(len(row[i]) for row in [headings, *rows]) for i in range(len(headings))]
-    lines = [printable(document["run"]["name"])]
+    lines = [title_line(printable(document["run"]["name"]))]
     for row in [headings, *rows]:
-        lines.append("  ".join(cell.rjust(w) if i else cell.ljust(w) for i, (cell, w) in enumerate(zip(row, widths))))
-    listed = [f"  {printable(text)}" for text in _flags(document)]
-    return "\n".join([*lines, "flags" if listed else "no flags", *listed])
+        cells = (
+            cell.ljust(width) if not i or not headings[i] else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join([*lines, *_lines(document)])
 
 
 def run_html(document: Document) -> str:
-    """The table of tracks and the flags, for a notebook; every text is escaped."""
+    """The table of tracks, findings, open facts and notes, for a notebook; every text is escaped."""
     headings, rows = _cells(document)
-    listed = "".join(f"<li>{escape(printable(text))}</li>" for text in _flags(document))
-    name = escape(printable(document["run"]["name"]))
-    return f"<b>{name}</b>{html_table(headings, rows)}{f'<ul>{listed}</ul>' if listed else 'no flags'}"
+    name, listed = escape(printable(document["run"]["name"])), escape("\n".join(_lines(document)))
+    return f"<b>{name}</b> {LEGEND}{html_table(headings, rows)}{f'<pre>{listed}</pre>' if listed else ''}"

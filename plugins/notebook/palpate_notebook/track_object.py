@@ -60,7 +60,7 @@ class TrackView:
 
     @property
     def verdict(self) -> str:
-        """The worst severity of its flags: good, note, doubtful or invalid."""
+        """The verdict of its elasticity; of a model without one the worst of its values with a number."""
         return str(self.document["verdict"])
 
     @property
@@ -90,8 +90,8 @@ class TrackView:
         return budget_frame(self.document)
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{name} {value}" for name, value in self.parameters.items())
-        return f"<{self.name}: {values}; {self.verdict}>"
+        values = ", ".join(f"{name} {value} {value.verdict}".rstrip() for name, value in self.parameters.items())
+        return f"<{self.name}: {values}>"
 
 
 def _number(value: Any) -> float:

@@ -41,7 +41,7 @@ def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: st
                 continue
             number, value, combined = np.array(points).T
             fill = {} if level == LEVELS[0] else {"markerfacecolor": "white"}
-            label = group if level == LEVELS[0] else f"{group}: {LEVELS[1]}"
+            label = group if level == LEVELS[0] else f"{group}: doubtful"
             axis.errorbar(
                 number,
                 factor * value,

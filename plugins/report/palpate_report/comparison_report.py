@@ -11,16 +11,21 @@ import numpy as np
 from palpate import ConfigurationError, LogError
 from palpate_engine import display_unit
 from palpate_kit.numerics.group_comparison import SHOWN, GroupComparison
+from palpate_kit.numerics.repeated_values import combined_of_mean, std_of_mean
+from palpate_kit.runs.document_table import table_value
 from palpate_kit.runs.pipeline_diff import differences
-from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
+from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.result_screen import LEGEND
+from palpate_kit.terminal.result_table import ResultRow, ResultTable
 
 from palpate_report.anonymous import Anonymous
 from palpate_report.comparison_figures import caption_of, sites_of, values_by_run
 from palpate_report.group_numbers import APART, GroupRun, common_of, compare_runs, numbers_of
 from palpate_report.number_texts import readable
+from palpate_report.result_box import result_box
 from palpate_report.run_contents import RunContents
 from palpate_report.run_report import render
-from palpate_report.run_verdict import LEVELS, judge, levels_of
+from palpate_report.run_verdict import judge
 from palpate_report.svg import svg_text
 
 _SHOWN = 200  # runs whose rows are on the page
@@ -55,8 +60,6 @@ def page_of_runs(
         raise LogError(f"none of these {noun}s has a result: look at them one by one to see why")
     chosen = _track_of(runs, track)
     parameters = _parameters(runs, chosen)
-    levels = levels_of(run.verdict.level for run in runs)
-    counts = {level: sum(run.verdict.level == level for run in runs) for level in levels}
     pictures = [
         {"svg": svg_text(values_by_run(runs, chosen, name, unit)), "caption": caption_of(name, noun)}
         for name, unit in parameters.items()
@@ -69,9 +72,8 @@ def page_of_runs(
         noun=noun,
         notes=notes,
         track=chosen,
-        counts=counts,
-        levels=levels,
-        trusted=LEVELS[0],
+        box=result_box(_table(runs, chosen), noun),
+        legend=LEGEND,
         statistics=[
             _statistics(runs, comparisons[name], group, chosen, name, parameters[name])
             for name in parameters
@@ -89,6 +91,22 @@ def page_of_runs(
         pipeline=_pipelines(runs),
         study=study,
     )
+
+
+def _table(runs: Sequence[GroupRun], track: str) -> ResultTable:
+    """Return the table of results of one track of runs."""
+    return ResultTable(tuple(_result_row(run, track) for run in runs))
+
+
+def _result_row(run: GroupRun, track: str) -> ResultRow:
+    found = run.tracks.get(track)
+    if found is None:
+        return ResultRow(run.name, track, error="no result")
+    values = {
+        name: table_value(name, value, found["verdict"])
+        for name, value in found["parameters"].items()
+    }  # fmt: skip
+    return ResultRow(run.name, track, values, findings=run.findings)
 
 
 def _run(group: str, path: Path, pipelines: dict[str, str], anonymous: bool) -> GroupRun:
@@ -147,7 +165,7 @@ def _statistics(
     if len(values) < 2:
         return row | {
             "units": "" if comparison.singles or not len(values) else f"1 ({comparison.unit})",
-            "mean": "–" if not len(values) else round_number(factor * values[0]),
+            "mean": "–" if not len(values) else value_with_uncertainty(factor * values[0], factor * combined[0]),
             "std": "–",
             "combined": "–",
             "ratio": "–",
@@ -157,8 +175,9 @@ def _statistics(
         float(np.sqrt(np.nanmean(combined**2))) if np.isfinite(combined).any() else math.nan,
     )
     units = next(found for found in comparison.groups if found.name == group)
-    # What the runs have in common does not scatter, and no mean takes any of it away.
-    of_mean = math.hypot(units.std_of_mean, common_of(runs, group, track, parameter))
+    # Single values are taken in their order, in which neighbours may correlate; units of several are not.
+    scatter = std_of_mean(values) if comparison.singles else units.std_of_mean
+    of_mean = combined_of_mean(scatter, common_of(runs, group, track, parameter))
     return row | {
         "units": "" if comparison.singles else f"{units.units} ({comparison.unit})",
         "mean": value_with_uncertainty(factor * units.mean, factor * of_mean),
@@ -200,7 +219,6 @@ def _row(run: GroupRun, track: str, parameters: Mapping[str, str]) -> dict[str, 
     return {
         "name": run.name,
         "group": run.group,
-        "level": own.level if own else run.verdict.level,
         "reasons": own.reasons if own else (run.verdict.reasons or (f"it has no track {track}",)),
         "values": [numbers.get(name) for name in parameters],
         "place": run.place,

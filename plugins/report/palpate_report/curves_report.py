@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, PalpateError, suggest
-from palpate_engine import advice_on, build_pipeline, inherited_approval, registry, resolved_text
+from palpate_engine import build_pipeline, inherited_approval, registry, resolved_text, verdict_word
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.terminal.result_table import ResultFinding
 
 from palpate_report.anonymous import Anonymous
 from palpate_report.comparison_report import page_of_runs
@@ -30,7 +31,8 @@ def curves_page(
     facts = folder_facts(path, track, by, where)
     folder, rows = facts.folder, facts.rows
     veil = Anonymous({}, {}, folder.path) if anonymous else None
-    first, *others = [_run(folder, row, by) for row in rows]
+    severities = {code: meaning.severity for code, meaning in registry.load().meanings.items()}
+    first, *others = [_run(folder, row, by, severities) for row in rows]
     runs = [replace(first, pipeline=_pipeline_text(folder, rows[0].curve), veil=veil), *others]
     groups = list(dict.fromkeys(run.group for run in runs))
     study = folder_section(facts, veil.text if veil else str)
@@ -60,7 +62,7 @@ def folder_facts(path: Path, track: str | None, by: str | None, where: str | Non
     return FolderFacts(folder, chosen, rows)
 
 
-def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
+def _run(folder: FitFolder, row: CurveRow, by: str | None, severities: Mapping[str, str]) -> GroupRun:
     parameters = {
         name: {
             "value": row.number(name),
@@ -74,10 +76,12 @@ def _run(folder: FitFolder, row: CurveRow, by: str | None) -> GroupRun:
     }
     verdict = row.verdict if row.usable else "invalid"
     table: dict[str, Any] = {"parameters": parameters, "verdict": verdict, "flags": [], "force_rms": row.number("rms")}
-    level = advice_on(verdict)
+    level = verdict_word(verdict)
+    findings = tuple(ResultFinding.of_cell(row.cells.get("findings", ""), severities))
     judged = RunVerdict(level, (TrackVerdict(row.track, level, _reasons(row, level)),), _reasons(row, level), row.track)
     group = (row.groups.get(by) or "none") if by else "curves"
-    return GroupRun(row.curve, group, judged, row.place, {row.track: table} if row.track else {}, cells=row.groups)
+    tracks = {row.track: table} if row.track else {}
+    return GroupRun(row.curve, group, judged, row.place, tracks, cells=row.groups, findings=findings)
 
 
 def _reasons(row: CurveRow, level: str) -> tuple[str, ...]:

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from palpate_engine import Pipeline
+from palpate_engine import Pipeline, registry
 from palpate_kit.curves.curve_fits import row_conditions
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.curves.fit_provenance import FitProvenance, read_provenance
+from palpate_kit.curves.row_results import result_row
+from palpate_kit.terminal.result_table import ResultTable
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,14 @@ class FolderFacts:
         return [
             name for name in self.folder.values[:-1] if any(row.usable_number(name) is not None for row in self.used)
         ]
+
+    @cached_property
+    def table(self) -> ResultTable:
+        """The rows whose values enter statistics, as the table of results."""
+        folder = self.folder
+        units = {name: folder.units.get(name, "") for name in folder.values if name != "surface"}
+        severities = {code: meaning.severity for code, meaning in registry.load().meanings.items()}
+        return ResultTable(tuple(result_row(row.cells, units, severities) for row in self.used))
 
     @cached_property
     def exclusions(self) -> dict[str, int]:

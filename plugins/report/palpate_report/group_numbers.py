@@ -11,6 +11,8 @@ import numpy as np
 from palpate_kit.curves.replication_unit import replication_unit, unit_of
 from palpate_kit.numerics.group_comparison import RUN, GroupComparison, compare_groups
 from palpate_kit.runs.result_file import usable_value
+from palpate_kit.runs.run_groups import natural
+from palpate_kit.terminal.result_table import ResultFinding
 
 from palpate_report.anonymous import Anonymous
 from palpate_report.run_verdict import RunVerdict
@@ -31,6 +33,7 @@ class GroupRun:
     pipeline: str | None = None  # as run; None where it is not known
     veil: Anonymous | None = None  # for what is shown of the pipeline
     cells: Mapping[str, str] | None = None  # of a curve, by column of ``curves.csv``
+    findings: tuple[ResultFinding, ...] = ()  # of a curve
 
 
 def number_of(run: GroupRun, track: str, parameter: str) -> Mapping[str, Any] | None:
@@ -39,18 +42,18 @@ def number_of(run: GroupRun, track: str, parameter: str) -> Mapping[str, Any] | 
     return usable_value(table, parameter) if table is not None else None
 
 
-def common_of(runs: Sequence[GroupRun], group: str, track: str, parameter: str) -> float:
-    """Median of what the usable runs of a group state for what they have in common [SI]; 0 where none does."""
+def common_of(runs: Sequence[GroupRun], group: str, track: str, parameter: str) -> np.ndarray:
+    """What the usable runs of a group state for what they have in common (m,) [SI]."""
     found = [number_of(run, track, parameter) for run in runs if group == run.group]
-    told = [table["systematic"] for table in found if table and table.get("systematic") is not None]
-    return float(np.median(told)) if told else 0.0
+    return np.array([table["systematic"] for table in found if table and table.get("systematic") is not None])
 
 
 def numbers_of(
     runs: Sequence[GroupRun], group: str | None, track: str, parameter: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values and combined uncertainties of the usable runs of a group [SI]."""
-    found = [number_of(run, track, parameter) for run in runs if group in (None, run.group)]
+    """Values and combined uncertainties of the usable runs of a group [SI], in the natural order of their names."""
+    ordered = sorted(runs, key=lambda run: natural(run.name))
+    found = [number_of(run, track, parameter) for run in ordered if group in (None, run.group)]
     pairs = [
         (table["value"], math.nan if table.get("combined") is None else table["combined"]) for table in found if table
     ]

@@ -67,7 +67,7 @@ def _from_three_sides(subject: Subject, on_surface: SurfaceMap) -> ReportFigure:
     lumps = [(lump["x"], lump["y"], lump["z"]) for lump in read_lumps(subject.record.folder.maps) if "z" in lump]
     names = ("x_m", "y_m", "z_m", on_surface.parameter, f"{on_surface.parameter}_std", "p")
     columns = (*on_surface.vertices.T, on_surface.value, on_surface.std, on_surface.p)
-    caption = "The map of palpate map on the surface, interpolated between the places; a cross marks a lump"
+    caption = "The map of palpate map on the surface, interpolated between the places; a cross is the middle of a lump"
     figure = surface_map_figure(on_surface, lumps=lumps, width=subject.width)
     return ReportFigure(figure, caption, dict(zip(names, columns, strict=True)))
 
@@ -84,8 +84,7 @@ def _area(subject: Subject, main: Curves, parameter: str, label: str, factor: fl
     figure.colorbar(shown, ax=axis, shrink=0.8, label=label)
     axis.grid(False)
     for lump in read_lumps(subject.record.folder.maps):
-        x, y = lump.get("highest") or (lump["x"], lump["y"])
-        axis.plot(1e3 * x, 1e3 * y, "+", color="red", markersize=7, markeredgewidth=1.2)
+        axis.plot(1e3 * lump["x"], 1e3 * lump["y"], "+", color="red", markersize=7, markeredgewidth=1.2)
     axis.set(xlabel="x [mm]", ylabel="y [mm]")
     x, y = np.meshgrid(grid.x, grid.y)
     return ReportFigure(figure, grid.caption, {"x_m": x.ravel(), "y_m": y.ravel(), parameter: grid.value.ravel()})

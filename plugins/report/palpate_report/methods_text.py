@@ -229,16 +229,27 @@ def _exclusions(facts: FolderFacts) -> Iterator[str]:
             f"Of the {every} {_curves(every)}, {used} {_were(used)} used and {left} {_were(left)} excluded "
             f"({'; '.join(why)})."
         )
-    doubtful = [row for row in facts.used if row.verdict == "doubtful"]
-    if doubtful:
-        codes = Counter(code for row in doubtful for code in row.flags)
-        told = ", ".join(f"{code}: {count}" for code, count in codes.most_common())
-        yield f"{len(doubtful)} of those used {'is' if len(doubtful) == 1 else 'are'} doubtful ({told})."
+    yield from _verdicts(facts)
     for name in facts.values:
         if lost := sum(needs_fact(row.verdict_of(name)) for row in facts.used):
             yield f"{readable(name).capitalize()} of {lost} of them needs a fact that was not stated, and is left out."
     if facts.own_settings:
         yield f"{facts.own_settings} {_curves(facts.own_settings)} had settings of their own."
+
+
+def _verdicts(facts: FolderFacts) -> Iterator[str]:
+    """How many curves have which verdict of each value that is not good in all, and what was found in how many."""
+    table = facts.table
+    for name in table.names:
+        words = Counter(value.word for row in table.rows if (value := row.values.get(name)) is not None and value.word)
+        counts = [f"{word} in {count}" for word, count in words.most_common() if not word.startswith("needs ")]
+        if words.keys() - {"good"} and counts:
+            yield f"{readable(name).capitalize()} was {_joined(counts)}."
+    for finding, rows, _ in table.shared_findings():
+        if finding.word == "doubtful":
+            cause = ": ".join((finding.code, *finding.suspects[:1]))
+            sign = finding.sentence.partition("; ")[0]
+            yield f"In {len(rows)} {_curves(len(rows))}, {printable(sign)} ({printable(cause)})."
 
 
 def _assumptions(facts: FolderFacts) -> Iterator[str]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from palpate_engine import display_unit, is_open
+from palpate_engine import display_unit, is_open, verdict_word
 from palpate_kit.terminal.quantities import FIXED, is_fixed, value_with_uncertainty
 
 
@@ -34,7 +34,7 @@ def value_of(found: Mapping[str, Any]) -> str:
     combined = found.get("combined")
     number = value_with_uncertainty(found["value"] * factor, math.nan if combined is None else combined * factor)
     text = f"{number} {word}".removesuffix(" 1") + (FIXED if is_fixed(found["value"], combined) else "")
-    return f"{text} {verdict}" if is_open(verdict) else text
+    return f"{text} {verdict_word(verdict)}".rstrip()
 
 
 def parts_of(found: Mapping[str, Any]) -> str:

@@ -71,7 +71,9 @@ def _interpolated(path: Path, parameter: str) -> Grid | None:
     x, y = np.unique(table[:, 0]), np.unique(table[:, 1])
     value = np.full((len(y), len(x)), np.nan)
     value[np.searchsorted(y, table[:, 1]), np.searchsorted(x, table[:, 0])] = table[:, 2]
-    return Grid(x, y, value, f"{path.name} of palpate map, interpolated between the places; a cross marks a lump")
+    return Grid(
+        x, y, value, f"{path.name} of palpate map, interpolated between the places; a cross marks the middle of a lump"
+    )
 
 
 def _visited(curves: Curves, parameter: str) -> Grid:

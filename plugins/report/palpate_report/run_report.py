@@ -6,16 +6,19 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import version
 from typing import Any
 
-from palpate import ADVICE, FlagMeaning, ReportSection
+from palpate import FlagMeaning, ReportSection
 from palpate_engine import SEVERITIES, display_unit, function_of, registry
 from palpate_kit.figures import WIDTHS
+from palpate_kit.runs.document_table import document_table
 from palpate_kit.runs.result_file import estimate_of
 from palpate_kit.runs.skin_grid import read_lumps
+from palpate_kit.terminal.result_screen import LEGEND
 from palpate_kit.terminal.table import Table
 
 from palpate_report import number_texts
 from palpate_report.anonymous import Anonymous
 from palpate_report.figure_subject import Subject
+from palpate_report.result_box import REFUSED, SIMULATED, ResultBox, result_box
 from palpate_report.run_contents import RunContents
 from palpate_report.run_figures import PICTURES, draw
 from palpate_report.run_verdict import LEVELS, RunVerdict, judge
@@ -67,16 +70,15 @@ def page_of(record: RunContents, track: str | None = None, anonymous: bool = Fal
     return render(
         "report.html",
         title=veil.text(record.name) if veil else record.name,
-        verdict=verdict,
-        levels=verdict.levels,
+        box=_box(record, document),
+        legend=LEGEND,
         document=document,
         tracks=document.get("tracks", {}),
         record_flags=_record_flags(document),
         meanings=registry.offers("palpate_flags", FlagMeaning),
         pictures=pictures,
         main=subject.main,
-        numbers=_numbers(document, subject),
-        level_of={track.track: track.level for track in verdict.tracks},
+        numbers=_numbers(document, subject) if len(document.get("tracks", {})) == 1 else [],
         budgets={name: budget_rows(table) for name, table in document.get("tracks", {}).items()},
         sections=sections,
         last=_last_rows(record) if record.why_not is not None else [],
@@ -91,9 +93,25 @@ def page_of(record: RunContents, track: str | None = None, anonymous: bool = Fal
         unreadable=veil.text(record.unreadable) if veil and record.unreadable else record.unreadable,
         logs=record.logs,
         folder=record.path.name if anonymous else str(record.path),
-        parts_of_run=[(part.path.name, judge(RunContents(part)).level) for part in record.folder.parts[1:]],
+        parts_of_run=[(part.path.name, _partition(RunContents(part))) for part in record.folder.parts[1:]],
         embedded=number_texts.embed_json(document) if document else None,
     )
+
+
+def _box(record: RunContents, document: Mapping[str, Any]) -> ResultBox:
+    """The values of a run with their verdicts, or why it has no result."""
+    if record.why_not is not None:
+        return ResultBox(REFUSED, ("no result",), ((record.why_not, ""),))
+    table = document_table(document)
+    if not table.rows:
+        return ResultBox(REFUSED, ("no result",), (("The run has no track.", ""),))
+    codes = {flag["code"] for track in document["tracks"].values() for flag in track["flags"]}
+    return result_box(table, "track", [SIMULATED] if "rehearsal" in codes else [])
+
+
+def _partition(record: RunContents) -> str:
+    """How many tracks have which word for each value."""
+    return record.why_not or document_table(record.document).partition("track")
 
 
 def render(template: str, **content: Any) -> str:
@@ -109,7 +127,7 @@ def render(template: str, **content: Any) -> str:
     )
     names = ("number_text", "value_of", "parts_of", "readable", "plain", "chance")
     helpers = {name: getattr(number_texts, name) for name in names}
-    environment.globals.update(helpers, advice=ADVICE, severities=SEVERITIES, version=version("palpate"))
+    environment.globals.update(helpers, severities=SEVERITIES, version=version("palpate"))
     return environment.get_template(template).render(**content)
 
 

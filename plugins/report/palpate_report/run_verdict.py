@@ -7,13 +7,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from palpate import ADVICE
-from palpate_engine import advice_on
+from palpate_engine import verdict_word
 
 from palpate_report.run_contents import RunContents
 
 _MISFIT = 1.5  # times the least residual of the run's tracks: what leaves more is not shown first
-LEVELS = tuple(dict.fromkeys(ADVICE.values()))  # from the best to the worst
+LEVELS = ("good", "doubtful", "invalid")  # from the best to the worst
 
 
 def levels_of(levels: Iterable[str]) -> list[str]:
@@ -78,7 +77,7 @@ def judge(record: RunContents) -> RunVerdict:
 
 def _track(name: str, table: Mapping[str, Any]) -> TrackVerdict:
     worst = table["verdict"]
-    level = advice_on(worst)
+    level = verdict_word(worst)
     reasons = tuple(dict.fromkeys(flag["code"] for flag in table["flags"] if flag["severity"] == worst))
     return TrackVerdict(name, level, reasons if level != LEVELS[0] else ())
 

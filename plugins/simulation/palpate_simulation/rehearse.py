@@ -12,8 +12,10 @@ from typing import Annotated
 import typer
 from palpate import ArmTruth, ConfigurationError, DeviceError, HoldUp, SimulatedTwin, Time, Twin, suggest
 from palpate_engine import Pipeline, Result, SafetySettings, load_pipeline, run_pipeline
+from palpate_kit.terminal.fact_line import run_subject
 from palpate_kit.terminal.options import DetailsOption, FolderOption, Overrides
-from palpate_kit.terminal.result_summary import result_view
+from palpate_kit.terminal.result_screen import WIDTH, print_view
+from palpate_kit.terminal.result_summary import result_views
 from palpate_kit.terminal.table import Table, console
 from pydantic import TypeAdapter, ValidationError
 
@@ -58,7 +60,9 @@ def rehearse(
             failure = error
         truth = bench.truth
     if result is not None:
-        console(120 if details else 80).print(result_view(result, pipeline.registry.report_sections, details))
+        terminal = console(120 if details else WIDTH)
+        for view in result_views(result, pipeline.registry.report_sections, details, run_subject(pipeline, result)):
+            print_view(terminal, view)
         typer.echo(f"written to {result.folder}")
     if pipeline.safety is not None:
         console().print(_limits(truth, pipeline.safety).view())

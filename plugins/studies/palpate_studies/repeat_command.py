@@ -13,6 +13,7 @@ from palpate import ConfigurationError, to_si
 from palpate_engine import finite_tree
 from palpate_kit.jobs.engines import SchedulerOption, StageOption
 from palpate_kit.numerics.group_comparison import GroupComparison
+from palpate_kit.numerics.repeated_values import combined_of_mean, common_part
 from palpate_kit.runs.run_groups import groups_of, natural
 from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, UnitOption, WhereOption
 from palpate_kit.terminal.table import console
@@ -20,7 +21,7 @@ from palpate_kit.terminal.table import console
 from palpate_studies.force_error import force_error
 from palpate_studies.repeat_figure import draw_repeatability
 from palpate_studies.repeat_tables import views
-from palpate_studies.repeatability import against_truth, repeatability, uncertainty_of_mean
+from palpate_studies.repeatability import against_truth, repeatability
 from palpate_studies.repeated_runs import perform
 from palpate_studies.value_group import ValueGroup, compare, groups_by_column, read_groups
 from palpate_studies.value_rows import write_value_table
@@ -115,7 +116,8 @@ def _document(
     for of_units in comparison.groups:
         group, table = groups[of_units.name], tables[of_units.name]
         table |= {key: found for key, found in of_units.table().items() if key not in table or not comparison.singles}
-        table |= uncertainty_of_mean(table["std_of_mean"], np.array(group.common))
+        common = np.array(group.common)
+        table |= {"common": common_part(common), "combined_of_mean": combined_of_mean(table["std_of_mean"], common)}
         tracked = [(reading.folder, reading.track) for reading in group.readings if reading.key == ""]
         table["force_error"] = force_error(tracked)
         if truth is not None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
+from palpate_kit.numerics.repeated_values import autocorrelation, neighbour_correlation, std_of_mean
 from palpate_kit.numerics.unit_group import scatters
 from palpate_kit.runs.run_groups import natural
 
@@ -34,15 +35,13 @@ class Repeatability:
 
     @property
     def std_of_mean(self) -> float:
-        """Standard uncertainty of the mean with neighbours' correlation r: s/sqrt(n) sqrt((1 + r)/(1 - r)), r >= 0."""
-        r = min(max(self.lag_one, 0.0), 0.99) if len(self.values) > 3 else 0.0
-        return self.std / math.sqrt(len(self.values)) * math.sqrt((1 + r) / (1 - r))
+        """Standard uncertainty of the mean, with the correlation of neighbours."""
+        return std_of_mean(self.values)
 
     @property
     def lag_one(self) -> float:
         """Correlation coefficient of neighbours; NaN without scatter."""
-        found = autocorrelation(self.values, 1)
-        return float(found[1]) if len(found) > 1 else math.nan
+        return neighbour_correlation(self.values)
 
     @property
     def trend(self) -> tuple[float, float]:
@@ -82,16 +81,6 @@ class Repeatability:
         }
 
 
-def autocorrelation(values: Floats, lags: int) -> Floats:
-    """Autocorrelation (lags + 1,) of values (n,), biased estimator, from lag 0; empty without scatter."""
-    centred = np.asarray(values, float) - np.mean(values)
-    power = float(centred @ centred)
-    if not scatters(values):
-        return np.zeros(0)
-    lags = min(lags, len(centred) - 1)
-    return np.array([float(centred[: len(centred) - lag] @ centred[lag:]) / power for lag in range(lags + 1)])
-
-
 def moving_average(values: Floats, window: int) -> Floats:
     """Means (n - window + 1,) over a sliding window; empty where there are fewer values than that."""
     if len(values) < window:
@@ -108,16 +97,6 @@ def common_edges(groups: Sequence[Floats]) -> Floats:
     widths = [float(np.diff(np.histogram_bin_edges(values, "auto"))[0]) for values in several]
     count = int(np.ceil(np.ptp(everything) / min(widths))) if widths else 10
     return np.asarray(np.histogram_bin_edges(everything, min(max(count, 1), 30)))
-
-
-def uncertainty_of_mean(std_of_mean: float, common: Floats) -> dict[str, float]:
-    """What runs have in common, and with it the combined standard uncertainty of a mean that scatters so.
-
-    Radius, Poisson's ratio, timing and mass have the same error in all repeats: it does not scatter, and no mean takes
-    any of it away (GUM F.1.2.3). It is the median of what the runs state (m,); NaN where none does.
-    """
-    shared = float(np.median(common)) if len(common) else math.nan
-    return {"common": shared, "combined_of_mean": float(np.hypot(std_of_mean, shared if len(common) else 0.0))}
 
 
 def against_truth(mean: float, std_of_mean: float, combined: Floats, truth: float) -> dict[str, float]:

@@ -18,6 +18,7 @@ from palpate_kit.runs.review_file import Mark, write_mark
 from palpate_kit.runs.run_groups import natural
 from palpate_kit.terminal.options import FormatOption, TrackOption, WhereOption
 from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.result_table import ResultRow, ResultTable, TableValue
 from palpate_kit.terminal.table import Table, console, shortened
 
 from palpate_studies.parameter_values import ParameterValue, readings, tell_left_out
@@ -107,9 +108,7 @@ def review(
     else:
         terminal = console(_WIDE)
         terminal.print(shortened(_table(found, parameter)), highlight=False)
-        out = sum(one.reading.rejected is not None for one in found)
-        usable = sum(one.reading.usable for one in found)
-        terminal.print(f"{usable} of {len(found)} usable, {out} rejected", highlight=False)
+        terminal.print(_partition([one.reading for one in found], parameter), highlight=False)
     if failures:
         raise typer.Exit(1)
 
@@ -154,6 +153,18 @@ def _named(group: Sequence[ParameterValue], name: str, option: str) -> Parameter
     return known[0]
 
 
+def _partition(readings: Sequence[ParameterValue], parameter: str) -> str:
+    """Return how many of some readings have which word, and how many of them are rejected."""
+    rows = [
+        ResultRow(one.name, one.track, {parameter: TableValue(parameter, one.value, math.nan, one.unit, one.verdict)})
+        for one in readings
+        if one.rejected is None
+    ]
+    line = ResultTable(tuple(rows)).partition("value")
+    rejected = len(readings) - len(rows)
+    return f"{line}; {rejected} more rejected" if rejected else line
+
+
 def _row(one: RatedValue) -> dict[str, object]:
     reading = one.reading
     return {
@@ -179,7 +190,8 @@ def _table(found: Sequence[RatedValue], parameter: str) -> Table:
             if reading.value is None
             else value_with_uncertainty(reading.value * factor, (reading.std or 0.0) * factor)
         )
-        codes = "\n".join(dict.fromkeys(flag.code for flag in reading.flags if flag.severity != "note"))
+        is_doubted = verdict_word(reading.verdict) != "good"
+        codes = "\n".join(dict.fromkeys(flag.code for flag in reading.flags if is_doubted and flag.severity != "note"))
         said = verdict_word(reading.verdict) if reading.rejected is None else f"rejected:\n{reading.rejected}"
         rows.append([
             reading.key if short else reading.name, f"{one.rating:.1f}", value, _number(one.apart, "+.1f"),

@@ -64,7 +64,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 def palpate_report_sections() -> dict[str, ReportSection]:
     """What a run measured, what its values assume to be exact, and how well its law predicts."""
     return {
-        "motion": ReportSection("palpate_uncertainty.measured_motion:motion_lines", order=5),
+        "motion": ReportSection("palpate_uncertainty.measured_motion:motion_lines", order=5, detail=True),
         "prediction": ReportSection("palpate_uncertainty.prediction:prediction_lines", order=79, detail=True),
         "stiffness": ReportSection("palpate_kit.terminal.stiffness_text:stiffness_lines", order=78, detail=True),
         "assumptions": ReportSection("palpate_uncertainty.assumption_line:assumption_lines", order=80, detail=True),

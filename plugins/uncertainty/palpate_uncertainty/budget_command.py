@@ -164,11 +164,12 @@ def _at_one_frequency(found: Mapping[str, Any] | None) -> Iterator[str]:
     """What no row can show: a viscosity found at one frequency is that of this frequency."""
     if found is None:
         return
-    part, time = f"{found['fading']:.0%}", f"{1e3 * found['time']:.3g} ms"
+    time = f"{1e3 * found['time']:.3g} ms"
+    relaxed = f"If a tenth of the stiffness relaxed within {time}, that would be"
     for name, like in found["looks_like"].items():
         yield (
-            f"not included: this is the {name} at {found['frequency']:.3g} Hz. {part} of the stiffness fading within "
-            f"{time} would look like {_shown(like['value'], like['unit'])} of it without a trace in the residual; "
+            f"not included: this is the {name} at {found['frequency']:.3g} Hz. {relaxed} "
+            f"{_shown(like['value'], like['unit'])} of it without a trace in the residual; "
             "only another frequency shows it"
         )
 

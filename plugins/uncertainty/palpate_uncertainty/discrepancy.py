@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from palpate import Diagnosed, Flag, Floats, Parameter
+from palpate import ContactModel, Diagnosed, Flag, Floats, Parameter
 from palpate_kit.numerics.normal_equations import standard_errors
 
-from palpate_uncertainty.causes import cause_of
+from palpate_uncertainty.causes import cause_of, sign_of
 
 # Patterns m that a misfit is spread over. Chosen on point palpations of one silicone by two tips, whose E and eta agree
 # within the uncertainty that follows; 2 and 8 give the same verdicts.
@@ -106,8 +106,11 @@ def spread_of(jacobian: Floats) -> Floats:
     return standard_errors(jacobian) * math.sqrt(len(jacobian))
 
 
-def judge_misfit(misfit: Misfit, parameters: Sequence[Parameter], table: Mapping[str, Any], about: str) -> Diagnosed:
+def judge_misfit(
+    misfit: Misfit, parameters: Sequence[Parameter], table: Mapping[str, Any], about: str, is_layer: bool = False
+) -> Diagnosed:
     """Return the row of the budget that a misfit adds, with its note or its finding; `about` ends the sentence.
+    `is_layer`: the model has a layer of a stated height.
 
     A misfit of the material is a note: the row holds what it does. A fact of the rig that explains it better is a
     finding, as far as that moves a value beyond its uncertainty, this row included.
@@ -125,7 +128,7 @@ def judge_misfit(misfit: Misfit, parameters: Sequence[Parameter], table: Mapping
         flags.append(Flag("lack-of-fit", text, effects=dict.fromkeys(names, math.inf), causes=()))
     elif misfit.wrong_facts:
         shifts = np.max([np.abs(misfit.explanations[fact].shifts) for fact in misfit.wrong_facts], axis=0)
-        flags.append(Flag("lack-of-fit", text, effects=dict(zip(names, shifts.tolist(), strict=True)), causes=()))
+        flags.append(_of_a_fact(misfit, is_layer, dict(zip(names, shifts.tolist(), strict=True)), about))
     else:
         flags.append(Flag("model-discrepancy", text, effects=row))
         if moving := [name for name in misfit.causes[:1] if cause_of(name).moves]:
@@ -140,3 +143,19 @@ def judge_misfit(misfit: Misfit, parameters: Sequence[Parameter], table: Mapping
     if misfit.causes and not misfit.wrong_facts and (laws := cause_of(misfit.causes[0]).laws):
         table["better_laws"] = laws
     return Diagnosed(tuple(flags), row, table=table, surface=surface)
+
+
+def _of_a_fact(misfit: Misfit, is_layer: bool, effects: Mapping[str, float], about: str) -> Flag:
+    """Return the finding that a fact of the rig is wrong: the sign of it, and how much of the misfit it explains."""
+    suspects = tuple(name for name in misfit.causes if name in misfit.wrong_facts) or tuple(misfit.wrong_facts[:1])
+    best = misfit.explanations[suspects[0]]
+    share = min(100.0 * best.gain / max(misfit.pattern, 1e-300), 100.0)
+    sign = sign_of(suspects[0], is_layer, best.times)
+    text = f"{sign}; {' or '.join(suspects)} would explain {share:.0f} % of it{about}"
+    remedy = cause_of(suspects[0]).remedy
+    return Flag("lack-of-fit", text, effects=effects, causes=(), remedy=remedy, suspects=suspects)
+
+
+def has_layer(model: ContactModel) -> bool:
+    """Return True for a model of a layer of a stated height, and not of a half-space."""
+    return getattr(model, "thickness", None) not in (None, "half-space")

@@ -16,12 +16,12 @@ def _note(meaning: str, remedy: str) -> FlagMeaning:
 _MODEL = {
     "lack-of-fit": _doubtful(
         "The record contradicts a fact that is stated of rig or specimen, or its law describes nothing of it.",
-        "Mend or state the fact that is named; a second tip or depth shows which; else compare models "
-        "(`palpate fit choose`).",
+        "Mend or state the fact that is named, if one is; a second tip or depth shows which; else compare models "
+        "(`palpate fit choose --help`).",
     ),
     "model-discrepancy": _note(
         "The material is not exactly of the law; what that does to each value is in its uncertainty.",
-        "Use a model of the reason that is named for a smaller uncertainty (`palpate fit choose` compares).",
+        "Use a model of the reason that is named for a smaller uncertainty (`palpate fit choose --help`).",
     ),
     "inconsistent": FlagMeaning.sign("lack-of-fit", "The innovations are larger or smaller than the filter expects."),
     "coloured-innovations": FlagMeaning.sign("lack-of-fit", "Innovations correlate from sample to sample."),

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from palpate import Condition, Diagnosed, Flag, TrackEvidence
 
-from palpate_uncertainty.discrepancy import Misfit, judge_misfit
+from palpate_uncertainty.discrepancy import Misfit, has_layer, judge_misfit
 from palpate_uncertainty.model_alternatives import refit
 from palpate_uncertainty.refit import free_unknowns, make_course, moves_along, possible
 from palpate_uncertainty.refitted_model import (
@@ -71,7 +71,7 @@ def _with_open_noise(track: TrackEvidence, finding: Diagnosed | None) -> Diagnos
     """A finding, with the condition on the noise where no air shows that; None where nothing was tested and it does."""
     if track.ending is None or air_readings(track) is not None:
         return finding
-    text = _UNTESTED if finding is None else "noise of the force as in its upper band"
+    text = _UNTESTED if finding is None else "noise of the force taken from its fastest changes"
     noise = Condition("noise", text, "record 0.2 s at rest in air first")
     return replace(finding or Diagnosed(), conditions=(noise,))
 
@@ -97,7 +97,7 @@ def _judge(track: TrackEvidence) -> Diagnosed | None:
         if tests.is_right:
             return Diagnosed(table=tests.table(), settles=SETTLED)
         about = f"; no alternative explains all of its pattern over {tests.unexplained}" if tests.unexplained else ""
-        finding = judge_misfit(tests.misfit, track.model.parameters, tests.table(), about)
+        finding = judge_misfit(tests.misfit, track.model.parameters, tests.table(), about, has_layer(track.model))
         return replace(finding, settles=SETTLED)
     base = refitted_model(track)
     if not enough:

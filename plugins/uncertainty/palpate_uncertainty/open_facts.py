@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Condition, Diagnosed, Floats, Indenter, TrackEnd, TrackEvidence, contact_force
-from palpate_engine import words_that_state
+from palpate_engine import display_unit, words_that_state
 from palpate_kit.budget.force_sensitivity import Along, along
 
 from palpate_uncertainty.delay.commanded_motion import position_noise, share_of_command
@@ -129,7 +129,7 @@ def _delay(track: _OpenTrack) -> Iterator[Condition]:
         return
     shifts = -delay_shifts(track.evidence.model, track.found, track.evidence.values)
     per_ms = [
-        f"{p.name} {1e-3 * shift:+.2g} {p.unit} per ms"
+        f"{p.name} {1e-3 * shift:+.2g} {display_unit(p.unit)[0]} per ms"
         for p, shift in zip(track.evidence.model.parameters, shifts.tolist(), strict=True)
         if is_viscous(p) and shift
     ]
@@ -172,9 +172,7 @@ def _poisson(track: _OpenTrack) -> Iterator[Condition]:
     value = getattr(model, "poisson", None)
     if found is None or not isinstance(value, float):
         return
-    # A pipeline that is written out has the default as its value.
-    usual = type(model).model_fields["poisson"].default
-    if value != usual or {"poisson", "model.poisson"} & track.end.uncertainties.keys():
+    if "poisson" in model.model_fields_set or {"poisson", "model.poisson"} & track.end.uncertainties.keys():
         return
     change = POISSON - value
     if change:
@@ -227,7 +225,7 @@ def _position(track: _OpenTrack) -> Iterator[Condition]:
 
 def _frequency(track: _OpenTrack) -> Iterator[Condition]:
     if text := one_frequency_text(track.evidence):
-        yield Condition("frequency", text, "palpate at several frequencies", code="one-frequency")
+        yield Condition("frequency", text, "palpate init chirp", code="one-frequency")
 
 
 _FACTS: tuple[Callable[[_OpenTrack], Iterator[Condition]], ...] = (

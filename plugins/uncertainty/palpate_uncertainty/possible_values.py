@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from palpate import Diagnosed, Flag, TrackEvidence
+from palpate_kit.terminal.quantities import number_with_unit
 
 EXPLAINED = 3.5  # combined uncertainties, which one of 4000 values at a bound is beyond by chance
 UNDETERMINED = 2.0  # combined uncertainties of none, within which a value is not determined by itself
@@ -26,7 +27,7 @@ def impossible_values(track: TrackEvidence) -> Iterator[Flag]:
     for parameter, value, u in zip(track.model.parameters, track.values.tolist(), track.combined.tolist(), strict=True):
         beyond = max(parameter.lower - value, value - parameter.upper)
         if parameter.name not in held and beyond > EXPLAINED * u:
-            text = f"{parameter.name} of {value:.3g} {parameter.unit} is outside what is possible"
+            text = f"{parameter.name} of {number_with_unit(value, parameter.unit)} is outside what is possible"
             yield Flag("implausible", text, effects={parameter.name: math.inf})
         elif parameter.name not in held and beyond > UNDETERMINED * u:
             text = f"{parameter.name} is at its bound as far as the record shows"

@@ -16,7 +16,7 @@ from palpate_uncertainty.channel_noise import WHITE, Null, null_of
 from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.directed_scores import SUSPICIOUS, model_slopes, scores
 from palpate_uncertainty.directed_tests import DirectedTest, directed_tests
-from palpate_uncertainty.discrepancy import Explanation, Misfit, judge_misfit
+from palpate_uncertainty.discrepancy import Explanation, Misfit, has_layer, judge_misfit
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.prediction import Prediction, predict_other_half
 from palpate_uncertainty.refit import Course, free_unknowns, make_course, moves_along
@@ -229,4 +229,4 @@ def explained(track: TrackEvidence, found: WhitenessTest, base: RefittedModel) -
     prediction = base.prediction(free_unknowns(track), noise)
     table = dict(misfit_table(found).table) | {"directed": {name: test.p for name, test in base.directed.items()}}
     table |= {"prediction": prediction.table()} if prediction else {}
-    return replace(judge_misfit(misfit, track.model.parameters, table, about), settles=SETTLED)
+    return replace(judge_misfit(misfit, track.model.parameters, table, about, has_layer(track.model)), settles=SETTLED)

@@ -57,11 +57,11 @@ function takeFolder(m) {
   $("name").title = m.name;
   document.title = `${m.name}: palpate desk`;
   const values = Object.keys(m.units).slice(0, 2);
-  table.columns(values, m.units);
+  table.columns(values, m.units, m.residual_unit);
   table.fill(m.rows);
   for (const [id, value] of [["tip", m.tip], ["segment", m.segment]]) if (document.activeElement !== $(id)) $(id).value = value;
   options($("model"), m.models, m.model);
-  options($("by"), m.columns.length ? m.columns : ["no column"], $("by").value);
+  options($("by"), m.columns.length ? m.columns : ["no column"], $("by").value || m.group_by);
   for (const id of ["parameter", "map-parameter"]) options($(id), Object.keys(m.units), $(id).value);
   for (const element of document.querySelectorAll("footer button, footer input, footer select, #exports button")) if (element.id !== "help-button" && element.id !== "copy") element.disabled = m.read_only;
   takeState(m.state);
@@ -88,7 +88,17 @@ function options(select, names, value) {
 function count() {
   const curves = new Set(table.rows.map((row) => row.curve)).size, shown = new Set(table.shown.map((row) => row.curve)).size;
   const has = (holds) => table.rows.filter(holds).length;
-  $("counts").textContent = `${shown} of ${curves} curves · ${has((r) => r.state !== "current")} to fit · ${has((r) => r.verdict === "doubtful")} doubtful · ${has((r) => r.verdict === "invalid")} invalid · ${has((r) => r.mark === "bad")} rejected`;
+  $("counts").textContent = `${shown} of ${curves} curves · ${has((r) => r.state !== "current")} to fit · ${has((r) => r.mark === "bad")} rejected · ${Object.keys(folder.units).slice(0, 2).map(partition).join("; ")}`;
+}
+
+// How many rows have which word for a value.
+function partition(name) {
+  const counts = {};
+  for (const row of table.rows) {
+    const word = row.state !== "current" ? "to fit" : row.error ? "not read" : row.verdicts[name] || "without";
+    counts[word] = (counts[word] ?? 0) + 1;
+  }
+  return `${name.replaceAll("_", " ")}: ${Object.entries(counts).map(([word, count]) => `${count} ${word}`).join(", ")}`;
 }
 
 function look(row) {
@@ -106,9 +116,10 @@ function look(row) {
 function words(row, messages = new Map()) {
   $("curve-name").textContent = table.short(row.curve);
   $("curve-name").title = row.curve;
-  const shown = row.state === "current" && row.verdict !== "invalid";
-  $("curve-values").textContent = shown ? Object.entries(row.values).map(([name, [, , text]]) => `${name} ${text} ${folder.units[name]}`).join(" · ") : "";
-  const about = [row.state === "current" ? row.verdict : row.state === "stale" ? "stale: made with other settings; r fits it" : "not fitted yet; r fits it"];
+  const shown = row.state === "current";
+  $("curve-values").textContent = shown ? Object.entries(row.values).map(([name, [, , text]]) => `${name} ${text} ${folder.units[name]} ${row.verdicts[name]}`).join(" · ") : "";
+  const about = shown ? [] : [row.state === "stale" ? "stale: made with other settings; r fits it" : "not fitted yet; r fits it"];
+  if (Object.keys(row.facts).length) about.push(`curves.csv: ${Object.entries(row.facts).map(([name, text]) => `${name} ${text}`).join(", ")}`);
   if (row.mark === "bad") about.push(`rejected: ${row.reason}`);
   if (row.mark === "good") about.push("marked as good");
   if (row.error) about.push(row.error);
@@ -302,10 +313,10 @@ const focus = (id) => () => { $(id).focus(); $(id).select?.(); };
 const DOES = {
   up: () => table.pick(table.picked - 1), down: () => table.pick(table.picked + 1), "page-up": () => table.pick(table.picked - 10),
   "page-down": () => table.pick(table.picked + 10), first: () => table.pick(0), last: () => table.pick(table.shown.length - 1),
-  next: () => table.next((row) => row.mark === "none" && ["doubtful", "invalid"].includes(row.verdict)) || warn("no curve is flagged and unmarked"),
+  next: () => table.next((row) => row.mark === "none" && Object.values(row.verdicts).some((word) => ["doubtful", "invalid"].includes(word))) || warn("no curve is flagged and unmarked"),
   good: () => mark("good"), bad: reject, clear: () => mark("none"), refit, "refit-all": refitAll,
   model: focus("model"), tip: focus("tip"), segment: focus("segment"), filter: focus("filter"), compare,
-  budget: () => { $("budget").open = !$("budget").open; }, unrange: dropRange, undo: () => send({ do: "undo" }), facts: () => !folder.read_only && send({ do: "facts" }), help: () => $("help").showModal(),
+  budget: () => { $("budget").open = !$("budget").open; }, unrange: dropRange, undo: () => send({ do: "undo" }), facts: () => !folder.read_only && send({ do: "facts", curve: table.current?.curve ?? "" }), help: () => $("help").showModal(),
   ...Object.fromEntries(["curve", "groups", "map", "export"].map((name) => [`screen-${name}`, () => show(name)])),
 };
 listen((what) => folder && DOES[what]());
@@ -318,7 +329,7 @@ $("filter").addEventListener("keydown", (event) => { if (event.key === "Enter") 
 for (const button of $("screens").children) button.addEventListener("click", () => show(button.dataset.screen));
 const CLICKS = {
   cancel: () => send({ do: "cancel" }), "apply-this": () => table.current && apply(one()), "apply-shown": () => (shownWords() ? apply(shownWords()) : warn("write a filter first, or press all")),
-  "apply-all": () => apply(null), refit, "refit-all": refitAll, undo: () => send({ do: "undo" }), "open-facts": () => send({ do: "facts" }), "help-button": () => $("help").showModal(),
+  "apply-all": () => apply(null), refit, "refit-all": refitAll, undo: () => send({ do: "undo" }), "open-facts": () => DOES.facts(), "help-button": () => $("help").showModal(),
   copy: () => navigator.clipboard?.writeText($("command").textContent), "range-this": () => apply(one()), "range-all": () => apply(null), "range-none": dropRange,
   test: () => send({ do: "groups", by: $("by").value, parameter: $("parameter").value }),
 };

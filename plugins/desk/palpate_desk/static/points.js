@@ -31,7 +31,7 @@ export function drawGroups(box, rows, by, name, unit, show) {
   const groups = new Map();
   for (const row of rows) {
     const value = row.values[name]?.[0];
-    if (value === undefined || row.verdict === "invalid") continue;
+    if (value === undefined) continue;
     const group = by ? row.groups[by] || "none" : "curves";
     groups.set(group, [...(groups.get(group) ?? []), { row, value }]);
   }
@@ -66,7 +66,7 @@ export function drawGroups(box, rows, by, name, unit, show) {
 
 // How many curves have a value in each stretch, over all that are shown; of each bar the hollow part is rejected.
 export function drawHistogram(box, rows, name, unit) {
-  const known = rows.filter((row) => row.values[name] && row.verdict !== "invalid").map((row) => ({ value: row.values[name][0], bad: row.mark === "bad" }));
+  const known = rows.filter((row) => row.values[name]).map((row) => ({ value: row.values[name][0], bad: row.mark === "bad" }));
   box.replaceChildren();
   if (known.length < 2) return;
   const values = known.map((one) => one.value), low = Math.min(...values), high = Math.max(...values);
@@ -94,7 +94,7 @@ export function drawHistogram(box, rows, name, unit) {
 
 // The places of the curves, shaded by a value. A dragged rectangle is reported: its edges [mm], x then y.
 export function drawSites(box, rows, name, unit, show, dragged) {
-  const placed = rows.filter((row) => row.place && row.values[name] && row.verdict !== "invalid");
+  const placed = rows.filter((row) => row.place && row.values[name]);
   box.replaceChildren();
   if (!placed.length) return 0;
   const xs = placed.map((row) => 1e3 * row.place[0]), ys = placed.map((row) => 1e3 * row.place[1]), vs = placed.map((row) => row.values[name][0]);

@@ -1,6 +1,6 @@
 // The table of curves: only the rows in sight are in the page.
 const HEIGHT = 26, BEYOND = 8;
-const SIGNS = { good: "●", note: "●", doubtful: "◐", invalid: "✕", "": "○" };
+const SIGNS = { good: "●", doubtful: "◐", invalid: "✕" };
 const MARKS = { good: "✓", bad: "✗", none: "" };
 
 export class Table {
@@ -14,10 +14,10 @@ export class Table {
     new ResizeObserver(() => this.draw()).observe(box);
   }
 
-  columns(values, units) {
-    Object.assign(this, { values, units });
+  columns(values, units, residual) {
+    Object.assign(this, { values, units, residual });
     for (const part of [this.head, this.box]) part.style.setProperty("--values", values.length);
-    const heads = [["mark", ""], ["curve", "curve"], ...values.map((name) => [name, `${name.replaceAll("_", " ")}\n${units[name]}`]), ["rms", "RMS\nN"], ["verdict", "verdict"]];
+    const heads = [["mark", ""], ["curve", "curve"], ...values.map((name) => [name, `${name.replaceAll("_", " ")}\n${units[name]}`]), ["rms", `RMS\n${this.residual}`]];
     this.head.replaceChildren(...heads.map(([key, text]) => {
       const button = document.createElement("button");
       button.type = "button"; button.textContent = text || "✓✗"; button.title = `sort by ${key}`;
@@ -72,6 +72,13 @@ export class Table {
     this.draw();
   }
 
+  // Number and verdict of a value; of a row that is not current the number and its state.
+  value(row, name) {
+    const known = row.state === "current", word = known ? row.verdicts[name] ?? "" : row.state;
+    const text = row.values[name]?.[2] ?? (known ? (row.error ? "not read" : "-") : row.state);
+    return [`${known ? SIGNS[word] ?? "?" : "○"} ${text}`, known ? word : "", word];
+  }
+
   get current() { return this.shown[this.picked] ?? null; }
 
   pick(at) {
@@ -110,13 +117,10 @@ export class Table {
     line.id = `row-${at}`; line.dataset.at = at; line.style.top = `${HEIGHT * at}px`;
     line.setAttribute("role", "row"); line.setAttribute("aria-rowindex", at + 1);
     line.setAttribute("aria-selected", at === this.picked);
-    const verdict = row.state === "current" ? row.verdict : row.state;
-    const sign = row.state === "current" ? SIGNS[row.verdict] ?? "?" : "○";
-    const cells = [[MARKS[row.mark], ""], [row.curve, "name"], ...this.values.map((name) => [row.values[name]?.[2] ?? "-", ""]),
-      [row.rms === null ? "-" : row.rms.toFixed(3), ""], [`${sign} ${verdict}`, row.state === "current" ? row.verdict : ""]];
-    for (const [text, name] of cells) {
+    const cells = [[MARKS[row.mark], ""], [row.curve, "name"], ...this.values.map((name) => this.value(row, name)), [row.rms ?? "-", ""]];
+    for (const [text, name, title] of cells) {
       const cell = document.createElement("span");
-      cell.setAttribute("role", "gridcell"); cell.className = name; cell.textContent = text;
+      cell.setAttribute("role", "gridcell"); cell.className = name; cell.textContent = text; cell.title = title ?? "";
       if (name === "name") { cell.title = row.curve; const inner = document.createElement("bdi"); inner.textContent = this.short(row.curve); cell.replaceChildren(inner); }
       line.append(cell);
     }

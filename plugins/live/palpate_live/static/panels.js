@@ -11,7 +11,7 @@ export function element(tag, text = "", kind = "") {
 export const seconds = (t) => t >= 120 ? `${Math.floor(t / 60)} min ${Math.floor(t % 60)} s` : `${t.toFixed(1)} s`;
 
 const SEVERITIES = ["good", "note", "doubtful", "invalid"];
-const WORDS = { good: "good: trust it", note: "good: trust it", doubtful: "doubtful: look at it", invalid: "invalid: do not use it" };
+const WORDS = { good: "good", note: "good", doubtful: "doubtful", invalid: "invalid" };
 
 function worst(state, track) {
   let found = 0;

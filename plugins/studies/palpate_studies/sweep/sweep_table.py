@@ -5,16 +5,17 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from palpate import Flag, PalpateError
-from palpate_engine import display_unit, verdict_rank, verdict_word, whole_file, write_whole
+from palpate_engine import display_unit, verdict_rank, whole_file, write_whole
 from palpate_kit.jobs.job import Outcome
-from palpate_kit.terminal.flag_summary import summary_lines
-from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.runs.document_table import judges
+from palpate_kit.terminal.result_screen import finding_lines
+from palpate_kit.terminal.result_table import ResultFinding, ResultRow, ResultTable, TableValue
 from palpate_kit.terminal.table import Table
 
 from palpate_studies.sweep.combinations import Combination
@@ -49,6 +50,7 @@ def rows_of(combination: Combination, outcome: Outcome) -> list[dict[str, Any]]:
         row = {**head, "track": name}
         for parameter, found in {**track["parameters"], "surface": track["surface"]}.items():
             row |= {f"{parameter} [{found['unit']}]": found["value"], f"{parameter}_std": found["std"]}
+            row |= {f"{parameter}_verdict": found["verdict"]} if "verdict" in found else {}
             row |= {
                 f"{parameter}_{key}": found[key]
                 for key in ("systematic", "systematic_places", "combined")
@@ -79,30 +81,46 @@ def best_rows(rows: Sequence[dict[str, Any]], most: int = 12) -> Table:
             str(row["combination"]),
             *(str(row[key]) for key in swept),
             *([row["track"]] if several else []),
-            *(_value(row, name, unit) for name, unit in values.items()),
-            verdict_word(row.get("verdict", "")),
+            *(cell for name, unit in values.items() for cell in _value(row, name, unit)),
         ]
         for row in kept
     ]
     names = [_short(key, swept) for key in swept]
-    heads = [f"{name}\n{display_unit(unit)[0]}" for name, unit in values.items()]
-    headings = ["", *names, *(["track"] if several else []), *heads, "verdict"]
+    heads = [head for name, unit in values.items() for head in (f"{name}\n{display_unit(unit)[0]}", f"{name}\nverdict")]
+    headings = ["", *names, *(["track"] if several else []), *heads]
     title = f"best of {len(rows)} rows, by the uncertainty of {next(iter(values), 'nothing')}"
-    return Table.of(title, headings, cells, [*names, "track", "verdict"])
+    return Table.of(title, headings, cells, [*names, "track", *heads[1::2]])
 
 
-def _values(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
+def _values(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """SI units of the values that are shown, by name: the first two parameters of the rows."""
     keys = dict.fromkeys(key for row in rows for key in row if key.endswith("]") and not key.startswith("surface"))
     return {name: unit for name, _, unit in (key.rstrip("]").partition(" [") for key in list(keys)[:_SHOWN])}
 
 
 def sweep_doubt_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """The worst doubts of all rows, by the numbers of their combinations."""
-    flags: dict[str, list[Flag]] = {}
-    for row in rows:
-        flags.setdefault(str(row["combination"]), []).extend(map(Flag.of_table, row.get("flags", ())))
-    return summary_lines(flags)
+    """What was found, once for all combinations that share it, and how many have which word for each value."""
+    table = ResultTable(tuple(map(_result_row, rows)))
+    yield from finding_lines(table)
+    yield table.partition("row")
+
+
+def _result_row(row: Mapping[str, Any]) -> ResultRow:
+    """A row as one of the table of results."""
+    head = f"{row['combination']}"
+    if "error" in row:
+        return ResultRow(head, "", error=str(row["error"]))
+    values = {name: _table_value(row, name, unit) for name, unit in _values([row]).items()}
+    numbers = {name: value.value for name, value in values.items()}
+    flags = (Flag.of_table(flag) for flag in row.get("flags", ()))
+    findings = tuple(ResultFinding.of_flag(flag, numbers) for flag in flags if judges(flag))
+    return ResultRow(head, str(row["track"]), values, findings=findings)
+
+
+def _table_value(row: Mapping[str, Any], name: str, unit: str) -> TableValue:
+    value, combined = row.get(f"{name} [{unit}]"), row.get(f"{name}_combined")
+    verdict = row.get(f"{name}_verdict") or row.get("verdict", "")
+    return TableValue(name, value, math.nan if combined is None else combined, unit, verdict)
 
 
 def _short(key: str, others: Sequence[str]) -> str:
@@ -119,12 +137,10 @@ def _combined_key(row: dict[str, Any]) -> str:
     return f"{_value_key(row).partition(' [')[0]}_combined"
 
 
-def _value(row: dict[str, Any], name: str, unit: str) -> str:
-    factor = display_unit(unit)[1]
-    value, combined = row.get(f"{name} [{unit}]"), row.get(f"{name}_combined")
-    if not isinstance(value, float):
-        return "-"
-    return value_with_uncertainty(value * factor, (combined or math.nan) * factor)
+def _value(row: dict[str, Any], name: str, unit: str) -> tuple[str, str]:
+    """Number and verdict of a value."""
+    value = _table_value(row, name, unit)
+    return value.number, value.word
 
 
 def write_rows(folder: Path, rows: Sequence[dict[str, Any]]) -> None:

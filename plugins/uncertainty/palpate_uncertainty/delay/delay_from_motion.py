@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from palpate import Bias, Diagnosed, Flag, Floats, TrackEvidence
 from palpate_kit.numerics.normal_equations import standard_errors
+from palpate_kit.terminal.quantities import value_with_unit
 
 from palpate_uncertainty.delay.timed_record import LATEST, ResponseLaw, TimedRecord, white_noise
 from palpate_uncertainty.delay.timing_shift import is_viscous
@@ -271,7 +272,7 @@ def _judged(track: TrackEvidence) -> Diagnosed:
         for name, shift, std in zip(names, shifts.tolist(), rest.tolist(), strict=True)
     }
     said = [
-        f"{name} {value - bias.shift:.4g} +- {np.hypot(combined, bias.std or 0.0):.2g} {parameter.unit}"
+        f"{name} {value_with_unit(value - bias.shift, np.hypot(combined, bias.std or 0.0), parameter.unit)}"
         for (name, bias), parameter, value, combined in zip(
             biases.items(), track.model.parameters, track.values.tolist(), track.combined.tolist(), strict=True
         )

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 from palpate import Diagnosed, TrackEvidence
+from palpate_engine import display_unit
 from palpate_kit.budget.force_sensitivity import along
 
 from palpate_uncertainty.delay.delay_from_motion import one_line
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
 from palpate_uncertainty.whiteness import oscillation
 
-FADING = 0.1  # of the stiffness
+FADING = 0.1  # of the stiffness: "a tenth" in the sentence
 _MATTERS = 0.1  # of a viscosity
 
 
@@ -35,12 +36,12 @@ def one_frequency_text(track: TrackEvidence) -> str:
         return ""
     values = {p.name: v for p, v in zip(track.model.parameters, track.values.tolist(), strict=True)}
     parts = [
-        f"{100 * FADING:.0f} % of the stiffness fading within {1e3 * table['time']:.2g} ms would look like "
-        f"{like['value']:.3g} of {values[name]:.3g} {like['unit']} of {name}"
+        f"{like['value']:.3g} of the {values[name]:.3g} {display_unit(like['unit'])[0]} of {name}"
         for name, like in table["looks_like"].items()
         if like["value"] > _MATTERS * abs(values[name])
     ]
-    return f"{table['frequency']:.3g} Hz only: {', '.join(parts)}" if parts else ""
+    within = f"if a tenth of the stiffness relaxed within {1e3 * table['time']:.2g} ms, that would be"
+    return f"one frequency only ({table['frequency']:.3g} Hz): {within} {', '.join(parts)}" if parts else ""
 
 
 def _of(track: TrackEvidence) -> Mapping[str, Any]:

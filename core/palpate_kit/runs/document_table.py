@@ -1,0 +1,54 @@
+"""Results that were read as the table of results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from palpate import Flag
+
+from palpate_kit.runs.result_file import estimate_of
+from palpate_kit.terminal.result_table import OPEN, ResultFinding, ResultRow, ResultTable, TableValue
+
+
+def document_table(document: Mapping[str, Any]) -> ResultTable:
+    """Return the table of the tracks of a ``result.json``."""
+    rows = tuple(document_row(name, track) for name, track in document.get("tracks", {}).items())
+    return ResultTable(rows, document.get("truth", {}))
+
+
+def document_row(name: str, track: Mapping[str, Any], record: str = "") -> ResultRow:
+    """Return the row of a track as it stands in ``result.json``."""
+    every = {**track["parameters"], **track.get("derived", {})}
+    values = {key: table_value(key, found, track["verdict"]) for key, found in every.items()}
+    numbers = {key: value.value for key, value in values.items()}
+    conditions = track.get("conditions", ())
+    return ResultRow(
+        record,
+        name,
+        values,
+        {one["fact"]: one["message"] for one in conditions},
+        {one["fact"]: one["remedy"] for one in conditions},
+        tuple(ResultFinding.of_flag(flag, numbers) for flag in map(Flag.of_table, track["flags"]) if judges(flag)),
+    )
+
+
+def judges(flag: Flag) -> bool:
+    """Return True for a flag that makes a verdict, and no mere note."""
+    return flag.severity != "note" or flag.code == OPEN
+
+
+def table_value(name: str, found: Mapping[str, Any], of_track: str) -> TableValue:
+    """Return a value of ``result.json``; one without a verdict of its own has that of its track."""
+    if of_track == "invalid":
+        return TableValue(name, None, math.nan, found["unit"], "invalid")
+    combined, places = found.get("combined"), found.get("places")
+    return TableValue(
+        name,
+        estimate_of(found),
+        math.nan if combined is None else combined,
+        found["unit"],
+        found.get("verdict") or of_track,
+        (places["low"], places["high"]) if places else None,
+    )

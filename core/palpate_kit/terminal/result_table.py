@@ -1,0 +1,307 @@
+"""The table of results: each value with its uncertainty and verdict, the open facts and the findings of each row.
+
+Terminal, report, desk, methods and Python are made from it: one number and one word are the same on all of them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from palpate import Condition, Flag
+from palpate_engine import Result, TrackResult, UncertainValue, display_unit, verdict_word
+
+from palpate_kit.terminal.quantities import value_or_fixed
+
+SYMBOLS = {"elasticity": "E", "viscosity": "eta"}
+CHIEF = tuple(SYMBOLS)  # values that a screen shows, where a model has them
+NOT_READ = "not read"
+NEEDS = "needs "  # before the fact, of a verdict
+OPEN = "undetermined"  # the code of the note on a value that the record does not determine
+_NAME = re.compile(rf"\b({'|'.join(SYMBOLS)})\b")
+_COMMON = "record"  # in place of a value: a finding on the whole record
+# A finding as a text in a cell: code, likely causes, values with the relative sizes of the effects, remedy, sentence.
+_FINDING = re.compile(
+    r"(?P<code>[a-z0-9-]+)\[(?P<suspects>[^\]]*)\] (?P<sizes>[^:]*): (?P<words>.*?) -> (?P<remedy>.*)"
+)
+_BETWEEN, _ADVICE = " | ", " -> "
+
+
+@dataclass(frozen=True)
+class TableValue:
+    """A value with its combined standard uncertainty [SI] and its verdict."""
+
+    name: str
+    value: float | None  # None where it has none
+    combined: float  # NaN where it is not known
+    unit: str
+    verdict: str
+    places: tuple[float, float] | None = None  # lowest and highest along the path of the tip
+
+    @property
+    def symbol(self) -> str:
+        """E or eta; the name of any other value."""
+        return SYMBOLS.get(self.name, self.name.replace("_", " "))
+
+    @property
+    def word(self) -> str:
+        """The verdict for a reader."""
+        return verdict_word(self.verdict)
+
+    @property
+    def shown_unit(self) -> str:
+        """The unit in which it is shown; empty for a number."""
+        unit = display_unit(self.unit)[0]
+        return "" if unit == "1" else unit
+
+    @property
+    def number(self) -> str:
+        """The value and its uncertainty in the unit that is shown, along a path the range; a dash without a value."""
+        factor = display_unit(self.unit)[1]
+        if self.places is not None:
+            return " to ".join(f"{end * factor:.4g}" for end in self.places)
+        if self.value is None or not math.isfinite(self.value) or self.verdict == "invalid":
+            return "-"
+        return value_or_fixed(self.value * factor, self.combined * factor)
+
+    @property
+    def text(self) -> str:
+        """Number, unit and verdict."""
+        return " ".join(filter(None, (self.number, self.shown_unit, self.word)))
+
+    @classmethod
+    def of(cls, name: str, value: UncertainValue) -> TableValue:
+        """Of a value of a track."""
+        places = (value.places["low"], value.places["high"]) if value.places else None
+        return cls(name, value.value, value.combined, value.unit, value.verdict or "", places)
+
+
+@dataclass(frozen=True)
+class ResultFinding:
+    """What a record says against its law or a stated fact, or why a value is not determined."""
+
+    code: str
+    word: str  # the verdict that it makes: doubtful, invalid or not determined
+    suspects: tuple[str, ...]  # likely causes, the likeliest first
+    sizes: Mapping[str, float | None]  # by value: the effect as a part of it; None where that is not known
+    sentence: str
+    remedy: str  # an option that states a fact, or what to do
+
+    @property
+    def head(self) -> str:
+        """As in ``doubtful[lack-of-fit: thickness]``."""
+        return f"{self.word}[{': '.join((self.code, *self.suspects[:1]))}]"
+
+    @classmethod
+    def of_flag(cls, flag: Flag, values: Mapping[str, float | None]) -> ResultFinding:
+        """Of a flag that matters, on a track with these values [SI]."""
+        names = flag.moves or tuple(flag.effects or {})  # results of older versions lack the first
+        effects = flag.effects or {}
+        sizes: dict[str, float | None] = {}
+        for name in names:
+            value, effect = values.get(name), effects.get(name)
+            known = value and effect is not None and math.isfinite(effect)
+            sizes[name] = abs(effect / value) if known and value and effect is not None else None
+        word = "not determined" if flag.code == OPEN else flag.severity or "doubtful"
+        return cls(flag.code, word, flag.suspects, sizes, flag.sentence, flag.remedy)
+
+    @property
+    def cell(self) -> str:
+        """As a text in a cell of a table of rows."""
+        sizes = ", ".join(f"{name}" if size is None else f"{name} {size:.3g}" for name, size in self.sizes.items())
+        words = " ".join(self.sentence.replace(_BETWEEN, " / ").replace(_ADVICE, " - ").split())
+        return f"{self.code}[{', '.join(self.suspects)}] {sizes or _COMMON}: {words}{_ADVICE}{self.remedy}"
+
+    @classmethod
+    def of_cell(cls, cell: str, severities: Mapping[str, str]) -> Iterator[ResultFinding]:
+        """Return the findings of a cell; `severities` by code."""
+        for text in filter(None, cell.split(_BETWEEN)):
+            if (match := _FINDING.fullmatch(text)) is None:
+                continue
+            parts = [part.partition(" ") for part in match["sizes"].split(", ") if part != _COMMON]
+            sizes = {name: float(size) if size else None for name, _, size in parts}
+            suspects = tuple(filter(None, match["suspects"].split(", ")))
+            word = "not determined" if match["code"] == OPEN else severities.get(match["code"], "doubtful")
+            yield cls(match["code"], word, suspects, sizes, match["words"], match["remedy"])
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """A track of a run, or of a file: its values, what they hold for, and what was found."""
+
+    record: str  # the file or log; empty of a run
+    track: str
+    values: Mapping[str, TableValue] = field(default_factory=dict)  # those of the model before what follows from them
+    conditions: Mapping[str, str] = field(default_factory=dict)  # open facts, with what is assumed of each
+    remedies: Mapping[str, str] = field(default_factory=dict)  # by open fact
+    findings: tuple[ResultFinding, ...] = ()
+    error: str = ""  # why the file was not read or fitted
+
+    @property
+    def judging_findings(self) -> list[ResultFinding]:
+        """The findings by which values have their verdicts, each with those values alone."""
+        judging = []
+        for finding in self.findings:
+            of_word = {name for name, value in self.values.items() if value.word == finding.word}
+            sizes = {name: size for name, size in finding.sizes.items() if name in of_word}
+            void = {name: size for name, size in finding.sizes.items() if size is None and self._is_void(name)}
+            if finding.word == "doubtful" and void:  # a doubt without a bound
+                judging.append(replace(finding, word="invalid", sizes=void))
+            if sizes or (not finding.sizes and of_word):
+                judging.append(replace(finding, sizes=sizes))
+        return judging
+
+    def _is_void(self, name: str) -> bool:
+        """Return True for a value that has no number."""
+        return name in self.values and self.values[name].word == "invalid"
+
+    @property
+    def chief(self) -> dict[str, TableValue]:
+        """Elasticity and viscosity; of a model without them its first two values."""
+        return {name: self.values[name] for name in chief_names(self.values)}
+
+
+def chief_names(names: Iterable[str]) -> list[str]:
+    """Return which of some values a screen shows: elasticity and viscosity, else the first two."""
+    every = list(names)
+    return [name for name in CHIEF if name in every] or every[:2]
+
+
+@dataclass(frozen=True)
+class ResultTable:
+    """The rows of a run, of logs or of a folder."""
+
+    rows: tuple[ResultRow, ...]
+    truth: Mapping[str, float] = field(default_factory=dict)  # [SI] of a simulated rig, by value
+    of_record: tuple[Flag, ...] = ()  # notes on the record
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the values that are shown of any row."""
+        return list(dict.fromkeys(name for row in self.rows for name in row.chief))
+
+    @property
+    def thing(self) -> str:
+        """What a row is of."""
+        return "file" if any(row.record for row in self.rows) else "track"
+
+    @property
+    def read(self) -> list[ResultRow]:
+        """The rows of what was read."""
+        return [row for row in self.rows if not row.error]
+
+    def partition(self, thing: str = "") -> str:
+        """Return how many rows have which word for each value; the counts of each add up to the rows.
+
+        As in "24 files. E: 0 good, 20 doubtful, 3 not determined; eta: 23 need a delay; 1 not read".
+        """
+        unread = len(self.rows) - len(self.read)
+        parts = [f"{SYMBOLS.get(name, name)}: {_counts(self._words(name))}" for name in self.names]
+        parts += [f"{unread} not read"] if unread else []
+        return f"{counted(len(self.rows), thing or self.thing)}. {'; '.join(parts)}"
+
+    def _words(self, name: str) -> Counter[str]:
+        rows = (row.values.get(name) for row in self.read)
+        return Counter("without" if value is None else value.word or "not judged" for value in rows)
+
+    def shared_findings(self) -> list[tuple[ResultFinding, list[ResultRow], list[str]]]:
+        """Return each finding once with the rows that have it and the values that it is of, the worst and most first.
+
+        Findings of one code and one cause are one; its sizes are the largest.
+        """
+        groups: dict[tuple[str, str, str], list[tuple[ResultFinding, ResultRow]]] = {}
+        for row in self.rows:
+            for finding in row.judging_findings:
+                cause = finding.suspects[0] if finding.suspects else ""
+                groups.setdefault((finding.word, finding.code, cause), []).append((finding, row))
+        shared = []
+        for members in groups.values():
+            sizes = _largest([finding for finding, _ in members])
+            names = [name for name in dict.fromkeys((*self.names, *sizes)) if name in sizes]
+            first = members[0][0]
+            suspects = tuple(dict.fromkeys(name for finding, _ in members for name in finding.suspects))
+            merged = ResultFinding(first.code, first.word, suspects, sizes, first.sentence, first.remedy)
+            rows = list({id(row): row for _, row in members}.values())  # one row may have several of a cause
+            shared.append((merged, rows, names))
+        order = ["invalid", "doubtful", "not determined"]
+        return sorted(shared, key=lambda one: (order.index(one[0].word), -len(one[1])))
+
+    def open_facts(self) -> list[tuple[str, str, str, int]]:
+        """Return each open fact: what is assumed, the words that settle it, and of how many rows.
+
+        Those that a value needs come first, then those of most rows.
+        """
+        counts = Counter(fact for row in self.read for fact in row.conditions)
+        needed = Counter(value.verdict.removeprefix(NEEDS) for row in self.read for value in row.values.values())
+        first = {fact: row for row in reversed(self.read) for fact in row.conditions}
+        return [
+            (fact, first[fact].conditions[fact], first[fact].remedies.get(fact, ""), count)
+            for fact, count in sorted(counts.items(), key=lambda item: (-needed[item[0]], -item[1]))
+        ]
+
+
+def _largest(findings: Sequence[ResultFinding]) -> dict[str, float | None]:
+    """Return the largest size of each value; None where one is not known."""
+    sizes: dict[str, float | None] = {}
+    for finding in findings:
+        for name, size in finding.sizes.items():
+            known = sizes.get(name, 0.0)
+            sizes[name] = None if size is None or known is None else max(size, known)
+    return sizes
+
+
+def _counts(words: Counter[str]) -> str:
+    """Return "2 good, 1 doubtful, 3 need a delay"; both good and doubtful where there is one of them."""
+    shown = [f"{words['good']} good", f"{words['doubtful']} doubtful"] if {"good", "doubtful"} & words.keys() else []
+    for word in sorted(words.keys() - {"good", "doubtful"}):
+        count = words[word]
+        fact = word.removeprefix(NEEDS)
+        shown.append(f"{count} {word}" if fact == word else f"{count} need{'s' * (count == 1)} {_article(fact)}")
+    return ", ".join(shown)
+
+
+def _article(fact: str) -> str:
+    return f"{'an' if fact[:1] in 'aeiou' else 'a'} {fact}"
+
+
+def counted(number: int, thing: str) -> str:
+    """Return "1 file", "2 files"."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def with_symbols(text: str) -> str:
+    """Return a sentence with the symbols of the values in place of their names.
+
+    >>> with_symbols("Poisson's ratio 0.5: 0.45 makes elasticity 6 %, viscosity 9.1 % higher")
+    "Poisson's ratio 0.5: 0.45 makes E 6 %, eta 9.1 % higher"
+    """
+    return _NAME.sub(lambda match: SYMBOLS[match[1]], text)
+
+
+def track_row(track: TrackResult, label: str, record: str = "", of_record: Sequence[Flag] = ()) -> ResultRow:
+    """Return the row of a track, with the flags of its record."""
+    every = {**track.parameters, **{value.name: value.found for value in track.derived}}
+    values = {name: TableValue.of(name, value) for name, value in every.items()}
+    if not track.usable:
+        values = {name: TableValue(name, None, math.nan, value.unit, "invalid") for name, value in every.items()}
+    flags = [flag for flag in (*of_record, *track.flags) if flag.severity != "note" or flag.code == OPEN]
+    numbers = {name: value.value for name, value in every.items()}
+    conditions: dict[str, Condition] = {one.fact: one for one in reversed(track.conditions)}
+    return ResultRow(
+        record,
+        label,
+        values,
+        {fact: one.sentence(every) for fact, one in reversed(conditions.items())},
+        {fact: one.remedy for fact, one in conditions.items()},
+        tuple(ResultFinding.of_flag(flag, numbers) for flag in flags),
+    )
+
+
+def result_table(result: Result, record: str = "") -> ResultTable:
+    """Return the table of the tracks of a run."""
+    doubts = [flag for flag in result.flags if flag.severity != "note"]
+    rows = tuple(track_row(track, label, record, doubts) for label, track in result.tracks.items())
+    return ResultTable(rows, result.truth, tuple(flag for flag in result.flags if flag.severity == "note"))
