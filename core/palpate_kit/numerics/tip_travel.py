@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import ContactModel, Floats, Samples
 
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
@@ -46,7 +47,7 @@ def zero_phase_motion(samples: Samples, window: float | None, longest: float = _
     above the `longest` [s].
     """
     interval = _usual(samples)
-    noise = noise_of(samples.position), noise_of(samples.velocity)
+    noise = noise_of(samples.position, samples.time), noise_of(samples.velocity, samples.time)
     if window is not None:
         return _motion(samples, interval, _odd(window / interval), noise)
     known = np.isfinite(samples.velocity)
@@ -159,7 +160,7 @@ def cubic_window(samples: Samples) -> float:
     0.4 of the longest that shows no more than noise in the degree 4 of the heights in windows side by side, and so a
     fortieth of what may hide there; by the median, for corners are few among them.
     """
-    interval, noise, width = _usual(samples), noise_of(samples.position), _SHORTEST
+    interval, noise, width = _usual(samples), noise_of(samples.position, samples.time), _SHORTEST
     while (wider := _odd(1.2 * width + 2)) * interval < _LONGEST and len(samples) >= _FEWEST_WINDOWS * wider:
         fourth = samples.position[: len(samples) // wider * wider].reshape(-1, wider) @ _fourth_degree(wider)
         if median(np.abs(fourth)) > _MEDIAN * _CLEAR * noise:
@@ -202,8 +203,13 @@ def _odd(width: float) -> int:
     return max(int(width) // 2 * 2 + 1, _SHORTEST)
 
 
-def noise_of(values: Floats) -> float:
-    """Standard deviation [as values] of white noise that would give the third differences of a record."""
+def noise_of(values: Floats, time: Floats | None = None) -> float:
+    """Return the standard deviation [as values] of white noise that would give the third differences of a record.
+
+    With the time (n,) [s] of each value, differences across gaps do not count.
+    """
+    if time is not None and (across := _across_gaps(time)).any():
+        return _rms_noise(third_differences(values)[~across])
     total, count = 0.0, 0
     for start in range(0, max(len(values) - 3, 0), _AT_ONCE):
         differences = third_differences(values[start : start + _AT_ONCE + 3])
@@ -213,6 +219,21 @@ def noise_of(values: Floats) -> float:
             square = float(np.add.reduce(differences * differences))
         total, count = total + square, count + len(differences)
     return float(np.sqrt(total / count / 20.0)) if count else np.inf
+
+
+def _rms_noise(differences: Floats) -> float:
+    """Return the noise [as values] that third differences (m,) of them show; infinite without any."""
+    finite = differences[np.isfinite(differences)]
+    return float(np.sqrt(finite @ finite / len(finite) / 20.0)) if len(finite) else np.inf
+
+
+def _across_gaps(time: Floats) -> NDArray[np.bool_]:
+    """Return True (n - 3,) for each four neighbours with a gap between two of them."""
+    intervals = np.diff(time)
+    if len(intervals) < 3:
+        return np.zeros(max(len(time) - 3, 0), bool)
+    is_gap = intervals > _GAP * median(intervals)
+    return np.asarray(is_gap[:-2] | is_gap[1:-1] | is_gap[2:])
 
 
 def third_differences(values: Floats) -> Floats:

@@ -62,8 +62,8 @@ class FitRecord:
     def height_noise(self) -> float:
         """Standard deviation [m] of white noise on the height of the samples that count."""
         if not self.used.all():
-            return noise_of(self.height[self.used])
-        return noise_of(self.height) if self.noise is None else self.noise
+            return noise_of(self.height[self.used], self.time[self.used])
+        return noise_of(self.height, self.time) if self.noise is None else self.noise
 
     @cached_property
     def used(self) -> NDArray[np.bool_]:
@@ -132,7 +132,7 @@ def make_record(
         history[1:, 0], history[1:, 2], history[1:, 3] = np.diff(time), remembered[:-1], rate[:-1]
     centred = time - 0.5 * (time[0] + time[-1]) if n else time
     whole = _TRANSITION * max(float(np.ptp(height)), 1e-12)
-    noise = noise_of(height) if n > 3 else 0.0
+    noise = noise_of(height, time) if n > 3 else 0.0
     transition = whole if travel is None else min(whole, max(_TRANSITION * travel, noise))
     return FitRecord(
         height, rate, acceleration, force, centred, weight, transition, history, 1 if smooth is None else smooth[1],

@@ -165,7 +165,7 @@ def motion_noise(track: TrackEvidence) -> tuple[float, float, tuple[Floats, Floa
     """Noise of the height [m] and of a channel of speed [m/s], and the kernels by which a fit derives from them."""
     kept = track.kept
     step = float(np.median(np.diff(kept.time)))
-    height, speed = noise_of(kept.position), noise_of(kept.velocity)
+    height, speed = noise_of(kept.position, kept.time), noise_of(kept.velocity, kept.time)
     usual = float(np.sqrt(np.nanmean(kept.velocity**2)))
     channel = track.ending is not None and track.ending.settings.velocity is not None
     return height, speed if channel else 0.0, rate_kernels((height, speed), usual, step, channel)

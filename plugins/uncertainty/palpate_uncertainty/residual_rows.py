@@ -150,7 +150,7 @@ class JudgedRows:
 
         Steps are where the fewest samples are, and none where the tip is held.
         """
-        step = _STEP * noise_of(self.track.kept.position)
+        step = _STEP * noise_of(self.track.kept.position, self.track.kept.time)
         if not step > 0:
             return self.depth
         place = self.depth / step
@@ -226,7 +226,9 @@ class JudgedRows:
         """Whether the acceleration is one of the motion, and not noise of the heights, which the force has as well."""
         step = float(np.median(np.diff(self.course.time)))
         slope = cubic_weights(_width(step, len(self.course.time)), 1) / step
-        noise = noise_of(self.track.kept.position) * float(np.linalg.norm(np.convolve(slope, slope)))
+        noise = noise_of(self.track.kept.position, self.track.kept.time) * float(
+            np.linalg.norm(np.convolve(slope, slope))
+        )
         return float(np.sqrt(np.mean(self.acceleration[: self.count] ** 2))) > _CLEAR * noise
 
     @property
