@@ -69,6 +69,7 @@ from .config.rig_settings import (
     rig_assignments as rig_assignments,
 )
 from .config.tip_words import (
+    is_ball as is_ball,
     is_same_tip as is_same_tip,
     tip_table as tip_table,
     tip_values as tip_values,

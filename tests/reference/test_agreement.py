@@ -1,11 +1,14 @@
 """Agreement: statistics by published examples and closed identities, and the command over runs and tables."""
 
 import json
+import math
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from palpate import Indenter
+from palpate_engine import registry
 from palpate_kit.numerics.precision import method_correlation, precision, repeat_correlation
 from palpate_reference.agreement.bland_altman import deming_line, limits_of_agreement
 from palpate_reference.run_values import conditions_of
@@ -314,3 +317,14 @@ def test_mistakes_with_a_run(measured, palpate, tmp_path, words, said):
     done = palpate("material", "agree", measured / "run", *words)
     assert done.returncode == 2
     assert said in done.stderr
+
+
+@pytest.mark.parametrize("name", registry.load().parts["indenter"])
+def test_a_representative_strain_is_known_under_spheres_alone(name):
+    """Every tip that is a sphere by its own word has one, shipped now or later."""
+    table = {"type": name, "radius": 5e-3}
+    settings = {"indenter": {"tip": table}, "trajectory": {"press": {"bias": 2e-3}}}
+    part = registry.load().find("indenter", name)
+    is_sphere = part.sphere_radius is not Indenter.sphere_radius
+    strain = conditions_of(settings, {"indenter": "tip"}).strain
+    assert strain == (pytest.approx(0.2 * math.sqrt(2 / 5)) if is_sphere else None)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from palpate import ConfigurationError, ContactModel
-from palpate_engine import registry as registries
+from palpate import ConfigurationError, ContactModel, Indenter
+from palpate_engine import is_ball, registry as registries
 
 from palpate_indentation.approach_fit import CurveFit, fit_curve
 from palpate_indentation.elastic_law import ElasticLaw
 from palpate_indentation.press import Branch
 from palpate_indentation.viscosity import PressViscosity
-
-SPHERES = ("sphere", "exact-sphere", "neo-hookean-sphere")
 
 
 @dataclass(frozen=True)
@@ -28,11 +26,8 @@ class SphereLawFit:
 
 def sphere_radius(model: ContactModel) -> float | None:
     """Radius [m] of a model whose tip is a sphere by one of the laws; None for another."""
-    parts = registries.load().parts["indenter"]
     tip = getattr(model, "indenter", None)
-    if any(name in parts and type(tip) is parts[name].part for name in SPHERES):
-        return float(tip.radius)  # type: ignore[union-attr]
-    return None
+    return tip.sphere_radius if isinstance(tip, Indenter) else None
 
 
 def sphere_laws(
@@ -45,9 +40,9 @@ def sphere_laws(
     radius = sphere_radius(law.model)
     if radius is None:
         return []
-    found, parts = [], registries.load().parts["indenter"]
-    for name in (name for name in SPHERES if name in parts):
-        tip = parts[name].part.model_validate({"radius": radius})
+    found, known = [], registries.load()
+    for name in (name for name in known.parts["indenter"] if is_ball({"type": name}, known)):
+        tip = known.find("indenter", name).model_validate({"radius": radius})
         chosen = type(tip) is type(law.model.indenter)  # type: ignore[attr-defined]
         try:
             fields = {key: getattr(law.model, key) for key in type(law.model).model_fields}

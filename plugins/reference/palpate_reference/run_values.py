@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError, LogError, suggest
-from palpate_engine import RESULT, verdict_rank
+from palpate_engine import RESULT, is_ball, registry, verdict_rank
 from palpate_kit.runs.result_file import values_by_name
 from palpate_kit.runs.run_folder import RunFolder
 
-_BALLS = ("sphere", "exact-sphere", "neo-hookean-sphere")
 _REPRESENTATIVE = 0.2  # strain over a/R below a sphere
 
 
@@ -87,6 +86,6 @@ def conditions_of(settings: Mapping[str, Any], model: Mapping[str, Any]) -> Cond
     indenter = model.get("indenter")
     tips = settings.get("indenter", {})
     tip = tips.get(indenter, {}) if isinstance(indenter, str) else indenter or next(iter(tips.values()), {})
-    radius = tip.get("radius") if isinstance(tip, dict) and tip.get("type") in _BALLS else None
+    radius = tip.get("radius") if isinstance(tip, dict) and is_ball(tip, registry.load()) else None
     strain = _REPRESENTATIVE * math.sqrt(float(depth) / float(radius)) if depth and radius else None
     return Conditions(*(None if one is None else float(one) for one in (frequency, strain, speed)))

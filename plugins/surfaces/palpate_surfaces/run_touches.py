@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, LogError, Surface, surface_points
+from palpate_engine import is_ball, registry
 from palpate_kit.runs.run_folder import RunFolder, TrackTable
 from palpate_kit.runs.skin_places import skin_of, skin_places
 
-_SPHERES = ("sphere", "exact-sphere", "neo-hookean-sphere")
 _PAUSE = 0.3  # [s] without estimates between two palpations
 _STILL = 2e-3  # [m] within which a palpation stays at its place
 _LAST = 0.5  # [s] of a palpation, in which its estimate has come to rest
@@ -99,7 +99,7 @@ def _radius(part: RunFolder, model: str) -> float:
     settings: Mapping[str, Any] = part.settings
     tip = settings.get("model", {}).get(model, {}).get("indenter")
     tip = settings.get("indenter", {}).get(tip) if isinstance(tip, str) else tip
-    if not isinstance(tip, Mapping) or tip.get("type") not in _SPHERES:
+    if not isinstance(tip, Mapping) or not is_ball(tip, registry.load()):
         kind = tip.get("type") if isinstance(tip, Mapping) else None
         raise LogError(
             f"{part.path}: its tip is {kind or 'not known'}; where a tip touches an inclined skin is known of spheres"

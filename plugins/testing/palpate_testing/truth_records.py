@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import ContactModel, Estimator, Floats, Problem, Samples, force_over_time
+from palpate_kit.numerics.normal_equations import standard_errors
 
 FORCE_STD, VELOCITY_STD = 0.05, 0.67e-3  # [N], [m/s], as in the paper
 TIP_MASS = 0.14  # [kg]
@@ -104,8 +105,4 @@ def _lower_bound(model: ContactModel, theta: Sequence[float], samples: Samples) 
     for place, value in enumerate(theta):
         step = 1e-5 * (abs(value) or 1.0)
         columns.append((force([*theta[:place], value + step, *theta[place + 1 :]]) - at_truth) / step)
-    jacobian = np.column_stack(columns)
-    scale = np.linalg.norm(jacobian, axis=0)
-    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale))
-    bound: Floats = FORCE_STD * np.sqrt(np.diag(inverse)) / scale
-    return bound
+    return FORCE_STD * standard_errors(np.column_stack(columns))
