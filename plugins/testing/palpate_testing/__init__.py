@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Check, plugin
+from palpate import Check, Command, plugin
 from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
@@ -35,6 +35,15 @@ if TYPE_CHECKING:
 def palpate_offers() -> dict[str, dict[str, Check]]:
     """Every tip, and third-party contact models, before anything moves."""
     return {"check": {"conformance": Check("palpate_testing.third_party_checks:check_parts")}}
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """A part as one page."""
+    target = "palpate_testing.check_part_command:check_part"
+    return {
+        "check part": Command(target, "Check a part in simulation, for a page that its author can publish.", "extend")
+    }
 
 
 __getattr__, __all__ = lazy_names(

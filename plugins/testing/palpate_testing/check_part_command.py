@@ -1,0 +1,108 @@
+"""``palpate check part``: a part tried in simulation, as one page that its author can publish."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import platform
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from palpate import ConfigurationError, OutputError, Part, PluginError, suggest
+from palpate_engine import Registry, Source, build_parts, plain_settings, registry as registries
+
+from palpate_testing.part_measures import (
+    CHECKED_KINDS,
+    Measures,
+    measure_device,
+    measure_estimator,
+    measure_model,
+    measure_tip,
+    measure_trajectory,
+)
+
+STANDARD_TIP = '{type = "sphere", radius = "5 mm"}'
+MEASURES: Mapping[str, Callable[[Any], Measures]] = {
+    "indenter": measure_tip,
+    "model": measure_model,
+    "estimator": measure_estimator,
+    "trajectory": measure_trajectory,
+    "device": measure_device,
+}
+
+
+def check_part(
+    name: Annotated[str, typer.Argument(help="Name of a part, as in `palpate list`.")],
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A key of the part; can be repeated.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the page to this file.")] = None,
+) -> None:
+    """Check a part in simulation and print what was tried and measured, as a page in Markdown.
+
+    Nothing is connected to; a device that talks to hardware is refused. A part that fails has no page.
+    """
+    registry = registries.load()
+    kind, part = _part_of(name, settings or [], registry)
+    text = page_of(kind, part, registry)
+    if output is None:
+        typer.echo(text, nl=False)
+        return
+    try:
+        output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{output}: cannot write: {error.strerror}") from error
+    typer.echo(f"written to {output}")
+
+
+def _part_of(name: str, settings: list[str], registry: Registry) -> tuple[str, Part]:
+    """Return kind and part of a name with settings KEY=VALUE; raises ConfigurationError with what there is."""
+    kinds = {}
+    for kind in CHECKED_KINDS:
+        try:
+            kinds[kind] = registry.named(kind, name)
+        except ConfigurationError:
+            continue
+    if not kinds:
+        known = [key for kind in CHECKED_KINDS for key in registry.parts[kind]]
+        raise ConfigurationError(f"no part {name!r} that can be checked{suggest(name, known)}")
+    kind, full = next(iter(kinds.items()))
+    part = registry.find(kind, full)
+    source = Source(f"[{kind}.part]\ntype = {json.dumps(full)}\n", Path("palpate check part"))
+    tip = part.model_fields.get("indenter")
+    if tip is not None and tip.is_required() and not any(text.startswith("indenter") for text in settings):
+        source.override(f"{kind}.part.indenter={STANDARD_TIP}")
+    for text in settings:
+        source.override(f"{kind}.part.{text}")
+    return kind, build_parts(source, kind, registry)["part"]
+
+
+def page_of(kind: str, part: Part, registry: Registry) -> str:
+    """Return the page of a part in Markdown; raises PluginError with the reason where a check finds it wrong."""
+    entry = next(entry for entry in registry.parts[kind].values() if entry.is_of(type(part)))
+    try:
+        measures = MEASURES[kind](part)
+    except AssertionError as error:
+        raise PluginError(f"plugin {entry.plugin.name}: {kind} {entry.name!r}: {error}") from error
+    tested_on = f"palpate {version('palpate')}, Python {platform.python_version()}, {platform.machine()}"
+    lines = [
+        f"# {entry.qualified}: {kind} of {entry.plugin.name}",
+        "",
+        (inspect.getdoc(type(part)) or "").strip(),
+        "",
+        f"Tested in simulation on {tested_on}; not certified.",
+        "",
+        "| setting | value (SI) |",
+        "|---|---|",
+        *(f"| `{key}` | `{json.dumps(value)}` |" for key, value in plain_settings(part, registry).items()),
+        "",
+        f"Passed `{measures.check}`: {measures.tried}",
+        "",
+        "| measured | value |",
+        "|---|---|",
+        *(f"| {what} | {value} |" for what, value in measures.rows),
+    ]
+    return "\n".join(lines) + "\n"

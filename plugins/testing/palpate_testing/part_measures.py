@@ -1,0 +1,144 @@
+"""What the checks measure of a part of each kind, in simulation."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from palpate import ConfigurationError, ContactModel, Device, Estimator, Indenter, Trajectory, contact_force
+from palpate_engine import registry as registries
+
+from palpate_testing.device_checks import batches_of, check_device, moves
+from palpate_testing.estimator_checks import check_estimator
+from palpate_testing.model_checks import check_model, usual_values
+from palpate_testing.tip_checks import check_indenter
+from palpate_testing.trajectory_checks import check_trajectory
+from palpate_testing.truth_checks import NOISY, NOISY_RECORDS, QUIET, QUIET_RECORDS
+from palpate_testing.truth_records import estimate_records
+
+CHECKED_KINDS = ("indenter", "model", "estimator", "trajectory", "device")
+DEPTHS = (1e-3, 3e-3, 6e-3)  # [m]
+STEP = 1e-3  # [s] of the grid of a motion
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What was tried of a part and what was measured."""
+
+    check: str
+    tried: str
+    rows: tuple[tuple[str, str], ...]
+
+
+def _measures(check: Callable[..., None], rows: Iterator[tuple[str, str]]) -> Measures:
+    """Return measures with the sentence of the check's docstring on what it tries."""
+    text = " ".join((inspect.getdoc(check) or "").split())
+    tried = text.partition("Checked")[2].partition("Raises AssertionError")[0].lstrip(": ").strip()
+    return Measures(check.__name__, tried, tuple(rows))
+
+
+def measure_tip(tip: Indenter) -> Measures:
+    """Check a tip; contact radius and area over the depth."""
+    check_indenter(tip)
+
+    def rows() -> Iterator[tuple[str, str]]:
+        for depth in DEPTHS:
+            radius, area = float(tip.contact_radius(depth)), float(tip.profile_area(depth))
+            yield f"contact radius and area at {1e3 * depth:g} mm", f"{1e3 * radius:.4g} mm, {1e6 * area:.4g} mm^2"
+
+    return _measures(check_indenter, rows())
+
+
+def measure_model(model: ContactModel) -> Measures:
+    """Check a contact model at usual values of its parameters; its force over the depth."""
+    theta = usual_values(model)
+    check_model(model, theta)
+
+    def rows() -> Iterator[tuple[str, str]]:
+        for parameter, value in zip(model.parameters, theta, strict=True):
+            yield f"{parameter.name} ({parameter.role or 'no role'})", f"{value:.4g} {parameter.unit}"
+        empty = (0.0,) * len(model.memory)
+        for depth in DEPTHS:
+            forces = [float(contact_force(model, depth, rate, theta, empty)) for rate in (0.0, 0.01)]
+            yield f"force at {1e3 * depth:g} mm, at rest and at 10 mm/s", f"{forces[0]:.4g} N, {forces[1]:.4g} N"
+
+    return _measures(check_model, rows())
+
+
+def measure_estimator(estimator: Estimator) -> Measures:
+    """Check an estimator on records of known truth, of the model of the paper under a sphere of 5 mm."""
+    model, theta = standard_model(), (1e5, 300.0)
+    check_estimator(estimator, model, theta, truth=True)
+
+    def rows() -> Iterator[tuple[str, str]]:
+        for motion, count, what in ((QUIET, QUIET_RECORDS, "almost without noise"), (NOISY, NOISY_RECORDS, "noisy")):
+            errors = estimate_records(estimator, model, theta, motion, count)
+            for place, parameter in enumerate(model.parameters):
+                name = f"{parameter.name}, {count} records of {motion.duration:g} s, {what}"
+                if not np.isfinite(errors.values[:, place]).any():
+                    yield name, "no number on records that begin in contact"
+                    continue
+                bias, spread = np.nanmean(errors.relative[:, place]), np.nanstd(errors.relative[:, place])
+                value = f"bias {bias:+.2%}, scatter {spread:.2%}"
+                if motion is NOISY:  # the bound is that of its noise
+                    ratio = np.nanmedian(errors.std[:, place] / errors.bound[:, place])
+                    within = np.nanmean(np.abs(errors.standardized[:, place]) <= 2.0)
+                    value += f", {within:.0%} within 2 u; u is {ratio:.3g} times the bound with a known surface"
+                yield name, value
+
+    return _measures(check_estimator, rows())
+
+
+def measure_trajectory(trajectory: Trajectory) -> Measures:
+    """Check a motion; its duration, depth and speed."""
+    check_trajectory(trajectory)
+
+    def rows() -> Iterator[tuple[str, str]]:
+        time = np.arange(0.0, trajectory.total_duration + STEP, STEP)
+        setpoint = trajectory.at(time)
+        yield "duration", f"{trajectory.total_duration:.4g} s"
+        yield (
+            "deepest and highest setpoint",
+            " and ".join(
+                f"{1e3 * float(z):.4g} mm" for z in (setpoint.position[:, 2].min(), setpoint.position[:, 2].max())
+            ),
+        )
+        yield "largest speed", f"{1e3 * float(np.linalg.norm(setpoint.velocity, axis=1).max()):.4g} mm/s"
+        acceleration = np.linalg.norm(np.gradient(setpoint.velocity, STEP, axis=0), axis=1)
+        yield "largest acceleration", f"{float(acceleration.max()):.4g} m/s^2"
+
+    return _measures(check_trajectory, rows())
+
+
+def measure_device(device: Device) -> Measures:
+    """Check a device that connects to nothing, and moves nothing; its streams.
+
+    Raises ConfigurationError for one that talks to hardware.
+    """
+    if device.live:
+        name = type(device).__name__
+        raise ConfigurationError(f"{name} talks to hardware: check it in a test, with its twin (check_device)")
+    if moves(device, 0):
+        raise ConfigurationError(f"{type(device).__name__} moves the tip: check it in a test, with a short motion")
+    check_device(device)
+
+    def rows() -> Iterator[tuple[str, str]]:
+        batches = batches_of(device, None, 0, 0.0)
+        for stream in device.streams:
+            count = sum(len(batch.time) for batch in batches if batch.stream == stream.name)
+            rate = "by its time-stamps" if stream.rate is None else f"{stream.rate:g} Hz"
+            channels = ", ".join(f"{channel.name} [{channel.unit}]" for channel in stream.channels)
+            yield f"stream {stream.name or 'without a name'}", f"{count} readings at {rate}: {channels}"
+
+    return _measures(check_device, rows())
+
+
+def standard_model() -> Any:
+    """Return the paper's model under a sphere of 5 mm; raises PluginError where no plugin offers it."""
+    registry = registries.load()
+    tip: Any = registry.find("indenter", "sphere")
+    model: Any = registry.find("model", "dimensionality-reduction")
+    return model(indenter=tip(radius=5e-3))
