@@ -141,7 +141,7 @@ _RECORD = {
         "motion that was made.",
     ),
     "device": _note(
-        "A device, a log or a third party's distribution has something to say, such as that it was left out.",
+        "A device or a log has a message, a distribution was left out, or a limit is looser than that of a base.",
         "Read the message.",
     ),
 }

@@ -108,11 +108,26 @@ def table_of_parts(annotation: Any) -> Any:
     return None
 
 
+class TextOfFile(str):
+    """A text that another file than the pipeline states; a path in it, where relative, is relative to that file."""
+
+    folder: Path
+
+    def __new__(cls, text: str, folder: Path) -> Self:
+        """Return the text, marked with the folder of its file."""
+        marked = super().__new__(cls, text)
+        marked.folder = folder
+        return marked
+
+    def __reduce__(self) -> tuple[type[TextOfFile], tuple[str, Path]]:
+        return TextOfFile, (str(self), self.folder)
+
+
 def _relative_to_pipeline(value: Any, info: ValidationInfo) -> Any:
     """Return a path in the folder of the pipeline file, which the context names."""
     if not isinstance(value, str | Path):
         return value
-    base = (info.context or {}).get("base", Path())
+    base = value.folder if isinstance(value, TextOfFile) else (info.context or {}).get("base", Path())
     return Path(base) / os.path.expanduser(value)  # which, other than that of pathlib, never raises
 
 

@@ -6,7 +6,7 @@ from palpate_engine.config.pipeline_file import build_parts, build_pipeline, loa
 from palpate_engine.config.pipeline_source import Source, parsed_assignment
 from palpate_engine.config.resolved_pipeline import plain_settings, resolved_text
 from palpate_engine.config.signal_wiring import ports_of, wrong_channels
-from palpate_engine.config.third_parties import plugin_flags, third_party_versions
+from palpate_engine.config.third_parties import setup_flags, third_party_versions
 
 __all__ = [
     "CalibratedNumber",
@@ -21,9 +21,9 @@ __all__ = [
     "parsed_assignment",
     "plain_settings",
     "plugin_files",
-    "plugin_flags",
     "ports_of",
     "resolved_text",
+    "setup_flags",
     "third_party_versions",
     "values_on_trust",
     "wrong_channels",

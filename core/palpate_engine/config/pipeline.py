@@ -44,6 +44,10 @@ class RunSettings(Settings):
     tracks: tuple[str, ...] = Field(
         default=("*",), description='which model/estimator pairs run, as patterns: "dr/*", "*/ekf"'
     )
+    base: tuple[File, ...] = Field(
+        default=(),
+        description='files with the tables of a rig that this one shares, such as ["lab.toml"]; its own keys win',
+    )
     plugins: tuple[File, ...] = Field(default=(), description="Python files next to the pipeline with your own parts")
     distributions: tuple[str, ...] = Field(
         default=(),
@@ -179,6 +183,13 @@ class Pipeline:
     control: ControlUse | None = None
     tables: Mapping[str, Settings] = field(default_factory=dict)  # those of analyses that the file has, by name
     stated: AlignmentSettings | None = None  # the alignment as the file has it, without the calibration
+    inherited: Mapping[str, str] = field(default_factory=dict)  # ``file:line`` of each key that a base states
+    looser_limits: tuple[str, ...] = ()  # sentences on limits of [safety] that are looser than those of a base
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What its reader should know although nothing is wrong with it: of plugins, and of looser limits."""
+        return (*self.registry.notices, *self.looser_limits)
 
     @property
     def ports(self) -> Ports:

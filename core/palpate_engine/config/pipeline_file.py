@@ -19,6 +19,7 @@ from palpate.trust import PluginFile, announce, approved_files, plugin_files_at_
 
 from palpate_engine.alignment import AlignmentSettings
 from palpate_engine.config.assumed_values import assumed_keys
+from palpate_engine.config.bases import apply_bases, looser_limits
 from palpate_engine.config.calibration import calibration_of
 from palpate_engine.config.control import control_of
 from palpate_engine.config.declared_uncertainties import unknown_sources
@@ -73,6 +74,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     tracks, lost = _tracks(run or RunSettings(), kinds["model"], kinds["estimator"])
     if estimates and not builder.mistakes:
         builder.mistakes += lost
+    looser = looser_limits(source, safety)
     if safety and alignment and not builder.mistakes:
         builder.mistakes += contradictions(safety, alignment, kinds["device"])
         safety = wire_safety(safety, alignment, kinds["device"])
@@ -100,6 +102,8 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         control=control,
         tables=extra,
         stated=stated,
+        inherited={".".join(key): place for key, place in source.inherited.items() if not source.is_stated(key)},
+        looser_limits=looser,
     )
     assumed = assumed_keys(run.assumed, pipeline, source.overridden)
     return replace(pipeline, run=run.model_copy(update={"assumed": assumed})) if run.assumed else pipeline
@@ -109,6 +113,7 @@ def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None]:
     """The builder of a source, the plugins that it asks for, and its ``[run]``."""
     tables = source.tables
     choose_dialect(source)
+    apply_bases(source)
     version = demand_version(source)
     _add_plugins_at_hand(source)
     first = Builder(source, Registry({}))
@@ -196,6 +201,7 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
     Without a registry it is that of the installed plugins and of those that the source names.
     """
     choose_dialect(source)
+    apply_bases(source)
     if registry is None:
         first = Builder(source, Registry({}))
         first.settings(RunSettings, ("run",))

@@ -44,6 +44,8 @@ class Source:
         self._lines = _lines(text)
         self._stated: dict[Location, str] = {}  # keys that are set, and by which facts; "": by the command line
         self._plugins_named = False  # by the person at work
+        self.inherited: dict[Location, str] = {}  # ``file:line`` of the keys that its bases state
+        self.base_safety: dict[str, Any] = {}  # limits of its bases
 
     @classmethod
     def read(cls, path: Path, named: bool = True) -> Source:
@@ -125,6 +127,8 @@ class Source:
             head = location[:length]
             if head in self._stated:
                 return self._stated[head] or f"--set {'.'.join(head)}"
+            if head in self.inherited:
+                return self.inherited[head]
             if head in self._lines:
                 return f"{self.path}:{self._lines[head]}"
         return str(self.path)

@@ -29,7 +29,9 @@ def resolved_text(pipeline: Pipeline, beside: Path | None = None) -> str:
     it, so that the text and its files can be moved together.
     """
     if beside is not None:
-        return tomli_w.dumps(_as_seen_from(beside.resolve(), tomllib.loads(resolved_text(pipeline))))
+        return _origins(pipeline) + tomli_w.dumps(
+            _as_seen_from(beside.resolve(), tomllib.loads(resolved_text(pipeline)))
+        )
     tables: dict[str, Any] = {
         KEY: FORMAT,
         "run": plain_settings(pipeline.run, pipeline.registry),
@@ -57,7 +59,12 @@ def resolved_text(pipeline: Pipeline, beside: Path | None = None) -> str:
             tables[kind][name] = {key: _by_name(item, named) for key, item in part.items()}
     tables["alignment"] = {key: _by_name(item, named) for key, item in tables["alignment"].items()}
     tables |= {name: plain_settings(table, pipeline.registry) for name, table in pipeline.tables.items()}
-    return tomli_w.dumps({name: table for name, table in tables.items() if table})
+    return _origins(pipeline) + tomli_w.dumps({name: table for name, table in tables.items() if table})
+
+
+def _origins(pipeline: Pipeline) -> str:
+    """Comments with the place of each key that a base of the pipeline states."""
+    return "".join(f"# {key}: {Path(place).absolute()}\n" for key, place in sorted(pipeline.inherited.items()))
 
 
 def _as_seen_from(folder: Path, value: Any) -> Any:

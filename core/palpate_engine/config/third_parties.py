@@ -48,10 +48,11 @@ def _parts_in(value: Any) -> Iterator[Part]:
             yield from _parts_in(item)
 
 
-def plugin_flags(pipeline: Pipeline) -> Iterator[Flag]:
-    """Yield what every run states of third parties: who was left out, and who takes the place of whom."""
+def setup_flags(pipeline: Pipeline) -> Iterator[Flag]:
+    """Yield what every run states of its set-up: who was left out or takes the place of whom, and looser limits."""
     registry = pipeline.registry
-    yield from (Flag("device", sentence) for sentence in (*registry.left_out, *registry.older_names))
+    sentences = (*registry.left_out, *registry.older_names, *pipeline.looser_limits)
+    yield from (Flag("device", sentence) for sentence in sentences)
     installed = third_party_versions(pipeline)
     for text in pipeline.run.distributions:
         name, _, version = text.partition(" ")

@@ -16,7 +16,7 @@ from palpate.errors import StoppedError
 from palpate.flags import Flag
 
 from palpate_engine.alignment import AlignmentReport, AlignmentSettings
-from palpate_engine.config import Pipeline, plugin_flags, resolved_text, values_on_trust
+from palpate_engine.config import Pipeline, resolved_text, setup_flags, values_on_trust
 from palpate_engine.pipeline.device_flags import device_flags
 from palpate_engine.pipeline.interrupt import Interrupt
 from palpate_engine.result import SCHEMA, Condition, TrackResult, contradictions, finite, record_flags, stream_tables
@@ -124,7 +124,7 @@ def _run_flags(
     """Flags that concern every track."""
     motion = live.motion if live is not None else None
     health = motion.devices if motion is not None else {}
-    yield from plugin_flags(pipeline)
+    yield from setup_flags(pipeline)
     yield from (Flag("device", text) for device in pipeline.devices.values() for text in device.warnings)
     if pipeline.calibration is not None:
         yield from pipeline.calibration.flags(pipeline, health)

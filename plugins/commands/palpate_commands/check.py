@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -25,17 +26,28 @@ def check(
     tracks = ", ".join(names)
     if as_json:
         plugins = [{"name": plugin.name, "place": plugin.place} for plugin in pipeline.registry.plugins]
-        found = {"file": file, "devices": list(pipeline.devices), "tracks": names, "plugins": plugins}
-        print_json({**found, "notices": pipeline.registry.notices, "resolved": tomllib.loads(resolved_text(pipeline))})
+        shared = {"inherited": dict(pipeline.inherited)} if pipeline.inherited else {}
+        found = {**shared, "file": file, "devices": list(pipeline.devices), "tracks": names, "plugins": plugins}
+        print_json({**found, "notices": pipeline.notices, "resolved": tomllib.loads(resolved_text(pipeline))})
     elif resolved:
         typer.echo(resolved_text(pipeline), nl=False)
     else:
         devices = ", ".join(pipeline.devices)
-        for notice in pipeline.registry.notices:
+        for notice in pipeline.notices:
             typer.echo(notice, err=True)
+        for place, keys in _keys_by_file(pipeline.inherited).items():
+            typer.echo(f"{place}: {', '.join(keys)}")
         typer.echo(f"{file} is in order: devices {devices}; tracks {tracks}")
         for plugin in pipeline.registry.plugins if verbose else ():
             typer.echo(f"plugin {plugin.name}" + (f" from {plugin.place}" if plugin.place != plugin.name else ""))
         others = [plugin.name for plugin in pipeline.registry.plugins if not plugin.name.startswith("palpate ")]
         if others and not verbose:
             typer.echo(f"with {', '.join(others)}; -v says where every plugin is")
+
+
+def _keys_by_file(inherited: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return the keys that each base states, in the order of the keys."""
+    keys: dict[str, list[str]] = {}
+    for key, place in sorted(inherited.items()):
+        keys.setdefault(place.rpartition(":")[0], []).append(key)
+    return keys

@@ -63,7 +63,7 @@ def run(
 
 def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details: bool = False) -> None:
     """Run a pipeline, show progress and results; ends with the code of the signal that stopped it."""
-    for notice in pipeline.registry.notices:
+    for notice in pipeline.notices:
         typer.echo(notice, err=True)
     with contextlib.ExitStack() as stack:
         displays = [] if as_json else list(pipeline.registry.displays.values())

@@ -95,7 +95,7 @@ class RecordEstimator:
         pipeline = tracks.pipeline
         devices = {key: _named_as(pipeline.devices[key], table) for key, table in record.devices.items()}
         text = self._text(pipeline, devices, record, name)
-        for notice in pipeline.registry.notices:
+        for notice in pipeline.notices:
             warnings.warn(notice, stacklevel=4)
         with quietly():
             outcome = tracks.estimate(devices, name=name or record.name, text=text)

@@ -158,7 +158,7 @@ def execute(kind: type[Kind], pipeline: Pipeline, folder: Path | None, holds: ob
 
     The result keeps what it `holds`. Raises UserError, and StoppedError where the run was stopped.
     """
-    for notice in pipeline.registry.notices:
+    for notice in pipeline.notices:
         warnings.warn(notice, stacklevel=3)
     live = is_live(pipeline.devices)
     temporary = folder is None and not live

@@ -103,6 +103,7 @@ def _acceptance(
         tuple(outcomes),
         _able(pipeline),
         pipeline.run.rehearsal,
+        pipeline.looser_limits,
     )
 
 

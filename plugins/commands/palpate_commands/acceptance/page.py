@@ -35,6 +35,7 @@ class Acceptance:
     outcomes: tuple[Outcome, ...]
     steps: tuple[Visit, ...]  # of the whole protocol, on this robot
     rehearsal: str | None = None  # the twin of one that was not made on the rig
+    looser_limits: tuple[str, ...] = ()  # than those of the base of the pipeline, a sentence each
 
     @property
     def is_whole(self) -> bool:
@@ -123,7 +124,7 @@ class Acceptance:
         if "safety_checksum" not in self.identity:
             yield "- safety checksum on the pendant: ______________ (`safety_checksum` of the device is not stated)"
         yield ""
-        yield from (f"- {line}" for line in (*self._obedience(), *self.worst()))
+        yield from (f"- {line}" for line in (*self.looser_limits, *self._obedience(), *self.worst()))
         if not self.is_whole:
             missing = [v.name for v in self.steps if v.name not in {o.visit.name for o in self.outcomes}]
             yield f"- not done: {', '.join(missing)}"

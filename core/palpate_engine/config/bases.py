@@ -1,0 +1,153 @@
+"""``[run] base``: tables of a rig that several pipeline files share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from palpate.errors import ConfigurationError
+from palpate.input_file import check_input
+from palpate.key_mistakes import Location
+from palpate.parts import TextOfFile
+from pydantic import ValidationError
+
+from palpate_engine.config.file_version import KEY, demand_version
+from palpate_engine.config.pipeline_source import Source
+from palpate_engine.safety import SafetySettings
+
+BASE = ("run", "base")
+BASE_TABLES = ("device", "alignment", "safety", "indenter", "rig")
+BASE_RUN_KEYS = ("base", "rig")
+# Limits of [safety] that are looser where they are smaller; all others are looser where they are larger.
+LOOSER_BELOW = ("low", "stiffness", "latency", "sensor_delay", "standstill")
+
+
+def apply_bases(source: Source) -> None:
+    """Put the tables of the files that ``[run] base`` names below those of a source, which keep their own keys.
+
+    Later files win key by key; lists are replaced whole, and so is a table of another `type`. Raises ConfigurationError
+    for a file that cannot be read, is its own base, or holds more than a rig.
+    """
+    run = source.tables.get("run")
+    if not isinstance(run, dict) or "base" not in run:
+        return
+    tables, places = _tables_of_bases(source, (source.path.resolve(),))
+    run.pop("base")
+    source.base_safety = dict(tables.get("safety", {}))
+    _merge(tables, source.tables, (), places)
+    source.tables.clear()
+    source.tables.update(tables)
+    source.inherited = places
+
+
+def _tables_of_bases(source: Source, chain: tuple[Path, ...]) -> tuple[dict[str, Any], dict[Location, str]]:
+    """Return the tables of all bases of a source, merged, and ``file:line`` of each of their keys."""
+    names, where = source.tables.get("run", {}).get("base", []), source.where(BASE)
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise ConfigurationError(f'{where}: [run] base: must be a list of files, such as ["lab.toml"]')
+    tables: dict[str, Any] = {}
+    places: dict[Location, str] = {}
+    for name in names:
+        path = source.path.parent / os.path.expanduser(name)
+        if path.resolve() in chain:
+            way = " -> ".join(file.name for file in (*chain, path))
+            raise ConfigurationError(f"{where}: [run] base: a file is its own base: {way}")
+        try:
+            check_input(path, source.enclosure)
+            base = Source.read(path, named=False)
+        except (ConfigurationError, ValueError) as error:
+            raise ConfigurationError(f"{where}: [run] base: {error}") from error
+        _demand_rig(base)
+        demand_version(base)
+        below, places_below = _tables_of_bases(base, (*chain, path.resolve()))
+        rest = {key: table for key, table in base.tables.items() if key != KEY}
+        if "run" in rest:
+            rest["run"] = {key: value for key, value in rest["run"].items() if key != "base"}
+        _merge(below, _marked(rest, path.parent), (), places_below)
+        _note_places(rest, base, (), places_below)
+        _merge(tables, below, (), places)
+        places |= places_below
+    return tables, places
+
+
+def _demand_rig(base: Source) -> None:
+    """Raise ConfigurationError where a base holds anything but the tables of a rig."""
+    for key, table in base.tables.items():
+        if key == "run" and isinstance(table, dict):
+            others = [(key, name) for name in table if name not in BASE_RUN_KEYS]
+        else:
+            first = next(iter(table), "") if isinstance(table, dict) else ""
+            others = [] if key in (*BASE_TABLES, KEY) else [(key, first)]
+        if others:
+            what = f"[{key}] {others[0][1]}" if key == "run" else ".".join(filter(None, others[0]))
+            allowed = "[device.*], [alignment], [safety], [indenter.*], [rig] and [run] rig"
+            raise ConfigurationError(f"{base.where(others[0])}: {what}: a base holds only {allowed}")
+
+
+def _marked(value: Any, folder: Path) -> Any:
+    """Return the same with every text marked by the folder of its file, to which a path in it is relative."""
+    if isinstance(value, dict):
+        return {key: _marked(item, folder) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_marked(item, folder) for item in value]
+    return TextOfFile(value, folder) if isinstance(value, str) else value
+
+
+def _merge(tables: dict[str, Any], over: Mapping[str, Any], at: Location, inherited: dict[Location, str]) -> None:
+    """Put tables over others, key by key; the places of what they replace are taken out of `inherited`."""
+    for key, value in over.items():
+        below, location = tables.get(key), (*at, key)
+        if location[0] == "alignment" and isinstance(value, dict) and isinstance(below, str):
+            below = tables[key] = {"channel": below}  # a signal in its short form
+            if location in inherited:
+                inherited[*location, "channel"] = inherited.pop(location)
+        is_other_part = isinstance(below, dict) and isinstance(value, dict) and _types_differ(below, value)
+        if isinstance(below, dict) and isinstance(value, dict) and not is_other_part:
+            _merge(below, value, location, inherited)
+            continue
+        for place in [place for place in inherited if place[: len(location)] == location]:
+            del inherited[place]
+        tables[key] = value
+
+
+def _types_differ(below: Mapping[str, Any], over: Mapping[str, Any]) -> bool:
+    return "type" in below and "type" in over and below["type"] != over["type"]
+
+
+def _note_places(table: Mapping[str, Any], base: Source, at: Location, inherited: dict[Location, str]) -> None:
+    """Note ``file:line`` of every key in the tables of a base."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            _note_places(value, base, (*at, key), inherited)
+        else:
+            inherited[*at, key] = base.where((*at, key))
+
+
+def looser_limits(source: Source, safety: SafetySettings | None) -> tuple[str, ...]:
+    """Return a sentence for each limit of [safety] that is looser than that of the base."""
+    stated = source.tables.get("safety", {})
+    changed = [key for key, value in source.base_safety.items() if stated.get(key) != value]
+    if safety is None or not changed:
+        return ()
+    try:
+        base = SafetySettings.model_validate({**stated, **source.base_safety}, context={"base": source.path.parent})
+    except ValidationError:  # a wrong value of a base that nothing uses
+        return ()
+    return tuple(
+        f"[safety] {key}: {stated[key]!r} is looser than {source.base_safety[key]!r} of the base"
+        for key in changed
+        if key in stated and _is_looser(key, getattr(safety, key, None), getattr(base, key, None))
+    )
+
+
+def _is_looser(key: str, value: Any, base: Any) -> bool:
+    """Return True where a limit admits more than that of the base does; any of its components decides."""
+    if base is None or value is None:
+        return base is not None
+    values, bases = (item if isinstance(item, tuple) else (item,) for item in (value, base))
+    if not all(isinstance(item, int | float) for item in (*values, *bases)):
+        return bool(value != base)
+    pairs = list(zip(values, bases, strict=True))
+    return any(a < b for a, b in pairs) if key in LOOSER_BELOW else any(a > b for a, b in pairs)
