@@ -17,7 +17,7 @@ import pluggy
 
 from palpate import core_flags, hooks
 from palpate.claims import settle_claims
-from palpate.errors import PluginError, suggest
+from palpate.errors import RAISED_BY_PARTS, PluginError, suggest
 from palpate.plugin_origin import Plugin
 from palpate.plugin_switch import PluginSwitch
 from palpate.safe_path import without_current_folder
@@ -98,7 +98,7 @@ class Discovery:
             others = [other for _, other in self.manager.list_name_plugin() if other is not module]
             try:
                 offers = self.manager.subset_hook_caller(hook, others)()
-            except Exception as error:  # whatever third-party code raises
+            except RAISED_BY_PARTS as error:  # whatever third-party code raises
                 self._fail(plugin, f"{hook} raises {_cause(error)} ({_place(error, plugin)})", error)
                 continue
             for offer in offers:
@@ -109,7 +109,7 @@ class Discovery:
                 else:
                     yield plugin, checked
 
-    def _fail(self, plugin: Plugin, problem: str, error: Exception) -> None:
+    def _fail(self, plugin: Plugin, problem: str, error: BaseException) -> None:
         """Note a problem of an installed plugin; raise PluginError for a file, which its user can correct."""
         if plugin.is_file:
             raise PluginError(f"plugin {plugin.name}: {problem}") from error
@@ -131,8 +131,8 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
             continue
         try:
             _register(manager, entry.load(), name)
-        except Exception as error:  # whatever a third-party import raises
-            failures[name] = f"plugin {name} could not be loaded: {_cause(error)}"
+        except RAISED_BY_PARTS as error:  # whatever a third-party import raises
+            failures[name] = f"plugin {name} could not be loaded: {_cause(error)}{_import_place(error)}"
     for path in files:
         file = path if isinstance(path, PluginFile) else PluginFile.read(path)
         module = import_plugin_file(file)
@@ -143,12 +143,21 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
     return Discovery(manager, failures, switch.left_out(third_parties))
 
 
-def _cause(error: Exception) -> str:
+def _import_place(error: BaseException) -> str:
+    """Return `` (own.py, line 7)``, the last line of a plugin that an import was at; a syntax error says it itself."""
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename).exists()]
+    of_others = [frame for frame in frames if "importlib" not in frame.filename and frame.filename != __file__]
+    if isinstance(error, SyntaxError) or not of_others:
+        return ""
+    return f" ({Path(of_others[-1].filename).name}, line {of_others[-1].lineno})"
+
+
+def _cause(error: BaseException) -> str:
     """Return ``KeyError: 'lost'``, in one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
-def _place(error: Exception, plugin: Plugin) -> str:
+def _place(error: BaseException, plugin: Plugin) -> str:
     """Return ``own.py, line 7``: the place in a plugin's own file that raised, or called the code that did."""
     frames = traceback.extract_tb(error.__traceback__)
     plugin_frames = [frame for frame in frames if frame.filename == plugin.place] or frames
@@ -209,14 +218,14 @@ def import_plugin_file(file: PluginFile) -> ModuleType:
     try:
         with without_current_folder():
             exec(compile(file.content, str(file.path), "exec", dont_inherit=True), module.__dict__)
-    except Exception as error:
-        problem = f"{type(error).__name__}: {error}{_advice(error, file.path)}"
+    except RAISED_BY_PARTS as error:
+        problem = f"{_cause(error)}{_import_place(error)}{_advice(error, file.path)}"
         raise PluginError(f"plugin file {file.path} fails to import: {problem}") from error
     module.__dict__[_SOURCE] = file
     return module
 
 
-def _advice(error: Exception, path: Path) -> str:
+def _advice(error: BaseException, path: Path) -> str:
     """Return the remedy for an import from the folder of a plugin file; empty for any other error."""
     name = (getattr(error, "name", None) or "").partition(".")[0]
     is_neighbour = bool(name) and (path.with_name(f"{name}.py").exists() or (path.parent / name).is_dir())

@@ -23,6 +23,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from types import FrameType, MappingProxyType
 
+RAISED_BY_PARTS = (Exception, SystemExit)  # by code of others; exit() in a part is a mistake of the part
 _SHOWN = 12  # a choice: names in a message
 _SIMILARITY = 0.6  # a choice, that of difflib: names at least so similar are suggested
 _SHARED = "; all plugins share the readings and estimates of a run, so they are read-only: change a copy"

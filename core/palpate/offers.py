@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, ClassVar
 
-from palpate.errors import PalpateError, PluginError
+from palpate.errors import RAISED_BY_PARTS, PalpateError, PluginError
 
 PANELS = {  # tasks, in the order of ``palpate --help``
     "begin": "Begin",
@@ -185,6 +185,6 @@ def import_target(target: str) -> Callable[..., Any]:
         raise PluginError(f"{target} cannot be imported: {error}") from error
     except PalpateError:
         raise
-    except Exception as error:  # whatever a third-party import raises
+    except RAISED_BY_PARTS as error:  # whatever a third-party import raises
         raise PluginError(f"{target} cannot be imported: {type(error).__name__}: {error}") from error
     return target_object

@@ -116,7 +116,6 @@ from .core_names import (
     toml_tables as toml_tables,
     trust_plugin as trust_plugin,
     trusted_plugins as trusted_plugins,
-    truth_of as truth_of,
     verdict as verdict,
     verdict_rank as verdict_rank,
     verdict_word as verdict_word,

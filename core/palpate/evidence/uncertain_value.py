@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.contact import ContactModel
+from palpate.contact import ContactModel, MaterialValue
 from palpate.fit_report import Effect
 from palpate.vectors import Floats
 
@@ -138,13 +138,23 @@ def derived_values(
     estimates = [parameters[parameter.name] for parameter in model.parameters]
     std, settling = [estimate.std for estimate in estimates], [estimate.settling for estimate in estimates]
     derived = []
-    for value in model.material([estimate.value for estimate in estimates]):
+    for value in _material_values(model, [estimate.value for estimate in estimates]):
         if value.name in parameters:
             continue
         scatter = _scatter(np.array(value.gradient), std, covariance)
         uncertain = UncertainValue(value.value, scatter, value.unit, value.std(settling))
         derived.append(DerivedValue(value.name, uncertain, value.caveat))
     return tuple(derived)
+
+
+def _material_values(model: ContactModel, theta: Sequence[float]) -> Sequence[MaterialValue]:
+    """Return what a model says of its material; raises ValueError for a gradient of another length than its values."""
+    values = model.material(theta)
+    for value in values:
+        if len(value.gradient) != len(theta):
+            lengths = f"{len(value.gradient)} numbers for {len(theta)} parameters"
+            raise ValueError(f"material: the gradient of {value.name} has {lengths}")
+    return values
 
 
 def _scatter(gradient: Floats, std: Sequence[float], covariance: Floats | None) -> float:

@@ -6,16 +6,19 @@ import contextlib
 import os
 import re
 import sys
+import traceback
 import warnings
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
-from palpate.errors import PalpateError
+from palpate.discovery import discover, plugin_file_of
+from palpate.errors import PalpateError, PluginError, error_in
 from palpate.offers import function_of
 from palpate.plugin_switch import OFF, only_plugins
 from palpate.printable_text import printable
 from palpate.safe_path import safe_processes, without_current_folder
-from palpate.trust import at_the_command_line, inherited_approval, with_plugin_files
+from palpate.trust import at_the_command_line, inherited_approval, plugin_files_at_hand, with_plugin_files
 
 from palpate_engine.cli.commands import (
     CommandCall,
@@ -68,15 +71,29 @@ def _report(error: BaseException) -> int:
     if isinstance(error, KeyboardInterrupt) or _CTRL_C.search(f"{type(error).__name__}: {error}"):
         print("palpate: stopped", file=sys.stderr)
         return 130
+    if (plugin := _culprit(error)) is not None:
+        error = PluginError(f"plugin {plugin} failed: {error_in(error)}")
     if isinstance(error, PalpateError):
         with contextlib.suppress(OSError):  # a terminal that has gone
             print(f"palpate: {printable(str(error), lines=True)}", file=sys.stderr)
         return error.exit_code
-    import traceback
-
     traceback.print_exc()
     print("palpate: this is a bug in palpate or in a plugin of yours, not in your pipeline", file=sys.stderr)
     return 1
+
+
+def _culprit(error: BaseException) -> str | None:
+    """Return the third party's plugin whose code raised an error, or called what did; None of one of palpate's own."""
+    if isinstance(error, PalpateError):
+        return None
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    strangers = [plugin for plugin in discover(plugin_files_at_hand()).plugins.values() if not plugin.own]
+    for frame in reversed(frames):
+        file = plugin_file_of(SimpleNamespace(**frame.f_globals))
+        names = [plugin.name for plugin in strangers if plugin.holds(frame.f_code.co_filename)]
+        if file is not None or names:
+            return names[0] if names else str(file.path) if file else None
+    return None
 
 
 def call(arguments: Sequence[str], ends: bool = False) -> None:

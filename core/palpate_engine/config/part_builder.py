@@ -7,7 +7,7 @@ from typing import Any
 
 from palpate import hooks
 from palpate.claims import CORE_TABLES
-from palpate.errors import PalpateError, PluginError, suggest
+from palpate.errors import RAISED_BY_PARTS, PalpateError, PluginError, error_in, suggest
 from palpate.key_mistakes import Location, Mistake, mistakes_of
 from palpate.parts import Part, Settings, nested_settings, part_kind, table_of_parts
 from palpate.registry import Registry
@@ -114,6 +114,12 @@ class Builder:
         except PalpateError as error:  # a part that looks into its file
             self._note(location, str(error))
             raise _PartError from error
+        except RAISED_BY_PARTS as error:  # whatever a third party's validator raises
+            self._note(location, f"{settings.__name__} failed: {error_in(error)}")
+            raise _PartError from error
+        if not isinstance(found, settings):
+            self._note(location, f"a validator of {settings.__name__} returns {found!r}, not the part itself")
+            raise _PartError
         self.mistakes += doubted
         if doubted or broken:  # what is in order without its broken inner table is another part than was meant
             raise _PartError

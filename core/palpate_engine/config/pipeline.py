@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from palpate.contact import ContactModel, Indenter
-from palpate.device import Device
+from palpate.device import Device, truth_of
 from palpate.estimation import Estimator
 from palpate.flags import Flag
 from palpate.parts import File, InputFile, Settings
@@ -195,6 +195,13 @@ class Pipeline:
     def ports(self) -> Ports:
         """Where each signal is read."""
         return self._ports
+
+    @property
+    def truth(self) -> dict[str, float]:
+        """Return what the simulated device whose force and motion are read knows, by parameter name [SI]."""
+        roles = self.ports.roles
+        names = {roles[role].device for role in ("force", "position", "velocity") if role in roles}
+        return truth_of({name: device for name, device in self.devices.items() if name in names})
 
     @property
     def tip_radius(self) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate.device import Batch, Device, Link, Stream
-from palpate.errors import DeviceError, PalpateError, error_in, suggest
+from palpate.errors import RAISED_BY_PARTS, DeviceError, PalpateError, error_in, suggest
 from palpate.vectors import read_only
 
 Arrivals = Sequence[tuple[str, Batch]]  # batches that arrived together, each with its device
@@ -49,7 +49,7 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
             batch = next(batches, None)
         except PalpateError:
             raise
-        except Exception as error:  # whatever a stranger's device raises
+        except RAISED_BY_PARTS as error:  # whatever a stranger's device raises
             raise DeviceError(f"device {name} failed: {error_in(error)}") from error
         if batch is None:
             return

@@ -28,14 +28,22 @@ class PartFailure:
     track: Track
     registry: Registry
 
-    def flag(self, error: Exception, samples: Samples | None = None) -> Flag:
-        """What ended the track: plugin, part, file, line, time and error."""
-        when = f" between {samples.time[0]:.3f} and {samples.time[-1]:.3f} s" if samples else ""
-        return Flag("failed", f"{self.complaint(error, when)}; this track ends here")
+    def flag(self, error: BaseException, samples: Samples | None = None) -> Flag:
+        """Return what ended the track: plugin, part, file, line, time and error.
 
-    def complaint(self, error: Exception, when: str = "") -> str:
-        """``estimator 'mine' of plugin my_filter.py failed: ValueError: no (my_filter.py, line 12, in run)``."""
-        part, frame, line = self._culprit(list(traceback.walk_tb(error.__traceback__)))
+        Without samples the estimator has done its work, and what is unclear is of the model.
+        """
+        when = f" between {samples.time[0]:.3f} and {samples.time[-1]:.3f} s" if samples else ""
+        unclear = self.track.model if samples is None else self.track.estimator
+        return Flag("failed", f"{self.complaint(error, when, unclear)}; this track ends here")
+
+    def complaint(self, error: BaseException, when: str = "", unclear: Part | None = None) -> str:
+        """``estimator 'mine' of plugin my_filter.py failed: ValueError: no (my_filter.py, line 12, in run)``.
+
+        The part is that whose code raised, or called what did; `unclear`, or else the estimator, where none is found.
+        """
+        frames = list(traceback.walk_tb(error.__traceback__))
+        part, frame, line = self._culprit(frames) or (unclear or self.track.estimator, *frames[-1])
         return f"{self._named(part)} failed{when}: {error_in(error, frame, line)}"
 
     def _named(self, part: Part) -> str:
@@ -46,13 +54,13 @@ class PartFailure:
             return f"{part.kind} {type(part).__name__}"
         return f"{part.kind} {found[0]!r} of plugin {found[1].plugin.name}"
 
-    def _culprit(self, frames: list[tuple[FrameType, int]]) -> tuple[Part, FrameType, int]:
-        """The part whose code raised, or called what did, and where in it; the estimator where that is unclear."""
+    def _culprit(self, frames: list[tuple[FrameType, int]]) -> tuple[Part, FrameType, int] | None:
+        """The part whose code raised, or called what did, and where in it; None where that is unclear."""
         for frame, line in reversed(frames):
             for part in (self.track.model, getattr(self.track.model, "indenter", None), self.track.estimator):
                 if isinstance(part, Part) and _is_of(frame, part):
                     return part, frame, line
-        return (self.track.estimator, *frames[-1])
+        return None
 
 
 def third_party_error(error: Exception, registry: Registry) -> Exception:

@@ -11,8 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpate.device import truth_of
-from palpate.errors import StoppedError
+from palpate.errors import PalpateError, StoppedError
 from palpate.flags import Flag
 
 from palpate_engine.alignment import AlignmentReport, AlignmentSettings
@@ -44,6 +43,13 @@ class Result:
         """Raise StoppedError, with the exit code of the signal, where the run was stopped before its end."""
         if self.interrupted is not None:
             raise StoppedError(f"{self.interrupted}: partial, in {self.folder}", self.signal)
+
+    def demand_no_failure(self) -> None:
+        """Raise PalpateError where the code of a track's part raised; the results of the others are written."""
+        flags = [(name, flag) for name, track in self.tracks.items() for flag in track.flags]
+        failed = [f"{name}: {flag.message}" for name, flag in flags if flag.code == "failed"]
+        if failed:
+            raise PalpateError(f"{'; '.join(failed)} (what the others found is in {self.folder})")
 
     def table(self) -> dict[str, Any]:
         """The contents of ``result.json``."""
@@ -78,7 +84,7 @@ def build_result(
         stream_tables(report),
         _judged(pipeline, _with_assumptions(pipeline, found), flags),
         flags,
-        truth_of(pipeline.devices),
+        pipeline.truth,
         interrupt.reason,
         interrupt.signal,
     )

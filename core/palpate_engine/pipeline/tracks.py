@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from palpate.clocks import clock
-from palpate.errors import ConfigurationError, PalpateError, PluginError
+from palpate.errors import RAISED_BY_PARTS, ConfigurationError, PalpateError, PluginError
 from palpate.estimation import Estimates, Problem, Samples, Tracker
 from palpate.offers import Diagnosis, function_of
 from palpate.vectors import Floats, read_only
@@ -53,7 +53,7 @@ class RunningTrack:
             self.record.add(flat, estimates, clock().now() - before)
         except PalpateError:
             raise  # on purpose: the user can mend it
-        except Exception as error:  # whatever third-party code raises: the other tracks continue
+        except RAISED_BY_PARTS as error:  # whatever third-party code raises: the other tracks continue
             self.record.failure = self.part_failure.flag(error, samples)
             return read_only(Estimates.idle(samples, parameters))
         return estimates if share is None else read_only(replace(estimates, force=estimates.force * share))
@@ -77,7 +77,7 @@ class RunningTrack:
             return track_result(track.name, track.model, self.record, report, settings, average, online)
         except PalpateError:
             raise
-        except Exception as error:  # a model that cannot say what its parameters mean
+        except RAISED_BY_PARTS as error:  # a model that cannot say what its parameters mean
             self.record.failure = self.part_failure.flag(error)
             return track_result(track.name, track.model, self.record, report, settings, average, online)
 
@@ -87,7 +87,7 @@ class RunningTrack:
             return None
         try:
             return track_result(self.track.name, self.track.model, self.record, report, settings, average, True)
-        except Exception:  # a model that fails here fails in the result, too, which reports it
+        except RAISED_BY_PARTS:  # a model that fails here fails in the result, too, which reports it
             return None
 
 
@@ -195,7 +195,7 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
             raise ConfigurationError(f"{pipeline.path}: [estimator.{track.name.estimator}]: {error}") from error
         except PalpateError:
             raise
-        except Exception as error:  # whatever third-party code raises
+        except RAISED_BY_PARTS as error:  # whatever third-party code raises
             raise PluginError(f"{pipeline.path}: track {track.name}: {part_failure.complaint(error)}") from error
         # An offline estimate holds for all of its samples, so all of them are looked at.
         summaries = {name: function_of(summary)() for name, summary in pipeline.registry.summaries.items()}

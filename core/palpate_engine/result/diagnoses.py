@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from palpate.contact import ContactModel
-from palpate.errors import PluginError, error_in
+from palpate.errors import RAISED_BY_PARTS, PluginError, error_in
 from palpate.estimation import Estimator
 from palpate.evidence.condition import Condition, joined
 from palpate.evidence.track_evidence import Diagnosed, TrackEnd, TrackEvidence
@@ -100,7 +100,7 @@ def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) ->
     """The findings of one diagnosis; the estimates stay, whatever a third-party function raises."""
     try:
         return dict(function_of(diagnosis)(evidence))
-    except Exception as error:
+    except RAISED_BY_PARTS as error:
         flag = Flag("diagnosis-failed", f"{name}: {error_in(error)}")
         return {track.name: Diagnosed((flag,)) for track in evidence}
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from palpate.errors import PalpateError, error_in
+from palpate.errors import RAISED_BY_PARTS, PalpateError, error_in
 from palpate.estimation import Estimates, Samples, Status
 from palpate.evidence.track_tail import Tail
 from palpate.fit_report import FitReport
@@ -77,7 +77,7 @@ class TrackRecord:
                 summary.add(samples, estimates)
             except PalpateError:
                 raise
-            except Exception as error:  # whatever third-party code raises
+            except RAISED_BY_PARTS as error:  # whatever third-party code raises
                 del self.summaries[name]
                 self.flags += (Flag("diagnosis-failed", f"summary {name}: {error_in(error)}"),)
 

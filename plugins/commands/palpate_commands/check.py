@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate_engine import load_pipeline, resolved_text, start_tracks
+from palpate_engine import load_pipeline, resolved_text, single_trajectory, start_tracks
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
 
@@ -22,6 +22,8 @@ def check(
 ) -> None:
     """Check a pipeline without running it: every mistake at once, each with its line."""
     pipeline = load_pipeline(file, overrides or [])
+    if len(pipeline.trajectories) > 1 and not any(device.duration is not None for device in pipeline.devices.values()):
+        single_trajectory(pipeline)
     names = [running.track.name for running in start_tracks(pipeline)]
     tracks = ", ".join(names)
     if as_json:

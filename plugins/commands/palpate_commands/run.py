@@ -85,6 +85,7 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
     for line in _reported(pipeline, result.folder):
         typer.echo(line, err=as_json or layout() != "table")
     result.demand_whole()
+    result.demand_no_failure()
 
 
 def _reported(pipeline: Pipeline, folder: Path) -> Iterator[str]:

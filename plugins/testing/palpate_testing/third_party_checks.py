@@ -5,17 +5,36 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from palpate import ContactModel, Indenter, Part, PluginError, Settings
-from palpate_engine import Registry
+from palpate import ContactModel, Indenter, Part, PluginError, Settings, to_si
+from palpate_engine import Quantity, Registry
 
-from palpate_testing.model_checks import check_force, usual_values
+from palpate_testing.model_checks import check_force, check_parameters, usual_values
 from palpate_testing.tip_checks import check_indenter
 
 
 def check_parts(parts: Mapping[str, Mapping[str, Part]], registry: Registry) -> None:
-    """Raise PluginError for a wrong tip, or third-party contact model, among parts by kind and name."""
+    """Raise PluginError for a wrong tip, third-party model or default among parts by kind and name."""
+    check_defaults([part for named in parts.values() for part in named.values()], registry)
     check_tips([part for kind in ("indenter", "model", "device") for part in parts.get(kind, {}).values()], registry)
     check_models([part for part in parts.get("model", {}).values() if isinstance(part, ContactModel)], registry)
+
+
+def check_defaults(parts: Iterable[Part], registry: Registry) -> None:
+    """Raise PluginError for a third-party part with a quantity whose default is a text, which nobody converts."""
+    for part in parts:
+        entry = next((e for e in registry.parts[part.kind].values() if e.is_of(type(part))), None)
+        if entry is None or entry.plugin.own:
+            continue
+        for key, field in type(part).model_fields.items():
+            unit = next((item.unit for item in field.metadata if isinstance(item, Quantity)), None)
+            if unit is None or not isinstance(field.default, str):
+                continue
+            try:
+                problem = f"is a text; write {to_si(field.default, unit):g}, in {unit}"
+            except ValueError as error:
+                problem = f"is wrong: {error}"
+            where = f"plugin {entry.plugin.name}: {part.kind} {entry.name!r}"
+            raise PluginError(f"{where}: the default {field.default!r} of {key} {problem}")
 
 
 def check_tips(parts: Iterable[Settings], registry: Registry) -> None:
@@ -44,7 +63,9 @@ def check_models(models: Iterable[ContactModel], registry: Registry) -> None:
         if entry is None or entry.plugin.own:
             continue
         try:
-            check_force(model, usual_values(model))
+            theta = usual_values(model)
+            check_parameters(model, theta)
+            check_force(model, theta)
         except Exception as error:  # whatever third-party code raises
             what = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
             where = f"plugin {entry.plugin.name}: model {entry.name!r}"

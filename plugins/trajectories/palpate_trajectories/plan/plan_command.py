@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, Floats, Setpoint, contact_force, duration_of, setpoints_at, to_si
-from palpate_engine import Pipeline, ask_devices, check_motion, load_pipeline, truth_of
+from palpate_engine import Pipeline, ask_devices, check_motion, load_pipeline
 from palpate_kit.figures import save_figure
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
@@ -123,7 +123,7 @@ def _force_limits(pipeline: Pipeline) -> dict[str, float]:
 
 def _expected(pipeline: Pipeline, model: Any, expect: list[str]) -> list[float] | None:
     """Return the model's parameters as expected, or the truth of a simulated rig; None where some are unknown."""
-    values = truth_of(pipeline.devices)
+    values = pipeline.truth
     units = {parameter.name: parameter.unit for parameter in model.parameters}
     for assignment in expect:
         name, _, text = assignment.partition("=")
