@@ -81,6 +81,7 @@ from .core_names import (
     SEVERITIES as SEVERITIES,
     ConsentError as ConsentError,
     Enclosure as Enclosure,
+    Entry as Entry,
     FlagEntry as FlagEntry,
     PluginSwitch as PluginSwitch,
     Quantity as Quantity,

@@ -7,7 +7,7 @@ from palpate import registry
 from palpate.contact import force_slopes
 from palpate.device import ask_devices, is_live, own_motions
 from palpate.discovery import import_plugin_file, plugin_file_of
-from palpate.entries import FlagEntry
+from palpate.entries import Entry, FlagEntry
 from palpate.errors import ConsentError, StoppedError, error_text
 from palpate.evidence.condition import FORMER_FLAGS
 from palpate.flags import SEVERITIES, is_open, needs_fact, verdict, verdict_rank, verdict_word

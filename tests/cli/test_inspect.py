@@ -44,7 +44,7 @@ def test_the_tables_of_every_pipeline_are_described(palpate, table, words):
 
 def test_the_schema_is_json(palpate):
     schema = json.loads(palpate("describe", "schema").stdout)
-    assert schema["required"] == ["device", "alignment", "model", "estimator"]
+    assert schema["else"]["required"] == ["device", "alignment", "model", "estimator"]
 
 
 def test_check_and_the_resolved_pipeline(palpate, point_pipeline):

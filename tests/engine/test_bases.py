@@ -160,7 +160,7 @@ def test_a_base_that_is_no_list(files, palpate):
 def test_the_pair_of_the_examples(palpate, root, tmp_path):
     study = root / "pipelines" / "shared" / "study.toml"
     pipeline = load_pipeline(study)
-    assert (pipeline.alignment.force.channel, pipeline.alignment.force.uncertainty) == ("rig.wrench.z", 0.0003)
+    assert (pipeline.alignment.force.channel, pipeline.indenters["tip"].radius) == ("rig.wrench.z", 0.003)
     done = palpate("run", study, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     resolved = tomllib.loads((tmp_path / "out" / "pipeline.toml").read_text())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,6 +16,7 @@ from palpate_engine import (
     KINDS,
     UNCHECKED,
     AlignmentSettings,
+    Entry,
     Registry,
     RunSettings,
     SafetySettings,
@@ -51,7 +53,7 @@ def schema(
 
 def pipeline_schema(registry: Registry) -> dict[str, Any]:
     """JSON schema (draft 2020-12) of every table, key and part that the loaded plugins know."""
-    definitions: dict[str, Any] = {}
+    definitions: dict[str, Any] = {"unchecked keys": _UNCHECKED}
     properties: dict[str, Any] = {
         KEY: {"type": "string", "description": f'version for which the file is written; currently "{FORMAT}"'},
         "run": _table(RunSettings, "run", definitions),
@@ -60,28 +62,56 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
     }
     properties |= {name: _table(settings, name, definitions) for name, settings in registry.tables.items()}
     for kind, entries in registry.parts.items():
-        choices = []
-        for name, entry in entries.items():
-            if entry.problem is not None:
-                continue
-            table = _table(entry.part, f"{kind}:{name}", definitions)
-            table["properties"] = {"type": {"const": name}} | table.get("properties", {})
-            table["required"] = ["type", *table.get("required", [])]
-            definitions[f"{kind}:{name}"] = table
-            choices.append({"$ref": f"#/$defs/{kind}:{name}"})
-        properties[kind] = {"type": "object", "additionalProperties": {"oneOf": choices}}
-        # A part in a field is the name of a table, or the table itself.
-        definitions[kind] = {"anyOf": [{"type": "string", "description": f"the NAME of a [{kind}.NAME]"}, *choices]}
-    tables = {"type": "object", "properties": dict(properties), "additionalProperties": False}
-    properties[DIALECT] = {"type": "object", "additionalProperties": tables}
+        properties[kind] = {"type": "object", "additionalProperties": {"$ref": f"#/$defs/{kind} table"}}
+        definitions |= _kind(kind, entries, definitions)
+    tables = {name: {"$ref": f"#/properties/{name}"} for name in properties}
+    properties[DIALECT] = {
+        "type": "object",
+        "additionalProperties": {"type": "object", "properties": tables, "additionalProperties": False},
+    }
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "palpate pipeline",
         "type": "object",
         "properties": properties,
-        "required": ["device", "alignment", "model", "estimator"],
+        "if": {"required": ["run"], "properties": {"run": {"required": ["base"]}}},  # which has what is not here
+        "else": {"required": ["device", "alignment", "model", "estimator"]},
         "additionalProperties": False,
         "$defs": definitions,
+    }
+
+
+def _kind(kind: str, entries: Mapping[str, Entry], definitions: dict[str, Any]) -> dict[str, Any]:
+    """Return the schemas of a kind of part: of its table, whose `type` chooses that of one part, and of a field.
+
+    The tables of the parts are added to `definitions`. A choice by `if` and `then` lets a validator name the key that
+    is wrong, where `oneOf` names every part.
+    """
+    choices, names = [], []
+    for key, entry in entries.items():
+        if entry.problem is not None:
+            continue
+        table = _table(entry.part, f"{kind}:{key}", definitions)
+        table["properties"] = {"type": True, **table.get("properties", {})}
+        definitions[f"{kind}:{key}"] = table
+        words = list(dict.fromkeys((key, entry.qualified)))
+        names += words
+        chosen: dict[str, Any] = {"const": key} if len(words) == 1 else {"enum": words}
+        is_chosen = {"required": ["type"], "properties": {"type": chosen}}
+        choices.append({"if": is_chosen, "then": {"$ref": f"#/$defs/{kind}:{key}"}})
+    return {
+        f"{kind} table": {
+            "type": "object",
+            "required": ["type"],
+            "properties": {"type": {"enum": names}},
+            "allOf": choices,
+        },
+        # A part in a field is the name of a table, or the table itself.
+        kind: {
+            "if": {"type": "string"},
+            "then": {"description": f"the NAME of a [{kind}.NAME]"},
+            "else": {"$ref": f"#/$defs/{kind} table"},
+        },
     }
 
 
@@ -97,5 +127,5 @@ def _table(settings: type[Settings], owner: str, definitions: dict[str, Any]) ->
         definitions[f"{owner}.{name}"] = inner
     for table in (schema, *definitions.values()):
         if table.get("additionalProperties") is False:
-            table["properties"] = {**table.get("properties", {}), UNCHECKED: _UNCHECKED}
+            table["properties"] = {**table.get("properties", {}), UNCHECKED: {"$ref": "#/$defs/unchecked keys"}}
     return schema
