@@ -23,6 +23,7 @@ from palpate_records.tables.table_records import pages_of, record_named
 from palpate_records.tables.table_text import bounded_lines, open_text
 
 from palpate_logs.csv_settings import CsvSettings
+from palpate_logs.sample_hold import SampleHold
 
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 4096  # rows in one batch
@@ -54,7 +55,7 @@ class CsvLink:
 
     def batches(self) -> Iterator[Batch]:
         """The rows of the file in order, some thousand at a time."""
-        row, day, first = 0, Days(), None
+        row, day, first, held = 0, Days(), None, SampleHold()
         self._log.tally.timeless, self._log.tally.overload, self._log.tally.cut = 0, 0, None
         for numbers in self._whole():
             with np.errstate(over="ignore"):  # what is not finite counts as invalid
@@ -73,10 +74,13 @@ class CsvLink:
             row += len(numbers)
             first = int(stamps[0]) if first is None and len(stamps) else first
             kept = self._within(stamps - (first or 0))
-            stamps, values = stamps[kept], values[kept]
+            stamps, values = stamps[kept], held.without_repeats(values[kept])
             yield Batch("", stamps, stamps, sensible(values))
         if row == 0:
             raise LogError(f"{self._log.file}: the file contains no rows of numbers")
+        self._log.tally.held = {
+            name: rows for name, rows in zip(self._log.columns, held.rows, strict=False) if rows > 1
+        }
 
     def _within(self, since: NDArray[np.int64]) -> NDArray[np.bool_] | slice:
         """Which rows are of the requested part, by their time since the first [ns]."""

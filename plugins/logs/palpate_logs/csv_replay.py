@@ -24,7 +24,8 @@ class CsvReplay(CsvSettings):
     Time comes from a column, or from a rate. Columns are counted, or named by the header, the line of names above the
     first row of numbers; what is above it, and comments, are left out. A cell that is empty or not finite counts as an
     invalid reading; text in a column that is used is a mistake of the file and refused, decimal commas that are not
-    stated among it. The extra `palpate[excel]` brings openpyxl, which reads workbooks.
+    stated among it. Where a device is slower than the loop that wrote the rows, only the first of its equal readings
+    counts. The extra `palpate[excel]` brings openpyxl, which reads workbooks.
     """
 
     @contextmanager

@@ -46,6 +46,7 @@ class Tally:
     timeless: int = 0  # rows
     overload: int = 0  # readings that the instrument could not make
     footer: list[list[str]] = field(default_factory=list)  # cells of lines below the readings
+    held: dict[str, int] = field(default_factory=dict)  # rows for which a reading stands, of channels that repeat it
     cut: str | None = None  # the last number, where the file ends within it
 
 
@@ -125,6 +126,8 @@ class CsvSettings(Recording):
             found.append(f"{self.file.name}: {tally.overload} cells hold a mark of overload, and no reading")
         if tally.footer:
             found.append(f"{self.file.name}: {footer_words(tally.footer)}")
+        for name, rows in tally.held.items():
+            found.append(f"{self.file.name}: {name} has a new reading in every {rows} rows; its repeats were left out")
         if tally.cut is not None:
             found.append(
                 f"{self.file.name}: the last line has no end, and its last number, {tally.cut}, fewer digits than all "
