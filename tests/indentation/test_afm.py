@@ -319,3 +319,10 @@ def test_a_damaged_column_is_named(tmp_path, monkeypatch, error):
     monkeypatch.setattr(afmformats.AFMForceDistance, "__getitem__", damaged)
     with pytest.raises(LogError, match=rf"a\.h5: its time cannot be read: {type(error).__name__}"):
         AfmReplay.survey(path)
+
+
+def test_a_tip_that_is_stated_is_not_asked_for(made):
+    """The file "does not state its shape" stood below a command that stated it."""
+    asked, stated = (AfmReplay.suggest(made, choices).doubts for choices in ({}, {"tip": "sphere 5 um"}))
+    assert any("the file does not state its shape" in text for text in asked)
+    assert not any("the file does not state its shape" in text for text in stated)

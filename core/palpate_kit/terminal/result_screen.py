@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from palpate_engine import display_unit
 
+from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.quantities import round_number
 from palpate_kit.terminal.result_table import (
     ResultFinding,
@@ -37,6 +38,11 @@ def title_line(name: str) -> str:
     """Return the name of what is shown, and what ± stands for at the right edge."""
     room = WIDTH - len(LEGEND) - 2
     return f"{name if len(name) <= room else name[: room - 3] + '...'}".ljust(WIDTH - len(LEGEND)) + LEGEND
+
+
+def with_legend(title: str) -> str:
+    """Return the title of a table on a terminal with what ± stands for; as CSV and LaTeX it has columns of it."""
+    return f"{title}; {LEGEND}" if layout() == "table" else title
 
 
 def value_lines(row: ResultRow, truth: Mapping[str, float], names: Sequence[str] = ()) -> Iterator[Text]:

@@ -10,6 +10,7 @@ from palpate_engine import display_unit
 from palpate_kit.numerics.group_comparison import CURVE, RUN, SHOWN
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.result_screen import with_legend
 from palpate_kit.terminal.table import Table, shortened
 
 _LENGTHS = ("mean", "scatter", "scatter of mean", "common", "between", "within")  # in the unit of the value
@@ -36,7 +37,7 @@ def views(document: dict[str, Any], details: bool) -> Iterator[Any]:
         cells = _statistics(found, factor)
         number = [str(found["curves"])] if singles else [str(found["units"]), str(found["curves"])]
         rows.append([name, *number, *(cells[key] for key in names)])
-    yield shortened(Table.of(document["parameter"], heads, rows, ["group"]), details)
+    yield shortened(Table.of(with_legend(document["parameter"]), heads, rows, ["group"]), details)
     if details:
         yield from _distributions(document, word, factor)
     yield from _judgements(document, word, factor, details)

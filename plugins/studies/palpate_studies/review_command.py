@@ -18,6 +18,7 @@ from palpate_kit.runs.review_file import Mark, write_mark
 from palpate_kit.runs.run_groups import natural
 from palpate_kit.terminal.options import FormatOption, TrackOption, WhereOption
 from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.result_screen import with_legend
 from palpate_kit.terminal.result_table import ResultRow, ResultTable, TableValue
 from palpate_kit.terminal.table import Table, console, shortened
 
@@ -199,7 +200,7 @@ def _table(found: Sequence[RatedValue], parameter: str) -> Table:
         ])  # fmt: skip
     tracks = ", ".join(dict.fromkeys(one.reading.track for one in found))
     place = f" in {next(iter(folders))}" if short else ""
-    return Table.of(f"{tracks}{place}, the worst first", headings, rows, ["run", "verdict", "flags"])
+    return Table.of(with_legend(f"{tracks}{place}, the worst first"), headings, rows, ["run", "verdict", "flags"])
 
 
 def _number(value: float | None, form: str) -> str:

@@ -14,7 +14,7 @@ from palpate import Flag, PalpateError
 from palpate_engine import display_unit, verdict_rank, whole_file, write_whole
 from palpate_kit.jobs.job import Outcome
 from palpate_kit.runs.document_table import judges
-from palpate_kit.terminal.result_screen import finding_lines
+from palpate_kit.terminal.result_screen import finding_lines, with_legend
 from palpate_kit.terminal.result_table import ResultFinding, ResultRow, ResultTable, TableValue
 from palpate_kit.terminal.table import Table
 
@@ -89,7 +89,7 @@ def best_rows(rows: Sequence[dict[str, Any]], most: int = 12) -> Table:
     heads = [head for name, unit in values.items() for head in (f"{name}\n{display_unit(unit)[0]}", f"{name}\nverdict")]
     headings = ["", *names, *(["track"] if several else []), *heads]
     title = f"best of {len(rows)} rows, by the uncertainty of {next(iter(values), 'nothing')}"
-    return Table.of(title, headings, cells, [*names, "track", *heads[1::2]])
+    return Table.of(with_legend(title), headings, cells, [*names, "track", *heads[1::2]])
 
 
 def _values(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
