@@ -57,7 +57,7 @@ def test_everything_is_on_one_page_the_verdict_first(palpate, copied):
     page = read(file)
     words = [
         "S2, sphere R 5 mm", "good", "one standard uncertainty",
-        "elasticity", "kPa", "All tracks", "Flags", "What helps", "Force and model",
+        "All tracks", "elasticity", "kPa", "Flags", "What helps", "Force and model",
         "Lack of fit", "Estimates over time", "Innovations", "Budget of uncertainty", "share of variance",
         "Calibration and tare", "Streams", "Where it comes from", "versions", "Pipeline as given",
         "Pipeline as run",

@@ -19,6 +19,12 @@ FEWEST = 3  # units of a group for a p-value
 _LIBERAL = 10  # units of each group below which Games and Howell's test finds too many differences
 SHOWN = 20  # pairs of a printed table
 CURVE, RUN = "curve", "run"  # units that are single values
+CAUTIONS = {  # of tests between single values
+    RUN: "p is the chance of such a difference between repeats at one site each. Sites of one material differ, too: "
+    "before a difference is called a lump, compare it with the spread over a dozen baseline sites.",
+    CURVE: "Each curve is compared as if it were of a specimen of its own; curves of one animal or sample are not, and "
+    "differ less from each other. Enter in curves.csv of which each is, by names that differ from group to group.",
+}
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from palpate import ConfigurationError, LogError
 from palpate_engine import display_unit
-from palpate_kit.numerics.group_comparison import SHOWN, GroupComparison
+from palpate_kit.numerics.group_comparison import CAUTIONS, SHOWN, GroupComparison
 from palpate_kit.numerics.repeated_values import combined_of_mean, std_of_mean
 from palpate_kit.runs.document_table import table_value
 from palpate_kit.runs.pipeline_diff import differences
@@ -30,10 +30,6 @@ from palpate_report.svg import svg_text
 
 _SHOWN = 200  # runs whose rows are on the page
 _COMPARED = ("value", "combined", "systematic", "unit", "verdict")  # of each parameter
-_CAUTION = (
-    "p is the chance of such a difference between repeats. Sites of one material differ, too: before calling a "
-    "difference a lump, compare it with the spread over a dozen sites."
-)
 
 
 def comparison_page(groups: Mapping[str, Sequence[Path]], track: str | None, anonymous: bool) -> str:
@@ -209,7 +205,7 @@ def _cautions(comparisons: Mapping[str, GroupComparison]) -> list[str]:
         most = f" Shown are the {SHOWN} smallest p." if comparison.tests > SHOWN else ""
         words = [f"{comparison.sentence}{most}", comparison.untested if comparison.tests else ""]
         found += [f"{readable(name)}: {text}" for text in words if text]
-    return found + ([_CAUTION] if any(one.singles and one.tests for one in comparisons.values()) else [])
+    return found + list(dict.fromkeys(CAUTIONS[one.unit] for one in comparisons.values() if one.singles and one.tests))
 
 
 def _row(run: GroupRun, track: str, parameters: Mapping[str, str]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -25,6 +26,8 @@ from palpate_report.typical_curves import (
     ranked_rows,
     used_curves_figure,
 )
+
+_EQUATION = re.compile(r", eq\. [^;]*")  # of a source: a number that only its reader can look up
 
 
 def folder_section(facts: FolderFacts, hide: Callable[[str], str] = str) -> dict[str, Any]:
@@ -59,7 +62,7 @@ def _measured(facts: FolderFacts) -> Mapping[str, str]:
     pipeline = pipelines[0][0]
     track = pipeline.tracks[0]
     found["model by name"] = pipeline.registry.name_of(type(track.model))
-    found["source of the model"] = sources_of(type(track.model)) or "none stated"
+    found["source of the model"] = _EQUATION.sub("", sources_of(type(track.model))) or "none stated"
     found["estimator"] = pipeline.registry.name_of(type(track.estimator))
     if facts.own_settings:
         found["settings of single curves"] = f"of {curve_count(facts.own_settings)} (own.toml)"

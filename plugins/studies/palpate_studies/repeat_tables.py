@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from palpate_engine import display_unit
-from palpate_kit.numerics.group_comparison import CURVE, RUN, SHOWN
+from palpate_kit.numerics.group_comparison import CAUTIONS, SHOWN
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.result_screen import with_legend
@@ -17,12 +17,6 @@ _LENGTHS = ("mean", "scatter", "scatter of mean", "common", "between", "within")
 _DETAILS = ("scatter of mean", "common", "correlation\nof neighbours", "correlation\nwith order", "p of order")
 _OF_UNITS = ("between", "within")  # of a group whose units are not single values
 _BAR = 40  # characters of the tallest bar
-_CAUTIONS = {
-    RUN: "p is the chance of such a difference between repeats at one site each. Sites of one material differ, too: "
-    "before a difference is called a lump, compare it with the spread over a dozen baseline sites.",
-    CURVE: "Each curve is compared as if it were of a specimen of its own; curves of one animal or sample are not, and "
-    "differ less from each other. Enter in curves.csv of which each is, by names that differ from group to group.",
-}
 
 
 def views(document: dict[str, Any], details: bool) -> Iterator[Any]:
@@ -81,7 +75,7 @@ def _judgements(document: dict[str, Any], word: str, factor: float, details: boo
     if document["untested"] and document["untested"] not in document["sentence"]:
         yield document["untested"]
     if document["tests"] and replication["singles"]:
-        yield _CAUTIONS[replication["unit"]]
+        yield CAUTIONS[replication["unit"]]
     told = [f"{name} was rejected and is left out: {reason}" for name, reason in document["rejected"].items()]
     yield from told if details else told[:SHOWN]
     if len(told) > SHOWN and not details:
