@@ -124,8 +124,7 @@ def finding_lines(
 def findings_in_words(table: ResultTable) -> Iterator[tuple[str, str]]:
     """Return the sentence of each finding, and its remedy: an option that states a fact, or what to do."""
     for finding, rows, names in table.shared_findings():
-        remedy = "" if finding.word == "not determined" else finding.remedy
-        yield f"{finding.head} {_of(names)}{_where(rows, table)}: {_what(finding, len(rows))}", remedy
+        yield f"{finding.head} {_of(names)}{_where(rows, table)}: {_what(finding, len(rows))}", finding.remedy
 
 
 def _of(names: Sequence[str]) -> str:
