@@ -78,7 +78,9 @@ def test_a_rejected_run_is_left_out_and_comes_back(palpate, runs):
     document = json.loads(told.stdout)
     assert document["groups"]["runs"]["count"] == 5
     assert list(document["rejected"].values()) == ["the specimen slipped"]
-    assert "the specimen slipped" in " ".join(palpate("repeat", *runs).stdout.split())
+    shown = palpate("repeat", *runs).stdout
+    assert "the specimen slipped" in " ".join(shown.split())
+    assert shown.splitlines()[-1] == "5 values. E: 5 good, 0 doubtful; 1 more rejected"
     sites = [arg for run in runs[1:] for arg in ("--baseline", run)]
     compared = palpate("map", "compare", *sites, "--suspect", runs[0])
     assert "the specimen slipped" in compared.stderr

@@ -199,7 +199,7 @@ class ResultTable:
         As in "24 files. E: 0 good, 20 doubtful, 3 not determined; eta: 23 need a delay; 1 not read".
         """
         unread = len(self.rows) - len(self.read)
-        parts = [f"{SYMBOLS.get(name, name)}: {_counts(self._words(name))}" for name in self.names]
+        parts = [f"{SYMBOLS.get(name, name)}: {count_words(self._words(name))}" for name in self.names]
         parts += [f"{unread} not read"] if unread else []
         return f"{counted(len(self.rows), thing or self.thing)}. {'; '.join(parts)}"
 
@@ -253,7 +253,7 @@ def _largest(findings: Sequence[ResultFinding]) -> dict[str, float | None]:
     return sizes
 
 
-def _counts(words: Counter[str]) -> str:
+def count_words(words: Counter[str]) -> str:
     """Return "2 good, 1 doubtful, 3 need a delay"; both good and doubtful where there is one of them."""
     shown = [f"{words['good']} good", f"{words['doubtful']} doubtful"] if {"good", "doubtful"} & words.keys() else []
     for word in sorted(words.keys() - {"good", "doubtful"}):

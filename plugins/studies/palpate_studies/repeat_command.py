@@ -124,7 +124,10 @@ def _document(
             stated = np.array([reading.std or 0.0 for reading in group.readings])
             table["truth"] = against_truth(table["mean"], table["std_of_mean"], stated, _truth(truth, unit))
     skipped = sum(group.skipped for group in groups.values())
-    counted = {"parameter": parameter, "unit": unit, "skipped": skipped, "rejected": rejected}
+    verdicts = {name: dict(group.words) for name, group in groups.items()}
+    counted = {
+        "parameter": parameter, "unit": unit, "skipped": skipped, "rejected": rejected, "verdicts": verdicts,
+    }  # fmt: skip
     document: dict[str, Any] = finite_tree({**counted, "groups": tables, **comparison.table()})
     return document
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,6 +12,7 @@ from palpate_kit.numerics.group_comparison import CAUTIONS, SHOWN
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.result_screen import with_legend
+from palpate_kit.terminal.result_table import SYMBOLS, count_words, counted
 from palpate_kit.terminal.table import Table, shortened
 
 _LENGTHS = ("mean", "scatter", "scatter of mean", "common", "between", "within")  # in the unit of the value
@@ -82,6 +84,18 @@ def _judgements(document: dict[str, Any], word: str, factor: float, details: boo
         yield f"and {len(told) - SHOWN} more"
     if document["skipped"]:
         yield f"{document['skipped']} runs without a value, or with an invalid one, were left out"
+    yield _partition(document)
+
+
+def _partition(document: dict[str, Any]) -> str:
+    """Return how many values of all groups have which verdict, and how many are rejected."""
+    words = Counter[str]()
+    for of_group in document["verdicts"].values():
+        words.update(of_group)
+    symbol = SYMBOLS.get(document["parameter"], document["parameter"])
+    line = f"{counted(words.total(), 'value')}. {symbol}: {count_words(words)}"
+    rejected = len(document["rejected"])
+    return f"{line}; {rejected} more rejected" if rejected else line
 
 
 def _statistics(found: dict[str, Any], factor: float) -> dict[str, str]:

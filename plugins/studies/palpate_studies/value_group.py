@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from palpate import ConfigurationError, LogError, UserError, suggest
-from palpate_engine import ConsentError
+from palpate_engine import ConsentError, verdict_word
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.curves.replication_unit import NO_GROUP, Cells, replication_unit, unit_of
 from palpate_kit.numerics.group_comparison import CURVE, RUN, GroupComparison, compare_groups
@@ -26,6 +27,7 @@ class ValueGroup:
     readings: list[ParameterValue] = field(default_factory=list)  # those that may enter statistics
     cells: list[Cells] = field(default_factory=list)  # of all curves, by column of ``curves.csv``
     skipped: int = 0
+    words: Counter[str] = field(default_factory=Counter)  # verdicts of all values that were not rejected
     rejected: dict[str, str] = field(default_factory=dict)  # by run: why
     failures: dict[str, UserError] = field(default_factory=dict)  # by path
 
@@ -47,7 +49,9 @@ class ValueGroup:
         self.cells += [reading.groups] if reading.groups else []
         if reading.rejected is not None:
             self.rejected[reading.name] = reading.rejected
-        elif reading.usable:
+            return
+        self.words["without a value" if reading.value is None else verdict_word(reading.verdict)] += 1
+        if reading.usable:
             self.readings.append(reading)
         else:
             self.skipped += 1
