@@ -133,8 +133,6 @@ def force(_: Any, case: str, folder: Path) -> dict[str, Any]:
     folder.mkdir()
     twin, text = module.Bench(folder, (*module.SHORT, *overrides)), "runs"
     try:
-        if case == "the other way round":
-            twin.fault("sign")
         try:
             twin.run(*options, limits=())
         except DeviceError as error:

@@ -1,8 +1,8 @@
 """Sound and saturated rigs before the detector of a force that does not rise: false stops, and forces reached.
 
 ``python benchmarks/force_rise.py 1000 [first seed]``: so many sound rigs, each drawn from its seed, feed
-`palpate_engine.RiseWatch` alone, as the servo process does; then each again with a sensor that saturates, at a
-level of its own and with noise on top. Sound are materials of 1 kPa to 5 MPa that relax or not, under a flat end, a
+`palpate_engine.RiseWatch` and `TouchWatch`, as the servo process does; then each again with a sensor that saturates, at
+a level of its own and with noise on top. Sound are materials of 1 kPa to 5 MPa that relax or not, under a flat end, a
 sphere or a cone, sensors coarse or fine with 5 to 50 mN of noise, white or filtered, the inertia of the tip, motions of
 quintic approaches, sines and ramps with holds.
 """
@@ -10,11 +10,11 @@ quintic approaches, sines and ramps with holds.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from palpate_engine import RiseWatch, SoundForce
+from palpate_engine import RiseWatch, SoundForce, TouchWatch
 
 _TICK = 0.002  # [s]
 _RADIUS = 5e-3  # [m]
@@ -47,7 +47,9 @@ class SoundRig:
         rng = np.random.default_rng(self.seed + 1)
         window = self.room / (2.0 * self.stiffness)
         position = self.position_std * rng.standard_normal(200)
-        return SoundForce.of("force", self.standstill, position, window, self.mass * self.acceleration)
+        sound = SoundForce.of("force", self.standstill, position, window, self.mass * self.acceleration)
+        zero_std = sound.standard_error(len(self.standstill))
+        return replace(sound, stiffness=self.stiffness, zero_std=zero_std)
 
     @property
     def stiffness(self) -> float:
@@ -103,8 +105,8 @@ def _contact(depth: np.ndarray, step: float, rng: np.random.Generator) -> np.nda
     return np.where(depth > 0, np.maximum(force, 0.0), 0.0)
 
 
-def drawn(seed: int) -> SoundRig:
-    """A sound rig, up to the force that stops it."""
+def drawn(seed: int, is_whole: bool = False) -> SoundRig:
+    """A sound rig, up to the force that stops it, or with the whole of its motion."""
     rng = np.random.default_rng(seed)
     rate = float(rng.choice(_RATES))
     time = np.arange(0.0, 7.0, 1.0 / rate)
@@ -112,7 +114,7 @@ def drawn(seed: int) -> SoundRig:
     force = _contact(depth, 1.0 / rate, rng)
     stop = float(rng.uniform(5.0, 15.0))
     over = np.flatnonzero(force > stop)
-    last = int(over[0]) if len(over) else len(time)
+    last = int(over[0]) if len(over) and not is_whole else len(time)
     mass, noise = float(rng.uniform(0.0, 0.2)), float(rng.uniform(0.005, 0.05))
     acceleration = -np.gradient(np.gradient(depth, time), time)
     resolution = float(rng.choice([1e-4, 1e-3, 0.01, 0.05]))
@@ -141,13 +143,15 @@ def saturated(rig: SoundRig) -> SoundRig:
 def stopped(rig: SoundRig) -> tuple[float, str] | None:
     """When [s] and why the detector stops a rig; None where it does not."""
     watch, rng = RiseWatch(rig.sound), np.random.default_rng(rig.seed + 3)
+    touch = TouchWatch(rig.sound, watch.contact)
     height = rig.height + rig.position_std * rng.standard_normal(len(rig.height))
     edges = np.searchsorted(rig.time, np.arange(0.0, rig.time[-1] + _TICK, _TICK)).tolist()
     for first, last in pairwise(edges):
         if first == last:
             continue
         tip = float(height[last - 1])
-        text = watch.add(float(rig.time[last - 1]), rig.reading[first:last], -tip, (0.0, 0.0, tip))
+        look = float(rig.time[last - 1]), rig.reading[first:last], -tip, (0.0, 0.0, tip)
+        text = watch.add(*look) or touch.fault(*look, tip >= 0.8 * _CLEARANCE)
         if text is not None:
             return float(rig.time[last - 1]), text
     return None

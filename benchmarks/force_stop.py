@@ -27,7 +27,8 @@ def measured(module, folder: Path) -> tuple[float, float, float] | None:
     """Latency [s], peak force and bound [N]; None where the machine ended the run before."""
     twin = module.Bench(folder, (*module.SHORT, *_STIFF))
     try:
-        sets = (*module.SHORT, *module.PATIENT, "device.arm.host_timeout=5 s", 'run.tracks=["dr/ekf"]')
+        _, declared, _ = module.ForceLimit.cases["twenty times stiffer"]
+        sets = (*module.SHORT, *module.PATIENT, *declared, "device.arm.host_timeout=5 s", 'run.tracks=["dr/ekf"]')
         job, out = twin.start_job(lambda state, _: state["peak_force"] > 0.2, sets, folder / "out", **_QUIET)
         job.send_signal(signal.SIGSTOP)
         time.sleep(1.0)

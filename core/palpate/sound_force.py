@@ -18,7 +18,7 @@ _MIN_BLOCK = 8  # readings, a choice: of a block
 
 @dataclass(frozen=True)
 class SoundForce:
-    """A sound force at standstill, in free air, and the distances over which it has to rise in contact."""
+    """A sound force at standstill, and over which distances and how steeply it rises in contact."""
 
     name: str
     windows: tuple[float, ...]  # [m]
@@ -28,6 +28,9 @@ class SoundForce:
     inertia: float  # [N] of the tip's mass, at most
     position_std: float  # [m]
     set_force: float = NO_SET_FORCE  # [N] that a law of the motion holds: there it does not rise
+    stiffness: float = math.inf  # [N/m] of the stiffest material that the tip may meet
+    drift: float = 0.0  # [N/s] of the sensor's zero
+    zero_std: float = 0.0  # [N] standard uncertainty of the mean at standstill
 
     @classmethod
     def of(cls, name: str, force: Floats, position: Floats, window: float, inertia: float) -> SoundForce:

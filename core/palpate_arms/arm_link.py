@@ -29,6 +29,7 @@ from palpate import (
     epoch_offset,
     surface_of,
 )
+from palpate_engine import TouchSlope, touch_outlier_text
 from palpate_kit.acquisition.child import Child
 from palpate_kit.acquisition.ring import HEAD, ROWS
 from palpate_kit.kinematics.arm_model import ArmModel
@@ -75,6 +76,7 @@ class ArmLink:
         self._stands = False  # its process has seen 0.1 s of states that show that the tip stands
         self._has_retreated = False
         self._answers: list[dict[str, float]] = []  # of the arm to its first commands
+        self._touches: list[TouchSlope] = []  # of its motion
 
     @property
     def model(self) -> ArmModel:
@@ -198,6 +200,7 @@ class ArmLink:
         match message["say"]:
             case "done":
                 self._lag, self._driver_time = message["lag"], message["driver_time"]
+                self._touches = [TouchSlope(**touch) for touch in message["touches"]]
             case "answers":
                 self._answers += message["answers"]
             case "limit":
@@ -253,7 +256,8 @@ class ArmLink:
     def _flags(self, commands: Mapping[str, Any]) -> dict[str, str]:
         """Messages by the codes of flags."""
         lost = shortfall_text(commands["periods_lost"], commands["cycles"], commands.get("rate"), self._driver_time)
-        texts = {"device": self._low_rate or self._late(), "lost-periods": lost}
+        device = filter(None, (self._low_rate or self._late(), touch_outlier_text(self._touches)))
+        texts = {"device": "; ".join(device) or None, "lost-periods": lost}
         return {code: text for code, text in texts.items() if text is not None}
 
     @property

@@ -151,7 +151,8 @@ class ArmLoop:
         if self._eye is None or commander.mode not in _MOVING:
             return
         tip = self._robot.position
-        text = self._eye.look(now, -commander.plane.height(tip), tip)
+        height = commander.plane.height(tip)
+        text = self._eye.look(now, -height, tip, commander.is_in_air(height))
         if commander.lead is not None:
             commander.lead.hear(self._eye.felt)
         if text is not None:
@@ -281,7 +282,8 @@ class ArmLoop:
             fault = rest.complaint.removeprefix(" And ").strip() or _DISOBEDIENCE
             self._parent.tell("fault", text=fault, stands=rest.is_shown)
             host().leave(1)
-        self._parent.tell("done", lag=self._lag.lag, driver_time=sum(self._robot.driver_time.mean))
+        touches = [] if self._eye is None else [vars(touch) for touch in self._eye.touches]
+        self._parent.tell("done", lag=self._lag.lag, driver_time=sum(self._robot.driver_time.mean), touches=touches)
         while not self._parent.gone:
             self._ring.beat(clock().now_ns())
             self._take_state()

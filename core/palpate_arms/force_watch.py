@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats, RepeatCount, Repeats, torque_fault
-from palpate_engine import ReadingAge, RiseWatch, SoundForce
+from palpate_engine import ReadingAge, RiseWatch, SoundForce, TouchSlope, TouchWatch
 from palpate_kit.acquisition.ring import Ring, integers
 
 _DEAF = 30_000_000  # [ns] without a reading; not a serial line's latency timer of 16 ms
@@ -29,6 +29,7 @@ class ForceEye:
         self.felt: float | None = None  # [N] along the normal, mean of the latest look; None where nothing had come
         sound = facts.get("sound")
         self._rise = None if sound is None else RiseWatch(SoundForce(**sound))
+        self._touch = None if self._rise is None else TouchWatch(self._rise.sound, self._rise.contact)
         self._tick = facts.get("tick", 0)  # [ns]
         self._clock = facts.get("arrival", 0), facts.get("stamp", 1)  # columns
         self._age, self._oldest = ReadingAge(), facts.get("age", np.inf)
@@ -42,10 +43,16 @@ class ForceEye:
         usual = (self._heard - self._began) / max(self._count, 1)
         return now - self._heard > max(_DEAF, _MISSED * usual)
 
-    def look(self, now: int, depth: float = 0.0, place: Floats | None = None) -> str | None:
+    @property
+    def touches(self) -> list[TouchSlope]:
+        """How the force rose at the begin of each touch so far."""
+        return [] if self._touch is None else self._touch.slopes
+
+    def look(self, now: int, depth: float = 0.0, place: Floats | None = None, in_air: bool | None = None) -> str | None:
         """Why the arm has to stop at a time [ns]; None where it need not.
 
-        `depth` [m] of the tip below the plane of its station, and its place (3,) [m].
+        `depth` [m] of the tip below the plane of its station, and its place (3,) [m], which is as high as travel in
+        free air or not; None where the tip may touch something yet.
         """
         self._began = self._began or now
         self._heard = self._heard or now
@@ -74,9 +81,13 @@ class ForceEye:
             self._repeats.add(rows)
             if self._repeats.fault is not None:
                 return self._repeats.fault
-        if self._rise is None or place is None:
+        if self._rise is None or self._touch is None or place is None:
             return None
-        return self._rise.add(now / 1e9, self._sign * tared[:, self._normal], depth, place.tolist())
+        pushed, at = self._sign * tared[:, self._normal], place.tolist()
+        text = self._rise.add(now / 1e9, pushed, depth, at)
+        if text is not None or in_air is None:
+            return text
+        return self._touch.fault(now / 1e9, pushed, depth, at, in_air)
 
     def _note_age(self, rows: Any) -> None:
         if self._tick:

@@ -16,6 +16,7 @@ from palpate_arms.tool_turns import turn_after, turn_from_to
 
 _Z, _VZ = SETPOINT["position"].start + 2, SETPOINT["velocity"].start + 2
 _MOST_BEHIND = 25.0  # periods; what is later is not made up for
+_TRAVEL = 0.8  # of the height at which a motion begins and goes from touch to touch: the rest is its way in and out
 _HASTE = 0.1  # by so large a part a motion may be faster than planned, to make up for what the host held up
 
 
@@ -72,6 +73,15 @@ class Commander:
         row = before + part * (self._plan[low + 1] - before)
         row[SETPOINT["measuring"]] = before[SETPOINT["measuring"]]
         return np.asarray(row)
+
+    def is_in_air(self, height: float) -> bool | None:
+        """Return True at a height [m] of the tip over the plane of its station that is as high as travel goes.
+
+        None where the tip has not shown that it is free.
+        """
+        if self.mode == "follow" and self._clearance is not None:
+            return height >= _TRAVEL * self._clearance > 0.0
+        return True if self.mode == "approach" else None
 
     def settle(self, position: Floats, turn: Floats) -> None:
         """Begin where the arm is, as long as it has not been moved."""

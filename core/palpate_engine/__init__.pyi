@@ -167,4 +167,6 @@ from .safety.emergency import EMERGENCY as EMERGENCY, call_for_stop as call_for_
 from .safety.force_rise import RiseWatch as RiseWatch
 from .safety.reading_age import ReadingAge as ReadingAge
 from .safety.rest_window import RestWindow as RestWindow
+from .safety.touch_begin import TouchSlope as TouchSlope, touch_outlier_text as touch_outlier_text
+from .safety.touch_watch import TouchWatch as TouchWatch
 from .track_name import TrackName as TrackName

@@ -269,18 +269,14 @@ def test_what_is_no_fault(simulated):
     [
         "twenty times stiffer",
         pytest.param("an obstacle 5 mm too high", marks=pytest.mark.slow),
-        pytest.param("the other way round", marks=pytest.mark.slow),
     ],
 )
 def test_the_force_limit(simulated, force_limit, tmp_path, case):
     """It stops the run and lets go, and the declared latency is kept."""
     overrides, options, elasticity = force_limit.cases[case]
     twin = simulated(*SHORT, *overrides)
-    if case == "the other way round":
-        twin.fault("sign")
-    with pytest.raises(DeviceError, match=r"the force is .* N, over the limit of 12 N") as caught:
+    with pytest.raises(DeviceError, match=r"the force is .* N, over the limit of 12 N"):
         twin.run(*options)
-    assert ("it falls while the tip goes deeper" in str(caught.value)) == (case == "the other way round")
     assert twin.wait_at_rest()["height"] > 0.002
     speed, _, latency = force_limit.overrun(tmp_path / "out")
     assert 0.004 < speed < 0.02

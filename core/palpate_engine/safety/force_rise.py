@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections import deque
 from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 from palpate.sound_force import LONGEST, POSE, SoundForce
 from palpate.vectors import Floats
+
+from palpate_engine.safety.contact_search import ContactSearch
 
 _SHARE = 0.2  # of F w/depth: a law F ~ d^n rises by n/2 of it from the mean of one half to that of the other
 _SIGNIFICANT = 5.0  # standard errors
@@ -19,7 +20,6 @@ _SLOWER = 0.9  # of the speed from half to half, which falls by a fifth within t
 _STANDS = 0.5  # of the speed at the begin of a window: a hold, in which the force relaxes
 _SIDEWAYS = 0.5  # of a window
 _AT_SET_FORCE = 0.9  # of the force that a law holds
-_READINGS = 20  # over which contact is looked for
 _FEW = 4  # readings of half a window
 _QUIET, _BLOCK = 0.2, 100  # of the noise at standstill; readings
 
@@ -34,9 +34,8 @@ class RiseWatch:
     """
 
     def __init__(self, sound: SoundForce) -> None:
-        self._sound = sound
-        self._recent: deque[tuple[float, int, float]] = deque()  # way [m], readings, sum [N]
-        self._foot: float | None = None  # [m] at which contact began
+        self.sound = self._sound = sound
+        self.contact = ContactSearch(sound)
         self._ways: list[float] = []  # [m] inwards, in steps
         self._rows: list[tuple[float, int, float, Sequence[float]]] = []  # there: time [s], readings, sum [N], place
         self._count, self._sum = 0, 0.0
@@ -54,30 +53,16 @@ class RiseWatch:
         count, total = len(forces), float(forces.sum())
         if not math.isfinite(total):
             return None  # no reading is judged elsewhere
-        self._note_contact(way, count, total)
+        self.contact.note(way, count, total)
+        if self.contact.mean is not None:
+            self._has_reached_set_force |= self.contact.mean > _AT_SET_FORCE * self._sound.set_force
         joined = np.concatenate([self._tail, forces])
         self._tail = joined[-2:]
-        if self._foot is None:
+        if self.contact.foot is None:
+            self._forget()
             return None
-        self._foot = min(self._foot, way)  # where the material was left behind it is touched again no deeper
         self._count, self._sum = self._count + count, self._sum + total
         return self._quiet(joined) or self._flat(time, way, place)
-
-    def _note_contact(self, way: float, count: int, total: float) -> None:
-        self._recent.append((way, count, total))
-        readings = sum(row[1] for row in self._recent)
-        while readings - self._recent[0][1] >= _READINGS:
-            readings -= self._recent.popleft()[1]
-        if readings < _READINGS:
-            return
-        mean = sum(row[2] for row in self._recent) / readings
-        least = _SIGNIFICANT * self._sound.standard_error(readings) + self._sound.inertia
-        self._has_reached_set_force |= mean > _AT_SET_FORCE * self._sound.set_force
-        if self._foot is None and mean > least:
-            self._foot = self._recent[0][0]
-        elif mean < 0.5 * least:
-            self._foot = None
-            self._forget()
 
     def _forget(self) -> None:
         self._ways.clear()
@@ -135,7 +120,7 @@ class RiseWatch:
         ways, rows, sound = self._ways, self._rows, self._sound
         first = bisect_right(ways, ways[-1] - window) - 1
         middle = bisect_right(ways, ways[-1] - 0.5 * window) - 1
-        if first < 0 or middle <= first or self._foot is None:
+        if first < 0 or middle <= first or self.contact.foot is None:
             return None
         (_, n0, sum0, there), (_, n1, sum1, _), (_, n2, sum2, here) = rows[first], rows[middle], rows[-1]
         length = ways[-1] - ways[first]
@@ -145,7 +130,7 @@ class RiseWatch:
         if self._slows_down(first, middle):
             return None
         force = (sum2 - sum0) / (n2 - n0)
-        least = _SHARE * force * length / (ways[-1] - self._foot)
+        least = _SHARE * force * length / (ways[-1] - self.contact.foot)
         error = math.hypot(sound.standard_error(n1 - n0), sound.standard_error(n2 - n1))
         if least < _SIGNIFICANT * error + sound.inertia or high - low >= least:
             return None

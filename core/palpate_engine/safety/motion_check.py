@@ -38,6 +38,7 @@ class MotionReport:
     inward_speed: float  # [m/s]
     acceleration: float  # [m/s^2]
     peak_force: float  # [N] at most, by computation, when the force limit trips
+    unfelt_force: float  # [N] at most, in the stiffest material at the nominal skin, whatever the sensor reads
     problems: tuple[str, ...]
 
 
@@ -147,6 +148,7 @@ def _judged(whole: _Stretch, limits: SafetySettings, surface: Surface | None, mo
         inward,
         reach.acceleration,
         limits.stop_force + limits.overshoot(inward),
+        limits.stiffness * max(whole.depth if surface is not None else -float(reach.low[2]), 0.0),
         tuple(problems),
     )
 

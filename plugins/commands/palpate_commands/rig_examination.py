@@ -82,9 +82,9 @@ def _motion(pipeline: Pipeline) -> Iterator[Finding]:
         report = check_motion(trajectory, pipeline.safety)
         yield from (Finding("bad", f"trajectory {name}", problem) for problem in report.problems)
         if not report.problems:
-            yield Finding(
-                "good", f"trajectory {name}", f"keeps the limits; at most {report.peak_force:.1f} N by computation"
-            )
+            most, unfelt = report.peak_force, report.unfelt_force
+            text = f"keeps the limits; at most {most:.1f} N by computation, and {unfelt:.1f} N by its depth alone"
+            yield Finding("good", f"trajectory {name}", text)
 
 
 def _own_motions(pipeline: Pipeline, limits: SafetySettings) -> Iterator[Finding]:

@@ -18,7 +18,7 @@ from palpate_engine.alignment import Port, Ports
 from palpate_engine.pipeline.live.contact_force import ContactForce
 from palpate_engine.pipeline.live.host_watch import HostWatch
 from palpate_engine.pipeline.live.peak_force import PeakForce
-from palpate_engine.pipeline.live.rise_check import RiseCheck
+from palpate_engine.pipeline.live.rise_check import ExpectedForce, RiseCheck
 from palpate_engine.pipeline.live.signal_watch import AHEAD, SignalWatch, refuse_other_clocks
 from palpate_engine.pipeline.live.standstill import Noise, Standstill, refuse_unsteady
 from palpate_engine.pipeline.live.stopped_tip import StoppedTip
@@ -38,11 +38,11 @@ class Guard:
 
     It trips on a force beyond `stop_force`, or a torque beyond `torque`, in any component that the force's stream
     declares, a time-stamp that is ahead of its arrival, a tip below the depth limit, a reading that is at the end
-    of its range, over it or invalid, a sensor that repeats itself, is silent or shows no rise on the way in, a silent
-    robot, readings of force or position that come late, a stream of them that ends, a device that fails, this program
-    being held up, and on being asked. Tripping makes the arms retract where they can, else stop; the first reason
-    counts. Silence is judged by the process that receives: that this one comes late is not silence. Nothing is watched
-    once all arms are done.
+    of its range, over it or invalid, a sensor that repeats itself, is silent or disagrees with the place of the tip, a
+    silent robot, readings of force or position that come late, a stream of them that ends, a device that fails, this
+    program being held up, and on being asked. Tripping makes the arms retract where they can, else stop; the first
+    reason counts. Silence is judged by the process that receives: that this one comes late is not silence. Nothing is
+    watched once all arms are done.
     """
 
     def __init__(self, limits: SafetySettings | None, ports: Ports) -> None:
@@ -92,11 +92,11 @@ class Guard:
         """When [ns] that standstill was half over, on the host's clock."""
         return self._force.standstill_middle
 
-    def expect_rise(self, inertia: float, set_force: float) -> None:
-        """From now on the force has to rise on the way in, up to one that a law holds [N]; `inertia` [N] of the tip."""
+    def expect_force(self, expected: ExpectedForce) -> None:
+        """From now on the force has to agree with the place of the tip."""
         assert self._limits is not None
         still = self._force.at_standstill(), self._position.at_standstill()
-        self.rise.begin(*still, self._limits.rise_window, inertia, set_force)
+        self.rise.begin(*still, self._limits.rise_window, expected)
 
     def begin(self, arms: Mapping[str, Arm]) -> None:
         """From now on the arms are to be stopped, and silence is a fault."""

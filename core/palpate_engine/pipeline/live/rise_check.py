@@ -1,9 +1,9 @@
-"""Whether the force rises on the way in, as the guard sees force and position."""
+"""Whether the force agrees with the place of the tip, as the guard sees force and position."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from palpate.device import Batch
 from palpate.sound_force import SoundForce
@@ -11,22 +11,45 @@ from palpate.vectors import Floats
 
 from palpate_engine.alignment import Port
 from palpate_engine.safety.force_rise import RiseWatch
+from palpate_engine.safety.touch_watch import TouchWatch
+
+
+@dataclass(frozen=True)
+class ExpectedForce:
+    """What may be expected of the force in a motion."""
+
+    inertia: float  # [N] of the tip at most
+    set_force: float  # [N] that a law holds
+    stiffness: float  # [N/m] of the stiffest material that the tip may meet
+    drift: float  # [N/s] of the sensor's zero
 
 
 class RiseCheck:
-    """Puts the tip's latest place to the readings of the force, for a `RiseWatch`."""
+    """Puts the tip's latest place to the readings of the force, for a `RiseWatch` and a `TouchWatch`."""
 
     def __init__(self, force: Port, position: Port) -> None:
         self._force, self._position = force, position
         self._height, self._place = math.inf, (0.0,)  # [m]
         self._watch: RiseWatch | None = None
+        self._touch: TouchWatch | None = None
         self.sound: SoundForce | None = None  # the force at standstill; None before a motion
 
-    def begin(self, force: Floats, position: Floats, window: float, inertia: float, set_force: float) -> None:
-        """A motion comes: standstill of force [N] and position [m], see `SoundForce`, and the force [N] of a law."""
-        sound = SoundForce.of(self._force.signal.channel, force, position, window, inertia)
-        self.sound = replace(sound, set_force=set_force)
+    def begin(self, force: Floats, position: Floats, window: float, expected: ExpectedForce) -> None:
+        """A motion comes: standstill of force [N] and position [m], see `SoundForce`, and what may be expected."""
+        sound = SoundForce.of(self._force.signal.channel, force, position, window, expected.inertia)
+        self.sound = replace(
+            sound,
+            set_force=expected.set_force,
+            stiffness=expected.stiffness,
+            drift=expected.drift,
+            zero_std=sound.standard_error(len(force)),
+        )
         self._watch = RiseWatch(self.sound)
+
+    def begin_touches(self) -> None:
+        """The tip has shown that it is free: from now on each touch is judged."""
+        if self._watch is not None:
+            self._touch = TouchWatch(self._watch.sound, self._watch.contact)
 
     def note_tip(self, batch: Batch, height: float) -> None:
         """Readings of the position, of which the latest is at a height [m]."""
@@ -38,4 +61,9 @@ class RiseCheck:
         """Why tared forces (n,) [N] that push out are not believed; None where they are."""
         if self._watch is None or math.isinf(self._height):
             return None
-        return self._watch.add(float(batch.time[-1]) / 1e9, pushed, -self._height, self._place)
+        time, way = float(batch.time[-1]) / 1e9, -self._height
+        text = self._watch.add(time, pushed, way, self._place)
+        if text is not None or self._touch is None:
+            return text
+        # How high travel is only the process that commands the arm knows.
+        return self._touch.fault(time, pushed, way, self._place, False)

@@ -13,6 +13,7 @@ from palpate_engine.pipeline.approach import check_start
 from palpate_engine.pipeline.live.arm_preparation import refuse_preload, send_limits
 from palpate_engine.pipeline.live.live_run import LiveRun
 from palpate_engine.pipeline.live.retreat_check import RetreatCheck, check_tip_is_free
+from palpate_engine.pipeline.live.rise_check import ExpectedForce
 from palpate_engine.pipeline.live.standstill import Noise, Standstill
 from palpate_engine.pipeline.live.stored_offset import Offset, stored_offset
 from palpate_engine.safety import SafetySettings
@@ -66,7 +67,9 @@ def get_ready(live: LiveRun, standstill: Standstill, offset: Offset | None) -> R
         return None
     known = offset.value if offset is not None and offset.doubt is None else None
     refuse_preload(standstill.force, limits, guard.force, known)
-    guard.expect_rise(_inertia(live.rig.alignment.tip_mass, trajectory, limits), _set_force(trajectory))
+    alignment = live.rig.alignment
+    inertia = _inertia(alignment.tip_mass, trajectory, limits)
+    guard.expect_force(ExpectedForce(inertia, _set_force(trajectory), limits.stiffness, alignment.drift))
     send_limits(live.links.links, guard, limits)
     check_start(live.arms.values(), trajectory, limits)
     guard.begin(live.arms)
@@ -91,6 +94,7 @@ def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
         check_start(live.arms.values(), trajectory, limits)  # the arms have moved since
         if live.is_stopped:
             return
+    guard.rise.begin_touches()
     try:
         for arm in live.arms.values():
             assert trajectory is not None

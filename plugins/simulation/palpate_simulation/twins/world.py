@@ -186,14 +186,15 @@ class World:
         self._past.append((began, position, velocity, (self._before[1] - velocity) / TICK))
         instants = self.sensor.instants(self.controller.now)
         if len(instants):
-            self.sensor.send(instants, self.electronics.read(self._feel(instants)))
+            wrench, unloaded = self._feel(instants)
+            self.sensor.send(instants, self.electronics.read(instants, wrench, unloaded))
         elif self.settings.arm is not None:  # no sensor is read: the controller estimates the force
             self._feel(np.array([self.controller.now]))
         joint = float(np.abs(self.controller.arm.qd).max())
         self.truth.add(clock().now(), *self._before, self._turning, joint, self._force, self.controller.read)
 
     def _feel(self, instants: Any) -> Any:
-        """The wrench (n, 6) that the sensor reports at times (n,): what it felt `force_delay` before."""
+        """The wrench (n, 6) at times (n,) that the sensor felt `force_delay` before; what of it is offset and noise."""
         settings = self.settings
         places, speeds, accelerations = self._motion(instants - settings.force_delay)
         out = self._rotation @ self._pose[:3, :3]  # within a tick it hardly turns
@@ -222,7 +223,9 @@ class World:
         )
         wrench = sensed_wrench(push, accelerations, *load, down.tolist(), settings.centre_of_mass)
         wrench[:, 3:] += self.hand.torque
-        return wrench
+        unloaded = std * noise
+        unloaded[:, 2] += offset
+        return wrench, unloaded
 
     def turn_gravity(self, down: Sequence[float]) -> None:
         """Let gravity point along `down` in the axes that the sensor has where the tool looks at the skin."""

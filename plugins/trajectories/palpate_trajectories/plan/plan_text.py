@@ -63,6 +63,10 @@ def safety_lines(report: MotionReport | None, limits: SafetySettings | None) -> 
         f"stop          at {limits.stop_force:g} N; at most {report.peak_force:.1f} N by computation with "
         f"{1e-3 * limits.stiffness:g} N/mm and {1e3 * limits.reaction:g} ms (limit {limits.force:g} N)"
     )
+    yield (
+        "sensor        one that reads too little is not noticed on unknown material: at most "
+        f"{report.unfelt_force:.1f} N then, by the deepest setpoint"
+    )
 
 
 def own_motion_lines(pipeline: Pipeline) -> Iterator[str]:
