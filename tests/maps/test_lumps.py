@@ -187,7 +187,7 @@ def test_distances_in_portions_give_the_same_map(monkeypatch):
     """Ten thousand sites have a hundred million distances: they are never held at once."""
     sites = area(np.random.default_rng(3), [(-0.01, 0.005, 0.005, 0.3)])
     whole = make_map(sites, 2e-3, "average")
-    monkeypatch.setattr(map_grid, "_TOGETHER", 5 * len(sites))
+    monkeypatch.setattr(map_grid, "_MAX_DISTANCES", 5 * len(sites))
     pieces = make_map(sites, 2e-3, "average")
     assert pieces.length == whole.length
     np.testing.assert_allclose(pieces.value, whole.value, rtol=1e-13)

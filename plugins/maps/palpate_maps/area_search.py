@@ -1,4 +1,4 @@
-"""A search of an area from round to round: what is known, where to go next, and when to stop."""
+"""A search of an area from round to round: its knowledge, the next places, and the end."""
 
 from __future__ import annotations
 
@@ -23,18 +23,22 @@ from palpate_maps.sites import Sites, line_coordinate, merge_sites
 from palpate_maps.stiffness_field import near
 from palpate_maps.surface_map import arc_warning
 
-_APART = 4e-3  # [m] between places
-_ABOUT = 12e-3  # [m] about the highest place of a lump that has to be known, for its middle to be
-_WIDTH = 4e-3  # [m] of a sweep's site
-_RISK = 0.05  # that a search goes towards where none is given
+_SITE_WIDTH = 4e-3  # [m] of a sweep's site, and between places: that of `LumpSettings`
+# Of decisions 0280 and 0281.
+_ABOUT_LUMP = 12e-3  # [m] about the highest place of a lump that has to be known, for its middle to be
+_NODE_RADII = 0.6  # of the least patch, between nodes
 _UNLIKELY = 0.3  # risk below which lumps are outlined before more of them are looked for
 _OUTLINED = 0.9  # intersection over union of a lump's outline that is good enough
-_SURELY = 20.0  # expected patches about a place, that is the odds that one is there, which make one known
+_KNOWN_ODDS = 20.0  # expected patches about a place, that is the odds that one is there, which make one known
+# Choices.
+_RISK = 0.05  # that a search goes towards where none is given
+_START_STD = 0.01  # of a palpation's logarithm, until the first sites are known
+_ROUNDING = 1e-6  # steps of the area's grid
 
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """What is searched for, and how."""
+    """The aim of a search, the least patch that it is for, and its limits."""
 
     aim: Aim = "find"
     points: int = 3  # in one round
@@ -72,7 +76,7 @@ class AreaSearch:
     hiding: Hiding | None = None
     _knowledge: Knowledge | None = None
     _visited: bool = False
-    _std: float = 0.01
+    _std: float = _START_STD
     _visits: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # places (n, k) [m] at which the tip was
     _doubtful: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # places (n, k) [m] to go through
 
@@ -83,7 +87,7 @@ class AreaSearch:
 
     @property
     def warning(self) -> str | None:
-        """What a surface does that is curved on the scale of the field's interpolation; None where it is not."""
+        """The effect of a surface that is curved on the scale of the field's interpolation; None where it is not."""
         if self.area.skin is None or self._knowledge is None:
             return None
         return arc_warning(self._knowledge.field.kernel.length, self.area.skin.reach)
@@ -92,9 +96,14 @@ class AreaSearch:
     def _rows(self) -> NDArray[np.intp]:
         """Of the area's nodes those of a grid 0.6 of a patch's radius apart, also where a surface is steepest."""
         stretch = 1.0 if self.area.skin is None else float(self.area.skin.stretch.max())
-        apart = 0.6 * self.settings.radius / stretch
-        strides = apart / grid_steps(self.area.nodes, self.area.cells) + 1e-6
+        distance = self._node_distance / stretch
+        strides = distance / grid_steps(self.area.nodes, self.area.cells) + _ROUNDING
         return thinned(self.area.cells, (max(int(strides[0]), 1), max(int(strides[1]), 1)))
+
+    @property
+    def _node_distance(self) -> float:
+        """Distance [m] of neighbouring nodes along the skin."""
+        return _NODE_RADII * self.settings.radius
 
     @cached_property
     def middles(self) -> Floats:
@@ -111,60 +120,90 @@ class AreaSearch:
 
         A single line has no lumps before the first round, which goes off it.
         """
-        flat, sites = sites, replace(sites, place=self.area.lift(sites.place))
-        if visited or (line_coordinate(sites) is None and len(sites) >= FEWEST):
-            before = self.lumps if self._visited else []
-            lumps = find_lumps(sites if line_coordinate(sites) is None or sites.standing.all() else flat)
-            self.lumps = update_progress(lumps, before, sites, self.area, self.settings.sure)
-        self._visited = visited
-        self._knowledge = Knowledge.of(sites, self.area.nodes, self._knowledge)
-        coarse = merge_sites(sites, _WIDTH)
-        self._visits = coarse.place
-        self.patches = []
-        while True:
-            covered, on_lumps = (self._on_lumps(places) for places in (coarse.place, self.middles))
-            self.hiding = hidden_patches(
-                coarse[~covered], self.middles, self.settings.patch, on_lumps, self.hiding, self._extent
-            )
-            place, number = self.hiding.likely
-            if number < _SURELY or passes(coarse, place[None], self.settings.radius)[0] < CHECKS:
-                break
-            self.patches.append((float(place[0]), float(place[1])))
+        lifted = replace(sites, place=self.area.lift(sites.place))
+        self._observe_lumps(sites, lifted, visited)
+        self._knowledge = Knowledge.of(lifted, self.area.nodes, self._knowledge)
+        self.hiding = self._remainder(merge_sites(lifted, _SITE_WIDTH))
         self._std = self.hiding.scatter * float(np.median(sites.std))
         self._doubtful = self._doubtful_places(self._knowledge)
 
+    def _observe_lumps(self, flat: Sites, lifted: Sites, visited: bool) -> None:
+        """Find the lumps of sites, and their progress since the round before; of a line as in the plane."""
+        off_line = line_coordinate(lifted) is None
+        if visited or (off_line and len(lifted) >= FEWEST):
+            before = self.lumps if self._visited else []
+            findings = find_lumps(lifted if off_line or lifted.standing.all() else flat)
+            self.lumps = update_progress(findings, before, lifted, self.area, self.settings.sure)
+        self._visited = visited
+
+    def _remainder(self, sites: Sites) -> Hiding:
+        """The patches that remain apart from known lumps and likely patches, which it takes up one by one.
+
+        A patch that two points or passes have checked is known by its odds, though no p-value calls it a lump.
+        """
+        self._visits = sites.place
+        self.patches = []
+        while True:
+            covered, on_lumps = self._on_lumps(sites.place), self._on_lumps(self.middles)
+            hiding = hidden_patches(
+                sites[~covered], self.middles, self.settings.patch, on_lumps, self.hiding, self._extent
+            )
+            self.hiding = hiding
+            place, number = hiding.likely
+            if number < _KNOWN_ODDS or passes(sites, place[None], self.settings.radius)[0] < CHECKS:
+                return hiding
+            self.patches.append((float(place[0]), float(place[1])))
+
     def _on_lumps(self, places: Floats) -> NDArray[np.bool_]:
-        """(n,) which places (n, k) [m] are on a known lump or a likely patch, and not far from every visit."""
-        found = np.zeros(len(places), bool)
+        """(n,) True for places (n, k) [m] on a known lump or a likely patch, and not far from every visit."""
+        covered = np.zeros(len(places), bool)
         for item in self.lumps:
-            found |= footprint(places, item.lump, self.settings.contrast, _APART)
+            covered |= footprint(places, item.lump, self.settings.contrast, _SITE_WIDTH)
         patches = self.area.lift(np.array(self.patches).reshape(-1, 2))
-        found |= near(places, patches, 2 * self.settings.radius)
-        return found & near(places, self._visits, REACH * self.settings.radius)
+        covered |= near(places, patches, REACH * self.settings.radius)
+        return covered & near(places, self._visits, REACH * self.settings.radius)
 
     def next_round(self) -> list[Proposal]:
-        """Where to go next: up to so many points, or one line; nothing where every place is known."""
-        known = self._knowledge
-        assert known is not None
-        closed = near(self.middles, known.known.place[known.known.standing], _APART / 2)
-        through = np.ones(len(self.middles), bool)
-        if self.settings.aim == "map":
-            gain: Gain = FieldGain.of(known, self._rows, known.field.std**2)
-        elif len(self._doubtful):
-            gain = FieldGain.of(known, self._rows, self._unclear(known, self._doubtful))
-            through = near(self.middles, self._doubtful, 0.6 * self.settings.radius)
-            if self.motion.line_speed is None and not (through & ~closed).any():
-                through = near(self.middles, self._doubtful, _ABOUT)
-        elif self.settings.aim == "outline" and self._is_outlining(known):
-            gain = FieldGain.of(known, self._rows, self._unclear(known, self._tops))
-        else:
-            assert self.hiding is not None
-            gain = Clearance.of(self._patches_grid, self.hiding.expected, self._allowed, self._std)
+        """The next places: up to so many points, or one line; none where every place is known."""
+        knowledge = self._knowledge
+        assert knowledge is not None
+        sites = knowledge.known
+        # No point is palpated again, and none of those that may hide a patch is on a known lump.
+        closed = near(self.middles, sites.place[sites.standing], _SITE_WIDTH / 2)
+        gain, clears = self._gain(knowledge)
+        if clears:
             closed = closed | self._on_lumps(self.middles)
-        actions = self._grid.next_round(gain, self.settings.points, known.known.place[-1], closed, through)
-        proposals = [self._proposal(known, action) for action in actions]
-        alone = self.area.skin is not None and len(proposals) > 1 and not self.motion.can_go(proposals)
-        return proposals[:1] if alone else proposals
+        through = self._through(closed)
+        actions = self._grid.next_round(gain, self.settings.points, sites.place[-1], closed, through)
+        proposals = [self._proposal(knowledge, action) for action in actions]
+        # Points with an unknown surface between them are visited one by one.
+        if self.area.skin is not None and len(proposals) > 1 and not self.motion.can_go(proposals):
+            return proposals[:1]
+        return proposals
+
+    def _gain(self, knowledge: Knowledge) -> tuple[Gain, bool]:
+        """The gain of the next palpations, and True where it is the clearance of the area.
+
+        A map gains by its variance; a search first by what is doubtful, then by its outlines, then by what may hide.
+        """
+        if self.settings.aim == "map":
+            return FieldGain.of(knowledge, self._rows, knowledge.field.std**2), False
+        if len(self._doubtful):
+            return FieldGain.of(knowledge, self._rows, self._unclear(knowledge, self._doubtful)), False
+        if self.settings.aim == "outline" and self._is_outlining(knowledge):
+            return FieldGain.of(knowledge, self._rows, self._unclear(knowledge, self._tops)), False
+        assert self.hiding is not None
+        return Clearance.of(self._patches_grid, self.hiding.expected, self._allowed, self._std), True
+
+    def _through(self, closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(m,) the middles that a line has to go through, or a point has to be at: those that are doubtful, or all."""
+        if self.settings.aim == "map" or not len(self._doubtful):
+            return np.ones(len(self.middles), bool)
+        through = near(self.middles, self._doubtful, self._node_distance)
+        # By points alone, where all of these were palpated: those about them.
+        if self.motion.line_speed is None and not (through & ~closed).any():
+            return near(self.middles, self._doubtful, _ABOUT_LUMP)
+        return through
 
     @property
     def _allowed(self) -> float:
@@ -180,39 +219,43 @@ class AreaSearch:
     def _doubtful_places(self, known: Knowledge) -> Floats:
         """Places (n, k) [m] to go through: lumps that are not certain, and likely ones that were not checked."""
         nodes = known.field.nodes
-        unsure = np.array([not self._over(item) for item in self.lumps], bool)
+        # Lumps come before places that only may be one.
+        unsure = np.array([not self._is_known(item) for item in self.lumps], bool)
         if unsure.any():
             return np.asarray(self._tops[unsure])
         _, _, above = known.expectation(self.settings.contrast)
         likely = np.flatnonzero((above >= SUSPICIOUS) & ~self._on_lumps(nodes))
-        return nodes[likely[passes(known.known, nodes[likely], _APART) < CHECKS]]
+        return nodes[likely[passes(known.known, nodes[likely], _SITE_WIDTH) < CHECKS]]
 
     def _unclear(self, known: Knowledge, places: Floats) -> Floats:
-        """(m,) how uncertain it is that the field's nodes about some places (n, k) [m] are above the contrast."""
+        """(m,) p (1 - p) of nodes about some places (n, k) [m], p the probability of a contrast above the threshold."""
         _, _, above = known.expectation(self.settings.contrast)
-        return np.asarray(np.where(near(known.field.nodes, places, _ABOUT), above * (1 - above), 0.0))
+        return np.asarray(np.where(near(known.field.nodes, places, _ABOUT_LUMP), above * (1 - above), 0.0))
 
     def _is_outlining(self, known: Knowledge) -> bool:
-        """Whether the lumps are to be outlined next, and not more of them to be looked for.
+        """True where the lumps are to be outlined next, and not more of them to be looked for.
 
         That is while more of them are unlikely and the intersection over union that is expected of their outline is
-        below 0.9, and once a search for more would end.
+        below 0.9, and once a search for more would end. The outline is where a contrast above is likelier than not.
         """
         assert self.hiding is not None
-        above = known.expectation(self.settings.contrast)[2][near(known.field.nodes, self._tops, _ABOUT)]
-        seen = above > 0.5
-        both, either = float(above[seen].sum()), float(np.count_nonzero(seen) + above[~seen].sum())
-        rough = both < _OUTLINED * either and self.hiding.risk <= _UNLIKELY
-        return bool(self.lumps) and (rough or self.hiding.risk <= self._allowed)
+        if not self.lumps:
+            return False
+        above = known.expectation(self.settings.contrast)[2][near(known.field.nodes, self._tops, _ABOUT_LUMP)]
+        inside = above > SUSPICIOUS
+        intersection = float(above[inside].sum())
+        union = float(np.count_nonzero(inside) + above[~inside].sum())
+        is_rough = intersection < _OUTLINED * union and self.hiding.risk <= _UNLIKELY
+        return is_rough or self.hiding.risk <= self._allowed
 
     def _proposal(self, known: Knowledge, action: SearchAction) -> Proposal:
         end = None if action.end is None else tuple(self.middles[action.end, :2].tolist())
         return known.proposal(self.settings.contrast, int(self._rows[action.start]), end)
 
-    def _over(self, item: LumpProgress) -> bool:
-        """Whether a lump is known well enough: by itself also beyond the border of what was palpated."""
-        alone = self.settings.risk is None and self.settings.aim == "find"
-        return item.done if alone else item.certain
+    def _is_known(self, item: LumpProgress) -> bool:
+        """True where a lump is known well enough: without a risk also beyond the border of what was palpated."""
+        ends_with_lumps = self.settings.risk is None and self.settings.aim == "find"
+        return item.done if ends_with_lumps else item.certain
 
     @cached_property
     def _grid(self) -> ActionGrid:
@@ -229,7 +272,7 @@ class AreaSearch:
         return PatchGrid(self.middles, self.settings.patch)
 
     def ended(self) -> str | None:
-        """Why the search is over, where it is: every lump certain, no place suspicious, and the risk as low as asked.
+        """The reason that the search is over: every lump certain, no place suspicious, and the risk as low as asked.
 
         Without a risk it goes on until there is a lump; an outline or a map never ends by itself.
         """

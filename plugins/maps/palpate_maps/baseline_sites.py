@@ -13,15 +13,19 @@ from palpate import Floats
 from palpate_maps.populations import SINGLE, is_one, lowest_mode
 from palpate_maps.sites import Sites
 
-_CROWDED = 0.2  # share of sites at places that were palpated before
-_SINGLE_OF_CROWDED = 0.2  # level of the test of normality, where more of them are
-_LEAST = 4  # baseline sites; with fewer nothing can be said
-_SOFTER = 0.15  # share of sites that are not soft outliers any more, but surroundings of a large stiff part
+# Shares and levels of decisions 0084 and 0282, which have the share of lumps found with them on simulated layouts.
+_CROWDED_SHARE = 0.2  # of all sites, at places that were palpated before: above it each place counts once
+_CROWDED_LEVEL = 0.2  # of the test of normality there: several populations are expected, so that less evidence does
+_SOFTER_SHARE = 0.15  # of all sites: so many soft outliers, a seventh, are the surroundings of a large stiff part
+_SAME_PLACE = 0.97  # site widths between sites, below which they are one place: a raster of one width keeps all of its
+_MIN_SITES = 4  # of a baseline: three degrees of freedom of its spread, a choice
+_MODE_HALF_WIDTH = 3.0  # [standard deviations] about the lowest mode: the sites of the background
+_MIN_SPREAD = 1e-12  # of a logarithm: keeps a studentised deviate finite where sites coincide
 
 
 @dataclass(frozen=True)
 class Baseline:
-    """What sites without a lump are like: mean and spread of the logarithm, and which they are."""
+    """The sites without a lump: mean and spread of their logarithm, and the rows that they are."""
 
     mean: float
     spread: float  # standard deviation between sites
@@ -40,13 +44,15 @@ def find_baseline(
     that they hide each other: then the baseline is the lowest mode, determined by what lies below it. `floor` is the
     least spread assumed, `single` the level of the test of one population.
     """
-    found = _without_outliers(log, level, share, floor)
-    inner = log[found.members]
-    softer = int(((log < inner.mean()) & ~found.members).sum())
-    if softer < _SOFTER * len(log) and (is_one(inner, single) or float(inner.std()) <= floor):
-        return found
+    by_rosner = _without_outliers(log, level, share, floor)
+    inner = log[by_rosner.members]
+    softer = int(((log < inner.mean()) & ~by_rosner.members).sum())
+    # Rosner's test is exact where lumps are few: its sites are one population, and few outliers are softer.
+    if softer < _SOFTER_SHARE * len(log) and (is_one(inner, single) or float(inner.std()) <= floor):
+        return by_rosner
+    # Stiff sites hide each other: the lowest mode is what surrounds them.
     mode = lowest_mode(log, floor)
-    members = np.abs(log - mode.mean) <= 3 * mode.spread
+    members = np.abs(log - mode.mean) <= _MODE_HALF_WIDTH * mode.spread
     return Baseline(mode.mean, mode.spread, mode.spread_from, members, single=False)
 
 
@@ -56,48 +62,75 @@ def background_sites(sites: Sites, floor: float = 0.0, width: float = 4e-3) -> B
     A search goes where it is stiff, so that most of its sites may lie on lumps: then each place counts once, by the
     earliest of its sites, and since several populations are expected, less evidence is asked for them.
     """
-    rows: list[int] = []
-    for i, place in enumerate(sites.place):
-        if not rows or float(((sites.place[rows] - place) ** 2).sum(axis=1).min()) >= (0.97 * width) ** 2:
-            rows.append(i)
-    if len(rows) >= len(sites) * (1 - _CROWDED):
+    # The earliest site of each place.
+    earliest: list[int] = []
+    for row, place in enumerate(sites.place):
+        squares = ((sites.place[earliest] - place) ** 2).sum(axis=1)
+        if not earliest or float(squares.min()) >= (_SAME_PLACE * width) ** 2:
+            earliest.append(row)
+    if len(earliest) >= len(sites) * (1 - _CROWDED_SHARE):
         return find_baseline(sites.log, floor=floor)
-    found = find_baseline(sites.log[rows], floor=floor, single=_SINGLE_OF_CROWDED)
+    # The baseline of the places, as rows of all sites.
+    baseline = find_baseline(sites.log[earliest], floor=floor, single=_CROWDED_LEVEL)
     members = np.zeros(len(sites), bool)
-    members[rows] = found.members
-    return replace(found, members=members)
+    members[earliest] = baseline.members
+    return replace(baseline, members=members)
 
 
 def _without_outliers(log: Floats, level: float, share: float, floor: float) -> Baseline:
-    """The generalised extreme studentised deviate test (Rosner 1983), for independent normal baseline sites."""
-    from scipy import stats
+    """The sites (n,) that the generalised extreme studentised deviate test leaves (Rosner 1983).
 
-    n, most = len(log), int(share * len(log))
+    For independent normal baseline sites. `level` is of the test, `share` of the sites that may be outliers, `floor`
+    the least spread assumed.
+    """
+    limits = _rosner_limits(len(log), level, share)
     order = np.argsort(log, kind="stable")
-    values = (log - np.median(log))[order]
-    first, last, outliers = 0, n, (0, n)  # of the ordered sites that are left: the farthest is at one of the ends
-    still = n - np.arange(most)  # sites at each step
-    t = stats.t.ppf(1 - level / (2 * still), np.maximum(still - 2, 1))
-    limits = (still - 1) * t / np.sqrt((still - 2 + t * t) * still)
-    total, square = float(values.sum()), float((values**2).sum())
-    for limit in limits[: max(n - _LEAST + 1, 0)].tolist():
-        m = last - first
-        mean = total / m
-        spread = max(math.sqrt(max(square - total * mean, 0.0) / (m - 1)), floor, 1e-12)
-        low, high = float(values[first]), float(values[last - 1])
-        if lower := mean - low >= high - mean:
-            first += 1
-        else:
-            last -= 1
-        worst = low if lower else high
-        if abs(worst - mean) / spread > limit:
-            outliers = first, last
-        total, square = total - worst, square - worst**2
-    members = np.zeros(n, bool)
-    members[order[slice(*outliers)]] = True
+    inliers = _inliers((log - np.median(log))[order], limits, floor)
+    members = np.zeros(len(log), bool)
+    members[order[inliers]] = True
     inner = log[members]
     spread = float(inner.std(ddof=1)) if len(inner) > 1 else 0.0
     return Baseline(float(inner.mean()), max(spread, floor), int(members.sum()), members)
+
+
+def _rosner_limits(count: int, level: float, share: float) -> Floats:
+    """Critical values (k,) of Rosner's test of `count` sites: of the farthest deviate after each one taken away.
+
+    lambda = (m - 1) t/sqrt((m - 2 + t^2) m) of the m sites that are left, t the quantile 1 - level/(2 m) of Student's
+    distribution with m - 2 degrees of freedom.
+    """
+    from scipy import stats
+
+    remaining = count - np.arange(int(share * count))
+    t = stats.t.ppf(1 - level / (2 * remaining), np.maximum(remaining - 2, 1))
+    limits = (remaining - 1) * t / np.sqrt((remaining - 2 + t * t) * remaining)
+    return np.asarray(limits[: max(count - _MIN_SITES + 1, 0)])
+
+
+def _inliers(values: Floats, limits: Floats, floor: float) -> slice:
+    """The rows of ordered values (n,) between the last outliers: the farthest deviate is at one of the two ends.
+
+    Sum and sum of squares of what remains are kept, so that a step costs no sum over all values.
+    """
+    first, last = 0, len(values)
+    inliers = slice(first, last)
+    total, square = float(values.sum()), float((values**2).sum())
+    for limit in limits.tolist():
+        # Mean and spread of the values that remain.
+        count = last - first
+        mean = total / count
+        spread = max(math.sqrt(max(square - total * mean, 0.0) / (count - 1)), floor, _MIN_SPREAD)
+        # The farther of the two ends is taken away.
+        low, high = float(values[first]), float(values[last - 1])
+        if mean - low >= high - mean:
+            farthest, first = low, first + 1
+        else:
+            farthest, last = high, last - 1
+        # The last step above its limit decides how many are outliers.
+        if abs(farthest - mean) / spread > limit:
+            inliers = slice(first, last)
+        total, square = total - farthest, square - farthest**2
+    return inliers
 
 
 def prediction_p(log: Floats, baseline: Baseline) -> Floats:
@@ -110,8 +143,9 @@ def prediction_p(log: Floats, baseline: Baseline) -> Floats:
     from scipy import stats
 
     k = baseline.count
-    if k < _LEAST or baseline.spread <= 0:
+    if k < _MIN_SITES or baseline.spread <= 0:
         return np.ones(len(log))
+    # Of a lowest mode all sites are tested alike: its spread is that of what lies below.
     t = (log - baseline.mean) / (baseline.spread * np.sqrt(1 + 1 / k))
     if not baseline.single:
         return np.asarray(stats.t.sf(t, k - 1))
@@ -127,10 +161,10 @@ def discoveries(p: Floats, rate: float) -> NDArray[np.bool_]:
     n = len(p)
     order = np.argsort(p)
     passed = np.flatnonzero(p[order] <= rate * np.arange(1, n + 1) / n)
-    found = np.zeros(n, bool)
+    kept = np.zeros(n, bool)
     if len(passed):
-        found[order[: passed[-1] + 1]] = True
-    return found
+        kept[order[: passed[-1] + 1]] = True
+    return kept
 
 
 @dataclass(frozen=True)
@@ -150,14 +184,14 @@ def welch(baseline: Floats, suspects: Floats) -> Comparison:
     """
     from scipy import stats
 
-    found: Any = stats.ttest_ind(suspects, baseline, equal_var=False, alternative="greater")
-    return Comparison(float(suspects.mean() / baseline.mean() - 1), float(found.pvalue), "welch")
+    test: Any = stats.ttest_ind(suspects, baseline, equal_var=False, alternative="greater")
+    return Comparison(float(suspects.mean() / baseline.mean() - 1), float(test.pvalue), "welch")
 
 
 def against_sites(baseline: Floats, suspect: float) -> Comparison:
     """A suspect site's mean against the means of baseline sites (k,), by the prediction interval."""
-    logs = np.log(baseline)
-    k = len(logs)
-    everyone = Baseline(float(logs.mean()), float(logs.std(ddof=1)) if k > 1 else 0.0, k, np.zeros(1, bool))
-    p = float(prediction_p(np.array([np.log(suspect)]), everyone)[0])
-    return Comparison(float(suspect / np.exp(logs.mean()) - 1), p, "prediction")
+    log = np.log(baseline)
+    count = len(log)
+    sites = Baseline(float(log.mean()), float(log.std(ddof=1)) if count > 1 else 0.0, count, np.zeros(1, bool))
+    p = float(prediction_p(np.array([np.log(suspect)]), sites)[0])
+    return Comparison(float(suspect / np.exp(log.mean()) - 1), p, "prediction")

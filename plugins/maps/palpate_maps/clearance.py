@@ -1,4 +1,4 @@
-"""How far palpations clear an area: how many patches that may hide now could not hide afterwards."""
+"""Clearance of an area by palpations: the number of patches that may hide now and could not afterwards."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from palpate import Floats
 from palpate_maps.hidden_patches import Patch
 from palpate_maps.stiffness_field import lengths_along
 
-_SITE = 4e-3  # [m] of a line that is one observation
+_SITE_LENGTH = 4e-3  # [m] of a line that is one observation: the width of a site of `LumpSettings`
 
 
 @dataclass(frozen=True)
 class PatchGrid:
-    """Nodes at which patches may hide, and what patches at one do at another."""
+    """Nodes at which patches may hide, and the rise of the logarithm at one by a patch at another."""
 
     nodes: Floats  # (m, 2) [m], or (m, 3) on a surface
     patch: Patch
@@ -31,7 +31,7 @@ class PatchGrid:
 
 @dataclass(frozen=True)
 class Clearance:
-    """How far palpations of nodes go towards a number of patches that may remain.
+    """Progress of palpations of nodes towards a number of patches that may remain.
 
     A palpation with the variance v at x multiplies the odds of the least patch at z, where none is, by
     exp(-h(x - z)^2/(2 v)) in the average of their logarithm. The logarithm of an expected number n(z) over the number
@@ -40,22 +40,23 @@ class Clearance:
     """
 
     grid: PatchGrid
-    left: Floats  # (m,) logarithm of the expected over the allowed number, 0 where that is lower
+    excess: Floats  # (m,) logarithm of the expected over the allowed number, 0 where that is lower
     std: float  # of a palpation
 
     @classmethod
     def of(cls, grid: PatchGrid, expected: Floats, risk: float, std: float) -> Clearance:
-        """Where patches (m,) are expected, until their number is a risk."""
+        """From the number of patches (m,) expected at each node, until their sum is a risk."""
         allowed = risk / max(int(np.count_nonzero(expected)), 1)
         return cls(grid, np.log(np.maximum(expected / allowed, 1.0)), std)
 
     @cached_property
-    def _told(self) -> Floats:
+    def _decrease(self) -> Floats:
+        """(m, m) decrease of the logarithm of the odds at nodes by a palpation at nodes: h^2/(2 v)."""
         return np.asarray(self.grid.squares / (2 * self.std**2))
 
     def points(self) -> Floats:
         """(m,) gained by a point at each node."""
-        return np.asarray(np.minimum(self._told, self.left).sum(axis=1))
+        return np.asarray(np.minimum(self._decrease, self.excess).sum(axis=1))
 
     def sites(self) -> Floats:
         """(m,) gained by one site of a line at each node, which is at most that of a point."""
@@ -67,8 +68,9 @@ class Clearance:
         step: Any = way[1]
         if self.grid.nodes.shape[1] > 2:  # on a surface steps differ: their mean as far as each node
             step = (np.r_[step, way[1:] / np.arange(1, len(row))])[:, None]
-        return np.asarray(np.minimum(np.cumsum(self._told[row], axis=0) * (step / _SITE), self.left).sum(axis=1))
+        decrease = np.cumsum(self._decrease[row], axis=0) * (step / _SITE_LENGTH)
+        return np.asarray(np.minimum(decrease, self.excess).sum(axis=1))
 
     def after(self, node: int) -> Clearance:
-        """What is left to gain once a point at a node was palpated, if no patch is near."""
-        return replace(self, left=np.maximum(self.left - self._told[node], 0.0))
+        """The clearance once a point at a node was palpated, if no patch is near."""
+        return replace(self, excess=np.maximum(self.excess - self._decrease[node], 0.0))

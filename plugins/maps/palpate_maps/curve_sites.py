@@ -29,10 +29,12 @@ def read_curve_sites(
     for name, known in ((track, folder.tracks), (parameter, folder.values)):
         if name not in known:
             raise LogError(f"{path}: no {name!r}{suggest(name, known)}")
-    if old := stale_words(folder):
-        typer.echo(old, err=True)
-    rows = [row for row in curve_filter(where, folder).choose(folder.rows) if row.track == track and row.usable]
-    numbers = [found for row in rows if (found := _numbers(row, parameter)) is not None]
+    if stale := stale_words(folder):
+        typer.echo(stale, err=True)
+    # Of the chosen curves those that the track could use, with a place and a value.
+    chosen = [row for row in curve_filter(where, folder).choose(folder.rows) if row.track == track and row.usable]
+    candidates = [_numbers(row, parameter) for row in chosen]
+    numbers = [row for row in candidates if row is not None]
     if not numbers:
         asked = f" and {where!r}" if where else ""
         raise LogError(
@@ -40,6 +42,7 @@ def read_curve_sites(
             "lateral_y in [alignment]"
         )
     x, y, value, std = np.array(numbers).T
+    # Each curve is a point palpation of its own, in their order: nothing of its error is common to its neighbours.
     place, time = np.column_stack([x, y]), np.arange(len(x), dtype=float)
     sites = Sites(place, np.log(value), std / value, time, np.ones(len(x), bool), kept=1.0)
     return Path2D(track, parameter, time, place, value, std, 1.0), sites

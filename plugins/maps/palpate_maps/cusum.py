@@ -13,9 +13,15 @@ from palpate_maps.line_peaks import LineCurve
 from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
 from palpate_maps.sites import merge_sites
 
-_CELLS = 40  # of the chain between 0 and the threshold
-_TABLED = 12.0  # largest threshold that the chain is asked for; beyond it the run length grows like exp(2 k h)
-_LARGEST = 1e12  # run length [blocks] up to which the chain's equations are well conditioned
+# Choices of accuracy: of the run length as a Markov chain, and of the threshold that is inverted from it.
+_CHAIN_STATES = 40  # of the chain between 0 and the threshold
+_MAX_CHAIN_THRESHOLD = 12.0  # that the chain is asked for; beyond it the run length grows like exp(2 k h)
+_MAX_RUN_LENGTH = 1e12  # [blocks] up to which the chain's equations are well conditioned
+_MAX_EXPONENT = 600.0  # of that growth: exp(600) times the largest run length is still a finite number
+_THRESHOLD_STEP = 1e-4  # [standard deviations] to which the threshold is determined
+_MIN_THRESHOLD = 1e-6  # [standard deviations] from which it is looked for
+_SLACK_STEPS = 4  # of k in a standard deviation: so few values that their thresholds are tabled
+_MIN_SLACK = 0.5  # [standard deviations]: Page's for a step of one
 
 
 @dataclass(frozen=True)
@@ -54,25 +60,28 @@ class Cusum:
         if not self.reference:
             self.reference.append(value)
             return None
+        # The block against the mean of the reference, in standard deviations.
         n = len(self.reference)
         score = (value - sum(self.reference) / n) / (std * math.sqrt(1 + 1 / n))
         k = slack(self.step / std, self.rate / 2, self.blocks)
-        found = None
+        alarm = None
         for side, signed in enumerate((score, -score)):
-            grown = self.sums[side] + signed - k
-            if grown <= 0:
+            increased = self.sums[side] + signed - k
+            # A sum that falls to 0 begins again with the next block.
+            if increased <= 0:
                 self.sums[side], self.since[side] = 0.0, self.count
                 continue
-            self.sums[side] = grown
-            if grown > threshold(k, self.rate / 2, self.blocks):
-                p = min(1.0, 2 * self.blocks / run_length(k, grown))
-                found = Alarm(side == 0, self.since[side], self.count - 1, p)
-        if found is None:
+            self.sums[side] = increased
+            if increased > threshold(k, self.rate / 2, self.blocks):
+                p = min(1.0, 2 * self.blocks / run_length(k, increased))
+                alarm = Alarm(side == 0, self.since[side], self.count - 1, p)
+        # After an alarm the reference is what came since the change.
+        if alarm is None:
             self.reference.append(value)
         else:
-            self.reference = self.seen[found.since :]
+            self.reference = self.seen[alarm.since :]
             self.sums, self.since = [0.0, 0.0], [self.count, self.count]
-        return found
+        return alarm
 
 
 @lru_cache(maxsize=4096)
@@ -80,8 +89,9 @@ def slack(change: float, rate: float, blocks: int) -> float:
     """k for a change in standard deviations: half of it, but so little that the threshold is not below 0; on a grid."""
     from scipy.stats import norm
 
-    most = np.floor(4 * float(norm.isf(rate / blocks))) / 4
-    return float(np.clip(round(2 * change) / 4, min(0.5, most), most))
+    largest = np.floor(_SLACK_STEPS * float(norm.isf(rate / blocks))) / _SLACK_STEPS
+    half = round(_SLACK_STEPS / 2 * change) / _SLACK_STEPS
+    return float(np.clip(half, min(_MIN_SLACK, largest), largest))
 
 
 @lru_cache(maxsize=4096)
@@ -90,28 +100,35 @@ def run_length(k: float, h: float) -> float:
 
     The sum as a Markov chain on a grid between 0 and h (Brook and Evans 1972); beyond it like exp(2 k h).
     """
-    if h > _TABLED:
-        return run_length(k, _TABLED) * float(np.exp(min(2 * k * (h - _TABLED), 600.0)))
+    if h > _MAX_CHAIN_THRESHOLD:
+        exponent = min(2 * k * (h - _MAX_CHAIN_THRESHOLD), _MAX_EXPONENT)
+        return run_length(k, _MAX_CHAIN_THRESHOLD) * float(np.exp(exponent))
     from scipy.stats import norm
 
-    width = 2 * h / (2 * _CELLS - 1)
-    grid = width * np.arange(_CELLS)
-    upper = norm.cdf(grid[None] - grid[:, None] + k + width / 2)
-    chain = np.column_stack([upper[:, 0], np.diff(upper, axis=1)])
-    chance = norm.sf(h - grid + k)  # of leaving at once: what is lost to rounding in 1 - sum of a row
-    system = np.eye(_CELLS) - chain
-    system[np.diag_indices(_CELLS)] = chance + chain.sum(axis=1) - np.diag(chain)
-    length = float(np.linalg.solve(system, np.ones(_CELLS))[0])
-    return length if 0 < length < _LARGEST else _LARGEST
+    # Probabilities of going from each state to each; the sum has its mass at 0 in the first.
+    width = 2 * h / (2 * _CHAIN_STATES - 1)
+    states = width * np.arange(_CHAIN_STATES)
+    upper = norm.cdf(states[None] - states[:, None] + k + width / 2)
+    transition = np.column_stack([upper[:, 0], np.diff(upper, axis=1)])
+    # The probability of leaving at once is lost to rounding in 1 - sum of a row, so that the diagonal is made of it.
+    leaving = norm.sf(h - states + k)
+    system = np.eye(_CHAIN_STATES) - transition
+    system[np.diag_indices(_CHAIN_STATES)] = leaving + transition.sum(axis=1) - np.diag(transition)
+    # Run lengths L of all states: (I - P) L = 1.
+    length = float(np.linalg.solve(system, np.ones(_CHAIN_STATES))[0])
+    return length if 0 < length < _MAX_RUN_LENGTH else _MAX_RUN_LENGTH
 
 
 @lru_cache(maxsize=256)
 def threshold(k: float, rate: float, blocks: int) -> float:
     """h at which the mean run length of one sum is blocks/rate."""
-    low, high = 1e-6, _TABLED
-    while high - low > 1e-4:
+    low, high = _MIN_THRESHOLD, _MAX_CHAIN_THRESHOLD
+    while high - low > _THRESHOLD_STEP:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if run_length(k, middle) < blocks / rate else (low, middle)
+        if run_length(k, middle) < blocks / rate:
+            low = middle
+        else:
+            high = middle
     return high
 
 
@@ -121,21 +138,35 @@ def by_cusum(curve: LineCurve, settings: LumpSettings) -> Findings:
     Blocks of `width` are taken in the order of time, the last stay before the sweep first. Where the lump is, how wide
     and how high, is read off the smoothed curve between the two changes.
     """
+    spans = _raised_spans(curve, settings)
+    half = 0.5 * settings.width
+    # Valleys of a lump lie no farther than the neighbouring spans; without any span there is nothing to zip.
+    previous_ends = [-np.inf, *(end for _, end, _ in spans[:-1])]
+    next_begins = [*(begin for begin, _, _ in spans[1:]), np.inf]
+    lumps: list[Lump] = []
+    for (begin, end, p), *bounds in zip(spans, previous_ends, next_begins, strict=False):
+        lump = _highest_between(curve, (begin - half, end + half), (bounds[0], bounds[1]), p)
+        if lump is None or lump.contrast < settings.contrast:
+            continue
+        if all(abs(lump.along - other.along) >= settings.width for other in lumps):
+            lumps.append(lump)
+    return curve.findings(lumps, f"cumulative sums over blocks of {1e3 * settings.width:g} mm")
+
+
+def _raised_spans(curve: LineCurve, settings: LumpSettings) -> list[tuple[float, float, float]]:
+    """Begin and end [m] along the sweep, and p-value, of each rise that a fall ends, by their place."""
     blocks = merge_sites(curve.sites, settings.width)
     noise = np.sqrt(settings.spread**2 + curve.sites.kept**2 * blocks.std**2)
     along = np.interp(blocks.time, curve.sites.time, curve.along)
     test = Cusum(settings.rate, len(blocks), float(np.log1p(settings.contrast)))
-    alarms = [a for a in map(test.feed, blocks.log.tolist(), noise.tolist()) if a is not None]
-    half = 0.5 * settings.width
-    found = sorted((*sorted((along[first], along[last])), p) for first, last, p in _rises_and_falls(alarms))
-    lumps: list[Lump] = []
-    for number, (begin, end, p) in enumerate(found):
-        ends = found[number - 1][1] if number else -np.inf, found[number + 1][0] if number + 1 < len(found) else np.inf
-        lump = _lump(curve, (begin - half, end + half), ends, p)
-        known = lump is None or any(abs(lump.along - other.along) < settings.width for other in lumps)
-        if lump is not None and not known and lump.contrast >= settings.contrast:
-            lumps.append(lump)
-    return curve.findings(lumps, f"cumulative sums over blocks of {1e3 * settings.width:g} mm")
+    answers = map(test.feed, blocks.log.tolist(), noise.tolist())
+    alarms = [alarm for alarm in answers if alarm is not None]
+    spans = []
+    for first, last, p in _rises_and_falls(alarms):
+        # A sweep may go backwards.
+        begin, end = sorted((float(along[first]), float(along[last])))
+        spans.append((begin, end, p))
+    return sorted(spans)
 
 
 def _rises_and_falls(alarms: list[Alarm]) -> Iterator[tuple[int, int, float]]:
@@ -144,23 +175,25 @@ def _rises_and_falls(alarms: list[Alarm]) -> Iterator[tuple[int, int, float]]:
     p = 1.0
     for alarm in alarms:
         if alarm.rising:
-            rise, p = (alarm, alarm.p) if rise is None else (rise, min(p, alarm.p))
+            p = alarm.p if rise is None else min(p, alarm.p)
+            rise = rise or alarm
         elif rise is not None:
             yield rise.since, alarm.at, max(p, alarm.p)
             rise = None
 
 
-def _lump(curve: LineCurve, span: tuple[float, float], ends: tuple[float, float], p: float) -> Lump | None:
-    """The highest point of a span, over the higher of the valleys next to it, which lie before the ends."""
+def _highest_between(curve: LineCurve, span: tuple[float, float], bounds: tuple[float, float], p: float) -> Lump | None:
+    """The highest point of a span, over the higher of the valleys next to it, which lie within the bounds [m]."""
     inside = np.flatnonzero((curve.at >= span[0]) & (curve.at <= span[1]))
     if not len(inside):
         return None
     peak = int(inside[np.argmax(curve.log[inside])])
-    left = np.flatnonzero((curve.at >= ends[0]) & (curve.at <= curve.at[peak]))
-    right = np.flatnonzero((curve.at <= ends[1]) & (curve.at >= curve.at[peak]))
-    valleys = [int(side[np.argmin(curve.log[side])]) for side in (left, right) if len(side)]
+    before = np.flatnonzero((curve.at >= bounds[0]) & (curve.at <= curve.at[peak]))
+    after = np.flatnonzero((curve.at <= bounds[1]) & (curve.at >= curve.at[peak]))
+    valleys = [int(side[np.argmin(curve.log[side])]) for side in (before, after) if len(side)]
     valley = max(valleys, key=lambda v: curve.log[v])
     height = float(curve.log[peak] - curve.log[valley])
+    # Extent and middle at half its height.
     edges = [_crossing(curve, peak, height / 2, step) for step in (-1, 1)]
     middle = float(np.mean(edges))
     std = float(np.hypot(curve.noise[peak], curve.noise[valley]))
@@ -168,7 +201,7 @@ def _lump(curve: LineCurve, span: tuple[float, float], ends: tuple[float, float]
 
 
 def _crossing(curve: LineCurve, peak: int, drop: float, step: int) -> float:
-    """Where the curve has fallen by `drop`, going from the peak in one direction."""
+    """Place [m] at which the curve has fallen by `drop`, going from the peak in one direction."""
     i = peak
     while 0 <= i + step < len(curve.at) and curve.log[i] > curve.log[peak] - drop:
         i += step

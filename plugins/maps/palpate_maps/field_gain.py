@@ -1,4 +1,4 @@
-"""How much less uncertain palpations make a field, or where it is above a level."""
+"""Decrease of the variance of a field by palpations, or of the uncertainty of the places above a level."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from palpate_kit.numerics.gaussian_process import cholesky_factor, whiten
 
 from palpate_maps.next_places import Knowledge
 
-_COUNTED = 400  # places at most that the gain is summed over
+_MAX_SUMMED = (
+    400  # places that the gain is summed over, of the 4 times as many of the largest weights: a choice of time
+)
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class FieldGain:
     other by the Cholesky factor of C_SS + r.
     """
 
-    own: Floats  # (m, m) covariances of nodes
+    between: Floats  # (m, m) covariances of nodes
     cross: Floats  # (m, n) with the places
     weight: Floats  # (n,) over the places' variance
     point: float  # variance of a point
@@ -32,28 +34,34 @@ class FieldGain:
     def of(cls, known: Knowledge, rows: NDArray[np.intp], weight: Floats) -> FieldGain:
         """Of palpations at some of the field's nodes (m,), with a weight for each of them all."""
         field = known.field
-        counted = np.argsort(-weight, kind="stable")[: 4 * _COUNTED]
-        counted = np.sort(counted[:: max(len(counted) // _COUNTED, 1)])
-        variance, noise = field.std[counted] ** 2, field.kernel.noise
-        cross, own = field.covariance(rows, counted), field.covariance(rows, rows)
-        point, line = (noise + known.typical_std(standing) ** 2 for standing in (True, False))
-        return cls(own, cross, weight[counted] / variance, point, line)
+        # The places of the largest weights, evenly thinned.
+        summed = np.argsort(-weight, kind="stable")[: 4 * _MAX_SUMMED]
+        summed = np.sort(summed[:: max(len(summed) // _MAX_SUMMED, 1)])
+        relative_weight = weight[summed] / field.std[summed] ** 2
+        noise = field.kernel.noise
+        return cls(
+            between=field.covariance(rows, rows),
+            cross=field.covariance(rows, summed),
+            weight=relative_weight,
+            point=noise + known.typical_std(True) ** 2,
+            line=noise + known.typical_std(False) ** 2,
+        )
 
     def points(self) -> Floats:
         """(m,) of a point at each node."""
-        return np.asarray(self.cross**2 @ self.weight / (np.diag(self.own) + self.point))
+        return np.asarray(self.cross**2 @ self.weight / (np.diag(self.between) + self.point))
 
     def sites(self) -> Floats:
         """(m,) of one site of a line at each node."""
-        return np.asarray(self.cross**2 @ self.weight / (np.diag(self.own) + self.line))
+        return np.asarray(self.cross**2 @ self.weight / (np.diag(self.between) + self.line))
 
     def lines(self, row: NDArray[np.intp]) -> Floats:
         """(k,) of lines from the first node of a row (k,) to each."""
-        solved = whiten(cholesky_factor(self.own[np.ix_(row, row)], self.line), self.cross[row])
+        solved = whiten(cholesky_factor(self.between[np.ix_(row, row)], self.line), self.cross[row])
         return np.asarray(np.cumsum(solved**2 @ self.weight))
 
     def after(self, node: int) -> FieldGain:
-        """What is left to gain once a point was palpated at a node."""
-        share = self.own[node] / (self.own[node, node] + self.point)
-        own, cross = self.own - np.outer(share, self.own[node]), self.cross - np.outer(share, self.cross[node])
-        return replace(self, own=own, cross=cross)
+        """The gain once a point was palpated at a node."""
+        share = self.between[node] / (self.between[node, node] + self.point)
+        between = self.between - np.outer(share, self.between[node])
+        return replace(self, between=between, cross=self.cross - np.outer(share, self.cross[node]))

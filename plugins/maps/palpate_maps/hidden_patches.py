@@ -1,4 +1,4 @@
-"""Where a stiff patch may still hide, and with which probability one does: the posterior of a search's remainder."""
+"""Stiff patches that may still hide: their posterior number at each place, and the probability that one remains."""
 
 from __future__ import annotations
 
@@ -13,21 +13,25 @@ from palpate_kit.numerics.gaussian_process import cholesky_factor, whiten
 from palpate_maps.sites import Sites
 from palpate_maps.stiffness_field import LEAST_STD, distances
 
+# The prior of decision 0280, a choice that each statement of a search names.
 EXPECTED = 1.5  # patches in the area, before anything is palpated
-# Grids of what is not known of the data, each value as likely as the next beforehand.
-_NOISE = (0.35, 0.6, 1.0, 1.7)  # share of a site's standard deviation that is scatter
-_BACKGROUND = (0.003, 0.01, 0.03)  # standard deviation of the background's own change
-_DRIFT = (0.001, 0.01)  # standard deviation of the change with time
+# Standard deviations of log E that are not known: grids of 24 combinations, each as likely as the next beforehand.
+_NOISE = (0.35, 0.6, 1.0, 1.7)  # of a site, over what its estimator states
+_BACKGROUND = (0.003, 0.01, 0.03)  # of the background's own change
+_DRIFT = (0.001, 0.01)  # of the change with time
 _SIZES = tuple(itertools.product(_NOISE, _BACKGROUND, _DRIFT))
-_LENGTH = 25e-3  # [m] over which the background changes: far wider than a patch
+_BACKGROUND_LENGTH = 25e-3  # [m] over which the background changes: far wider than a patch
 _DRIFT_TIME = 60.0  # [s] over which the tare drifts
-_FLOOR = 2e-3  # scatter between sites that is always there
-_COUNTS = 0.02  # weight below which a combination is left out, relative to the largest
-_MOST = 400  # sites
-_MANY = 200  # of them from which on the sizes that count are not chosen each time
-_GROWTH = 1.25  # times the sites of the latest choice, from which on it is repeated
-REACH = 2.0  # radii of a patch up to which it is felt, there by a sixteenth of its height (0295)
-_FEWEST = 3  # of them that say something
+_SITE_SPREAD = 2e-3  # standard deviation of log E between sites, known
+REACH = 2.0  # radii of a patch up to which it is felt, there by a sixteenth of its height (decisions 0295 and 0446)
+# Choices of computing time; the rule of the growth is of decision 0281.
+_MIN_WEIGHT = 0.02  # of the heaviest combination, below which one is left out
+_MAX_SITES = 400  # of the covariance; of more, as many evenly
+_MANY_SITES = 200  # from which on the combinations are not weighed again each time
+_GROWTH = 1.25  # times the sites that were weighed by, from which on they are weighed again
+_MIN_SITES = 3  # with fewer the posterior is the prior
+# Exponents between which odds are a finite number above zero that a sum over places is not lost in.
+_MIN_EXPONENT, _MAX_EXPONENT = -700, 50
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,7 @@ class Patch:
 
 @dataclass(frozen=True)
 class Hiding:
-    """What the sites say of patches at each of some middles."""
+    """The posterior of patches at each of some middles."""
 
     middles: Floats  # (m, 2) [m], or (m, 3) on a surface
     expected: Floats  # (m,) patches that remain there; their sum is that of the area
@@ -70,7 +74,7 @@ class Hiding:
 
     @property
     def likely(self) -> tuple[Floats, float]:
-        """Where a patch is likeliest (k,) [m], and how many are expected to have their middle about there."""
+        """The likeliest place (k,) [m] of a patch, and the number expected to have their middle about there."""
         k = int(np.argmax(self.expected))
         near = distances(self.middles, self.middles[k][None])[:, 0] <= self.reach
         weight = self.expected[near]
@@ -102,51 +106,74 @@ def hidden_patches(
     only those that counted `before`, until there are a quarter more. Where no site is within two radii h is 0, L is 1,
     and as many are left as were expected beforehand.
     """
+    # The prior: as likely everywhere, or by the area of the skin, but on no known lump.
     expected = np.full(len(middles), EXPECTED / max(len(middles), 1))
     if extent is not None:
         expected *= extent / extent.mean()
     if on_lumps is not None:
         expected[on_lumps] = 0.0
-    if len(sites) < _FEWEST:
+    if len(sites) < _MIN_SITES:
         return Hiding(middles, expected, patch.radius)
-    used = sites[np.unique(np.linspace(0, len(sites) - 1, min(len(sites), _MOST)).round().astype(int))]
-    again = before is None or len(sites) < _MANY or len(sites) > _GROWTH * before.weighed_on
-    sizes = _SIZES if again or before is None else before.sizes
-    shared = _SharedTerms.of(used)
-    found = [shared.covariance(*each) for each in sizes]
-    evidence = np.array([each.evidence for each in found])
-    weights = np.exp(evidence - evidence.max())
-    weights[weights < _COUNTS] = 0.0
-    weights /= weights.sum()
+    sizes, weighed_on = _sizes_for(len(sites), before)
+    used = sites[np.unique(np.linspace(0, len(sites) - 1, min(len(sites), _MAX_SITES)).round().astype(int))]
+    terms = _SharedTerms.of(used)
+    covariances = [terms.covariance(*combination) for combination in sizes]
+    weights = _weights(covariances)
+    # L(x) = sum_t w_t L_t(x) over the combinations t that have a weight.
     rise = patch.profile(used.place, middles)
-    odds = sum(w * each.odds(rise) for w, each in zip(weights, found, strict=True) if w)
-    scatter = float(np.sqrt(weights @ np.square([noise for noise, _, _ in sizes])))
-    counting = tuple(each for each, w in zip(sizes, weights, strict=True) if w)
-    weighed_on = len(sites) if again or before is None else before.weighed_on
-    return Hiding(middles, expected * np.asarray(odds), patch.radius, scatter, counting, weighed_on)
+    counting = np.flatnonzero(weights).tolist()
+    odds = sum(weights[t] * covariances[t].odds(rise) for t in counting)
+    return Hiding(
+        middles,
+        expected * np.asarray(odds),
+        patch.radius,
+        scatter=float(np.sqrt(weights @ np.square([noise for noise, _, _ in sizes]))),
+        sizes=tuple(sizes[t] for t in counting),
+        weighed_on=weighed_on,
+    )
+
+
+def _sizes_for(count: int, before: Hiding | None) -> tuple[tuple[tuple[float, float, float], ...], int]:
+    """Combinations of sizes that are weighed for so many sites, and the number of sites of their latest choice.
+
+    All of them of few sites, or once there are a quarter more; else those that counted before.
+    """
+    if before is None or count < _MANY_SITES or count > _GROWTH * before.weighed_on:
+        return _SIZES, count
+    return before.sizes, before.weighed_on
+
+
+def _weights(covariances: list[_Covariance]) -> Floats:
+    """Weights (k,) of covariances by their restricted likelihoods, whose sum is 1; 0 of those that hardly count."""
+    evidence = np.array([covariance.evidence for covariance in covariances])
+    weights = np.exp(evidence - evidence.max())
+    weights[weights < _MIN_WEIGHT] = 0.0
+    return np.asarray(weights / weights.sum())
 
 
 @dataclass(frozen=True)
 class _SharedTerms:
-    """What the covariances of some sites have in common."""
+    """Terms that all covariances of some sites have in common."""
 
     log: Floats  # (n,) about its mean
-    own: Floats  # (n,) variances that scale
+    stated: Floats  # (n,) variances that scale
     relief: Floats  # (n,) variances that are known
     smooth: Floats  # (n, n) correlation of the background
-    late: Floats  # (n, n) of the drift
+    drifting: Floats  # (n, n) of the drift
 
     @classmethod
     def of(cls, sites: Sites) -> _SharedTerms:
-        relief = np.where(sites.standing, 0.0, sites.relief**2) + _FLOOR**2
-        smooth = np.exp(-0.5 * (distances(sites.place, sites.place) / _LENGTH) ** 2)
-        late = np.exp(-np.abs(sites.time[:, None] - sites.time[None]) / _DRIFT_TIME)
-        return cls(sites.log - sites.log.mean(), np.maximum(sites.std, LEAST_STD) ** 2, relief, smooth, late)
+        # A relief is taken for stiffness on the way only; sites differ in any case.
+        relief = np.where(sites.standing, 0.0, sites.relief**2) + _SITE_SPREAD**2
+        smooth = np.exp(-0.5 * (distances(sites.place, sites.place) / _BACKGROUND_LENGTH) ** 2)
+        drifting = np.exp(-np.abs(sites.time[:, None] - sites.time[None]) / _DRIFT_TIME)
+        return cls(sites.log - sites.log.mean(), np.maximum(sites.std, LEAST_STD) ** 2, relief, smooth, drifting)
 
     def covariance(self, noise: float, background: float, drift: float) -> _Covariance:
         """The covariance of one combination of sizes, factorised."""
-        covariance = background**2 * self.smooth + drift**2 * self.late
-        lower = cholesky_factor(covariance, noise**2 * self.own + self.relief)
+        covariance = background**2 * self.smooth + drift**2 * self.drifting
+        lower = cholesky_factor(covariance, noise**2 * self.stated + self.relief)
+        # Logarithms and ones, whitened; the level is projected out.
         values, ones = whiten(lower, np.column_stack([self.log, np.ones(len(self.log))])).T
         size = float(np.sqrt(ones @ ones))
         residual = values - ones * (ones @ values) / size**2
@@ -164,7 +191,7 @@ class _Covariance:
     evidence: float  # restricted log-likelihood
 
     def odds(self, rise: Floats) -> Floats:
-        """Likelihood (m,) of each rise (n, m) over that of none."""
+        """Likelihood (m,) of each rise h (n, m) over that of none: exp(h' P y - h' P h/2)."""
         solved = whiten(self.lower, rise)
         precision = (solved**2).sum(axis=0) - (self.level @ solved) ** 2
-        return np.asarray(np.exp(np.clip(self.residual @ solved - precision / 2, -700, 50)))
+        return np.asarray(np.exp(np.clip(self.residual @ solved - precision / 2, _MIN_EXPONENT, _MAX_EXPONENT)))

@@ -11,7 +11,11 @@ from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
 from palpate_maps.lump_power import sweep_power
 from palpate_maps.sites import Sites
 
-STEP = 2.5e-4  # [m] between points of a sweep's curve
+STEP = 2.5e-4  # [m] between points of a sweep's curve: 16 in a site's width, a choice
+_MIN_WIDTHS = 3  # site widths in a sweep: a lump and a valley on both sides
+_BACKGROUND_QUANTILE = 0.25  # of the curve: its lower quartile, since lumps lie above the background only
+_MIN_ROOMS = 2.0  # sites in a sweep: a peak and a valley
+_TINY = 1e-300  # least sum of weights: far from all sites the curve does not divide by 0
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,7 @@ class LineCurve:
 
     def findings(self, lumps: list[Lump], method: str) -> Findings:
         """The lumps that were found along it."""
-        background = float(np.exp(np.quantile(self.log, 0.25)))
+        background = float(np.exp(np.quantile(self.log, _BACKGROUND_QUANTILE)))
         return Findings(
             tuple(lumps), background, float(np.median(self.noise)), method, self.at, np.asarray(np.exp(self.log))
         )
@@ -42,12 +46,14 @@ class LineCurve:
 def curve_along(sites: Sites, along: Floats, settings: LumpSettings) -> LineCurve:
     """The curve of the sites of a sweep; raises LogError where it is too short for surroundings."""
     at = np.arange(along.min(), along.max(), STEP)
-    if len(at) * STEP < 3 * settings.width:
+    if len(at) * STEP < _MIN_WIDTHS * settings.width:
         raise LogError(
             f"a sweep of {1e3 * len(at) * STEP:.3g} mm is too short to distinguish a lump from its surroundings"
         )
+    # Gaussian weights with the standard deviation of a window of a site's width.
     kernel = np.exp(-0.5 * ((at[:, None] - along[None]) / (settings.width / np.sqrt(12))) ** 2)
-    kernel /= np.maximum(kernel.sum(axis=1, keepdims=True), 1e-300)
+    kernel /= np.maximum(kernel.sum(axis=1, keepdims=True), _TINY)
+    # Sites differ by the spread in any case; of the estimator's variance the part that neighbours do not share.
     noise = np.sqrt(settings.spread**2 + sites.kept**2 * (kernel @ sites.std**2))
     return LineCurve(at, kernel @ sites.log, noise, sites, along)
 
@@ -58,23 +64,42 @@ def by_prominence(curve: LineCurve, settings: LumpSettings) -> Findings:
     The height of a peak over its higher valley (its prominence) is a difference of two means over `width`, both picked
     from the m that the sweep has room for. p = m(m - 1)/2 x the two-sided normal tail of that difference.
     """
-    from scipy import signal, stats
+    from scipy import stats
 
-    peaks, found = signal.find_peaks(curve.log, prominence=np.log1p(settings.contrast))
-    widths, _, left, right = signal.peak_widths(curve.log, peaks, rel_height=0.5)
-    rooms = max((curve.at[-1] - curve.at[0]) / settings.width, 2.0)
+    length = float(curve.at[-1] - curve.at[0])
+    rooms = max(length / settings.width, _MIN_ROOMS)
     pairs = rooms * (rooms - 1) / 2
     lumps = []
-    for k, peak in enumerate(peaks):
-        valleys = found["left_bases"][k], found["right_bases"][k]
-        valley = max(valleys, key=lambda v: curve.log[v])
-        std = float(np.hypot(curve.noise[peak], curve.noise[valley]))
-        height = float(found["prominences"][k])
-        p = min(1.0, pairs * 2 * float(stats.norm.sf(height / std)))
+    for peak in _peaks(curve, float(np.log1p(settings.contrast))):
+        p = min(1.0, pairs * 2 * float(stats.norm.sf(peak.height / peak.std)))
         if p <= settings.rate:
-            middle = float(np.interp((left[k] + right[k]) / 2, np.arange(len(curve.at)), curve.at))
-            extent = float(widths[k]) * STEP
-            lumps.append(Lump(curve.place(middle), (extent, 0.0), float(np.expm1(height)), std, p, middle))
-    std = float(np.median(curve.noise)) * np.sqrt(2.0)
-    power = sweep_power(std, float(curve.at[-1] - curve.at[0]), settings)
+            contrast = float(np.expm1(peak.height))
+            lumps.append(Lump(curve.place(peak.middle), (peak.extent, 0.0), contrast, peak.std, p, peak.middle))
+    # The power is that of a difference of two points of median noise.
+    power = sweep_power(float(np.median(curve.noise)) * np.sqrt(2.0), length, settings)
     return replace(curve.findings(lumps, "prominence along the sweep"), power=power)
+
+
+@dataclass(frozen=True)
+class _Peak:
+    """A peak of a sweep's curve."""
+
+    middle: float  # [m] along the sweep, between its points at half its height
+    extent: float  # [m] at half its height
+    height: float  # of the logarithm, over the higher valley
+    std: float  # standard deviation of that height
+
+
+def _peaks(curve: LineCurve, least_height: float) -> list[_Peak]:
+    """The peaks of a curve that are at least so high over the higher of their valleys."""
+    from scipy import signal
+
+    rows, properties = signal.find_peaks(curve.log, prominence=least_height)
+    widths, _, first, last = signal.peak_widths(curve.log, rows, rel_height=0.5)
+    peaks = []
+    for k, row in enumerate(rows):
+        valley = max((properties["left_bases"][k], properties["right_bases"][k]), key=lambda base: curve.log[base])
+        middle = float(np.interp((first[k] + last[k]) / 2, np.arange(len(curve.at)), curve.at))
+        std = float(np.hypot(curve.noise[row], curve.noise[valley]))
+        peaks.append(_Peak(middle, float(widths[k]) * STEP, float(properties["prominences"][k]), std))
+    return peaks

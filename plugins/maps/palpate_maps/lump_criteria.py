@@ -1,4 +1,4 @@
-"""What counts as a lump, and what is found of one."""
+"""Criteria of a lump, and the properties that are found of one."""
 
 from __future__ import annotations
 
@@ -7,17 +7,19 @@ from typing import Literal
 
 from palpate import Floats
 
-_LONG, _LONGER = 18e-3, 1.5  # [m], and widths, beyond which a lump may be two: the contact leaves one some 10 mm wide
+# A lump of one small body is some 10 mm wide, the width of the contact; both limits are choices, and give a warning.
+_LONG = 18e-3  # [m] beyond which a lump may be two: less than twice that width
+_LONG_OVER_WIDE = 1.5  # beyond which a wider lump is not round
 
 SweepMethod = Literal["prominence", "cusum"]
 
 
 @dataclass(frozen=True)
 class LumpSettings:
-    """What counts as a lump."""
+    """The criteria of a lump."""
 
-    rate: float = 0.005  # false-discovery rate; without a lump, the chance of finding one
-    contrast: float = 0.04  # smaller ones are not reported, however significant
+    rate: float = 0.005  # false-discovery rate; without a lump, the chance of finding one: one in 200, a choice
+    contrast: float = 0.04  # smaller ones are not reported, however significant: a choice
     spread: float = 0.005  # standard deviation of the stiffness between sites that is always assumed, relative
     width: float = 4e-3  # [m] of a site: of the order of the contact's diameter
     method: SweepMethod = "prominence"  # along a sweep
@@ -40,9 +42,9 @@ class Lump:
 
     @property
     def may_be_two(self) -> bool:
-        """Whether it is longer than one body as wide as it is would be."""
+        """True where it is longer than one body as wide as it is would be."""
         long, wide = self.axes
-        return long > max(_LONG, _LONGER * wide)
+        return long > max(_LONG, _LONG_OVER_WIDE * wide)
 
 
 @dataclass(frozen=True)
@@ -69,17 +71,17 @@ class Findings:
 
     @property
     def warning(self) -> str | None:
-        """What is doubtful: a background that had to be chosen, and lumps that may be two; None where nothing is."""
-        told = []
+        """The doubts: a background that had to be chosen, and lumps that may be two; None without any."""
+        doubts = []
         if self.several is not None:
-            told.append(
+            doubts.append(
                 f"the sites are not one population with a few lumps: the {100 * self.several:.0f} % of them about the "
                 "lowest common value are taken as the background"
             )
         for lump in self.lumps:
             if lump.may_be_two:
                 x, y, long, wide = (1e3 * size for size in (*lump.place, *lump.axes))
-                told.append(
+                doubts.append(
                     f"the lump at ({x:.1f}, {y:.1f}) mm is {long:.0f} mm long and {wide:.0f} mm wide: may be two"
                 )
-        return "; ".join(told) or None
+        return "; ".join(doubts) or None

@@ -1,4 +1,4 @@
-"""How weak a lump a sweep would have shown: the power of the test for peaks that stand out."""
+"""The weakest lump that a sweep would have shown: the power of the test for peaks that stand out."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import numpy as np
 
 from palpate_maps.lump_criteria import LumpPower, LumpSettings
 
-PROBABILITY = 0.8
+PROBABILITY = 0.8  # of seeing that lump (decision 0283): a choice, as of a test's power
 WIDTH = 10e-3  # [m] at half its height, of the lumps that powers are of: about as narrow as the contact leaves one
+_WIDTH_OF_GAUSSIAN = 2.3548  # full width at half of the height over the standard deviation: 2 sqrt(2 log 2)
 
 
 def peak_limit(std: float, rooms: float, settings: LumpSettings) -> float:
@@ -30,7 +31,7 @@ def sweep_power(std: float, length: float, settings: LumpSettings) -> LumpPower:
     raises the highest point and lowers the valleys, by 0.6 to 1.8 standard deviations in all over 70 mm and by more
     over 150 mm: about what a probability of 0.8 needs, so that nothing is added for it.
     """
-    sigma = WIDTH / 2.3548
-    passed = sigma / np.hypot(sigma, settings.width / np.sqrt(12))
-    height = peak_limit(std, max(length / settings.width, 2.0), settings) / passed
+    sigma = WIDTH / _WIDTH_OF_GAUSSIAN
+    smoothed = sigma / np.hypot(sigma, settings.width / np.sqrt(12))
+    height = peak_limit(std, max(length / settings.width, 2.0), settings) / smoothed
     return LumpPower(float(np.expm1(height)), WIDTH, PROBABILITY)

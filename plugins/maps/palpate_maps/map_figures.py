@@ -16,6 +16,8 @@ from palpate_maps.lump_criteria import Findings, Lump
 from palpate_maps.map_grid import StiffnessMap
 from palpate_maps.sites import Sites
 
+_HALF_CELL = 5e-4  # [m] of a map of one row or column: half of the default cell
+
 
 @style()
 def map_picture(
@@ -36,7 +38,7 @@ def map_picture(
         axis.plot(*(1e3 * field.sites.T), ".", color="white", markersize=0.7, alpha=0.35)
         if field.stiff.any() and min(field.stiff.shape) > 1:
             axis.contour(1e3 * field.x, 1e3 * field.y, field.stiff, [0.5], colors="red", linewidths=0.8)
-        _mark(axis, findings, outlines)
+        _mark_lumps(axis, findings, outlines)
         axis.set(title=title, xlabel="x [mm]", ylabel="y [mm]", xlim=extent[:2], ylim=extent[2:])
         axis.grid(False)
     return figure
@@ -44,7 +46,7 @@ def map_picture(
 
 @style()
 def hiding_picture(hiding: Hiding, cells: Cells, lumps: Sequence[Lump]) -> Any:
-    """Where a patch may still hide: its probability per square centimetre, and the lumps that are known.
+    """The patches that may still hide, per square centimetre, and the lumps that are known.
 
     `cells` has the column and row (m, 2) of each place at which one may hide.
     """
@@ -52,15 +54,15 @@ def hiding_picture(hiding: Hiding, cells: Cells, lumps: Sequence[Lump]) -> Any:
     axis, place = axes[0, 0], 1e3 * hiding.middles[:, :2]
     steps, lines = grid_steps(place, cells), [np.unique(along) for along in cells.T]
     # Every so many lines of the area's grid are shown, each as wide as from one to the next.
-    strides = np.array([np.diff(each).min() if len(each) > 1 else 1 for each in lines])
-    wide, high = np.where(np.isfinite(steps), steps * strides, 1.0)
+    strides = np.array([np.diff(line).min() if len(line) > 1 else 1 for line in lines])
+    width, height_of_cell = np.where(np.isfinite(steps), steps * strides, 1.0)
     columns, rows = ((cells - cells.min(axis=0)) // strides).T
     field = np.full((rows.max() + 1, columns.max() + 1), np.nan)
-    field[rows, columns] = np.minimum(100 * hiding.expected / (wide * high / 100), 100.0)
-    half = np.array([wide, high]) / 2
+    field[rows, columns] = np.minimum(100 * hiding.expected / (width * height_of_cell / 100), 100.0)
+    half_cell = np.array([width, height_of_cell]) / 2
     seen = " seen from above" if hiding.middles.shape[1] > 2 else ""
-    low, top = place.min(axis=0) - half, place.max(axis=0) + half
-    extent = [low[0], top[0], low[1], top[1]]
+    lowest, highest = place.min(axis=0) - half_cell, place.max(axis=0) + half_cell
+    extent = [lowest[0], highest[0], lowest[1], highest[1]]
     shown = axis.imshow(field, origin="lower", extent=extent, cmap="magma", aspect="equal", vmin=0.0)
     figure.colorbar(shown, ax=axis, shrink=0.8, label=f"patches expected [% per cm²{seen}]")
     for lump in lumps:
@@ -71,11 +73,12 @@ def hiding_picture(hiding: Hiding, cells: Cells, lumps: Sequence[Lump]) -> Any:
 
 
 def _edges(axis: Floats) -> tuple[float, float]:
-    half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 5e-4
+    """The outer edges [m] of cells at places (n,) [m] of an axis."""
+    half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else _HALF_CELL
     return float(axis[0] - half), float(axis[-1] + half)
 
 
-def _mark(axis: Any, findings: Findings | None, outlines: Sequence[Floats]) -> None:
+def _mark_lumps(axis: Any, findings: Findings | None, outlines: Sequence[Floats]) -> None:
     for outline in outlines:
         axis.plot(*(1e3 * outline.T), "--", color="white", linewidth=0.8)
     for lump in findings.lumps if findings else ():

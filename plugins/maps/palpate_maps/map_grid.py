@@ -16,8 +16,19 @@ from palpate_maps.stiffness_field import interpolated
 
 Method = Literal["gaussian-process", "average"]
 
-_MOST_CELLS = 250_000
-_TOGETHER = 4_000_000  # distances that are held at once
+# Choices of time and memory.
+_MAX_CELLS = 250_000  # of a map
+_MAX_DISTANCES = 4_000_000  # that are held at once: 32 MB
+# Choices of the map's resolution and reach.
+_MIN_SITES = 4  # of a map, and of a baseline that its cells are tested against
+COVERED = 1.2  # line distances from a site, up to which a cell is covered: a little more than halfway to the next lines
+MERGED = 3  # in a line distance: sites of a line that are nearer are one
+MIN_MERGED = 1e-3  # [m]: the spacing of sites
+_AVERAGED = 0.6  # line distances: standard deviation of the weights of an average, so that lines overlap
+_BESIDE = 10  # sites of a sweep from one to the next that was palpated at another time
+_SAME_PLACE = 1e-4  # [m] below which two are one place
+_NEAREST_QUANTILE = 0.9  # of the sites: a few at the end of a line have no neighbour
+_UNKNOWN_DISTANCE = 2e-3  # [m] between lines, where there is one site only
 
 
 @dataclass(frozen=True)
@@ -44,19 +55,18 @@ class StiffnessMap:
 def make_map(sites: Sites, cell: float = 1e-3, method: Method = "gaussian-process") -> StiffnessMap:
     """The map of sites on a grid of cells [m]; covered where a site is nearer than 1.2 times the lines' distance.
 
-    Both methods work on the logarithm, whose
-    standard deviation is relative. Raises ConfigurationError for an impossible cell, LogError for too few sites.
+    Both methods work on the logarithm, whose standard deviation is relative.
+    Raises ConfigurationError for an impossible cell, LogError for too few sites.
     """
     x, y, nodes = cells_over(sites, cell)
     pitch = line_distance(sites)
-    used = merge_sites(sites, max(pitch / 3, 1e-3))
+    used = merge_sites(sites, max(pitch / MERGED, MIN_MERGED))
     if method == "gaussian-process":
         mean, std, length = interpolated(used, nodes, float(np.median(used.log)))
     else:
-        mean, std, length = _average(used, nodes, 0.6 * pitch)
+        mean, std, length = _average(used, nodes, _AVERAGED * pitch)
     shape = len(y), len(x)
-    nearest = nearest_distance(sites.place, nodes)
-    covered = (nearest <= 1.2 * pitch).reshape(shape)
+    covered = (nearest_distance(sites.place, nodes) <= COVERED * pitch).reshape(shape)
     value: Floats = np.where(covered, np.exp(mean).reshape(shape), np.nan)
     p, stiff = significance(sites, mean, std, covered.ravel())
     spread = value * std.reshape(shape)
@@ -76,10 +86,10 @@ def significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.bo
     settings = LumpSettings()
     baseline = background_sites(merge_sites(sites, settings.width), settings.spread, settings.width)
     p, stiff = np.where(covered, 1.0, np.nan), np.zeros(len(mean), bool)
-    if baseline.count >= 4:
+    if baseline.count >= _MIN_SITES:
         noise = np.sqrt(baseline.spread**2 * (1 + 1 / baseline.count) + std**2)
-        found = stats.t.sf((mean - baseline.mean) / noise, baseline.count - 1)
-        p[covered] = found[covered]
+        p[covered] = stats.t.sf((mean - baseline.mean) / noise, baseline.count - 1)[covered]
+        # Significant, and high enough to be reported.
         stiff[covered] = discoveries(p[covered], settings.rate)
         stiff &= mean - baseline.mean >= np.log1p(settings.contrast)
     return p, stiff
@@ -90,11 +100,11 @@ def cells_over(sites: Sites, cell: float) -> tuple[Floats, Floats, Floats]:
 
     Raises ConfigurationError for an impossible cell, LogError for too few sites.
     """
-    if len(sites) < 4:
+    if len(sites) < _MIN_SITES:
         raise LogError(f"{len(sites)} sites are too few for a map")
     x, y = (_axis(sites.place[:, axis], cell) for axis in (0, 1))
-    if len(x) * len(y) > _MOST_CELLS:
-        raise ConfigurationError(f"cell: {1e3 * cell:g} mm makes {len(x) * len(y)} cells; {_MOST_CELLS} are allowed")
+    if len(x) * len(y) > _MAX_CELLS:
+        raise ConfigurationError(f"cell: {1e3 * cell:g} mm makes {len(x) * len(y)} cells; {_MAX_CELLS} are allowed")
     return x, y, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
@@ -116,23 +126,27 @@ def line_distance(sites: Sites) -> float:
     """
     from scipy.spatial import KDTree
 
-    places, count, beside = sites.place, len(sites), 1 if sites.standing.all() else 10
-    tree, nearest, left, near = KDTree(places), np.full(count, np.inf), np.arange(count), 2 * beside
-    while len(left) and near < count:
-        near = min(2 * near, count)
-        for rows in _portions(left, near):
-            others = tree.query(places[rows], near)[1]
-            apart = np.linalg.norm(places[rows, None] - places[others], axis=2)
-            apart[(np.abs(rows[:, None] - others) < beside) | (apart < 1e-4)] = np.inf
-            nearest[rows] = apart.min(axis=1)
-        left = left[~np.isfinite(nearest[left])]
-    known = nearest[np.isfinite(nearest)]
-    return float(np.quantile(known, 0.9)) if len(known) else 2e-3
+    places, count = sites.place, len(sites)
+    beside = 1 if sites.standing.all() else _BESIDE
+    tree, nearest = KDTree(places), np.full(count, np.inf)
+    # More and more neighbours are asked for, of the sites that have none of another time so far.
+    remaining, asked = np.arange(count), 2 * beside
+    while len(remaining) and asked < count:
+        asked = min(2 * asked, count)
+        for rows in _portions(remaining, asked):
+            others = tree.query(places[rows], asked)[1]
+            distance = np.linalg.norm(places[rows, None] - places[others], axis=2)
+            same_time = np.abs(rows[:, None] - others) < beside
+            distance[same_time | (distance < _SAME_PLACE)] = np.inf
+            nearest[rows] = distance.min(axis=1)
+        remaining = remaining[~np.isfinite(nearest[remaining])]
+    finite = nearest[np.isfinite(nearest)]
+    return float(np.quantile(finite, _NEAREST_QUANTILE)) if len(finite) else _UNKNOWN_DISTANCE
 
 
 def _portions(rows: NDArray[np.intp], others: int) -> list[NDArray[np.intp]]:
     """Rows in portions whose distances to so many others may be held at once."""
-    return np.array_split(rows, max(len(rows) * others // _TOGETHER, 1))
+    return np.array_split(rows, max(len(rows) * others // _MAX_DISTANCES, 1))
 
 
 def nearest_distance(places: Floats, nodes: Floats) -> Floats:
@@ -149,7 +163,8 @@ def _average(sites: Sites, nodes: Floats, length: float) -> tuple[Floats, Floats
     Both count in full, as if the sites around a node were one observation: their errors are alike.
     """
 
-    def around(rows: NDArray[np.intp]) -> tuple[Floats, Floats]:
+    def mean_and_std(rows: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        # The nearest site has the weight 1 before they are normalised, so that none is lost far from all.
         squared = ((nodes[rows, None] - sites.place[None]) ** 2).sum(axis=2)
         weight = np.exp(-0.5 * (squared - squared.min(axis=1, keepdims=True)) / length**2)
         weight /= weight.sum(axis=1, keepdims=True)
@@ -157,5 +172,6 @@ def _average(sites: Sites, nodes: Floats, length: float) -> tuple[Floats, Floats
         scatter = weight @ sites.log**2 - mean**2
         return mean, np.sqrt(np.maximum(scatter, 0.0) + weight @ sites.std**2)
 
-    mean, std = zip(*(around(rows) for rows in _portions(np.arange(len(nodes)), len(sites))), strict=True)
+    portions = _portions(np.arange(len(nodes)), len(sites))
+    mean, std = zip(*(mean_and_std(rows) for rows in portions), strict=True)
     return np.concatenate(mean), np.concatenate(std), length

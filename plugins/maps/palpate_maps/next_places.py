@@ -1,4 +1,4 @@
-"""Where to look next: proposals from what is known of an area."""
+"""Proposals of the next places, from the knowledge of an area."""
 
 from __future__ import annotations
 
@@ -17,8 +17,11 @@ from palpate_maps.stiffness_field import StiffnessField, distances
 
 Aim = Literal["find", "outline", "map"]
 
-SETTLED = 4e-3  # [m]: the width of a site
-_SITE = 3e-3  # [m] of a sweep that is one observation of the field
+SETTLED = 4e-3  # [m] by which a round may move a lump that is in place: the width of a site
+_SITE_LENGTH = 3e-3  # [m] of a sweep that is one observation of the field: a choice, so that a line has few of them
+_SITE_SPREAD = 0.005  # standard deviation of the logarithm between sites: that of `LumpSettings`
+_NODE_DISTANCE = 1e-3  # [m] of a grid over what was palpated: the spacing of sites
+_MAX_NODES = 60  # along each of its axes: a choice of time
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ def lumps_apart(a: Lump, b: Lump, lift: Callable[[Floats], Floats] = np.asarray)
 def is_placed(
     before: Lump | None, now: Lump | None, sure: float, lift: Callable[[Floats], Floats] = np.asarray
 ) -> bool:
-    """Whether a lump is placed: its p-value is below `sure`, and a round of visits has not moved it by a site's width.
+    """True where a lump is placed: its p-value is below `sure`, and a round of visits moved it by less than a site.
 
     A point on the flank of a lump is significant, too; the lump is placed once another round of visits leaves it there.
     """
@@ -51,7 +54,7 @@ def is_placed(
 
 @dataclass
 class Knowledge:
-    """What a search knows of an area: the sites, their baseline, and the field over the places that may be visited."""
+    """Knowledge of an area: the sites, their baseline, and the field over the places that may be visited."""
 
     known: Sites
     base: Baseline
@@ -60,8 +63,8 @@ class Knowledge:
     @classmethod
     def of(cls, sites: Sites, nodes: Floats | None = None, before: Knowledge | None = None) -> Knowledge:
         """From the sites of a path; `before` is what was known before the latest of them."""
-        known = merge_sites(sites, _SITE)
-        base = background_sites(known, 0.005)
+        known = merge_sites(sites, _SITE_LENGTH)
+        base = background_sites(known, _SITE_SPREAD)
         if before is not None:
             return cls(known, base, before.field.update(known, base.mean))
         nodes = _nodes(known.place) if nodes is None else nodes
@@ -88,13 +91,17 @@ class Knowledge:
 
 
 def _nodes(place: Floats) -> Floats:
-    low, high = place.min(axis=0), place.max(axis=0)
-    x, y = (np.linspace(a, b, max(min(int((b - a) / 1e-3) + 1, 60), 1)) for a, b in zip(low, high, strict=True))
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    """Nodes (m, 2) [m] of a grid over places (n, 2) [m], a millimetre apart where they are not too many."""
+    axes = []
+    for low, high in zip(place.min(axis=0), place.max(axis=0), strict=True):
+        count = int((high - low) / _NODE_DISTANCE) + 1
+        axes.append(np.linspace(low, high, max(min(count, _MAX_NODES), 1)))
+    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
 
 
 def passes(sites: Sites, places: Floats, within: float) -> NDArray[np.intp]:
     """(m,) how often the tip was nearer than a distance [m] to places (m, k): points, and each pass of a line."""
     close = distances(places, sites.place) < within
+    # A pass begins where the site before was not close; each point palpation is one of its own.
     again = close[:, 1:] & (~close[:, :-1] | sites.standing[1:])
     return np.asarray(again.sum(axis=1) + close[:, 0])

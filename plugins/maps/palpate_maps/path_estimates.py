@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from palpate import BudgetRow, ContactModel, Estimates, Floats, Samples, Status, finite_rows
 from palpate_engine import DerivedValue, TrackResult, UncertainValue
 
-_PLACE = 1e-3  # [m]
-_WARM = 1.0  # [s] that a filter is given to find its feet
-_ENDS = (0.01, 0.99)  # quantiles, between which a range goes
+_PLACE = 1e-3  # [m] of one place (decision 0127)
+_WARM_UP = 1.0  # [s] from the first estimate that do not count (decision 0127)
+_ENDS = (0.01, 0.99)  # quantiles, between which a range goes (decision 0127)
 _CAUSE = "places"
+_ATTRIBUTES_OF_MEAN = {"estimator": "std", "settling": "settling"}  # of a value, by the budget's row
 
 
 @dataclass
@@ -34,6 +34,7 @@ class PathEstimates:
         if not rows.any():
             return
         time, numbers = time[rows], numbers[rows]
+        # The latest estimate in each cell before the next cell, or the end of the block.
         cells = np.rint(place[rows] / _PLACE).astype(np.int64)
         if math.isnan(self._begin):
             self._begin = float(time[0])
@@ -44,9 +45,9 @@ class PathEstimates:
 
     @property
     def numbers(self) -> Floats:
-        """The numbers (places, columns) of all places that the filter was warm at."""
+        """The numbers (places, columns) of all places after the warm-up; of all places where none is after it."""
         every = [self._places[place] for place in sorted(self._places)]
-        warm = [numbers for time, numbers in every if time >= self._begin + _WARM]
+        warm = [numbers for time, numbers in every if time >= self._begin + _WARM_UP]
         return np.array(warm or [numbers for _, numbers in every])
 
 
@@ -78,49 +79,54 @@ def place_means(result: TrackResult, model: ContactModel, way: PathEstimates) ->
     numbers, names, count = way.numbers, list(result.parameters), len(model.parameters)
     if not len(numbers) or not all(math.isfinite(found.value) for found in result.parameters.values()):
         return result
+    # Columns are the parameters, their standard deviations, the surface, and its standard deviation.
     values, last = numbers[:, :count], way.last
-    parameters = {
-        name: _over(result.parameters[name], numbers[:, [i, count + i]], last[[i, count + i]])
-        for i, name in enumerate(names)
-    }
+    parameters = {}
+    for i, name in enumerate(names):
+        columns = [i, count + i]
+        parameters[name] = _over_places(result.parameters[name], numbers[:, columns], last[columns])
     effects = {name: found.effect(found.budget.get(_CAUSE, 0.0)) for name, found in parameters.items()}
     return replace(
         result,
         parameters=parameters,
         derived=tuple(_derived(value, model, values, last[:count]) for value in result.derived),
-        surface=_over(result.surface, numbers[:, -2:], last[-2:]),
+        surface=_over_places(result.surface, numbers[:, -2:], last[-2:]),
         budget=(*(_rescaled(row, parameters) for row in result.budget), BudgetRow(_CAUSE, None, "", effects)),
     )
 
 
-def _over(found: UncertainValue, numbers: Floats, last: Floats) -> UncertainValue:
+def _over_places(of_record: UncertainValue, numbers: Floats, last: Floats) -> UncertainValue:
     """A value with its std over places (n, 2), and at the end (2,); what else is known of it is taken for all."""
     values, std = numbers.T
     mean = float(values.mean())
     low, middle, high = np.quantile(values, [_ENDS[0], 0.5, _ENDS[1]]).tolist()
     spread = float(values.std(ddof=1)) if len(values) > 1 else 0.0
     places = {"places": len(values), "low": low, "median": middle, "high": high, "spread": spread}
-    shear = None if found.per_shear is None or not found.value else found.per_shear * mean / found.value
-    typical = float(np.sqrt((std**2).mean()))
-    over = replace(found, value=mean, std=typical, settling=0.0, per_shear=shear, bias=None)
+    # Its shear modulus changes in proportion; settling and bias are of the last sample, and not of a mean.
+    per_shear = of_record.per_shear
+    if per_shear is not None:
+        per_shear = per_shear * mean / of_record.value if of_record.value else None
+    typical_std = float(np.sqrt((std**2).mean()))
+    over = replace(of_record, value=mean, std=typical_std, settling=0.0, per_shear=per_shear, bias=None)
     at_the_end = {"value": float(last[0]), "std": float(last[1])}
     return replace(over.diagnosed(_CAUSE, spread), places=places, last=at_the_end)
 
 
 def _derived(derived: DerivedValue, model: ContactModel, values: Floats, last: Floats) -> DerivedValue:
-    """What follows from the parameters, place by place."""
+    """A value that is derived from the parameters, place by place."""
 
     def material(row: Floats) -> tuple[float, float]:
-        value = next(m for m in model.material(row.tolist()) if m.name == derived.name)
+        value = next(value for value in model.material(row.tolist()) if value.name == derived.name)
         return value.value, derived.found.std
 
     numbers = np.array([material(row) for row in values])
-    return replace(derived, found=_over(derived.found, numbers, np.array(material(last))))
+    return replace(derived, found=_over_places(derived.found, numbers, np.array(material(last))))
 
 
 def _rescaled(row: BudgetRow, parameters: Mapping[str, UncertainValue]) -> BudgetRow:
     """The estimator's and settling's rows are those of the mean; all others stay."""
-    own: dict[str, Any] = {"estimator": lambda found: found.std, "settling": lambda found: found.settling}
-    if row.source not in own:
+    attribute = _ATTRIBUTES_OF_MEAN.get(row.source)
+    if attribute is None:
         return row
-    return replace(row, effects={name: found.effect(own[row.source](found)) for name, found in parameters.items()})
+    effects = {name: value.effect(getattr(value, attribute)) for name, value in parameters.items()}
+    return replace(row, effects=effects)

@@ -15,7 +15,14 @@ from palpate_kit.runs.result_file import open_table
 from palpate_kit.runs.run_folder import RunFolder, TrackTable
 from palpate_kit.runs.skin_places import skin_of, skin_places
 
-_OF_A_PART = ("trajectory", "run.seed", "run.rehearsal", "safety", "sink")  # what a continuation may have otherwise
+_CONTINUATION_KEYS = (
+    "trajectory",
+    "run.seed",
+    "run.rehearsal",
+    "safety",
+    "sink",
+)  # what a continuation may have otherwise
+_BETWEEN_PARTS = 1.0  # [s] from the end of a part to the begin of the next in a joined path: a pause for `sites_along`
 
 
 @dataclass(frozen=True)
@@ -48,14 +55,15 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
     parts = _accepted(folder)
     if track is not None:
         _demand_known(folder, parts, track)
-    found = [(part, path) for part in parts if (path := _read_part(part, track, parameter)) is not None]
-    if not found:
+    read = [(part, _read_part(part, track, parameter)) for part in parts]
+    paths = [(part, path) for part, path in read if path is not None]
+    if not paths:
         _demand_estimates(folder, parts)
         raise LogError(
             f"{folder}: contains no estimates in contact with a place: set lateral_x or lateral_y in [alignment]"
         )
-    joined = join_paths([path for _, path in found])
-    return replace(joined, others={part.path.name: path.track for part, path in found if path.track != joined.track})
+    joined = join_paths([path for _, path in paths])
+    return replace(joined, others={part.path.name: path.track for part, path in paths if path.track != joined.track})
 
 
 def _accepted(folder: Path) -> list[RunFolder]:
@@ -73,12 +81,14 @@ def _accepted(folder: Path) -> list[RunFolder]:
 
 def demand_one_pipeline(run: RunFolder) -> None:
     """Raise LogError where a continuation has other settings than the run, beyond motion, seed, limits and sinks."""
-    own = run.pipeline_text if run.began else None
-    for part in run.parts[1:] if own is not None else ():
-        if part.began:
-            text = part.pipeline_text
-            if differing := differences(text, own or "", _OF_A_PART):
-                raise LogError(f"{part.path}: is not a continuation of {run.path}, nothing is mixed: {differing}")
+    text = run.pipeline_text if run.began else None
+    if text is None:
+        return
+    for part in run.parts[1:]:
+        if not part.began:
+            continue
+        if differing := differences(part.pipeline_text, text, _CONTINUATION_KEYS):
+            raise LogError(f"{part.path}: is not a continuation of {run.path}, nothing is mixed: {differing}")
 
 
 def _demand_estimates(folder: Path, parts: list[RunFolder]) -> set[str]:
@@ -104,7 +114,7 @@ def join_paths(paths: Sequence[Path2D]) -> Path2D:
     for path in paths:
         count[path.track] += len(path.time)
     main = next(path for path in paths if path.track == count.most_common(1)[0][0])
-    shift = np.cumsum([0.0, *(path.time[-1] + 1.0 for path in paths[:-1])])
+    shift = np.cumsum([0.0, *(path.time[-1] + _BETWEEN_PARTS for path in paths[:-1])])
     return Path2D(
         main.track,
         main.parameter,
@@ -142,25 +152,27 @@ def tracks_of(folder: Path) -> list[str]:
     invalid come last.
     """
     run = RunFolder(folder)
-    found = run.result["tracks"] if run.finished else {}  # a map fills while the run goes on
+    results = run.result["tracks"] if run.finished else {}  # a map fills while the run goes on
     names = [name for table in run.tables for name in table.tracks]
-    return sorted(names, key=lambda name: found.get(name, {}).get("verdict") == "invalid")
+    return sorted(names, key=lambda name: results.get(name, {}).get("verdict") == "invalid")
 
 
 def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Path2D | None:
+    """The path of a part by a track, or by its best one; None where it has no usable estimates of it."""
     tables = part.tables
     track = track or next(iter(tracks_of(part.path)), None)
-    for table in tables:
-        if track is not None and track in table.tracks:
-            found = _path(part, table.track(track), track, parameter)
-            details = part.result["tracks"].get(track, {}).get("details", {}) if part.finished else {}
-            with open_table(part.path / RESULT, f"tracks.{track}.details.relief_sensitivity"):
-                sensitivity = float(details.get("relief_sensitivity", 0.0))
-            return replace(found, relief_sensitivity=sensitivity) if found is not None else None
-    return None
+    table = next((table for table in tables if track in table.tracks), None)
+    if track is None or table is None:
+        return None
+    path = _path(part, table.track(track), track, parameter)
+    details = part.result["tracks"].get(track, {}).get("details", {}) if part.finished else {}
+    with open_table(part.path / RESULT, f"tracks.{track}.details.relief_sensitivity"):
+        sensitivity = float(details.get("relief_sensitivity", 0.0))
+    return replace(path, relief_sensitivity=sensitivity) if path is not None else None
 
 
 def _path(part: RunFolder, table: TrackTable, track: str, parameter: str | None) -> Path2D | None:
+    """The usable estimates of one track of a part; None without any, LogError without the parameter."""
     parameter = parameter or next(iter(table.values))
     if parameter not in table.values:
         raise LogError(f"{part.path}: {track} has no {parameter!r} (there are: {', '.join(table.values)})")
@@ -174,7 +186,13 @@ def _path(part: RunFolder, table: TrackTable, track: str, parameter: str | None)
     if (skin := skin_of(part)) is not None:
         place[rows] = skin_places(skin, place[rows], table.position[rows])
     nis = table.others["nis"][rows]
-    mean = float(np.nanmean(nis)) if np.isfinite(nis).any() else 1.0
     return Path2D(
-        track, parameter, table.time[rows], place[rows], value[rows], std[rows], mean, table.others["surface"][rows]
+        track,
+        parameter,
+        time=table.time[rows],
+        place=place[rows],
+        value=value[rows],
+        std=std[rows],
+        nis=float(np.nanmean(nis)) if np.isfinite(nis).any() else 1.0,
+        surface=table.others["surface"][rows],
     )

@@ -6,12 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_maps.path_reader import Path2D
 
-_WIDTH = 4e-3  # [m] of the pieces between which the skin's slope is taken
-_FEWEST = 5  # samples of a piece
-_LONGEST = 3.0  # median intervals; a longer one ends a line
+_PIECE = 4e-3  # [m] of the way, between which the skin's slope is taken: the width of a site
+_MIN_SAMPLES = 5  # of a piece: a choice
+_MAX_INTERVALS = 3.0  # median intervals between samples; a longer one ends a line: a choice
 
 
 def relief_scatter(path: Path2D, standing: NDArray[np.bool_]) -> float:
@@ -27,15 +28,27 @@ def relief_scatter(path: Path2D, standing: NDArray[np.bool_]) -> float:
     if not len(moving):
         return 0.0
     time, place, surface = path.time[moving], path.place[moving], path.surface[moving]
-    usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    lines = np.r_[0, np.flatnonzero(np.diff(time) > _LONGEST * usual) + 1, len(time)]
+    interval = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    lines = np.r_[0, np.flatnonzero(np.diff(time) > _MAX_INTERVALS * interval) + 1, len(time)]
     speeds: list[float] = []
     for first, last in pairwise(lines.tolist()):
-        way = np.hypot(*(place[first:last] - place[first]).T)
-        piece = np.floor(way / _WIDTH).astype(int)
-        count = np.maximum(np.bincount(piece), 1)
-        enough = np.bincount(piece) >= _FEWEST
-        height, when = (np.bincount(piece, v[first:last]) / count for v in (surface, time))
-        found = (np.diff(height[enough]) / np.maximum(np.diff(when[enough]), usual)).tolist()
-        speeds += found
+        line = slice(first, last)
+        speeds += _rising_speeds(time[line], place[line], surface[line], interval)
     return path.relief_sensitivity * float(np.std(speeds)) if len(speeds) > 1 else 0.0
+
+
+def _rising_speeds(time: Floats, place: Floats, surface: Floats, interval: float) -> list[float]:
+    """Speeds [m/s] at which the skin rises below a line, from each piece of its way to the next.
+
+    Of mean heights over mean times of the pieces; `interval` [s] is the least time between them.
+    """
+    way = np.hypot(*(place - place[0]).T)
+    piece = np.floor(way / _PIECE).astype(int)
+    samples = np.bincount(piece)
+    count = np.maximum(samples, 1)
+    # Pieces of few samples, at the ends of the line, are left out.
+    enough = samples >= _MIN_SAMPLES
+    height = (np.bincount(piece, surface) / count)[enough]
+    middle = (np.bincount(piece, time) / count)[enough]
+    speeds: list[float] = (np.diff(height) / np.maximum(np.diff(middle), interval)).tolist()
+    return speeds

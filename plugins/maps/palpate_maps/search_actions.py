@@ -1,4 +1,4 @@
-"""What a search may do next: points, and lines along the rows of a grid, by what they gain in a second."""
+"""Actions of a search: points, and lines along the rows of a grid, by their gain in a second."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from palpate_maps.grid_cells import Cells, grid_lines
 from palpate_maps.search_motion import SearchMotion
 from palpate_maps.stiffness_field import lengths_along
 
-_LONG = 12  # nodes of a row from which on lines begin and end at every second one: as good, and a quarter as many
-_WORTH = 0.02  # of the gain of all points, below which no line is taken along a row
+# Choices of computing time.
+_LONG_ROW = 12  # nodes from which on lines begin and end at every second one: as good, and a quarter as many
+_MIN_SHARE = 0.02  # of the gain of all points, below which no line is taken along a row
+_ROUNDING = 1e-6  # steps of a grid that a shortest line may lack
 
 
 class Gain(Protocol):
-    """What palpations of nodes of a grid gain, in any unit."""
+    """The gain of palpations of nodes of a grid, in any unit."""
 
     def points(self) -> Floats:
         """(m,) of a point at each node."""
@@ -34,13 +36,13 @@ class Gain(Protocol):
         ...
 
     def after(self, node: int) -> Gain:
-        """What is gained once a point was palpated at a node."""
+        """The gain once a point was palpated at a node."""
         ...
 
 
 @dataclass(frozen=True)
 class SearchAction:
-    """A point, or a line: what it gains, and what it takes."""
+    """A point, or a line: its gain and its time."""
 
     start: int  # node
     end: int | None
@@ -92,33 +94,42 @@ class ActionGrid:
         """The point or line that gains most in a second; `further` where points go on without a pause."""
         points = gain.points()
         travel = self._travel(tip)
-        idle = float(self.motion.seconds_to(np.zeros(1))[0])
-        seconds = travel if further else self.motion.first_point + travel - idle
-        worth = np.where(closed, -np.inf, points / seconds)
-        k = int(np.argmax(worth))
-        actions = [] if closed.all() else [SearchAction(k, None, float(points[k]), float(seconds[k]))]
-        best = max(actions, key=lambda action: action.worth, default=None)
+        beside = float(self.motion.seconds_to(np.zeros(1))[0])
+        seconds = travel if further else self.motion.first_point + travel - beside
+        best: SearchAction | None = None
+        if not closed.all():
+            node = int(np.argmax(np.where(closed, -np.inf, points / seconds)))
+            best = SearchAction(node, None, float(points[node]), float(seconds[node]))
         if self.motion.line_speed is None:
             return best
-        sites, least = gain.sites(), _WORTH * float(points.sum())
-        rows = [row for row in self._rows if through[row].any() and float(points[row].sum()) >= least]
-        for most, row in sorted(((self._most(row, sites), row) for row in rows), key=lambda item: -item[0]):
+        # Rows in the order of the most that a line of each might gain, until none can be better.
+        for most, row in self._promising_rows(points, gain.sites(), through):
             if best is not None and best.worth >= most:
                 break
-            line = self._line(row, gain, travel - idle, through)
-            best = line if line is not None and (best is None or line.worth > best.worth) else best
+            line = self._line(row, gain, travel - beside, through)
+            if line is not None and (best is None or line.worth > best.worth):
+                best = line
         return best
 
+    def _promising_rows(
+        self, points: Floats, sites: Floats, through: NDArray[np.bool_]
+    ) -> list[tuple[float, NDArray[np.intp]]]:
+        """Rows through some of the nodes (m,) whose points gain enough, with the most that a line of each gains."""
+        least = _MIN_SHARE * float(points.sum())
+        rows = [row for row in self._rows if through[row].any() and float(points[row].sum()) >= least]
+        return sorted(((self._most(row, sites), row) for row in rows), key=lambda item: -item[0])
+
     def _travel(self, tip: Floats) -> Floats:
-        """What a further point takes at each node (m,), from the tip's place; over a surface the tool turns there."""
+        """Seconds (m,) that a further point takes at each node, from the tip's place; the tool turns over a surface."""
         way = np.hypot.reduce(self.nodes - tip, axis=1)
         if self.normal is not None:
+            # Travel and turn go on together: the longer of them counts.
             cosine = self.normal @ self.normal[int(np.argmin(way))]
             way = np.maximum(way, self.motion.way_of_turn * np.arccos(np.clip(cosine, -1.0, 1.0)))
         return self.motion.seconds_to(way)
 
     def _most(self, row: NDArray[np.intp], sites: Floats) -> float:
-        """What a line along a row gains in a second at most: as if each of its sites stood alone."""
+        """The most that a line along a row gains in a second: as if each of its sites stood alone."""
         along = lengths_along(self.nodes, row)
         sums = np.r_[0.0, np.cumsum(sites[row])]
         first, last = np.triu_indices(len(row), 1)
@@ -128,22 +139,26 @@ class ActionGrid:
     def _line(
         self, row: NDArray[np.intp], gain: Gain, travel: Floats, through: NDArray[np.bool_]
     ) -> SearchAction | None:
-        """The best line along a row."""
-        along, (first, second, *_) = lengths_along(self.nodes, row), self.nodes[row, :2]
-        fewest = max(int(np.ceil(self.motion.shortest / np.hypot(*(second - first)) - 1e-6)), 1)
-        stride = 2 if len(row) > _LONG else 1
+        """The best line along a row; None where none goes through one of some nodes (m,)."""
+        along = lengths_along(self.nodes, row)
+        step = float(np.hypot(*(self.nodes[row[1], :2] - self.nodes[row[0], :2])))
+        fewest = max(int(np.ceil(self.motion.shortest / step - _ROUNDING)), 1)
+        stride = 2 if len(row) > _LONG_ROW else 1
         best: SearchAction | None = None
         for first in range(0, len(row) - fewest, stride):
+            last = np.arange(first + fewest, len(row), stride)
             crosses = np.logical_or.accumulate(through[row[first:]])[fewest::stride]
             if not crosses.any():
                 continue
             gains = np.where(crosses, gain.lines(row[first:])[fewest::stride], -np.inf)
-            last = np.arange(first + fewest, len(row), stride)
-            there, back = travel[row[first]], travel[row[last]]
-            seconds = self.motion.seconds_along(along[last] - along[first]) + np.minimum(there, back)
+            way_there = np.minimum(travel[row[first]], travel[row[last]])
+            seconds = self.motion.seconds_along(along[last] - along[first]) + way_there
+            # Of the lines from this place the best, begun at the end that is nearer in time.
             k = int(np.argmax(gains / seconds))
-            ends = int(row[first]), int(row[last[k]])
-            start, end = ends if there <= back[k] else ends[::-1]
-            action = SearchAction(start, end, float(gains[k]), float(seconds[k]))
-            best = action if best is None or action.worth > best.worth else best
+            start, end = int(row[first]), int(row[last[k]])
+            if travel[start] > travel[end]:
+                start, end = end, start
+            line = SearchAction(start, end, float(gains[k]), float(seconds[k]))
+            if best is None or line.worth > best.worth:
+                best = line
         return best

@@ -1,4 +1,4 @@
-"""Where a search may go: the given area, the workspace, as far as the surface is known and the rig does not refuse."""
+"""The area of a search: what is given, or the workspace, as far as the surface is known and no device refuses."""
 
 from __future__ import annotations
 
@@ -16,10 +16,13 @@ from palpate_maps.search_skin import SearchSkin, skin_share, tips_on
 
 Box = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
 
-_BEYOND = 30e-3  # [m] that a search goes beyond what is known, at most, where only the rig knows the specimen
 _SPECIMEN = "the specimen"
+# Choices: how far a search goes, and how finely.
+_BEYOND = 30e-3  # [m] that a search goes beyond what is known, at most, where only the rig knows the specimen
 _STEP = 1.5e-3  # [m] between places that are asked for
-_MOST = 54  # of them along each side
+_MAX_STEPS = 54  # of them along each side
+_ROUNDING = 1e-9  # [m] by which a place may lie outside of a border
+# A choice of time: most places that a device takes, it takes together.
 _FEW = 8  # places that are asked for one by one, where one of them is refused
 
 
@@ -50,23 +53,8 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     surface along its normal.
     """
     box, bounded_by = _box_of(pipeline, known, given)
-    x0, x1, y0, y1 = box
-    deepest, surface, limits = motion.press.bias + motion.press.amplitude, surface_of(motion), pipeline.safety
-
-    def allows(places: Floats) -> NDArray[np.bool_]:
-        x, y = places.T
-        inside = (x >= x0 - 1e-9) & (x <= x1 + 1e-9) & (y >= y0 - 1e-9) & (y <= y1 + 1e-9)
-        if surface is None:
-            tips = _still(np.column_stack([x, y, motion.surface.at(x, y)[0] - deepest]))
-        else:
-            tips, refused = tips_on(surface.uppermost(places), deepest)
-            inside &= ~refused
-        if limits is not None:
-            for axis, values in enumerate(tips.position.T):
-                inside &= (values >= limits.low[axis] - 1e-9) & (values <= limits.high[axis] + 1e-9)
-        for rows in _refused(pipeline, tips, np.flatnonzero(inside)):
-            inside[rows] = False
-        return np.asarray(inside)
+    surface = surface_of(motion)
+    allows = _AllowedPlaces(pipeline, motion, box)
 
     def skin_at(place: Floats) -> Floats:
         if surface is not None:
@@ -77,13 +65,52 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     allowed = allows(grid)
     if not allowed.any():
         raise ConfigurationError(_why_nothing(pipeline, box, bounded_by, skin_at))
-    unbounded = bounded_by == _SPECIMEN  # beyond a specimen there is nothing to visit
+    # Beyond a specimen there is nothing to visit, so that all of its grid may be visited.
+    unbounded = bounded_by == _SPECIMEN
     if surface is None:
         nodes = grid[allowed]
-        return Area(nodes, cells[allowed], bounded_by, allows, 1.0 if unbounded else len(nodes) / len(grid))
+        share = 1.0 if unbounded else len(nodes) / len(grid)
+        return Area(nodes, cells[allowed], bounded_by, allows, share)
     points = surface.uppermost(grid)
-    share, skin = skin_share(points, allowed, 0.0 if unbounded else 1.0), SearchSkin.at(surface, points, allowed)
+    share = skin_share(points, allowed, 0.0 if unbounded else 1.0)
+    skin = SearchSkin.at(surface, points, allowed)
     return Area(points.position[allowed], cells[allowed], bounded_by, allows, share, skin)
+
+
+@dataclass(frozen=True)
+class _AllowedPlaces:
+    """The rule of an area: inside its box and the workspace, and refused by no device, at the deepest of a press."""
+
+    pipeline: Pipeline
+    motion: Any
+    box: Box
+
+    def __call__(self, places: Floats) -> NDArray[np.bool_]:
+        """(n,) True for the places (n, 2) [m] that may be visited."""
+        x, y = places.T
+        x0, x1, y0, y1 = self.box
+        inside = _between(x, x0, x1) & _between(y, y0, y1)
+        # The tips at the deepest of the press, along the normal of a surface.
+        surface = surface_of(self.motion)
+        deepest = self.motion.press.bias + self.motion.press.amplitude
+        if surface is None:
+            tips = _still(np.column_stack([x, y, self.motion.surface.at(x, y)[0] - deepest]))
+        else:
+            tips, refused = tips_on(surface.uppermost(places), deepest)
+            inside &= ~refused
+        # The workspace, then the devices.
+        limits = self.pipeline.safety
+        if limits is not None:
+            for axis, values in enumerate(tips.position.T):
+                inside &= _between(values, limits.low[axis], limits.high[axis])
+        for rows in _refused(self.pipeline, tips, np.flatnonzero(inside)):
+            inside[rows] = False
+        return np.asarray(inside)
+
+
+def _between(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
+    """(n,) True for the coordinates [m] between two, but for rounding."""
+    return (values >= low - _ROUNDING) & (values <= high + _ROUNDING)
 
 
 def _box_of(pipeline: Pipeline, known: Floats, given: Box | None) -> tuple[Box, str]:
@@ -103,18 +130,23 @@ def _box_of(pipeline: Pipeline, known: Floats, given: Box | None) -> tuple[Box, 
 
 
 def _still(places: Floats) -> Setpoint:
+    """A tip at rest at places (n, 3) [m]."""
     return Setpoint(places, np.zeros((len(places), 3)), np.ones(len(places), bool))
 
 
 def _why_nothing(pipeline: Pipeline, box: Box, bounded_by: str, skin_at: Callable[[Floats], Floats]) -> str:
-    """Why no place of a box may be palpated: the limits, the surface, or what the device says of its middle."""
+    """The reason that no place of a box may be palpated: the limits, the surface, or the device, of its middle."""
     x0, x1, y0, y1 = box
     text = f"{1e3 * x0:g} to {1e3 * x1:g} mm, {1e3 * y0:g} to {1e3 * y1:g} mm"
-    name, limits = ("--area" if bounded_by == "--area" else f"the area, {bounded_by}"), pipeline.safety
-    if limits is not None and (x1 < limits.low[0] or x0 > limits.high[0] or y1 < limits.low[1] or y0 > limits.high[1]):
-        low, high = 1e3 * np.array(limits.low), 1e3 * np.array(limits.high)
-        within = f"x {low[0]:g} to {high[0]:g} mm, y {low[1]:g} to {high[1]:g} mm"
-        return f"{name}: {text} lies outside of the workspace of [safety], {within}"
+    name = "--area" if bounded_by == "--area" else f"the area, {bounded_by}"
+    limits = pipeline.safety
+    if limits is not None:
+        (left, front, *_), (right, rear, *_) = limits.low, limits.high
+        if x1 < left or x0 > right or y1 < front or y0 > rear:
+            low, high = 1e3 * np.array(limits.low), 1e3 * np.array(limits.high)
+            within = f"x {low[0]:g} to {high[0]:g} mm, y {low[1]:g} to {high[1]:g} mm"
+            return f"{name}: {text} lies outside of the workspace of [safety], {within}"
+    # Inside of the workspace it is a device that refuses its middle, or the depth of the press.
     try:
         ask_devices(pipeline.devices, _still(skin_at(np.array([[(x0 + x1) / 2, (y0 + y1) / 2]]))))
     except ConfigurationError as error:
@@ -133,6 +165,7 @@ def _refused(pipeline: Pipeline, tips: Setpoint, rows: NDArray[np.intp]) -> Iter
         if len(rows) == 1:
             yield rows
             return
+        # Halves of many, each of few.
         for part in np.array_split(rows, 2 if len(rows) > _FEW else len(rows)):
             yield from _refused(pipeline, tips, part)
 
@@ -143,7 +176,13 @@ def _grid(box: Box) -> tuple[Floats, Cells]:
     The number of steps is even, so that every second node reaches the borders, too.
     """
     x0, x1, y0, y1 = box
-    x, y = (np.linspace(a, b, 2 * min(round((b - a) / _STEP / 2), _MOST // 2) + 1) for a, b in ((x0, x1), (y0, y1)))
+    x, y = _coordinates(x0, x1), _coordinates(y0, y1)
     columns, rows = np.meshgrid(np.arange(len(x)), np.arange(len(y)))
     nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     return nodes, np.stack([columns, rows], axis=-1).reshape(-1, 2)
+
+
+def _coordinates(low: float, high: float) -> Floats:
+    """Coordinates [m] of nodes from one to another, with an even number of steps."""
+    half = min(round((high - low) / _STEP / 2), _MAX_STEPS // 2)
+    return np.linspace(low, high, 2 * half + 1)

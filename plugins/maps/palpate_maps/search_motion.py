@@ -12,13 +12,17 @@ from palpate_engine import Pipeline
 
 from palpate_maps.next_places import Proposal
 
+# Choices: between these distances and lengths the planned times are taken for linear.
 _DISTANCES = np.array([0.0, 1e-3, 5e-3, 20e-3, 60e-3, 200e-3])  # [m] at which the travel between points is planned
+_LONGER = 0.02  # [m] by which the longer of two planned lines is longer
+_MIN_PERIODS = 4.0  # of the sine along a line
+_SITE_WIDTH = 4e-3  # [m] that a line has besides
 _PACES = ("travel_speed", "turn_speed")  # of the run's own travel above a surface, which its limits allow
 
 
 @dataclass(frozen=True)
 class SearchMotion:
-    """How the rig of a run palpates places, and lines where the run's own motion goes along lines."""
+    """The palpation of places by the rig of a run, and of lines where the run's own motion goes along lines."""
 
     pipeline: Pipeline
     name: str  # of the run's motion
@@ -37,15 +41,17 @@ class SearchMotion:
     @property
     def shortest(self) -> float:
         """Length of the shortest line [m]: four periods of the sine, and a site more."""
-        return 4e-3 + 4.0 * (self.line_speed or 0.0) / float(self.own.press.frequency)
+        return _SITE_WIDTH + _MIN_PERIODS * (self.line_speed or 0.0) / float(self.own.press.frequency)
 
     def along(self, proposals: list[Proposal], level: bool = False) -> Trajectory:
         """The motion through places, or along one line; raises ConfigurationError. `level`: not over its surface."""
-        own, (first, *_) = self.own, proposals
-        settings: dict[str, Any] = {"press": own.press} | ({} if level else {"surface": own.surface})
+        own, first = self.own, proposals[0]
+        settings: dict[str, Any] = {"press": own.press}
+        if not level:
+            settings["surface"] = own.surface
         if first.end is None:
             part: Any = self.pipeline.registry.find("trajectory", "grid-points")
-            settings |= {"places": tuple(p.place for p in proposals), "duration": self.duration}
+            settings |= {"places": tuple(proposal.place for proposal in proposals), "duration": self.duration}
             if self.surface is not None:
                 settings |= {key: getattr(own, key) for key in _PACES if hasattr(own, key)}
         else:
@@ -62,7 +68,7 @@ class SearchMotion:
         return surface_of(self.own)
 
     def can_go(self, proposals: list[Proposal]) -> bool:
-        """Whether a surface is known all the way from each place to the next."""
+        """True where a surface is known all the way from each place to the next."""
         try:
             duration_of(self.along(proposals))
         except ConfigurationError:
@@ -70,39 +76,40 @@ class SearchMotion:
         return True
 
     def _seconds(self, proposals: list[Proposal]) -> float:
-        """How long a motion takes that may be anywhere [s]: over a surface, as over a plane."""
+        """Duration [s] of a motion that may be anywhere: over a surface, as over a plane."""
         return float(duration_of(self.along(proposals, level=self.surface is not None)))
 
     def seconds_to(self, distance: Floats) -> Floats:
-        """What a further point takes, by its distance [m] from the one before."""
+        """Seconds that a further point takes, by its distance [m] from the one before."""
         return np.interp(distance, _DISTANCES, self._steps)
 
     @cached_property
     def way_of_turn(self) -> float:
-        """How far the tip travels while the tool turns by a radian [m/rad]."""
+        """Travel of the tip while the tool turns by a radian [m/rad]."""
         visit: Any = self.along([_at(0.0)], level=True)
         return float(visit.travel_speed / visit.turn_speed)
 
     @cached_property
     def _steps(self) -> Floats:
-        alone = self.first_point
+        """Seconds (6,) that a second point takes more than the first alone, at each of the distances."""
         pairs = [self._seconds([_at(0.0), _at(float(way))]) for way in _DISTANCES]
-        return np.array(pairs) - alone
+        return np.array(pairs) - self.first_point
 
     @cached_property
     def first_point(self) -> float:
-        """What one point takes, from rest to rest [s]."""
+        """Seconds that one point takes, from rest to rest."""
         return self._seconds([_at(0.0)])
 
     @cached_property
     def _line(self) -> tuple[float, float]:
-        ways = (self.shortest, self.shortest + 0.02)
-        short, long = (self._seconds([Proposal((0.0, 0.0), 0.0, 0.0, 0.0, (way, 0.0))]) for way in ways)
-        slope = (long - short) / 0.02
-        return short - slope * ways[0], slope
+        """Seconds of a line without length, and seconds for each metre more, by two planned lines."""
+        lengths = (self.shortest, self.shortest + _LONGER)
+        short, long = (self._seconds([Proposal((0.0, 0.0), 0.0, 0.0, 0.0, (length, 0.0))]) for length in lengths)
+        slope = (long - short) / _LONGER
+        return short - slope * lengths[0], slope
 
     def seconds_along(self, way: Floats) -> Floats:
-        """What a line takes, by its length [m]."""
+        """Seconds that a line takes, by its length [m]."""
         start, slope = self._line
         return start + slope * way
 

@@ -1,4 +1,4 @@
-"""What a search knows of each lump, from round to round, and when nothing remains to be found."""
+"""The progress of a search with each lump, from round to round, until nothing remains to be found."""
 
 from __future__ import annotations
 
@@ -14,9 +14,14 @@ from palpate_maps.next_places import SETTLED, is_placed, lumps_apart, passes
 from palpate_maps.search_area import Area
 from palpate_maps.sites import Sites, line_coordinate
 
-CHECKS = 2  # points at a place, or lines across it, from which on it is checked
-SUSPICIOUS = 0.5  # probability of a contrast above the threshold that calls for a visit
-_RING = 4e-3  # [m] around the stiffest place of a lump that has to be known, for its middle to be inside
+CHECKS = 2  # points at a place, or lines across it, from which on it is checked (decision 0281)
+SUSPICIOUS = 0.5  # probability of a contrast above the threshold that calls for a visit: as likely as not
+_RING = (
+    4e-3  # [m] around the stiffest place of a lump that has to be known, for its middle to be inside: a site's width
+)
+_DIRECTIONS = 8  # of that ring
+_MIN_RATIO = 1.5  # of a lump's contrast over the one down to which its flanks go, so that it has a footprint
+_WIDTH_OF_GAUSSIAN = 2.355  # full width at half of the height over the standard deviation: 2 sqrt(2 log 2)
 
 
 @dataclass(frozen=True)
@@ -30,7 +35,7 @@ class LumpProgress:
 
     @property
     def done(self) -> bool:
-        """Whether nothing more is to be learned of it here."""
+        """True where nothing more is to be learned of it here."""
         return self.certain and not self.beyond
 
 
@@ -38,30 +43,33 @@ def update_progress(
     findings: Findings, before: Sequence[LumpProgress], sites: Sites, area: Area, sure: float
 ) -> list[LumpProgress]:
     """Every lump of a round against those of the round before; the surest first."""
-    found = []
+    known = [item.lump for item in before]
+    progress = []
     for lump in sorted(findings.lumps, key=lambda lump: lump.p):
-        old = min((w.lump for w in before), key=lambda other: lumps_apart(other, lump, area.lift), default=None)
-        open_, cut = borders(sites, lump, area)
-        top = area.lift(np.array([lump.highest or lump.place]))
-        checked = lump.checked or passes(sites, top, SETTLED)[0] >= CHECKS
-        certain = checked and is_placed(old, lump, sure, area.lift)
-        found.append(LumpProgress(lump, certain, beyond=open_, cut=cut))
-    return found
+        nearest = min(known, key=lambda other: lumps_apart(other, lump, area.lift), default=None)
+        beyond, cut = borders(sites, lump, area)
+        # Checked by a point of it, or by passes of its highest place.
+        highest = area.lift(np.array([lump.highest or lump.place]))
+        checked = lump.checked or passes(sites, highest, SETTLED)[0] >= CHECKS
+        certain = checked and is_placed(nearest, lump, sure, area.lift)
+        progress.append(LumpProgress(lump, certain, beyond=beyond, cut=cut))
+    return progress
 
 
 def borders(sites: Sites, lump: Lump, area: Area) -> tuple[bool, bool]:
-    """Whether a lump's stiffest place lies at the border of what is known: one to cross, one not to cross."""
+    """True for each border of the known area at which a lump's stiffest place lies: one to cross, one not to."""
     from scipy.spatial import ConvexHull
 
-    middle = area.lift(np.array([lump.place]))
-    near = np.linalg.norm(sites.place - middle, axis=1) <= max(*lump.extent, 2 * SETTLED)
-    rows = np.flatnonzero(near)
+    # The stiffest site of the lump, and a ring about it.
+    distance = np.linalg.norm(sites.place - area.lift(np.array([lump.place])), axis=1)
+    rows = np.flatnonzero(distance <= max(*lump.extent, 2 * SETTLED))
     if not len(rows):
         return False, False
     lateral = sites.place[:, :2]
     peak = lateral[rows[int(np.argmax(sites.log[rows]))]]
-    turn = np.arange(8) * np.pi / 4
-    ring = peak + _RING * np.column_stack([np.cos(turn), np.sin(turn)])
+    angle = np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
+    ring = peak + _RING * np.column_stack([np.cos(angle), np.sin(angle)])
+    # Its places outside of the convex hull of all sites are not known.
     unknown = np.ones(len(ring), bool)
     if line_coordinate(sites) is None:  # of a line, both sides are unknown
         edges = ConvexHull(lateral, qhull_options="QJ").equations  # of half-planes; within, all are negative
@@ -75,6 +83,6 @@ def footprint(places: Floats, lump: Lump, contrast: float, apart: float) -> NDAr
 
     A flank is taken for a Gaussian of the lump's height, with the lump's extent at half of it.
     """
-    wide = np.maximum(lump.extent, 2 * apart) / 2.355
-    half = wide * np.sqrt(2 * np.log(max(lump.contrast / contrast, 1.5))) + apart
+    wide = np.maximum(lump.extent, 2 * apart) / _WIDTH_OF_GAUSSIAN
+    half = wide * np.sqrt(2 * np.log(max(lump.contrast / contrast, _MIN_RATIO))) + apart
     return np.asarray((((places[:, :2] - np.array(lump.place)) / half) ** 2).sum(axis=1) < 1)

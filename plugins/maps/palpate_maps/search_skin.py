@@ -12,7 +12,9 @@ from palpate_kit.kinematics.turns_to_normals import rotation_to
 from palpate_maps.hidden_patches import REACH
 from palpate_maps.surface_map import ARC
 
-_STEEPEST = 0.5  # z of a normal: a skin steeper than 60 degrees is not visited, x and y hardly distinguish its places
+_MIN_NORMAL_Z = 0.5  # a skin steeper than 60 degrees is not visited: x and y hardly distinguish its places (0295)
+_MIN_AREA_Z = 0.05  # z of a normal, by which the skin's area is at most 20 times that in x and y: a choice
+_MIN_SHARPNESS = 1e-12  # [1/m] of a plane, whose reach is then a length too
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class SearchSkin:
     @property
     def reach(self) -> float:
         """[m] to which straight distances are within 1 % of those along the skin, wherever it may be palpated."""
-        return float(ARC / max(self.sharpness.max(), 1e-12))
+        return float(ARC / max(self.sharpness.max(), _MIN_SHARPNESS))
 
     def demand_gentle(self, radius: float, nodes: Floats) -> None:
         """Raise ConfigurationError where a patch of a radius [m] is felt farther than straight distances hold."""
@@ -54,7 +56,7 @@ class SearchSkin:
 def tips_on(points: SurfacePoints, depth: float) -> tuple[Setpoint, NDArray[np.bool_]]:
     """A tool at each point, along its normal and as deep below [m], and where (n,) the skin cannot be visited."""
     normal = points.normal
-    refused = ~(normal[:, 2] >= _STEEPEST)  # where nothing is known, too
+    refused = ~(normal[:, 2] >= _MIN_NORMAL_Z)  # where nothing is known, too
     still = np.zeros((len(points), 3))
     inside = np.ones(len(points), bool)
     return Setpoint(points.position - depth * normal, still, inside, rotation_to(normal), still), refused
@@ -62,5 +64,5 @@ def tips_on(points: SurfacePoints, depth: float) -> tuple[Setpoint, NDArray[np.b
 
 def skin_share(points: SurfacePoints, allowed: NDArray[np.bool_], beside: float) -> float:
     """Share of the skin below the points of a grid that is allowed; a point without skin counts as `beside` of one."""
-    area = np.where(np.isfinite(points.normal[:, 2]), 1.0 / np.maximum(points.normal[:, 2], 0.05), beside)
+    area = np.where(np.isfinite(points.normal[:, 2]), 1.0 / np.maximum(points.normal[:, 2], _MIN_AREA_Z), beside)
     return float(area[allowed].sum() / area.sum())

@@ -11,16 +11,20 @@ from palpate import Floats, LogError
 from palpate_maps.path_reader import Path2D
 from palpate_maps.relief_scatter import relief_scatter
 
-_LOOK = 0.5  # [s] over which it is decided whether the tip moves
-_SLOW = 5e-4  # [m/s]; below it stands
-_TAIL = 0.5  # [s] at the end of a stay that count
-_WARM = 1.0  # [s] from its first estimate that a filter is given to find its feet
-# What an estimator assumes of its error is mostly common to neighbours and drops out of a difference. Of homogeneous
-# simulated sweeps, 0.3 (kinematic filter) to 0.8 (AFUKF) of it is left as scatter along the sweep.
-KEPT = 0.7
-_KEPT_LEAST = 0.2
-_KEPT_FEWEST = 12  # pieces of a stay that determine its scatter
+# Choices; sweeps of the benchmarks go at 2 to 6 mm/s, and a point is pressed for 2 s or more.
+_WINDOW = 0.5  # [s] over which it is decided whether the tip moves
+_MIN_WINDOW = 0.1  # [s] of it at the ends of a stretch
+_STANDING_SPEED = 5e-4  # [m/s]; below it the tip stands
+_STAY_END = 0.5  # [s] at the end of a stay that count
+_WARM_UP = 1.0  # [s] from a filter's first estimate that do not count
 _PAUSE = 0.3  # [s] without estimates that ends a stretch
+# What an estimator assumes of its error is mostly common to neighbours and drops out of a difference. Of homogeneous
+# simulated sweeps, 0.3 (kinematic filter) to 0.7 (AFUKF) of it is left as scatter along the sweep (decision 0080).
+KEPT = 0.7
+_MIN_KEPT = 0.2  # of a share that a stay determines: a choice
+_MIN_PIECES = 12  # of a stay that determine its scatter, to within a fifth (decision 0080)
+_MAIN_AXIS = 0.999  # cosine from which on a line is along an axis: 2.6 degrees
+_ROUNDING = 1e-9  # [m] of a way that a site's width is compared with
 
 
 @dataclass(frozen=True)
@@ -56,27 +60,26 @@ def sites_along(path: Path2D, spacing: float = 1e-3) -> Sites:
     first second of a filter's estimates does not count.
     """
     standing = _standing(path)
-    # A new label wherever it stops, starts, pauses, or begins the next piece of the way.
+    # A new stretch wherever the tip stops, starts or pauses, and in it a site for each piece of the way.
     step = np.r_[0.0, np.linalg.norm(np.diff(path.place, axis=0), axis=1)]
     pauses = np.r_[True, np.diff(path.time) > _PAUSE]
     moves = pauses | np.r_[True, np.diff(standing.astype(int)) != 0]
     stretch = np.cumsum(moves) - 1
     way = _since(_smoothed_way(path, step), moves)
-    label = np.unique(
-        np.column_stack([stretch, np.where(standing, 0, np.floor(way / spacing))]), axis=0, return_inverse=True
-    )
-    groups = label[1].ravel()
-    counted = path.time >= path.time[0] + _WARM
+    labels = np.column_stack([stretch, np.where(standing, 0, np.floor(way / spacing))])
+    groups = np.unique(labels, axis=0, return_inverse=True)[1].ravel()
+    # Of a stay its end counts, of all after the warm-up.
+    counted = path.time >= path.time[0] + _WARM_UP
     last = np.zeros(groups.max() + 1)
     np.maximum.at(last, groups, path.time)
-    counted &= ~standing | (path.time >= last[groups] - _TAIL)
+    counted &= ~standing | (path.time >= last[groups] - _STAY_END)
     if not counted.any():
         raise LogError(f"{path.track}: the estimates last {path.time[-1] - path.time[0]:.2g} s, too short for any site")
-    kept, relief = _kept(path, standing, spacing), relief_scatter(path, standing)
-    return replace(_means(path, groups, counted, standing), kept=kept, relief=relief)
+    means = _means(path, groups, counted, standing)
+    return replace(means, kept=_kept_share(path, standing, spacing), relief=relief_scatter(path, standing))
 
 
-def _kept(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> float:
+def _kept_share(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> float:
     """Share of the estimator's standard deviation that is scatter, determined from the stay before a sweep.
 
     There the material does not change: what the estimate does, in pieces as long as the sweep takes for one site, is
@@ -86,29 +89,33 @@ def _kept(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> float:
     moving = np.flatnonzero(~standing)
     if not len(moving):
         return KEPT
+    # Time [s] that the sweep takes for one site.
     way = np.linalg.norm(np.diff(path.place[moving], axis=0), axis=1).sum()
     piece = spacing * len(moving) * float(np.median(np.diff(path.time))) / max(float(way), spacing)
-    stay = standing & (path.time >= path.time[0] + _WARM) & (path.time < path.time[moving[0]])
+    stay = standing & (path.time >= path.time[0] + _WARM_UP) & (path.time < path.time[moving[0]])
     if not stay.any():
         return KEPT
+    # Means over pieces of the stay; the last one is not whole.
     number = np.floor((path.time[stay] - path.time[stay][0]) / piece).astype(int)
     count = np.bincount(number)[:-1]
     means = np.bincount(number, np.log(path.value[stay]))[:-1] / np.maximum(count, 1)
     means = means[count > 0]
-    if len(means) < _KEPT_FEWEST:
+    if len(means) < _MIN_PIECES:
         return KEPT
-    belief = float(np.sqrt(np.mean((path.std[stay] / path.value[stay]) ** 2)))
-    measured = means.std(ddof=1) / belief * (1 + 1 / np.sqrt(len(means)))
-    return float(np.clip(measured, _KEPT_LEAST, KEPT))
+    # Their scatter over the stated standard deviation, more by 1/sqrt(n) since it is of n pieces only.
+    stated = float(np.sqrt(np.mean((path.std[stay] / path.value[stay]) ** 2)))
+    share = means.std(ddof=1) / stated * (1 + 1 / np.sqrt(len(means)))
+    return float(np.clip(share, _MIN_KEPT, KEPT))
 
 
 def _means(path: Path2D, groups: NDArray[np.intp], counted: NDArray[np.bool_], standing: NDArray[np.bool_]) -> Sites:
+    """Sites of the groups (n,) of estimates, as means of those that count; wider where the NIS is above 1."""
     weight = counted.astype(float)
     total = np.bincount(groups, weight)
-    kept = total > 0
+    counting = total > 0
 
     def mean(values: Floats) -> Floats:
-        return np.asarray(np.bincount(groups, weight * values)[kept] / total[kept])
+        return np.asarray(np.bincount(groups, weight * values)[counting] / total[counting])
 
     logs = np.log(path.value)
     return Sites(
@@ -122,27 +129,28 @@ def _means(path: Path2D, groups: NDArray[np.intp], counted: NDArray[np.bool_], s
 
 def _standing(path: Path2D) -> NDArray[np.bool_]:
     """(n,) True where the tip goes less than half a millimetre a second, looking a quarter of a second each way."""
+    # First and last estimate of the stretch that each is in, beyond which nothing is interpolated.
     begins = np.flatnonzero(np.r_[True, np.diff(path.time) > _PAUSE])
     ends = np.r_[begins[1:], len(path.time)] - 1
     stretch = np.searchsorted(begins, np.arange(len(path.time)), side="right") - 1
-    early = np.maximum(path.time - _LOOK / 2, path.time[begins][stretch])
-    late = np.minimum(path.time + _LOOK / 2, path.time[ends][stretch])
+    early = np.maximum(path.time - _WINDOW / 2, path.time[begins][stretch])
+    late = np.minimum(path.time + _WINDOW / 2, path.time[ends][stretch])
     moved = [np.interp(late, path.time, along) - np.interp(early, path.time, along) for along in path.place.T]
-    return np.asarray(np.hypot(*moved) < _SLOW * np.maximum(late - early, 0.1))
+    return np.asarray(np.hypot(*moved) < _STANDING_SPEED * np.maximum(late - early, _MIN_WINDOW))
 
 
 def _smoothed_way(path: Path2D, step: Floats) -> Floats:
     """Way [m] along the path without the noise of the positions: of places a quarter of a second apart."""
     if len(step) < 2:
         return np.zeros(len(step))
-    ticks = np.arange(path.time[0], path.time[-1] + _LOOK / 2, _LOOK / 2)
+    ticks = np.arange(path.time[0], path.time[-1] + _WINDOW / 2, _WINDOW / 2)
     x, y = (np.interp(ticks, path.time, path.place[:, axis]) for axis in (0, 1))
     way = np.r_[0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y)))]
     return np.asarray(np.interp(path.time, ticks, way))
 
 
 def _since(way: Floats, begins: NDArray[np.bool_]) -> Floats:
-    """Way since the latest beginning."""
+    """Way (n,) [m] since the latest row at which one begins."""
     first = np.maximum.accumulate(np.where(begins, np.arange(len(way)), 0))
     return np.asarray(way - way[first])
 
@@ -150,11 +158,14 @@ def _since(way: Floats, begins: NDArray[np.bool_]) -> Floats:
 def merge_sites(sites: Sites, width: float) -> Sites:
     """Sites of a sweep joined until each has about a given width [m]; those of stays as they are."""
     gap = np.r_[0.0, np.linalg.norm(np.diff(sites.place, axis=0), axis=1)]
-    groups, way, group = np.zeros(len(sites), int), 0.0, 0
+    groups = np.zeros(len(sites), int)
+    way, group = 0.0, 0
     for i in range(1, len(sites)):
         way += float(gap[i])
-        if way >= width - 1e-9 or sites.standing[i] or sites.standing[i - 1] or gap[i] > width:
-            group, way = group + 1, 0.0
+        # The next group after a width of the way, at a stay, or at a jump.
+        if way >= width - _ROUNDING or sites.standing[i] or sites.standing[i - 1] or gap[i] > width:
+            group += 1
+            way = 0.0
         groups[i] = group
     count = np.bincount(groups)
 
@@ -174,12 +185,13 @@ def line_coordinate(sites: Sites, tolerance: float = 2e-3) -> Floats | None:
     """
     place = sites.place[:, :2]
     centred = place - place.mean(axis=0)
-    spread = centred.T @ centred / max(len(sites), 1)
-    size, axes = np.linalg.eigh(spread)
-    if np.sqrt(12 * max(float(size[0]), 0.0)) > tolerance:
+    covariance = centred.T @ centred / max(len(sites), 1)
+    variances, axes = np.linalg.eigh(covariance)
+    # The width across of a uniform band.
+    if np.sqrt(12 * max(float(variances[0]), 0.0)) > tolerance:
         return None
     axis = axes[:, 1]
     main = int(np.argmax(np.abs(axis)))
-    if abs(axis[main]) > 0.999:
+    if abs(axis[main]) > _MAIN_AXIS:
         return np.asarray(place[:, main])
     return np.asarray(centred @ (axis * np.sign(axis[main])))

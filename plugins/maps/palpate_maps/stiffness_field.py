@@ -12,14 +12,22 @@ from palpate_kit.numerics.gaussian_process import GaussianProcess, cholesky_fact
 
 from palpate_maps.sites import Sites
 
+# Choices: the least that is believed of a site, and the range of kernels.
 LEAST_STD = 1e-3  # of a site's logarithm
 _JITTER = 1e-12  # variance of a logarithm, that keeps a covariance positive where sites coincide
-_MOST_FITTED = 250  # sites that the kernel is fitted on; more cost time, not accuracy
-_MOST_USED = 1500  # sites that a whole map is made of
-_TOGETHER = 2000  # nodes that are solved for at once
 _BOUNDS = np.log([[1e-8, 1e2], [2e-3, 5e-2], [1e-8, 1e-1]])  # of variance, length [m], noise
+# Choices: the kernel from which a fit begins, where none is known.
+_START_STD = 1e-3  # of the logarithm, at least
+_START_LENGTH = 6e-3  # [m]
+_START_NOISE = 1e-4  # variance of a logarithm: 1 %
+# Choices of computing time.
+_MAX_FITTED = 250  # sites that the kernel is fitted on; more cost time, not accuracy
+_MAX_USED = 1500  # sites that a whole map is made of
+_MAX_NODES = 2000  # that are solved for at once
+_MIN_ROOM = 64  # rows that a factor is enlarged by at least, else by half
+# Of decision 0281.
 _GROWTH = 1.5  # times the sites of the latest fit, from which on it is repeated
-_SURPRISE = 1e-3  # chance of innovations as large as those since the latest fit, below which it is repeated
+_SURPRISE = 1e-3  # probability of innovations as large as those since the latest fit, below which it is repeated
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,7 @@ class FieldKernel:
 
     def noise_of(self, sites: Sites) -> Floats:
         """Variance (n,) of each site about the field."""
-        return _own(sites) + self.noise + _JITTER
+        return _stated_variance(sites) + self.noise + _JITTER
 
 
 def distances(a: Floats, b: Floats) -> Floats:
@@ -66,34 +74,39 @@ def lengths_along(nodes: Floats, row: NDArray[np.intp]) -> Floats:
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(nodes[row], axis=0), axis=1)))
 
 
-def fit_kernel(place: Floats, log: Floats, own: Floats, start: FieldKernel | None = None) -> FieldKernel:
-    """The kernel of the largest likelihood of deviations log (n,) at places (n, k) [m], with own variances (n,).
+def fit_kernel(place: Floats, log: Floats, stated: Floats, start: FieldKernel | None = None) -> FieldKernel:
+    """The kernel of the largest likelihood of deviations log (n,) at places (n, k) [m], with stated variances (n,).
 
     log p = -y' K^-1 y/2 - log|K|/2, with its gradient (Rasmussen and Williams 2006, section 5.4.1), by L-BFGS-B.
     """
     from scipy.linalg import cho_factor, cho_solve
     from scipy.optimize import minimize
 
-    rows = _thinned(len(log), _MOST_FITTED)
-    place, log, own = place[rows], log[rows], own[rows]
-    apart, unit = distances(place, place), np.eye(len(log))
+    rows = _thinned(len(log), _MAX_FITTED)
+    place, log, stated = place[rows], log[rows], stated[rows]
+    distance, unit = distances(place, place), np.eye(len(log))
 
-    def loss(point: Floats) -> tuple[float, Floats]:
-        variance, length, noise = np.exp(point)
-        ratio = np.sqrt(3.0) / length * apart
+    def negative_likelihood(logarithms: Floats) -> tuple[float, Floats]:
+        """-log p and its gradient by the logarithms of variance, length and noise.
+
+        dK/dlog(variance) is the smooth part of K, dK/dlog(length) = variance r^2 exp(-r), r = sqrt(3) d/length.
+        """
+        variance, length, noise = np.exp(logarithms)
+        ratio = np.sqrt(3.0) / length * distance
         decay = variance * np.exp(-ratio)
         smooth = (1 + ratio) * decay
-        factor = cho_factor(smooth + np.diag(own + noise + _JITTER), lower=True)
+        factor = cho_factor(smooth + np.diag(stated + noise + _JITTER), lower=True)
         solved, inverse = cho_solve(factor, log), cho_solve(factor, unit)
         value = 0.5 * log @ solved + np.log(np.diag(factor[0])).sum()
+        # Each slope is the trace of (K^-1 - K^-1 y y' K^-1) dK/dlog, halved.
         inner = inverse - np.outer(solved, solved)
         slopes = [(inner * smooth).sum(), (inner * (ratio**2 * decay)).sum(), noise * np.trace(inner)]
         return float(value), 0.5 * np.array(slopes)
 
-    begin = start or FieldKernel(max(float(log.std()), 1e-3) ** 2, 6e-3, 1e-4)
-    point = np.clip(np.log([begin.variance, begin.length, begin.noise]), *_BOUNDS.T)
-    found = minimize(loss, point, jac=True, method="L-BFGS-B", bounds=_BOUNDS)
-    variance, length, noise = np.exp(found.x).tolist()
+    begin = start or FieldKernel(max(float(log.std()), _START_STD) ** 2, _START_LENGTH, _START_NOISE)
+    logarithms = np.clip(np.log([begin.variance, begin.length, begin.noise]), *_BOUNDS.T)
+    optimum = minimize(negative_likelihood, logarithms, jac=True, method="L-BFGS-B", bounds=_BOUNDS)
+    variance, length, noise = np.exp(optimum.x).tolist()
     return FieldKernel(variance, length, noise)
 
 
@@ -103,11 +116,11 @@ def interpolated(sites: Sites, nodes: Floats, level: float) -> tuple[Floats, Flo
     The field of `StiffnessField`, for more nodes than it can hold covariances of; far from every site it goes back to
     the level.
     """
-    kernel = fit_kernel(sites.place, sites.log - level, _own(sites))
-    used = sites[_thinned(len(sites), _MOST_USED)]
+    kernel = fit_kernel(sites.place, sites.log - level, _stated_variance(sites))
+    used = sites[_thinned(len(sites), _MAX_USED)]
     process = GaussianProcess.of(kernel.between(used.place, used.place), kernel.noise_of(used), used.log - level)
     mean, variance = np.empty(len(nodes)), np.empty(len(nodes))
-    for rows in np.array_split(np.arange(len(nodes)), len(nodes) // _TOGETHER + 1):
+    for rows in np.array_split(np.arange(len(nodes)), len(nodes) // _MAX_NODES + 1):
         cross = kernel.between(used.place, nodes[rows])
         mean[rows] = level + process.mean(cross)
         variance[rows] = kernel.variance - (whiten(process.lower, cross) ** 2).sum(axis=0)
@@ -127,66 +140,70 @@ class StiffnessField:
     fitted_on: int  # sites
     place: Floats = field(init=False)  # (n, 2) [m]
     log: Floats = field(init=False)  # (n,)
-    own: Floats = field(init=False)  # (n,) variance of a site besides the kernel's noise
+    stated: Floats = field(init=False)  # (n,) variance of a site besides the kernel's noise
     surprise: list[float] = field(default_factory=list)  # standardised innovations of the sites since the fit
 
     @classmethod
     def of(cls, sites: Sites, nodes: Floats, level: float, kernel: FieldKernel | None = None) -> Self:
         """The field of sites, with the kernel fitted to them about a level; `kernel` is where the fit starts."""
-        made = cls(nodes, fit_kernel(sites.place, sites.log - level, _own(sites), kernel), len(sites))
+        made = cls(nodes, fit_kernel(sites.place, sites.log - level, _stated_variance(sites), kernel), len(sites))
         made.factorise(sites)
         return made
 
     def factorise(self, sites: Sites) -> None:
         """Take sites in place of those known so far."""
-        self.place, self.log, self.own = sites.place.copy(), sites.log.copy(), _own(sites)
+        self.place, self.log, self.stated = sites.place.copy(), sites.log.copy(), _stated_variance(sites)
         n = len(self.log)
-        room = n + max(n // 2, 64)
+        # Factor and whitened columns, with room for more sites.
+        room = n + max(n // 2, _MIN_ROOM)
         self._lower, self._cross = np.zeros((room, room)), np.zeros((room, len(self.nodes)))
         self._lower[:n, :n] = self.kernel.factor(sites)
         right = np.column_stack([self.log, np.ones(n), self.kernel.between(self.place, self.nodes)])
         solved = whiten(self._lower[:n, :n], right)
         self._white = np.zeros((room, 2))  # L^-1 of the logarithms, and of ones
         self._white[:n], self._cross[:n] = solved[:, :2], solved[:, 2:]
+        # Sums over the sites, of which mean and variance at the nodes are made.
         self._sums = self._white[:n].T @ self._cross[:n]  # (2, m)
-        self._left = self.kernel.variance - (self._cross[:n] ** 2).sum(axis=0)
+        self._variance = self.kernel.variance - (self._cross[:n] ** 2).sum(axis=0)
 
     def update(self, sites: Sites, level: float) -> StiffnessField:
         """The field of sites that begin with those known so far; else, or where the kernel has to change, a new one."""
-        n, more = len(self.log), len(sites) - len(self.log)
-        same = more >= 0 and np.array_equal(self.place, sites.place[:n]) and np.array_equal(self.log, sites.log[:n])
-        if not same or len(sites) > _GROWTH * self.fitted_on:
+        n = len(self.log)
+        same_places = len(sites) >= n and np.array_equal(self.place, sites.place[:n])
+        begins_alike = same_places and np.array_equal(self.log, sites.log[:n])
+        if not begins_alike or len(sites) > _GROWTH * self.fitted_on:
             return type(self).of(sites, self.nodes, level, self.kernel)
-        for place, log, own in zip(sites.place[n:], sites.log[n:], _own(sites)[n:], strict=True):
-            self.surprise.append(self.add(place, float(log), float(own), level))
+        for place, log, stated in zip(sites.place[n:], sites.log[n:], _stated_variance(sites)[n:], strict=True):
+            self.surprise.append(self.add(place, float(log), float(stated), level))
         return type(self).of(sites, self.nodes, level, self.kernel) if self._is_surprised() else self
 
     def _is_surprised(self) -> bool:
-        """Whether the innovations since the fit are larger than the kernel lets expect."""
+        """True where the innovations since the fit are larger than the kernel lets expect."""
         from scipy.stats import chi2
 
         square = float(np.square(self.surprise).sum())
         return bool(self.surprise and chi2.sf(square, len(self.surprise)) < _SURPRISE)
 
-    def add(self, place: Floats, log: float, own: float, level: float) -> float:
-        """Add a site; how many standard deviations it is from what was expected."""
+    def add(self, place: Floats, log: float, stated: float, level: float) -> float:
+        """Add a site; its innovation in standard deviations."""
         n = len(self.log)
         if n == len(self._lower):
-            room = n // 2 + 64
+            room = n // 2 + _MIN_ROOM
             self._lower = np.pad(self._lower, ((0, room), (0, room)))
             self._cross, self._white = (np.pad(rows, ((0, room), (0, 0))) for rows in (self._cross, self._white))
+        # The site's row of the factor, and its diagonal element.
         row = whiten(self._lower[:n, :n], self.kernel.between(self.place, place[None])[:, 0])
-        pivot = float(
-            np.sqrt(max(self.kernel.variance + self.kernel.noise + own + _JITTER - float(row @ row), _JITTER))
-        )
+        variance = self.kernel.variance + self.kernel.noise + stated + _JITTER
+        pivot = float(np.sqrt(max(variance - float(row @ row), _JITTER)))
         self._lower[n, :n], self._lower[n, n] = row, pivot
+        # Its covariances with the nodes, and its logarithm and level, whitened.
         cross = (self.kernel.between(place[None], self.nodes)[0] - row @ self._cross[:n]) / pivot
         white = (np.array([log, 1.0]) - row @ self._white[:n]) / pivot
         self._cross[n], self._white[n] = cross, white
         self._sums += np.outer(white, cross)
-        self._left -= cross**2
+        self._variance -= cross**2
         self.place, self.log = np.vstack([self.place, place]), np.append(self.log, log)
-        self.own = np.append(self.own, own)
+        self.stated = np.append(self.stated, stated)
         return float(white[0] - level * white[1])
 
     def mean(self, level: float) -> Floats:
@@ -196,7 +213,7 @@ class StiffnessField:
     @property
     def std(self) -> Floats:
         """(m,) posterior standard deviation at the nodes."""
-        return np.asarray(np.sqrt(np.maximum(self._left, LEAST_STD**2)))
+        return np.asarray(np.sqrt(np.maximum(self._variance, LEAST_STD**2)))
 
     def covariance(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
         """Posterior covariances of nodes of two index arrays."""
@@ -205,7 +222,8 @@ class StiffnessField:
         return np.asarray(prior - self._cross[:n, rows].T @ self._cross[:n, columns])
 
 
-def _own(sites: Sites) -> Floats:
+def _stated_variance(sites: Sites) -> Floats:
+    """Variance (n,) of each site as its estimator states it, but for a least."""
     return np.maximum(sites.std, LEAST_STD) ** 2
 
 

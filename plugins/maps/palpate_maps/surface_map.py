@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import LogError, Surface, surface_points
+from palpate import Floats, LogError, Surface, surface_points
 from palpate_kit.runs.surface_map_file import SurfaceMap
 
-from palpate_maps.map_grid import cells_over, line_distance, nearest_distance, significance
+from palpate_maps.map_grid import COVERED, MERGED, MIN_MERGED, cells_over, line_distance, nearest_distance, significance
 from palpate_maps.sites import Sites, merge_sites
 from palpate_maps.stiffness_field import interpolated
 
-ARC = 0.5  # of the smallest radius of curvature: as far, a straight distance is within 1 % of that along the surface
+ARC = 0.5  # [rad]: sin(a/2)/(a/2) = 0.990, so a straight distance is within 1 % of the arc (decision 0266)
 
 
 @dataclass(frozen=True)
@@ -27,12 +27,12 @@ class MapOnSurface:
 
     @property
     def warning(self) -> str | None:
-        """Where the surface is curved on the scale of the interpolation, what that does; None where it is not."""
+        """The error of straight distances where the surface is curved on their scale; None where it is not."""
         return arc_warning(self.length, self.reach)
 
 
 def arc_warning(length: float, reach: float) -> str | None:
-    """What is interpolated over a length [m] where straight distances hold up to a reach [m]; None where they do."""
+    """A warning of an interpolation over more than the reach [m] of straight distances; None where it is over less."""
     if length <= reach:
         return None
     return (
@@ -54,21 +54,28 @@ def make_surface_map(sites: Sites, surface: Surface, cell: float, parameter: str
     """
     x, y, nodes = cells_over(sites, cell)
     pitch = line_distance(sites)
-    rows = np.flatnonzero(nearest_distance(sites.place, nodes) <= 1.2 * pitch)
-    points = surface.uppermost(nodes[rows])
-    known = np.array([row not in points.unknown for row in range(len(rows))], bool)
-    rows, vertices = rows[known], points.position[known]
-    faces = _triangles(rows, len(x), len(y))
+    # Vertices: covered cells below which the surface is known.
+    covered = np.flatnonzero(nearest_distance(sites.place, nodes) <= COVERED * pitch)
+    points = surface.uppermost(nodes[covered])
+    known = np.array([row not in points.unknown for row in range(len(covered))], bool)
+    vertices = points.position[known]
+    faces = _triangles(covered[known], len(x), len(y))
     if not len(faces):
         raise LogError("the surface is known at none of the map's cells")
-    there = sites_on(sites, surface)
-    used = merge_sites(there, max(pitch / 3, 1e-3))
+    # The flat map's process and test, over places in space.
+    lifted = sites_on(sites, surface)
+    used = merge_sites(lifted, max(pitch / MERGED, MIN_MERGED))
     mean, std, length = interpolated(used, vertices, float(np.median(used.log)))
-    p, stiff = significance(there, mean, std, np.ones(len(mean), bool))
+    p, stiff = significance(lifted, mean, std, np.ones(len(mean), bool))
     value = np.exp(mean)
-    sharpest = float(np.abs(points.curvature[known]).max())
-    reach = ARC / sharpest if sharpest > 0 else np.inf
-    return MapOnSurface(SurfaceMap(vertices, faces, value, value * std, p, parameter, unit), stiff, length, reach)
+    map_ = SurfaceMap(vertices, faces, value, value * std, p, parameter, unit)
+    return MapOnSurface(map_, stiff, length, _reach(np.abs(points.curvature[known])))
+
+
+def _reach(curvature: Floats) -> float:
+    """Distance [m] up to which straight distances hold on a surface of principal curvatures (n, 2) [1/m]."""
+    sharpest = float(curvature.max())
+    return ARC / sharpest if sharpest > 0 else np.inf
 
 
 def _triangles(rows: NDArray[np.int64], columns: int, lines: int) -> NDArray[np.int64]:
@@ -76,6 +83,7 @@ def _triangles(rows: NDArray[np.int64], columns: int, lines: int) -> NDArray[np.
     number = np.full(lines * columns, -1)
     number[rows] = np.arange(len(rows))
     grid = number.reshape(lines, columns)
+    # The corners of each cell, counter-clockwise.
     a, b, c, d = (part.ravel() for part in (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]))
     whole = (np.stack([a, b, c, d]) >= 0).all(axis=0)
     return np.vstack([np.column_stack([a, b, c])[whole], np.column_stack([a, c, d])[whole]]).astype(np.int64)

@@ -20,7 +20,8 @@ from palpate_maps.commands.map_command import Parameter, Run, SurfaceName, lengt
 if TYPE_CHECKING:
     from palpate_maps.map_analysis import Findings
 
-_SAME = 2e-3  # [m]: palpations nearer to each other than that are one place
+_SAME_PLACE = 2e-3  # [m]: palpations nearer to each other are one place: half of a site's width
+_MIN_GROUPS = {"prediction": (4, 1), "welch": (2, 2)}  # baseline and suspect sites, or repeats, of each test
 
 
 def lumps(
@@ -59,6 +60,7 @@ def lumps(
 
 
 def _view(findings: Findings, source: str, unit: str) -> str:
+    """The lumps as a table of the terminal, with the background above and the test's power below."""
     from palpate_engine import display_unit
 
     name, factor = display_unit(unit)
@@ -92,26 +94,28 @@ def compare(
     if test not in ("prediction", "welch"):
         raise ConfigurationError(f'--test: {test!r} is not one of "prediction" and "welch"')
     _refuse_both(baseline, suspect)
-    chosen = [sites_of(drop_rejected(runs), track, parameter) for runs in (baseline, suspect)]
-    groups = [np.array([value for _, value in sites]) for sites in chosen]
-    if test == "prediction":
-        groups = [by_place(sites) for sites in chosen]
-    least = 2 if test == "welch" else 4
-    if len(groups[0]) < least or len(groups[1]) < (2 if test == "welch" else 1):
+    # Of a prediction each place is one value, of Welch's test each repeat.
+    groups = []
+    for runs in (baseline, suspect):
+        sites = sites_of(drop_rejected(runs), track, parameter)
+        groups.append(by_place(sites) if test == "prediction" else np.array([value for _, value in sites]))
+    least, least_suspects = _MIN_GROUPS[test]
+    if len(groups[0]) < least or len(groups[1]) < least_suspects:
         raise ConfigurationError(f"--baseline: {len(groups[0])} sites are too few for {test}; {least} are needed")
     if test == "welch":
-        found = maps.welch(groups[0], groups[1])
+        comparison = maps.welch(groups[0], groups[1])
         typer.echo(
             "welch takes the scatter of repeats for the scatter between sites: many false alarms where sites differ",
             err=as_json,
         )
     else:
-        found = maps.against_sites(groups[0], float(np.exp(np.log(groups[1]).mean())))
+        comparison = maps.against_sites(groups[0], float(np.exp(np.log(groups[1]).mean())))
     if as_json:
-        answer = {"contrast": found.contrast, "p": found.p, "test": found.test, "baseline": len(groups[0])}
-        typer.echo(json.dumps(answer, indent=2))
+        answer = {"contrast": comparison.contrast, "p": comparison.p, "test": comparison.test}
+        typer.echo(json.dumps({**answer, "baseline": len(groups[0])}, indent=2))
         return
-    typer.echo(f"contrast {100 * found.contrast:+.2f} %, p = {found.p:.2g} ({found.test}, {len(groups[0])} baseline)")
+    contrast = f"contrast {100 * comparison.contrast:+.2f} %, p = {comparison.p:.2g}"
+    typer.echo(f"{contrast} ({comparison.test}, {len(groups[0])} baseline)")
 
 
 def _refuse_both(baseline: list[Path], suspect: list[Path]) -> None:
@@ -133,29 +137,28 @@ def sites_of(runs: list[Path], track: str | None, parameter: str | None) -> list
     """Every palpation at rest of some runs: its place [m] and value; a run without places is one site of its own."""
     from palpate_maps import map_analysis as maps
 
-    found: list[Site] = []
+    palpations: list[Site] = []
     for run in runs:
         try:
             sites = maps.sites_along(maps.read_path(run, track, parameter))
         except LogError:
-            found.append((run.resolve(), _single_value(run, track, parameter)))
+            palpations.append((run.resolve(), _single_value(run, track, parameter)))
             continue
         for (x, y), value in zip(sites.place[sites.standing], sites.value[sites.standing], strict=True):
-            found.append(((float(x), float(y)), float(value)))
-    return found
+            palpations.append(((float(x), float(y)), float(value)))
+    return palpations
 
 
 def _single_value(run: Path, track: str | None, parameter: str | None) -> float:
-    """What a run without places found; raises LogError where it has no such value, or an invalid one."""
+    """The value of a run without places; raises LogError where it has no such value, or an invalid one."""
     tracks = RunFolder(run).result["tracks"]
-    name = track or next((name for name, found in tracks.items() if found["verdict"] != "invalid"), None)
+    name = track or next((name for name, result in tracks.items() if result["verdict"] != "invalid"), None)
     if name is None or name not in tracks:
         raise LogError(f"{run}: has no usable track {track or ''}".rstrip())
-    found = tracks[name]["parameters"]
-    wanted = parameter or next(iter(found))
-    value = usable_value(tracks[name], wanted)
+    chosen = parameter or next(iter(tracks[name]["parameters"]))
+    value = usable_value(tracks[name], chosen)
     if value is None:
-        raise LogError(f"{run}: {name} has no usable {wanted}")
+        raise LogError(f"{run}: {name} has no usable {chosen}")
     return float(value["value"])
 
 
@@ -166,7 +169,7 @@ def by_place(sites: list[Site]) -> Floats:
     places: list[tuple[tuple[float, float] | Path, list[float]]] = []
     for where, value in sites:
         for known, values in places:
-            if known == where or (isinstance(known, tuple) and isinstance(where, tuple) and _one(known, where)):
+            if _is_same_place(known, where):
                 values.append(value)
                 break
         else:
@@ -174,5 +177,8 @@ def by_place(sites: list[Site]) -> Floats:
     return np.array([np.exp(np.log(values).mean()) for _, values in places])
 
 
-def _one(a: tuple[float, float], b: tuple[float, float]) -> bool:
-    return math.dist(a, b) < _SAME
+def _is_same_place(a: tuple[float, float] | Path, b: tuple[float, float] | Path) -> bool:
+    """True for places near each other, and for the same run without a place."""
+    if isinstance(a, Path) or isinstance(b, Path):
+        return a == b
+    return math.dist(a, b) < _SAME_PLACE

@@ -73,35 +73,27 @@ def map_run(
             path = maps.read_path(run, track, parameter)
             sites = maps.sites_along(path)
         skin = None if of_curves else maps.surface_of_run(run, surface)
-        along = maps.line_coordinate(sites)
-        on_a_line = along is not None and not sites.standing.all()
+        # Sites along a line that are not all points are a sweep: a curve, whose lumps are along it.
+        along = None if sites.standing.all() else maps.line_coordinate(sites)
         findings = None
         with suppress(LogError):  # too few sites for lumps are enough for a map
-            findings = maps.find_lumps(sites if skin is None or on_a_line else maps.sites_on(sites, skin))
+            findings = maps.find_lumps(sites if skin is None or along is not None else maps.sites_on(sites, skin))
         made = _MapOutput(run, out or RunFolder(run).maps, "svg" if svg else "png", path, sites, findings)
-        if along is not None and on_a_line:
-            name, said, answer = _sweep(made, float(along.max() - along.min()), track, parameter, points)
+        if along is not None:
+            name, sentence, answer = _sweep(made, float(along.max() - along.min()), track, parameter, points)
         elif skin is not None:
             if method != "gaussian-process":
                 raise ConfigurationError("--method: a map on a surface is a Gaussian process, in a PLY file")
-            name, said, answer = _on_surface(made, skin, length(cell, "--cell"))
+            name, sentence, answer = _on_surface(made, skin, length(cell, "--cell"))
         else:
             field = maps.make_map(sites, length(cell, "--cell"), method)  # type: ignore[arg-type]
-            name, said, answer = _map(made, field)
+            name, sentence, answer = _map(made, field)
     if findings is not None and findings.warning:
         typer.echo(f"warning: {findings.warning}", err=True)
     if as_json:
-        of = {
-            "track": path.track,
-            "other_tracks": path.others,
-            "parameter": path.parameter,
-            "unit": made.unit,
-            "sites": len(sites),
-        }
-        lumps = findings.lumps if findings is not None else None
-        print_json({**answer, **of, "lumps": lumps, "files": sorted(made.folder.glob(f"{name}.*"))})
+        print_json({**answer, **made.document, "files": sorted(made.folder.glob(f"{name}.*"))})
         return
-    typer.echo(f"{said}\nwritten to {made.folder / name}.csv and next to it")
+    typer.echo(f"{sentence}\nwritten to {made.folder / name}.csv and next to it")
 
 
 def _run_first(run: Path) -> Path:
@@ -118,7 +110,7 @@ def _run_first(run: Path) -> Path:
 
 @dataclass(frozen=True)
 class _MapOutput:
-    """What a map or a curve is made of, and where it goes."""
+    """The sites and findings of a map or a curve, and the folder of its files."""
 
     run: Path
     folder: Path
@@ -133,6 +125,18 @@ class _MapOutput:
         if is_fit_folder(self.run):
             return FitFolder(self.run).units.get(self.path.parameter, "")
         return unit_of(self.run, self.path.track, self.path.parameter)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """For --json: the track, the parameter, and the lumps."""
+        return {
+            "track": self.path.track,
+            "other_tracks": self.path.others,
+            "parameter": self.path.parameter,
+            "unit": self.unit,
+            "sites": len(self.sites),
+            "lumps": self.findings.lumps if self.findings is not None else None,
+        }
 
 
 Written = tuple[str, str, dict[str, Any]]  # name of the files, a sentence, and the answer for programs
@@ -151,8 +155,8 @@ def _sweep(made: _MapOutput, way: float, track: str | None, parameter: str | Non
     name = map_files.free_name(folder, "sweep", table)
     map_files.replace_file(folder / f"{name}.csv", table)
     save_figure(image, folder / f"{name}.{made.ending}")
-    said = f"sweep of {1e3 * way:.4g} mm, {len(made.sites)} sites, {path.source}"
-    return name, said, {"kind": "sweep", "length": way}
+    sentence = f"sweep of {1e3 * way:.4g} mm, {len(made.sites)} sites, {path.source}"
+    return name, sentence, {"kind": "sweep", "length": way}
 
 
 def _map(made: _MapOutput, field: StiffnessMap) -> Written:
@@ -168,9 +172,9 @@ def _map(made: _MapOutput, field: StiffnessMap) -> Written:
     save_figure(image, folder / f"{name}.{made.ending}")
     size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
     covered = f"{100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.source}"
-    said = f"map of {size}, {covered}, interpolated over {1e3 * field.length:.3g} mm"
+    sentence = f"map of {size}, {covered}, interpolated over {1e3 * field.length:.3g} mm"
     ends = {"low": [field.x[0], field.y[0]], "high": [field.x[-1], field.y[-1]]}
-    return name, said, {"kind": "map", **ends, "coverage": field.coverage, "interpolated_over": field.length}
+    return name, sentence, {"kind": "map", **ends, "coverage": field.coverage, "interpolated_over": field.length}
 
 
 def _on_surface(made: _MapOutput, surface: Surface, cell: float) -> Written:
@@ -194,9 +198,13 @@ def _on_surface(made: _MapOutput, surface: Surface, cell: float) -> Written:
     if found.warning:
         typer.echo(f"warning: {found.warning}", err=True)
     size = f"{len(found.map.vertices)} vertices, {len(sites)} sites, {path.source}"
-    said = f"map on a surface, {size}, interpolated over {1e3 * found.length:.3g} mm"
+    sentence = f"map on a surface, {size}, interpolated over {1e3 * found.length:.3g} mm"
     ends = {end: getattr(found.map.vertices, side)(axis=0).tolist() for end, side in (("low", "min"), ("high", "max"))}
-    return name, said, {"kind": "surface", **ends, "interpolated_over": found.length, "straight_within": found.reach}
+    return (
+        name,
+        sentence,
+        {"kind": "surface", **ends, "interpolated_over": found.length, "straight_within": found.reach},
+    )
 
 
 def outlines_of(run: Path) -> list[Any]:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from palpate_maps.search_area import Box
     from palpate_maps.search_motion import SearchMotion
 
-_ROUNDS = 50
+_MAX_ROUNDS = 50  # after which --go stops in any case: a choice
 
 
 def search(
@@ -118,12 +118,12 @@ class _SearchRounds:
         _end(self.state, ended)
 
     def _why_not(self, budget: float) -> str | None:
-        """Why no place of the latest round is visited; None where one is."""
+        """The reason that no place of the latest round is visited; None where one is."""
         if not self.rounds[-1]:
             return "every place that may be visited is known"
         if self.motion >= budget:
             return f"{budget:g} s of motion are spent"
-        return f"{_ROUNDS} rounds are made" if len(self.rounds) > _ROUNDS else None
+        return f"{_MAX_ROUNDS} rounds are made" if len(self.rounds) > _MAX_ROUNDS else None
 
     @property
     def document(self) -> dict[str, Any]:
