@@ -62,7 +62,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 
 @plugin
 def palpate_report_sections() -> dict[str, ReportSection]:
-    """What a run measured, what its values assume to be exact, and how well its law predicts."""
+    """Values of a run, the assumptions that they take for exact, and the prediction by their law."""
     return {
         "motion": ReportSection("palpate_uncertainty.measured_motion:motion_lines", order=5, detail=True),
         "prediction": ReportSection("palpate_uncertainty.prediction:prediction_lines", order=79, detail=True),
@@ -81,7 +81,7 @@ def palpate_tables() -> dict[str, type[Settings]]:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """What the uncertainty of a run is made of, and the choice of a model."""
+    """The budget of a run's uncertainty, and the choice of a model."""
     where = "palpate_uncertainty"
     return {
         "report budget": Command(f"{where}.budget_command:budget", "The uncertainty budget of a run's values."),
@@ -91,7 +91,7 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """What their flags mean."""
+    """Meanings of their flags."""
     from palpate_uncertainty.flag_meanings import FLAGS
 
     return FLAGS

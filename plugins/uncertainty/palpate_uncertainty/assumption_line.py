@@ -59,7 +59,7 @@ def _scales(percent: Mapping[str, Mapping[str, float]], first: str, second: str 
 
 
 def _conditions(table: Mapping[str, Any], first: str) -> Iterator[str]:
-    """What is not a number of the pipeline, each with the size at which it begins to matter."""
+    """Assumptions that are not a number of the pipeline, each with the size at which it begins to matter."""
     stiffness, thick = table.get("rigid_above", {}).get(first), table.get("half_space_above")
     yield "rigid mount" + (f" ({_rounded(1e-3 * stiffness)} N/mm: 1 %)" if stiffness else "")
     if not table.get("skin_stated"):
@@ -71,7 +71,7 @@ def _conditions(table: Mapping[str, Any], first: str) -> Iterator[str]:
 
 
 def skin_conditions(table: Mapping[str, Any]) -> list[str]:
-    """What is assumed of the form of the skin, with the size at which it begins to matter; nothing where it is stated.
+    """The assumed form of the skin, with the size at which it begins to matter; nothing where it is stated.
 
     >>> skin_conditions({"level_within": 0.0897, "flat_above": 0.25})
     ['level skin (5.1 deg: 1 %)', 'flat skin (radius 250 mm: 1 %)']

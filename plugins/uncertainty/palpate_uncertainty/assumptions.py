@@ -1,4 +1,4 @@
-"""What a result assumes to be exact: every number without a declared uncertainty, and what 1 % of it does."""
+"""Assumptions of a result: every number without a declared uncertainty, and the effect of 1 % of it."""
 
 from __future__ import annotations
 

@@ -161,7 +161,7 @@ def _view(name: str, found: Mapping[str, Any]) -> Any:
 
 
 def _at_one_frequency(found: Mapping[str, Any] | None) -> Iterator[str]:
-    """What no row can show: a viscosity found at one frequency is that of this frequency."""
+    """The note that no row can show: a viscosity found at one frequency is that of this frequency."""
     if found is None:
         return
     time = f"{1e3 * found['time']:.3g} ms"

@@ -29,13 +29,13 @@ _ROUNDING = 1e-12  # of the square of a column of length 1, below which nothing 
 
 
 class Score(NamedTuple):
-    """What the slopes of the force alone say of an alternative."""
+    """The score of an alternative, by the slopes of the force alone."""
 
     p: float  # where the model is right
     share: float  # of the variance of the whitened residual
 
     def counts(self, beyond: float) -> bool:
-        """Whether its refit may take a share of the variance, of what it leaves, `beyond` another one."""
+        """True where its refit may take a share of the variance, of what it leaves, `beyond` another one."""
         return _SHORT * self.share > beyond * (1.0 - self.share)
 
 

@@ -15,7 +15,7 @@ from palpate_uncertainty.model_alternatives import Refit
 
 @dataclass(frozen=True)
 class DirectedTest:
-    """What one alternative takes from the residual of a model."""
+    """The part of a model's residual that one alternative takes."""
 
     p: float
     share: float  # of the variance

@@ -1,4 +1,4 @@
-"""What the flags of this family mean, and which of them are signs of one cause."""
+"""Meanings of the flags of this family, and those of them that are signs of one cause."""
 
 from __future__ import annotations
 

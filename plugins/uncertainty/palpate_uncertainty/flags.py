@@ -1,4 +1,4 @@
-"""What robot and sensor that give way do to values, as a flag."""
+"""A flag for the effect on values of a robot and a sensor that give way."""
 
 from __future__ import annotations
 

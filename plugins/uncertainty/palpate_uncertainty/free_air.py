@@ -1,4 +1,4 @@
-"""What the force in free air shows of the force in contact: disturbances, a zero that has moved, and adhesion."""
+"""The force in free air as a sign of that in contact: disturbances, a zero that has moved, and adhesion."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class _Motion:
 
 
 def _with_motion(track: TrackEvidence, found: _Motion, course: Along) -> Iterator[Flag]:
-    """What grows with speed or height in air does so in contact."""
+    """Errors that grow with speed or height in air do so in contact."""
     units = ("the speed", "N s/m"), ("the height", "N/m")
     said = [
         f"with {name} by {weight:+.2g} +- {error:.1g} {unit}"
@@ -142,7 +142,7 @@ def _moved_zero(track: TrackEvidence, end: TrackEnd, course: Along) -> Iterator[
 
 
 def _estimates_zero(track: TrackEvidence, end: TrackEnd) -> bool:
-    """Whether the zero of the force is an unknown of the estimator."""
+    """True where the zero of the force is an unknown of the estimator."""
     if track.report is None:
         return "tare" in end.included
     return any(unknown.free and name == "bias" for name, unknown in track.report.unknowns.items())
@@ -196,7 +196,7 @@ def _by_adhesion(track: TrackEvidence, course: Along, pull: float) -> dict[str, 
 
 
 def _way(track: TrackEvidence) -> float:
-    """How deep [m] the tip goes."""
+    """Largest depth [m] of the tip."""
     place = track.kept.position
     return max(track.surface - float(np.nanmin(place)), 0.0) if np.isfinite(place).any() else 0.0
 

@@ -1,4 +1,4 @@
-"""How well a fit predicts data it was not given: blocks of a record, each left out in turn."""
+"""Predictions of a fit for data it was not given: blocks of a record, each left out in turn."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def held_out(model: ContactModel, estimator: Estimator, problem: Problem, sample
 
 
 def _forecast(model: ContactModel, mass: float, samples: Samples, theta: Floats, surface: float) -> Floats:
-    """What the sensor would read (n,) [N], without a bias."""
+    """Readings (n,) [N] of the sensor, without a bias."""
     known: NDArray[np.bool_] = np.isfinite(samples.position)
     place = np.interp(samples.time, samples.time[known], samples.position[known])
     depth, rate, bend = _smooth(surface - place, float(np.median(np.diff(samples.time))))

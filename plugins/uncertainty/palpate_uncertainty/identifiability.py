@@ -1,4 +1,4 @@
-"""Identifiability: whether an online estimate is as good as it claims, by least squares on the samples that it used."""
+"""Identifiability: the test of an online estimate and its uncertainty by least squares on the samples that it used."""
 
 from __future__ import annotations
 
@@ -96,13 +96,13 @@ def _judge(track: TrackEvidence) -> Diagnosed:
 
 
 def _unbiased(track: TrackEvidence, name: str, best: float) -> bool:
-    """Whether least squares is nearer to a value than to where the bias that is predicted of a filter puts it."""
+    """True where least squares is nearer to a value than to the place by the predicted bias of a filter."""
     found = track.found.get(name)
     return found is None or found.bias is None or abs(best - found.value) < 0.5 * abs(found.bias.shift)
 
 
 def _apart(track: TrackEvidence, name: str, best: float) -> float:
-    """How far a corrected value is from least squares, where that is more than one of its uncertainties; else 0."""
+    """Distance of a corrected value from least squares, where that is more than one of its uncertainties; else 0."""
     found = track.found.get(name)
     corrected = found.corrected if found is not None else None
     if found is None or corrected is None or found.bias is None:
@@ -112,14 +112,14 @@ def _apart(track: TrackEvidence, name: str, best: float) -> float:
 
 
 def _slid(track: TrackEvidence) -> bool:
-    """Whether the tip went sideways in contact, and not from site to site through the air."""
+    """True where the tip went sideways in contact, and not from site to site through the air."""
     time, place = track.kept.time[track.kept.used], track.kept.lateral[track.kept.used]
     stays = np.split(place, np.flatnonzero(np.diff(time) > _LIFTED) + 1)
     return any(bool(np.max(np.ptp(stay, axis=0)) > APART) for stay in stays if len(stay))
 
 
 def _along_the_way(track: TrackEvidence) -> Diagnosed:
-    """Whether the one value of an estimator that does not follow changes is valid on every stretch of a sweep."""
+    """The flag where the one value of an estimator that does not follow changes fails on a stretch of a sweep."""
     if not _slid(track):
         return Diagnosed()
     course = make_course(track, track.kept.used)

@@ -1,4 +1,4 @@
-"""Whether the force across the tool is that of a skin as inclined as it is stated to be."""
+"""The test that the force across the tool is that of a skin as inclined as it is stated to be."""
 
 from __future__ import annotations
 
@@ -53,17 +53,17 @@ class AcrossForce:
 
     @property
     def is_beyond(self) -> bool:
-        """Whether it is more than a tip that slides has at the stated inclination."""
+        """True where it is more than a tip that slides has at the stated inclination."""
         return self.share.size - _SIGMAS * self.share.std > max(math.tan(self.stated[1]), _LEAST)
 
     @property
     def is_below(self) -> bool:
-        """Whether it is less than a tip that sticks has."""
+        """True where it is less than a tip that sticks has."""
         return self.share.size + max(_SIGMAS * self.share.std, _LEAST) < _sideways(self.stated[0], self.drag)
 
     @property
     def tells_friction(self) -> bool:
-        """Whether a skin is stated to be inclined, and this says whether the tip slides or sticks on it."""
+        """True where a skin is stated to be inclined, and this decides between sliding and sticking."""
         inclined = bool(getattr(getattr(self.model, "skin", None), "inclination", 0.0))
         return inclined and not (self.is_beyond or self.is_below)
 
@@ -119,7 +119,7 @@ def _flag(track: TrackEvidence, across: AcrossForce, angles: Floats) -> Flag:
 
 
 def _biases(track: TrackEvidence, across: AcrossForce) -> dict[str, Bias]:
-    """What the values are off by since the model knows of one axis only."""
+    """Errors of the values by a model that has one axis only."""
     angle = across.model.skin.inclination_at(across.model.indenter, across.depth)
     ratio = across.axial(angle)
     by_angle = across.axial(angle + across.std) - ratio

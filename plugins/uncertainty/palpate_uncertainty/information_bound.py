@@ -1,4 +1,4 @@
-"""What the end of a track determines: the Cramer-Rao bound of its parameters, its noise, and slopes by chance alone."""
+"""Bounds from the end of a track: the Cramer-Rao bound of its parameters, its noise, and slopes by chance alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What else a record may be: the model, changed in one respect, fitted again."""
+"""Alternatives for a record: the model, changed in one respect, fitted again."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def makers(course: Course, base: Refit) -> dict[str, Maker]:
 
 
 def relaxing_parameter(course: Course) -> int | None:
-    """Which parameter may relax; None where the model has a memory of its own, or its force is not linear in all."""
+    """Index of the parameter that may relax; None of a model with a memory of its own, or a force not linear in all."""
     parameters = course.model.parameters
     elastic = [i for i, parameter in enumerate(parameters) if parameter.role == "elastic"]
     linear = len(elastic) == 1 and not course.model.memory and all(parameter.role for parameter in parameters)

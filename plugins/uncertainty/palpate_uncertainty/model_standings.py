@@ -71,7 +71,7 @@ def rank_models(found: Sequence[Candidate]) -> list[ModelStanding]:
 
 
 def _behind(group: Sequence[Candidate]) -> dict[str, float]:
-    """How far each model's BIC is behind the best one's on a record, by samples that are independent under that.
+    """Distance of each model's BIC from the best one's on a record, by samples that are independent under that.
 
     Sources: Kass and Raftery 1995; residuals that are correlated feign no certainty.
     """
@@ -82,7 +82,7 @@ def _behind(group: Sequence[Candidate]) -> dict[str, float]:
 
 
 def _winner(group: Sequence[Candidate]) -> list[str]:
-    """Which model predicts each block of a record best."""
+    """The model that predicts each block of a record best."""
     if not group or not len(group[0].blocks):
         return []
     table = np.array([np.where(np.isfinite(one.blocks), one.blocks, np.inf) for one in group])

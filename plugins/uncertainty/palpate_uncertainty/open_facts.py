@@ -50,7 +50,7 @@ class _OpenTrack:
         return dict(zip(self.names, shifts[: len(self.names)].tolist(), strict=True))
 
     def against(self, error: Floats) -> dict[str, float]:
-        """What the values are less an error (n,) [N] of the force."""
+        """The values less an error (n,) [N] of the force."""
         answer = self.found.answer(error) if self.found is not None else None
         return self.table(None if answer is None else -answer)
 

@@ -1,4 +1,4 @@
-"""What the geometries that are not stated, or not known well, leave open of every value."""
+"""The part of every value that geometries which are not stated, or not known well, leave open."""
 
 from __future__ import annotations
 

@@ -10,18 +10,20 @@ from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.residual_null import ForceNoise
 
+# Choices: a spike stands out of its neighbours so far that noise does not in any record.
 _REACH = 5  # samples to either side, of the running median
-_SIGMAS = 8.0
-_FEWEST = 100  # samples
-_AT_ONCE = 65_536  # windows that are sorted together
+_SIGNIFICANT = 8.0  # [standard deviations] of the noise
+_MIN_SAMPLES = 100  # for a noise by their median
+_MAX_WINDOWS = 65_536  # that are sorted together: a choice of memory
+_STD_OF_MEDIAN = 1.4826  # standard deviation of normal noise over the median of its size
 
 
 def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Findings on every track whose force contains spikes and whose estimator gives them full weight."""
-    found: dict[str, Diagnosed] = {}
+    findings: dict[str, Diagnosed] = {}
     for track in tracks:
         used = track.kept.used
-        force = _left(track)[used]
+        force = _residual(track)[used]
         noise = ForceNoise.of(track, force)
         spikes = spikes_of(force, ~track.kept.hesitating[used], noise.std if noise is not None else 0.0)
         if not len(spikes):
@@ -30,44 +32,44 @@ def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         table = {"count": len(spikes), "share": share, "largest": size}
         text = f"{len(spikes)} readings of the force ({100 * share:.2g} %) are spikes of up to {size:.2g} N"
         flags = () if track.estimator.robust else (Flag("outliers", f"{text}, which this estimator gives full weight"),)
-        found[track.name] = Diagnosed(flags, table=table)
-    return found
+        findings[track.name] = Diagnosed(flags, table=table)
+    return findings
 
 
-def _left(track: TrackEvidence) -> Floats:
-    """What a fit leaves of the force (n,) [N]; the force where no fit says."""
-    report, left = track.report, track.kept.innovation
-    if report is None or not report.rss > 0 or not np.isfinite(left[track.kept.used]).all():
+def _residual(track: TrackEvidence) -> Floats:
+    """Residual (n,) [N] of the force by a fit; the force itself without one."""
+    report, innovation = track.report, track.kept.innovation
+    if report is None or not report.rss > 0 or not np.isfinite(innovation[track.kept.used]).all():
         return track.kept.force
-    return np.asarray(left * np.sqrt(report.rss / report.samples))
+    return np.asarray(innovation * np.sqrt(report.rss / report.samples))
 
 
 def spikes_of(force: Floats, judged: NDArray[np.bool_], noise: float = 0.0) -> Floats:
-    """How far [N] those of the readings that are judged are off where they are more than 8 standard deviations from the
-    median of their neighbours.
+    """Distances [N] of judged readings from the median of their neighbours, beyond 8 standard deviations.
 
     Noise by the median size of second differences, 6 times its variance in white noise; not below the least step of the
     readings, and not below what the air shows [N]: a channel that is filtered or held hardly changes. Source: Hampel
     1974.
     """
     judged, force = judged[np.isfinite(force)], force[np.isfinite(force)]
-    if len(force) < _FEWEST:
+    if len(force) < _MIN_SAMPLES:
         return np.zeros(0)
-    off = force - _running_median(force)
+    distance = force - _running_median(force)
+    # The noise, by second differences.
     steps = np.abs(np.diff(force))
-    least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
-    scale = max(1.4826 * float(np.median(np.abs(np.diff(force, 2)))) / np.sqrt(6.0), least, noise)
+    least_step = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
+    scale = max(_STD_OF_MEDIAN * float(np.median(np.abs(np.diff(force, 2)))) / np.sqrt(6.0), least_step, noise)
     # A fast motion is not a spike: what neighbouring readings do as well.
-    bend = _SIGMAS * scale + 2.0 * _running_median(np.abs(np.gradient(force))) * _REACH
-    return off[judged & (np.abs(off) > bend)] if scale > 0 else np.zeros(0)
+    limit = _SIGNIFICANT * scale + 2.0 * _running_median(np.abs(np.gradient(force))) * _REACH
+    return distance[judged & (np.abs(distance) > limit)] if scale > 0 else np.zeros(0)
 
 
 def _running_median(values: Floats) -> Floats:
     """Median (n,) of each value and its neighbours, the outermost repeated beyond both ends."""
-    found = np.empty(len(values))
+    medians = np.empty(len(values))
     padded = np.pad(values, _REACH, mode="edge")
-    for start in range(0, len(values), _AT_ONCE):
-        part = padded[start : start + _AT_ONCE + 2 * _REACH]
+    for start in range(0, len(values), _MAX_WINDOWS):
+        part = padded[start : start + _MAX_WINDOWS + 2 * _REACH]
         windows = np.lib.stride_tricks.sliding_window_view(part, 2 * _REACH + 1)
-        found[start : start + len(windows)] = np.partition(windows, _REACH, axis=1)[:, _REACH]
-    return found
+        medians[start : start + len(windows)] = np.partition(windows, _REACH, axis=1)[:, _REACH]
+    return medians

@@ -71,7 +71,7 @@ def _unit_flags(last: Tail, model: ContactModel) -> Iterator[Flag]:
 
 
 def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
-    """Whether the estimates have settled, and the innovations are what the filter expects.
+    """Flags where the estimates have not settled, or the innovations are not what the filter expects.
 
     On a sweep they follow the material from place to place and never settle.
     """
@@ -94,7 +94,7 @@ def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
 
 
 def _innovation_flags(seen: Tail, model: ContactModel, std: Floats, when: str) -> Iterator[Flag]:
-    """Whether innovations are as large as the filter expects: sqrt(NIS) times as large, each std (k,) is as well."""
+    """The flag where innovations are not as large as the filter expects: each std (k,) is off by sqrt(NIS)."""
     known = np.isfinite(seen.nis)
     parts = (seen.nis[known], seen.nis[known & steady(seen)])  # a hesitation makes large ones, or a large scale of all
     nis, *others = [float(np.mean(part)) for part in parts if len(part)] or [1.0]
@@ -104,7 +104,7 @@ def _innovation_flags(seen: Tail, model: ContactModel, std: Floats, when: str) -
 
 
 def _colour_flags(tail: Tail, model: ContactModel, std: Floats) -> Iterator[Flag]:
-    """Whether innovations predict one another.
+    """The flag where innovations predict one another.
 
     As an autoregression of the first order by a share r, n of them are worth n (1 - r)/(1 + r), and each standard
     deviation `std` (k,) is too small by the root of that.
@@ -123,7 +123,7 @@ def _too_certain(model: ContactModel, std: Floats, scale: float) -> dict[str, fl
 
 
 def _force_flags(end: TrackEnd, kept: SampleStore, model: ContactModel) -> Iterator[Flag]:
-    """Whether the force swings enough to determine the track's values: a filter knows what came before its end."""
+    """The flag where the force swings too little for the track's values: a filter knows what came before its end."""
     tare, last = end.report.tare, end.last
     noise = tare.noise if tare and tare.noise else white_noise(last)
     swing = float(np.nanmax(last.model_force) - np.nanmin(last.model_force))
@@ -132,7 +132,7 @@ def _force_flags(end: TrackEnd, kept: SampleStore, model: ContactModel) -> Itera
 
 
 def _determines_all(end: TrackEnd, kept: SampleStore, model: ContactModel, noise: float) -> bool:
-    """Whether the record can determine every parameter estimated."""
+    """True where the record can determine every parameter estimated."""
     values, bounds = np.abs(end.last.values.mean(axis=0)), bounds_at_best(end.tail, kept, model, noise, end.samples)
     free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in end.held]
     return bool((bounds < _DETERMINED * values)[free].all())

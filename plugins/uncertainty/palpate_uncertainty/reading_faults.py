@@ -1,4 +1,4 @@
-"""What faults of the readings do to each value: a velocity that is late, and a force that is not zero in air."""
+"""Effects of faulty readings on each value: a velocity that is late, and a force that is not zero in air."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from palpate_kit.budget.systematic_terms import per_newton
 
 from palpate_uncertainty.delay.timing_shift import delay_shifts
 
-_LATE = 1e-3  # [s] of the velocity against the position
-_LEAST, _MOST = 0.6, 1.5  # of the velocity in parts of what the position changes by; noise and delay explain less
-_SURE = 5.0  # standard uncertainties of that
-_AIR = 0.2  # of the force that counts as touch: 0.05 N where the sensor has the paper's noise
+# Choices: a fault is reported where it is larger than noise and sampling make it.
+_MIN_LATENESS = 1e-3  # [s] of the velocity against the position: a sample at 1 kHz
+_SIGNIFICANT = 5.0  # [standard uncertainties] of that lateness
+_MIN_SHARE, _MAX_SHARE = 0.6, 1.5  # of the position's change by the velocity; noise and delay explain less
+_MAX_AIR_FORCE = 0.2  # of the force that counts as touch: 0.05 N where the sensor has the paper's noise
 
 
 def reading_faults(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Findings on every track, each with what it does to the track's values by the model's derivatives."""
-    found = {}
+    findings = {}
     for track in tracks:
         if (end := track.ending) is not None:
             course = along(track.model, end.tail, end.last, track.values, end.held)
             flags = (*velocity_flags(track, end, course), *air_force_flags(track.model, end, course))
             if flags:
-                found[track.name] = Diagnosed(flags)
-    return found
+                findings[track.name] = Diagnosed(flags)
+    return findings
 
 
 def velocity_flags(track: TrackEvidence, end: TrackEnd, course: Along | None) -> Iterator[Flag]:
@@ -38,23 +39,23 @@ def velocity_flags(track: TrackEvidence, end: TrackEnd, course: Along | None) ->
     if track.estimator.motion == "position":
         return
     share = end.report.velocity_share
-    if share is not None and not _LEAST <= share <= _MOST:
+    if share is not None and not _MIN_SHARE <= share <= _MAX_SHARE:
         text = f"the stated velocity is {share:.2g} times what the position changes by: one of the two is wrong"
         yield Flag("velocity-other", text)
         return
     if end.report.velocity_delay is None:
         return
-    late, uncertainty = end.report.velocity_delay
-    if abs(late) <= max(_LATE, _SURE * uncertainty):
+    lateness, uncertainty = end.report.velocity_delay
+    if abs(lateness) <= max(_MIN_LATENESS, _SIGNIFICANT * uncertainty):
         return
-    text = f"the velocity is {1e3 * late:.2g} ms late against the position: filtered, or of another clock"
+    text = f"the velocity is {1e3 * lateness:.2g} ms late against the position: filtered, or of another clock"
     if course is None:
         yield Flag("velocity-late", text)
         return
     if track.estimator.motion == "velocity":
-        shifts: Floats | None = late * delay_shifts(track.model, course, track.values)
+        shifts: Floats | None = lateness * delay_shifts(track.model, course, track.values)
     else:
-        late_rate = None if course.by_rate is None else late * course.by_rate * course.acceleration
+        late_rate = None if course.by_rate is None else lateness * course.by_rate * course.acceleration
         shifts = None if late_rate is None else course.answer(late_rate)
     yield Flag("velocity-late", text, effects=effects_by_name(track.model, shifts))
 
@@ -62,7 +63,11 @@ def velocity_flags(track: TrackEvidence, end: TrackEnd, course: Along | None) ->
 def air_force_flags(model: ContactModel, end: TrackEnd, course: Along | None) -> Iterator[Flag]:
     """A force before the first touch, and what it moves where it is a wrong zero."""
     report = end.report
-    if "tare" in end.included or report.air_force is None or abs(report.air_force) <= _AIR * report.touch_force:
+    if (
+        "tare" in end.included
+        or report.air_force is None
+        or abs(report.air_force) <= _MAX_AIR_FORCE * report.touch_force
+    ):
         return
     text = f"before the first touch the force is {report.air_force:+.2g} N, where it should be none"
     shifts = per_newton(course)

@@ -146,7 +146,7 @@ def zero_without_air(track: TrackEvidence) -> Unknown | None:
 
 
 def possible(track: TrackEvidence) -> bool:
-    """Whether all of a track's numbers are within what is possible, so that its model can be asked for forces."""
+    """True where all of a track's numbers are possible, so that its model can be asked for forces."""
     pairs = zip(track.model.parameters, track.values.tolist(), strict=True)
     return all(parameter.lowest_estimate <= value <= parameter.upper for parameter, value in pairs)
 

@@ -1,4 +1,4 @@
-"""Whether the residual that a fit reports is that of a right model: over time, depth, speed, and along alternatives."""
+"""Tests that the residual of a fit is that of a right model: over time, depth, speed, and along alternatives."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OUTLIER_SIGMAS = 6.0  # standard deviations, beyond which a reading counts as an
 
 @dataclass(frozen=True)
 class ResidualTests:
-    """What a residual says of its model."""
+    """The tests of a residual, and the misfit where they fail."""
 
     p: float  # of all tests together
     bins: Mapping[str, Explanation]  # by what they are over
@@ -38,12 +38,12 @@ class ResidualTests:
 
     @property
     def is_right(self) -> bool:
-        """Whether nothing counts against the model."""
+        """True where nothing counts against the model."""
         return self.p >= LEVEL
 
     @property
     def unexplained(self) -> str:
-        """What the pattern is over that no alternative explains; empty where one does."""
+        """The variable of the pattern that no alternative explains; empty where one does."""
         explained = max((score.gain for score in self.scores.values()), default=0.0)
         name = max(self.bins, key=lambda name: self.bins[name].evidence, default="")
         return name if name and NEARLY * (self.bins[name].gain - self.bins[name].numbers) > explained else ""
@@ -133,7 +133,7 @@ def _disturbed(track: TrackEvidence) -> NDArray[np.bool_]:
 
 
 def _left(track: TrackEvidence, course: Course) -> Floats:
-    """What a track's values leave of the force (n,) [N]."""
+    """Residual (n,) [N] of the force by a track's values."""
     inertia, zero = (track.tip_mass or 0.0) * slow_acceleration(course), zero_without_air(track)
     force = track.kept.force - inertia - (zero.value if zero else 0.0)
     return np.asarray(force - course.forces(track.values, track.surface))

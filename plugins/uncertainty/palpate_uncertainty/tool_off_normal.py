@@ -1,4 +1,4 @@
-"""Whether the tool stands along the skin's normal, as well as its tip needs."""
+"""The test that the tool stands along the skin's normal, as well as its tip needs."""
 
 from __future__ import annotations
 

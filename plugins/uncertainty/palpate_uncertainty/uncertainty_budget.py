@@ -17,7 +17,7 @@ from palpate_uncertainty.inclined_skin import AcrossForce
 
 
 def budgets(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """What is declared, or has a default, of every track: its effect on each value, and the flags on it."""
+    """Effects on each value of every track of all that is declared, or has a default, and the flags on it."""
     return {track.name: _budget(track, track.ending) for track in tracks if track.ending is not None}
 
 

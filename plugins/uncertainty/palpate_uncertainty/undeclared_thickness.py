@@ -1,4 +1,4 @@
-"""What is not declared of the specimen: its thickness."""
+"""The thickness of the specimen, where it is not declared."""
 
 from __future__ import annotations
 

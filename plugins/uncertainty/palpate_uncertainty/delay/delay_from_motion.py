@@ -53,7 +53,7 @@ def diagnose_delay(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def is_rich(track: TrackEvidence) -> bool:
-    """Whether a track's motion distinguishes delay and viscosity, and nobody has declared its timing."""
+    """True where a track's motion distinguishes delay and viscosity, and nobody has declared its timing."""
     end, model = track.ending, track.model
     if end is None or end.settings.timing_uncertainty is not None or model.memory or model.adhesive:
         return False
@@ -85,7 +85,7 @@ def _units(course: Course, surface: float) -> Floats:
 
 
 def one_line(track: TrackEvidence) -> bool:
-    """Whether the tip oscillates with one frequency and little else: what that shows is the noise of the motion."""
+    """True where the tip oscillates with one frequency and little else, which is the noise of the motion."""
     used = track.kept.used & np.isfinite(track.kept.position) & np.isfinite(track.kept.velocity)
     time, speed = track.kept.time[used], track.kept.velocity[used]
     rhythm = oscillation(time, track.kept.position[used])
@@ -117,7 +117,7 @@ def _laws(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
 
 
 def _richer(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
-    """What a record that is not Kelvin and Voigt's may be instead: a spring and a power law, and two branches."""
+    """Laws of a record that is not Kelvin and Voigt's: a spring and a power law, and two branches."""
     times, fastest, slowest = _times(record)
 
     def fractional(course: Course, surface: float, numbers: Floats) -> Floats:
@@ -156,7 +156,7 @@ def _arms(record: TimedRecord, area: Floats, numbers: Floats) -> Floats:
 
 
 def _before(course: Course, times: Floats) -> Floats:
-    """What had not faded when the record began (n, m), where it began in contact: its size is not known."""
+    """Forces (n, m) that had not faded when the record began, where it began in contact: their sizes are not known."""
     slow = times[times > course.span / 1000.0] if not course.from_air else times[:0]
     return np.exp(-(course.time - course.begin)[:, None] / slow[None, :])
 
@@ -207,7 +207,7 @@ def _as_kelvin_voigt(record: TimedRecord, law: ResponseLaw, surface: float, numb
 
 
 def _inflation(left: Floats) -> float:
-    """How many times the variance of a mean of residuals is that of white ones, over a window that grows with it.
+    """Variance of a mean of residuals over that of white ones, by a window that grows with it.
 
     A sum over all lags would scatter by a fifth for white residuals (Sokal 1997).
     """

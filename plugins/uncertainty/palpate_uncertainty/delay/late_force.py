@@ -1,4 +1,4 @@
-"""What a force that is late does to an estimate that does not know it."""
+"""The effect of a late force on an estimate that does not know it."""
 
 from __future__ import annotations
 

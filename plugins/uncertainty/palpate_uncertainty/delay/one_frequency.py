@@ -1,4 +1,4 @@
-"""What an oscillation with one frequency cannot distinguish: a viscosity from a stiffness that fades fast."""
+"""A viscosity that an oscillation with one frequency cannot distinguish from a stiffness that fades fast."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from palpate_uncertainty.delay.delay_from_motion import one_line
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
 from palpate_uncertainty.whiteness import oscillation
 
+# Choices: how much may fade without a law that says so, and what of it is worth a note.
 FADING = 0.1  # of the stiffness: "a tenth" in the sentence
-_MATTERS = 0.1  # of a viscosity
+_NOTABLE = 0.1  # of a viscosity
 
 
 def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -25,26 +26,32 @@ def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     frequency w, g K/2 at most, at tau = 1/w: as a delay of g/(2 w) does. It leaves no residual: the viscosity is that
     at this frequency, and only another one distinguishes the two. Models that have a memory are left out.
     """
-    tables = {track.name: _of(track) for track in tracks if track.ending is not None and not track.model.memory}
+    tables = {
+        track.name: _fading_table(track) for track in tracks if track.ending is not None and not track.model.memory
+    }
     return {name: Diagnosed(table=table) for name, table in tables.items() if table}
 
 
 def one_frequency_text(track: TrackEvidence) -> str:
-    """What the viscosity of a track holds for, where a tenth of the stiffness, fading, would be a tenth of it."""
-    table = _of(track) if track.ending is not None and not track.model.memory else {}
+    """The frequency that a track's viscosity is of, where a tenth of the stiffness, fading, would be a tenth of it."""
+    table = _fading_table(track) if track.ending is not None and not track.model.memory else {}
     if not table or not one_line(track):
         return ""
-    values = {p.name: v for p, v in zip(track.model.parameters, track.values.tolist(), strict=True)}
+    values = dict(zip((parameter.name for parameter in track.model.parameters), track.values.tolist(), strict=True))
     parts = [
         f"{like['value']:.3g} of the {values[name]:.3g} {display_unit(like['unit'])[0]} of {name}"
         for name, like in table["looks_like"].items()
-        if like["value"] > _MATTERS * abs(values[name])
+        if like["value"] > _NOTABLE * abs(values[name])
     ]
     within = f"if a tenth of the stiffness relaxed within {1e3 * table['time']:.2g} ms, that would be"
     return f"one frequency only ({table['frequency']:.3g} Hz): {within} {', '.join(parts)}" if parts else ""
 
 
-def _of(track: TrackEvidence) -> Mapping[str, Any]:
+def _fading_table(track: TrackEvidence) -> Mapping[str, Any]:
+    """Frequency [Hz], time [s] of what fades, and its size in each viscosity; empty where the motion is not of one.
+
+    delta = d(theta)/d(delay) g/(2 w): the shift by a delay, of the delay that a fading part g looks like at most.
+    """
     end, used = track.ending, track.kept.used & np.isfinite(track.kept.position)
     viscous = [parameter for parameter in track.model.parameters if is_viscous(parameter)]
     if end is None or not viscous or not np.isfinite(track.values).all():
@@ -52,13 +59,13 @@ def _of(track: TrackEvidence) -> Mapping[str, Any]:
     rhythm = oscillation(track.kept.time[used], track.kept.position[used])
     if rhythm is None:
         return {}
-    pace = 2.0 * np.pi * rhythm[0]
+    angular_frequency = 2.0 * np.pi * rhythm[0]
     shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values, end.held), track.values)
     like = {
-        parameter.name: {"value": abs(float(shift)) * FADING / (2.0 * pace), "unit": parameter.unit}
+        parameter.name: {"value": abs(float(shift)) * FADING / (2.0 * angular_frequency), "unit": parameter.unit}
         for parameter, shift in zip(track.model.parameters, shifts, strict=True)
         if is_viscous(parameter) and shift and np.isfinite(shift)
     }
     if not like:
         return {}
-    return {"frequency": rhythm[0], "fading": FADING, "time": 1.0 / pace, "looks_like": like}
+    return {"frequency": rhythm[0], "fading": FADING, "time": 1.0 / angular_frequency, "looks_like": like}

@@ -22,7 +22,7 @@ Columns = Callable[[Course, float, Floats], Floats]  # forces (n, c) of units al
 
 @dataclass(frozen=True)
 class ResponseLaw:
-    """How a material answers: forces that it is a sum of, and numbers in which it is not linear."""
+    """The answer of a material: forces that it is a sum of, and numbers in which it is not linear."""
 
     name: str
     columns: Columns

@@ -1,4 +1,4 @@
-"""What a force that is recorded late does to the parameters of a model."""
+"""The shift of a model's parameters by a force that is recorded late."""
 
 from __future__ import annotations
 
@@ -22,5 +22,5 @@ def delay_shifts(model: ContactModel, found: Along | None, values: Floats) -> Fl
 
 
 def is_viscous(parameter: Parameter) -> bool:
-    """Whether a parameter is a viscosity or a damping, which a delay looks like."""
+    """True for a viscosity or a damping, which a delay looks like."""
     return parameter.role == "viscous" or parameter.unit == "Pa*s"
