@@ -15,17 +15,19 @@ from palpate_kit.numerics.normal_equations import scaled_inverse
 from palpate_uncertainty.model_alternatives import Refit, refit
 from palpate_uncertainty.refit import APART, Course, make_course, possible, sweeps
 
-_ENOUGH = 300  # samples
-_MOST = 3000  # samples that slopes are taken at
-_ELSEWHERE = 3.0  # combined uncertainties
-_COUNTS = 1.0  # of them: from there on the distance is part of the uncertainty
-_OVERCONFIDENT = 0.5  # of the bound; a filter that forgets is above it
-_CERTAIN = 0.9  # of the bound, below which that is the uncertainty
-_INDISTINCT = 0.998  # correlation beyond which one of two could be 15 times better known if the other were
-_STRETCH = 2.0  # [s] of a sweep
-_LIFTED = 0.1  # [s] between two samples in contact
-_UNEVEN = 0.1  # of a value, between one stretch of the way and all of it
-_STEP = 1e-4  # of a value, for slopes
+# Choices of the samples that are judged.
+_MIN_SAMPLES = 300
+_MAX_SAMPLES = 3000  # that slopes are taken at: a choice of time
+_STRETCH_DURATION = 2.0  # [s] of a sweep
+_MIN_LIFT = 0.1  # [s] between two samples in contact: the tip was in the air
+# Choices: the distance of least squares, and the bound, that are part of the uncertainty, and those that are a flag.
+_FLAGGED_DISTANCE = 3.0  # [combined uncertainties]
+_COUNTED_DISTANCE = 1.0  # [combined uncertainties]
+_FLAGGED_BOUND_SHARE = 0.5  # of the bound, by a standard deviation; a filter that forgets is above it
+_COUNTED_BOUND_SHARE = 0.9  # of the bound, by a standard deviation
+_MAX_UNEVENNESS = 0.1  # of a value, between one stretch of the way and all of it
+_INDISTINCT_CORRELATION = 0.998  # beyond which one of two could be 15 times better known if the other were
+_DIFFERENCE = 1e-4  # of a value, for slopes by differences
 # What a filter went through, where least squares shows how far it has come out.
 _BIAS = frozenset({"noise-bias"})
 _SETTLED = frozenset({"depth-not-positive", "restarted", "too-stiff", "covariance-repaired"})
@@ -43,7 +45,7 @@ def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """
     found = {}
     for track in tracks:
-        enough = np.count_nonzero(track.kept.used) >= _ENOUGH
+        enough = np.count_nonzero(track.kept.used) >= _MIN_SAMPLES
         if track.report is None and enough and possible(track) and not track.estimator.follows_changes:
             try:
                 found[track.name] = _along_the_way(track) if sweeps(track) else _judge(track)
@@ -59,10 +61,12 @@ def _judge(track: TrackEvidence) -> Diagnosed:
     bound, correlation, blind = _bounds(course, best)
     away = np.abs(best.theta - track.values)
     free = np.isfinite(track.combined) & (track.std > 0)
-    elsewhere = free & (away > _ELSEWHERE * track.combined) & (away > _ELSEWHERE * np.minimum(bound, away))
-    short = free & (track.std < _OVERCONFIDENT * bound)
-    terms = np.where(elsewhere | (free & (away > _COUNTS * track.combined)), away, 0.0)
-    lacks = np.where(free & (track.std < _CERTAIN * bound), np.maximum(bound**2 - track.std**2, 0.0), 0.0)
+    elsewhere = (
+        free & (away > _FLAGGED_DISTANCE * track.combined) & (away > _FLAGGED_DISTANCE * np.minimum(bound, away))
+    )
+    short = free & (track.std < _FLAGGED_BOUND_SHARE * bound)
+    terms = np.where(elsewhere | (free & (away > _COUNTED_DISTANCE * track.combined)), away, 0.0)
+    lacks = np.where(free & (track.std < _COUNTED_BOUND_SHARE * bound), np.maximum(bound**2 - track.std**2, 0.0), 0.0)
     terms = np.hypot(terms, np.sqrt(lacks))
     left = {
         name: float(np.hypot(_apart(track, name, best.theta[i]), np.sqrt(lacks[i]))) for i, name in enumerate(names)
@@ -108,13 +112,13 @@ def _apart(track: TrackEvidence, name: str, best: float) -> float:
     if found is None or corrected is None or found.bias is None:
         return 0.0
     away = abs(best - found.bias.shift * found.bias.shared - corrected.value)
-    return away if away > _COUNTS * corrected.combined else 0.0
+    return away if away > _COUNTED_DISTANCE * corrected.combined else 0.0
 
 
 def _slid(track: TrackEvidence) -> bool:
     """True where the tip went sideways in contact, and not from site to site through the air."""
     time, place = track.kept.time[track.kept.used], track.kept.lateral[track.kept.used]
-    stays = np.split(place, np.flatnonzero(np.diff(time) > _LIFTED) + 1)
+    stays = np.split(place, np.flatnonzero(np.diff(time) > _MIN_LIFT) + 1)
     return any(bool(np.max(np.ptp(stay, axis=0)) > APART) for stay in stays if len(stay))
 
 
@@ -125,12 +129,12 @@ def _along_the_way(track: TrackEvidence) -> Diagnosed:
     course = make_course(track, track.kept.used)
     rows = np.flatnonzero(course.used)
     since = course.time[rows] - course.time[rows[0]]
-    places = np.minimum((since / _STRETCH).astype(int), max(int(since[-1] / _STRETCH) - 1, 0))
+    places = np.minimum((since / _STRETCH_DURATION).astype(int), max(int(since[-1] / _STRETCH_DURATION) - 1, 0))
     away, bounds = [], []
     for place in np.unique(places):
         here = np.zeros(len(course.used), bool)
         here[rows[places == place]] = True
-        if np.count_nonzero(here) < _ENOUGH:
+        if np.count_nonzero(here) < _MIN_SAMPLES:
             continue
         local = refit(replace(course, used=here), track.values, track.surface)
         away.append(local.theta - track.values)
@@ -139,8 +143,8 @@ def _along_the_way(track: TrackEvidence) -> Diagnosed:
         return Diagnosed()
     names = [parameter.name for parameter in track.model.parameters]
     found, unsure = np.array(away), np.hypot(np.array(bounds), track.combined)
-    sure = np.isfinite(track.combined) & (track.std > 0) & (np.abs(found) > _ELSEWHERE * unsure)
-    sure &= np.abs(found) > _UNEVEN * np.abs(track.values)
+    sure = np.isfinite(track.combined) & (track.std > 0) & (np.abs(found) > _FLAGGED_DISTANCE * unsure)
+    sure &= np.abs(found) > _MAX_UNEVENNESS * np.abs(track.values)
     elastic = np.array([parameter.role == "elastic" for parameter in track.model.parameters])
     wrong = sure.any(axis=0) & elastic
     low, high = (track.values + end(found, axis=0) for end in (np.min, np.max))
@@ -173,14 +177,14 @@ def _pairs(names: list[str], correlation: Floats) -> list[str]:
     known = [*names, "surface"]
     found = []
     for i, j in combinations(range(len(known)), 2):
-        if abs(correlation[i, j]) > _INDISTINCT:
+        if abs(correlation[i, j]) > _INDISTINCT_CORRELATION:
             found.append(f"{known[i]} and {known[j]} ({correlation[i, j]:+.4f})")
     return found
 
 
 def _bounds(course: Course, best: Refit) -> tuple[Floats, Floats, list[str]]:
     """Cramer-Rao bound (k,) of each parameter, correlations (k + 1, k + 1), and what has no effect on the force."""
-    small = course if course.model.memory else course.reduced(_MOST)
+    small = course if course.model.memory else course.reduced(_MAX_SAMPLES)
     slopes = _slopes(small, best)[small.used]
     slopes = slopes[np.isfinite(slopes).all(axis=1)]
     has_effect = np.linalg.norm(slopes, axis=0) > 0
@@ -202,9 +206,9 @@ def _slopes(course: Course, best: Refit) -> Floats:
     columns = []
     for i, value in enumerate(best.theta):
         step = np.zeros_like(best.theta)
-        step[i] = _STEP * (abs(float(value)) or 1.0)
+        step[i] = _DIFFERENCE * (abs(float(value)) or 1.0)
         ahead, back = (course.forces(best.theta + sign * step, best.surface) for sign in (1.0, -1.0))
-        columns.append((ahead - back) / (2.0 * _STEP))
+        columns.append((ahead - back) / (2.0 * _DIFFERENCE))
     ahead, back = (course.forces(best.theta, best.surface + sign * 1e-6) for sign in (1.0, -1.0))
     columns.append((ahead - back) / 2e-3)
     return np.column_stack(columns)

@@ -20,13 +20,19 @@ from palpate import (
 
 from palpate_uncertainty.information_bound import bounds_at_best, correlation, slope_by_chance, steady, white_noise
 
-_STILL_MOVING = 0.02  # of a value: slope times time tracked
-_BY_CHANCE = 3.5  # standard deviations of a slope; of two parameters one is beyond that once in a thousand tracks
+# Decision 0004: what is left of an estimate's settling is in its uncertainty; a flag is raised beyond these.
+_MAX_SETTLING = 0.02  # of a value: slope times time tracked
+_MAX_SETTLING_STDS = 3.0  # [standard deviations] of the value
+_MAX_CHANCE_SLOPE = (
+    3.5  # [standard deviations] of a slope by chance; of two parameters one in a thousand tracks is beyond
+)
+# Choices: wider than chance alone makes them.
 _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
-_COLOURED = 0.3  # autocorrelation of innovations; 0.1 occurs by chance alone
-_WEAK = 5.0  # standard deviations of its noise that a force swings by: above, it is not tested what it determines
-_DETERMINED = 0.2  # of a value: a weak force must determine it to this, by the Cramer-Rao bound
-_SOFT = (10.0, 1e9)  # [Pa] from the softest gels to hard rubber
+_MAX_AUTOCORRELATION = 0.3  # of innovations; 0.1 occurs by chance alone
+# Choices: a weak force has to determine the values by itself.
+_WEAK_SWING = 5.0  # [standard deviations] of its noise that a force swings by: above, it is not tested
+_MAX_RELATIVE_BOUND = 0.2  # of a value: a weak force must determine it to this, by the Cramer-Rao bound
+_SOFT_RANGE = (10.0, 1e9)  # [Pa] from the softest gels to hard rubber
 
 
 def plausibility(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -63,8 +69,8 @@ def _unit_flags(last: Tail, model: ContactModel) -> Iterator[Flag]:
     """An elasticity that nothing soft has, by which force or height are in another unit than is stated."""
     for column, parameter in enumerate(model.parameters):
         value = float(last.values[:, column].mean())
-        if parameter.role == "elastic" and parameter.unit == "Pa" and not _SOFT[0] <= value <= _SOFT[1]:
-            text = f"{parameter.name} of {value:.3g} Pa is not that of anything soft ({_SOFT[0]:g} Pa to 1 GPa)"
+        if parameter.role == "elastic" and parameter.unit == "Pa" and not _SOFT_RANGE[0] <= value <= _SOFT_RANGE[1]:
+            text = f"{parameter.name} of {value:.3g} Pa is not that of anything soft ({_SOFT_RANGE[0]:g} Pa to 1 GPa)"
             others = {p.name: abs(float(last.values[:, k].mean())) for k, p in enumerate(model.parameters)}
             text = f"{text}: are force and height in the units that are declared?"
             yield Flag("implausible", text, effects={**others, parameter.name: math.inf})
@@ -79,10 +85,10 @@ def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
     if tracked < 2 * end.average or len(tail.time) < 10:
         yield Flag("not-converged", f"only {tracked:.2g} s were tracked")
         return
-    moving, effects, chance = [], {}, _BY_CHANCE * tracked * slope_by_chance(tail)
+    moving, effects, chance = [], {}, _MAX_CHANCE_SLOPE * tracked * slope_by_chance(tail)
     for column, parameter in enumerate(model.parameters if not end.is_sweep else ()):
         value, rest = float(last.values[:, column].mean()), float(tail.unsettled(tail.values, tracked)[column])
-        least = max(_STILL_MOVING * abs(value), 3.0 * float(last.std[-1, column]), float(chance[column]))
+        least = max(_MAX_SETTLING * abs(value), _MAX_SETTLING_STDS * float(last.std[-1, column]), float(chance[column]))
         if rest > least:
             moving.append(f"{parameter.name} by {100 * rest / tracked / abs(value):.2f} % a second")
             effects[parameter.name] = rest
@@ -110,7 +116,7 @@ def _colour_flags(tail: Tail, model: ContactModel, std: Floats) -> Iterator[Flag
     deviation `std` (k,) is too small by the root of that.
     """
     lag, share = correlation(tail)
-    if abs(share) > _COLOURED:
+    if abs(share) > _MAX_AUTOCORRELATION:
         text = f"innovations {lag} samples apart correlate by {share:+.2f}"
         scale = math.sqrt((1.0 + share) / max(1.0 - share, 1e-3))
         yield Flag("coloured-innovations", text, effects=_too_certain(model, std, scale))
@@ -127,7 +133,7 @@ def _force_flags(end: TrackEnd, kept: SampleStore, model: ContactModel) -> Itera
     tare, last = end.report.tare, end.last
     noise = tare.noise if tare and tare.noise else white_noise(last)
     swing = float(np.nanmax(last.model_force) - np.nanmin(last.model_force))
-    if swing < _WEAK * noise and not _determines_all(end, kept, model, noise):
+    if swing < _WEAK_SWING * noise and not _determines_all(end, kept, model, noise):
         yield Flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
 
 
@@ -135,7 +141,7 @@ def _determines_all(end: TrackEnd, kept: SampleStore, model: ContactModel, noise
     """True where the record can determine every parameter estimated."""
     values, bounds = np.abs(end.last.values.mean(axis=0)), bounds_at_best(end.tail, kept, model, noise, end.samples)
     free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in end.held]
-    return bool((bounds < _DETERMINED * values)[free].all())
+    return bool((bounds < _MAX_RELATIVE_BOUND * values)[free].all())
 
 
 def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:

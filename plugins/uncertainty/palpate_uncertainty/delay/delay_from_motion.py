@@ -17,17 +17,20 @@ from palpate_uncertainty.refit import Course, possible, sweeps
 from palpate_uncertainty.relaxation_alternatives import relaxing_share
 from palpate_uncertainty.whiteness import oscillation
 
-_ENOUGH = 1000  # samples
 _MEASURED = frozenset({"delay"})  # the fact that the motion determines
-_TELLING = 0.3  # of a viscosity: its standard deviation with an unknown delay, below which the motion is rich
-_REJECTED = 10.0  # of BIC
-_OTHERS = 0.2  # of the rate's variance, that more than one line must hold
-_NEARLY = 30.0  # of BIC, within which a law describes a record nearly as well: none of them is the material's
-_LAGS = 50
-_WINDOW = 5.0  # of the time over which residuals hang together
-_FARTHEST = 1e-3  # [m] that the surface may move
-_PER_DECADE = 4
-_TELLS = 0.005  # of a value; less is not worth a word
+# Of decision 0153.
+_MAX_RELATIVE_STD = 0.3  # of a viscosity with an unknown delay, below which the motion is rich
+_MAX_BIC_DIFFERENCE = 10.0  # from the best law, within which one counts by exp(-dBIC/2)
+_MAX_BIC_OF_SPREAD = 30.0  # from the best law, within which one spreads the delay where no law is the model's own
+_MIN_OTHER_SHARE = 0.2  # of the rate's variance, that more than one line must hold
+# As in decision 0052: the sum of autocovariances ends at five of its own times (Sokal 1997).
+_WINDOW_TIMES = 5.0  # of the residuals' own autocorrelation time, at which it is cut off
+_MAX_LAGS = 50  # of that sum: a choice of time
+# Choices.
+_MIN_SAMPLES = 1000  # of a record that is looked at
+_MAX_SURFACE_SHIFT = 1e-3  # [m]
+_TIMES_PER_DECADE = 4  # of the branches that make up a power law
+_MIN_CORRECTION = 0.005  # of a value; a smaller one is not written
 
 
 @dataclass(frozen=True)
@@ -62,14 +65,14 @@ def is_rich(track: TrackEvidence) -> bool:
     roles = [parameter.role for parameter in model.parameters]
     if sorted(str(role) for role in roles) != ["elastic", "viscous"] or not (track.values > 0).all():
         return False
-    if np.count_nonzero(track.kept.used) < _ENOUGH or sweeps(track) or not possible(track):
+    if np.count_nonzero(track.kept.used) < _MIN_SAMPLES or sweeps(track) or not possible(track):
         return False
     if one_line(track):
         return False
     record = TimedRecord.of(track)
     sigma, slopes = record.slopes(kelvin_voigt(), record.surface, 0.0, np.zeros(0), track.values)
     viscous = next(i for i, parameter in enumerate(model.parameters) if is_viscous(parameter))
-    return float(standard_errors(slopes)[viscous]) * sigma < _TELLING * float(track.values[viscous])
+    return float(standard_errors(slopes)[viscous]) * sigma < _MAX_RELATIVE_STD * float(track.values[viscous])
 
 
 def kelvin_voigt() -> ResponseLaw:
@@ -94,7 +97,7 @@ def one_line(track: TrackEvidence) -> bool:
     noise = white_noise(speed) ** 2
     columns = np.column_stack([np.sin(rhythm[1]), np.cos(rhythm[1]), np.ones(len(speed))])
     left = speed - columns @ np.linalg.lstsq(columns, speed, rcond=None)[0]
-    return float(np.var(left)) - noise < _OTHERS * (float(np.var(speed)) - noise)
+    return float(np.var(left)) - noise < _MIN_OTHER_SHARE * (float(np.var(speed)) - noise)
 
 
 def _laws(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
@@ -103,7 +106,7 @@ def _laws(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
 
     def power(course: Course, surface: float, numbers: Floats) -> Floats:
         area = _units(course, surface)[:, elastic]
-        return np.column_stack([_power(record, area, times, numbers), _before(course, times[::_PER_DECADE])])
+        return np.column_stack([_power(record, area, times, numbers), _before(course, times[::_TIMES_PER_DECADE])])
 
     def branch(course: Course, surface: float, numbers: Floats) -> Floats:
         area = _units(course, surface)[:, elastic]
@@ -122,7 +125,7 @@ def _richer(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
 
     def fractional(course: Course, surface: float, numbers: Floats) -> Floats:
         area = _units(course, surface)[:, elastic]
-        past = _before(course, times[::_PER_DECADE])
+        past = _before(course, times[::_TIMES_PER_DECADE])
         return np.column_stack([area, _power(record, area, times, numbers), past])
 
     def branches(course: Course, surface: float, numbers: Floats) -> Floats:
@@ -139,7 +142,7 @@ def _richer(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
 def _times(record: TimedRecord) -> tuple[Floats, float, float]:
     """Times [s] of a power law's branches, and the logarithms of the shortest and longest of a branch alone."""
     span, step = record.course.span, record.step
-    times = 10.0 ** np.arange(np.log10(step / 10.0), np.log10(10.0 * span), 1.0 / _PER_DECADE)
+    times = 10.0 ** np.arange(np.log10(step / 10.0), np.log10(10.0 * span), 1.0 / _TIMES_PER_DECADE)
     return times, float(np.log(step)), float(np.log(span))
 
 
@@ -167,8 +170,8 @@ def _fitted(record: TimedRecord, law: ResponseLaw, delay: float | None, inflatio
 
     free = delay is None
     scale = np.array([1e-4, *([1e-3] if free else []), *([1.0] * len(law.start))])
-    lower = np.array([-_FARTHEST, *([-LATEST] if free else []), *law.lower]) / scale
-    upper = np.array([_FARTHEST, *([LATEST] if free else []), *law.upper]) / scale
+    lower = np.array([-_MAX_SURFACE_SHIFT, *([-LATEST] if free else []), *law.lower]) / scale
+    upper = np.array([_MAX_SURFACE_SHIFT, *([LATEST] if free else []), *law.upper]) / scale
     start = np.array([0.0, *([0.0] if free else []), *law.start]) / scale
 
     def parts(x: Floats) -> tuple[float, float, Floats]:
@@ -212,9 +215,9 @@ def _inflation(left: Floats) -> float:
     A sum over all lags would scatter by a fifth for white residuals (Sokal 1997).
     """
     power, total = float(left @ left), 1.0
-    for lag in range(1, min(_LAGS, len(left) // 4) if power else 1):
+    for lag in range(1, min(_MAX_LAGS, len(left) // 4) if power else 1):
         total += 2.0 * float(left[lag:] @ left[:-lag]) / power
-        if lag >= _WINDOW * total:
+        if lag >= _WINDOW_TIMES * total:
             break
     return max(total, 1.0)
 
@@ -228,10 +231,10 @@ def _judged(track: TrackEvidence) -> Diagnosed:
     inflation = _inflation(record.solved(plain, first.surface, first.delay, np.zeros(0))[1])
     told = [_fitted(record, law, None, inflation) for law in _laws(record, elastic)]
     own, best = told[0], min(one.bic for one in told)
-    if own.bic - best >= _REJECTED:
+    if own.bic - best >= _MAX_BIC_DIFFERENCE:
         told += [_fitted(record, law, None, inflation) for law in _richer(record, elastic)]
         best = min(one.bic for one in told)
-    admitted = [one for one in told if one.bic - best < _REJECTED]
+    admitted = [one for one in told if one.bic - best < _MAX_BIC_DIFFERENCE]
     names = [parameter.name for parameter in track.model.parameters]
     evidence = np.array([np.exp(0.5 * (best - one.bic)) for one in admitted])
     shares = evidence / evidence.sum()
@@ -276,7 +279,7 @@ def _judged(track: TrackEvidence) -> Diagnosed:
         for (name, bias), parameter, value, combined in zip(
             biases.items(), track.model.parameters, track.values.tolist(), track.combined.tolist(), strict=True
         )
-        if abs(bias.shift) > _TELLS * abs(value)
+        if abs(bias.shift) > _MIN_CORRECTION * abs(value)
     ]
     corrected = f"; corrected: {', '.join(said)}" if said else ""
     text = f"the motion determines the delay of the force, by law: {by_law}{corrected}"
@@ -290,13 +293,13 @@ def _by_another(told: Sequence[DelayFit], best: float) -> dict[str, Any]:
     Every law but the material's own takes a part of the delay for itself, so that its own uncertainty says little.
     """
     chosen = min(told, key=lambda one: one.bic)
-    apart = max(abs(one.delay - chosen.delay) for one in told if one.bic - best < _NEARLY)
+    apart = max(abs(one.delay - chosen.delay) for one in told if one.bic - best < _MAX_BIC_OF_SPREAD)
     return {"delay": chosen.delay, "delay_std": float(np.hypot(chosen.std, apart / np.sqrt(3.0))), "law": chosen.law}
 
 
 def _said(table: Mapping[str, Any], told: Sequence[DelayFit], best: float) -> str:
     """That delay in words, and the other laws."""
-    near = [f"{one.law} {1e3 * one.delay:.3g}" for one in told if 0 < one.bic - best < _NEARLY]
+    near = [f"{one.law} {1e3 * one.delay:.3g}" for one in told if 0 < one.bic - best < _MAX_BIC_OF_SPREAD]
     beside = f" (nearly as well: {', '.join(near)} ms)" if near else ""
     return f"by {table['law']} the delay is {1e3 * table['delay']:.3g} +- {1e3 * table['delay_std']:.2g} ms{beside}"
 
