@@ -7,6 +7,7 @@ from palpate import ConfigurationError
 from palpate_engine import registry
 from palpate_fits.file_pipelines import file_groups
 from palpate_kit.curves.alike_logs import LogPart
+from palpate_kit.curves.file_facts import FileFacts
 from palpate_kit.curves.stated_facts import stated_facts
 from palpate_kit.logs.suggestion import force_unit, length_unit, tip_of
 
@@ -27,11 +28,10 @@ def read_as(tmp_path, text, tip, **facts):
     file = tmp_path / "a.txt"
     file.write_text(text)
     stated = stated_facts([file], [f"rig.tip={tip}"]).with_facts(**facts)
-    questions, refused = {}, {}
-    groups = list(file_groups([LogPart(file)], stated, {}, refused, [], questions))
-    assert groups, refused
-    device = groups[0].pipeline.devices["log"]
-    return {name: (column.unit, column.scale) for name, column in device.columns.items()}, questions
+    groups = file_groups([LogPart(file)], FileFacts(stated), {}, {})
+    assert groups.read, groups.refused
+    device = groups.read[0].pipeline.devices["log"]
+    return {name: (column.unit, column.scale) for name, column in device.columns.items()}, groups.questions
 
 
 def table(head, *columns, separator=","):

@@ -13,6 +13,7 @@ from palpate import ConfigurationError, LogError, UserError
 from palpate_engine import Registry
 from palpate_records.recording import Recording, Suggestion
 
+from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_list import RECORD, is_list
 from palpate_kit.curves.curve_table import SETTINGS
 from palpate_kit.logs.draft_pipeline import UNREAD, readers_of, recording_of
@@ -34,6 +35,11 @@ class LogPart:
     def name(self) -> str:
         """Of the file, and of its part."""
         return self.path.name if self.part is None else f"{self.path.name}:{self.part}"
+
+    @property
+    def curve(self) -> Curve:
+        """The curve in it."""
+        return Curve(str(self), str(self.path.resolve()), record=self.part)
 
     @property
     def choices(self) -> dict[str, str]:

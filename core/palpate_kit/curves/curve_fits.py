@@ -127,6 +127,11 @@ def error_rows(reader: CurveReader, curve: Curve, error: Exception) -> Iterator[
     yield from ({"curve": curve.name, "track": name, "error": told} for name in [str(t.name) for t in tracks] or [""])
 
 
+def loss_rows(reader: CurveReader, curve: Curve, why: str) -> list[Row]:
+    """Return the row of a curve whose process has ended before it was fitted; it names no track."""
+    return [{"curve": curve.name, "settings": reader.key(curve.own), "error": why}]
+
+
 def outcome_rows(outcome: RecordOutcome, curve: str) -> Iterator[Row]:
     """The row of each track."""
     for track in outcome.pipeline.tracks:

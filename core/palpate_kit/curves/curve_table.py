@@ -57,7 +57,6 @@ class FitTable:
 
     def __init__(self, folder: Path, pipeline: Pipeline, device: str, dialect: str = "") -> None:
         self.columns = columns_of_fits(pipeline)
-        self.names = tuple(name.removesuffix("_std") for name in self.columns if name.endswith("_std"))
         self._tracks = len(pipeline.tracks)
         self._noted = False  # by which command and versions rows are added
         self.path = folder / TABLE
@@ -124,33 +123,29 @@ class FitTable:
             file.seek(0, io.SEEK_END)
             file.write(self._text(lines).encode())
 
-    @property
-    def rows(self) -> list[Row]:
-        """The latest rows of every curve by column, as text."""
-        return fitted_rows(self.path)
-
-    def list_unread(self, errors: Mapping[str, str], names: Sequence[str]) -> None:
-        """Give each file that could not be read a row with its error, in the order of the names, and no other file."""
-        known = latest_rows(self.path)
-        rows = [*self.rows, *({"curve": name, "error": " ".join(error.split())} for name, error in errors.items())]
-        places = {name: place for place, name in enumerate(names)}
-        rows.sort(key=lambda row: places.get(row["curve"], len(places)))
-        if [(row["curve"], row["error"]) for row in rows] != [(row["curve"], row["error"]) for row in known]:
-            write_rows(self.path, self.columns, rows)
-
     def compact(self, names: Sequence[str] = ()) -> None:
         """Rewrite the table where it holds rows that later ones stand for, or not in the order of the names."""
         known = latest_rows(self.path)
-        places = {name: place for place, name in enumerate(names)}
-        rows = sorted(known, key=lambda row: places.get(row["curve"], len(places)))
+        rows = _sorted_by_curve(known, names)
         with self.path.open("rb") as file:
             lines = sum(1 for _ in file) - 1
         if lines > len(rows) or rows != known:
             write_rows(self.path, self.columns, rows)
 
-    def summary(self) -> dict[str, dict[str, Any]]:
-        """By track: curves, those that failed or are flagged, and median and quartiles of each parameter."""
-        return summary_of(self.rows, self.names[:-1])
+
+def list_unread(path: Path, errors: Mapping[str, str], names: Sequence[str]) -> None:
+    """Give each file that could not be read a row with its error, in the order of the names, and no other file."""
+    known = latest_rows(path)
+    unread = [{"curve": name, "error": " ".join(error.split())} for name, error in errors.items()]
+    rows = _sorted_by_curve([*fitted_rows(path), *unread], names)
+    if [(row["curve"], row["error"]) for row in rows] != [(row["curve"], row["error"]) for row in known]:
+        write_rows(path, columns_in(path), rows)
+
+
+def _sorted_by_curve(rows: Iterable[Row], names: Sequence[str]) -> list[Row]:
+    """Return rows in the order of the names of their curves, all others behind them."""
+    places = {name: place for place, name in enumerate(names)}
+    return sorted(rows, key=lambda row: places.get(row["curve"], len(places)))
 
 
 def summary_of(rows: Iterable[Mapping[str, str]], names: Sequence[str]) -> dict[str, dict[str, Any]]:

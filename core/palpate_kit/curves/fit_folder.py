@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from palpate import ConfigurationError, ContactModel, LogError, PalpateError, suggest
 from palpate_engine import (
@@ -52,6 +53,7 @@ from palpate_kit.curves.curve_table import (
     dialects_in,
     fitted_rows,
     settings_text,
+    summary_of,
 )
 from palpate_kit.curves.own_settings import Own, read_own
 from palpate_kit.runs.review_file import Marks, read_marks
@@ -164,14 +166,18 @@ class FitFolder:
         """The text of the pipeline of a dialect; raises LogError."""
         return settings_text(self.path / SETTINGS, dialect)
 
+    @property
+    def table(self) -> Path:
+        """Its ``fits.csv``."""
+        return self.path / TABLE
+
     @cached_property
     def cells(self) -> list[dict[str, str]]:
         """The latest rows of ``fits.csv``, but for files that could not be read; raises LogError."""
-        path = self.path / TABLE
-        if not path.exists():
+        if not self.table.exists():
             return []
-        demand_columns(path)
-        return fitted_rows(path)
+        demand_columns(self.table)
+        return fitted_rows(self.table)
 
     @cached_property
     def entries(self) -> Entries:
@@ -304,9 +310,13 @@ class FitFolder:
     @cached_property
     def values(self) -> list[str]:
         """Names of the values of a row, the surface last."""
-        path = self.path / TABLE
-        head = columns_in(path) if path.exists() else ()
+        head = columns_in(self.table) if self.table.exists() else ()
         return [name.removesuffix("_combined") for name in head if name.endswith("_combined")]
+
+    @property
+    def summary(self) -> dict[str, dict[str, Any]]:
+        """By track: curves, those that failed or are flagged, and quartiles of each value but the surface."""
+        return summary_of(self.cells, self.values[:-1])
 
     def curves(self) -> list[Curve]:
         """The curves whose files are known, with their own settings."""

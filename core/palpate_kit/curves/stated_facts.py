@@ -27,8 +27,7 @@ from palpate_engine import (
 )
 from palpate_records.recording import Suggestion
 
-from palpate_kit.curves.curve import Curve
-from palpate_kit.curves.curve_list import FACTS, LIST, cells_beside, stated_in
+from palpate_kit.curves.curve_list import FACTS, LIST, stated_in
 from palpate_kit.logs.draft_pipeline import suggestion_of
 from palpate_kit.logs.suggestion import POSITION_OF, TIP, UNITS
 from palpate_kit.runs.rig_file import write_rig
@@ -129,15 +128,6 @@ def stated_facts(sources: Sequence[Path], overrides: Iterable[str], **given: str
         found, path, tuple(settings), there is not None, named is not None, of_options=frozenset(table)
     )
     return stated.with_facts(**options.model_dump(exclude_defaults=True)) if table else stated
-
-
-def facts_beside(file: Path, record: str | None = None) -> StatedFacts:
-    """Return the facts of a curve that ``curves.csv`` and ``rig.toml`` next to its file state.
-
-    Raises LogError, ConfigurationError.
-    """
-    curve = Curve(file.name, str(file.resolve()), record=record)
-    return stated_facts([file], ()).of_curve(cells_beside([file], [curve]).get(curve.name, {}))
 
 
 def suggestion_by_facts(file: Path, facts: RigFacts, choices: Mapping[str, str], known: Registry) -> Suggestion:

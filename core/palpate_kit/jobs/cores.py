@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import deque
 from collections.abc import Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -11,7 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from palpate import UserError
 
 from palpate_kit.jobs.job import Job, Outcome, Parcel, RunAnswer, cached_result, run_job, run_parcel
-from palpate_kit.jobs.process_pool import process_pool
+from palpate_kit.jobs.process_pool import core_count, process_pool
 
 _DEATHS = 3  # processes that a job may take with it
 
@@ -22,7 +21,7 @@ def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[t
     Where a process is killed, as the kernel does when memory is short, what is unfinished is run again in fresh ones:
     jobs that ran at the same time one by one, so that the one that kills its process is known and given up after three.
     """
-    count = min(workers or len(os.sched_getaffinity(0)), len(jobs))
+    count = min(workers or core_count(), len(jobs))
     if count <= 1:
         yield from ((job, run_job(job)) for job in jobs)
         return

@@ -28,6 +28,11 @@ class _SafeContext(SpawnContext):
     Process = _SafeProcess
 
 
+def core_count() -> int:
+    """Return how many processes this one may have at work at a time."""
+    return len(os.sched_getaffinity(0))
+
+
 def process_pool(count: int, initializer: Callable[[], object] | None = None) -> ProcessPoolExecutor:
     """A pool of so many processes, none of them forked: forking a process with threads is asking for trouble."""
     with safe_processes():

@@ -17,7 +17,8 @@ from palpate import ConfigurationError, OutputError, printable, suggest
 from palpate_engine import RIG, analysis, file_in_place, inherited_approval, option_of, registry
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_filter import curve_filter
-from palpate_kit.curves.curve_fits import CurveReader, Row, offline
+from palpate_kit.curves.curve_fits import CurveReader, Row
+from palpate_kit.curves.curve_rows import table_of
 from palpate_kit.curves.curve_table import FitTable
 from palpate_kit.curves.fit_folder import CurveRow, FitFolder
 from palpate_kit.runs.review_file import Mark, write_mark
@@ -87,9 +88,7 @@ class Desk:
     def _table(self, curve: str) -> FitTable:
         name = self.folder.dialect_of(curve)
         if name not in self._tables:
-            self._tables[name] = FitTable(
-                self.path, offline(self.folder.pipeline(name)), self.reader(curve).device, name
-            )
+            self._tables[name] = table_of(self.folder, name)
         return self._tables[name]
 
     def reader(self, curve: str) -> CurveReader:

@@ -13,14 +13,14 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 from palpate_kit.curves.curve import Curve
-from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves
-from palpate_kit.jobs.process_pool import process_pool
+from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves, loss_rows
+from palpate_kit.curves.curve_pool import KILLED
+from palpate_kit.jobs.process_pool import core_count, process_pool
 
 from palpate_desk.curve_answers import prepare_process
 
 _MANY = 100  # curves that are worth a further process, which imports for seconds
 _TOGETHER = 8  # curves that a further process is given at once
-_KILLED = "its process was killed: is the memory enough?"
 _Answer = TypeVar("_Answer")
 
 
@@ -66,7 +66,7 @@ class Refits:
 
     def __init__(self, first: Worker, take: Callable[[list[Row]], None], workers: int | None) -> None:
         self._first, self._take = first, take
-        self._workers = workers or len(os.sched_getaffinity(0))
+        self._workers = workers or core_count()
         self._left: deque[tuple[CurveReader, Curve]] = deque()
         self.running = self.cancelled = False
         self.done = self.count = 0
@@ -109,4 +109,4 @@ class Refits:
         try:
             return (await worker.call(fit_curves, reader, [curve]))[0]
         except BrokenProcessPool:
-            return [{"curve": curve.name, "settings": reader.key(curve.own), "error": _KILLED}]
+            return loss_rows(reader, curve, KILLED)

@@ -10,15 +10,15 @@ from palpate_kit.jobs.engines import SchedulerOption, StageOption
 from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides
 
 from palpate_fits.evaluation import each_cycle, evaluate
-from palpate_fits.whole_logs import (
+from palpate_fits.fit_request import (
+    FitRequest,
     JsonOption,
     OutOption,
     PicturesOption,
     PipelineOption,
     SourcesArgument,
-    WholeLogs,
-    fit_logs,
 )
+from palpate_fits.whole_logs import fit_logs
 
 
 def compare(
@@ -40,7 +40,10 @@ def compare(
     """
     if len(sources) < 2:
         raise ConfigurationError("palpate fit compare: give two logs or more; palpate fit is for one")
-    asked = WholeLogs(sources, pipeline, overrides, out, scheduler, stage, pictures, details, as_json)
+    asked = FitRequest(
+        tuple(sources), pipeline, tuple(overrides or ()), out=out, scheduler=scheduler, stage=stage, pictures=pictures,
+        as_json=as_json, details=details,
+    )  # fmt: skip
     fit_logs(asked, evaluated=lambda logs: evaluate(logs, carry) if len(logs) > 1 else [])
 
 
@@ -57,5 +60,8 @@ def cycles(
     stage: StageOption = None,
 ) -> None:
     """Fit every offline track to every log, and to every cycle of it by itself."""
-    asked = WholeLogs(sources, pipeline, overrides, out, scheduler, stage, pictures, details, as_json)
+    asked = FitRequest(
+        tuple(sources), pipeline, tuple(overrides or ()), out=out, scheduler=scheduler, stage=stage, pictures=pictures,
+        as_json=as_json, details=details,
+    )  # fmt: skip
     fit_logs(asked, cycles=lambda logs: [row for log in logs for row in each_cycle(log)])

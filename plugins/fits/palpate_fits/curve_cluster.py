@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate_kit.curves.curve import Curve
-from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves
+from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves, loss_rows
 from palpate_kit.jobs.cluster import connect_scheduler, loss_reason, spread
 
 _TOGETHER = 64  # curves that a worker is given at once: what a scheduler costs is a task's
@@ -35,7 +35,7 @@ def on_workers(address: str, folder: Path, reader: CurveReader, curves: Iterable
         for curve in doubtful:  # one after the other: what waits at a worker that dies is blamed as well
             for _, outcome in _fitted(client, reader, [(curve,)]):
                 if isinstance(outcome, Exception):
-                    yield [{"curve": curve.name, "settings": reader.key(curve.own), "error": loss_reason(outcome)}]
+                    yield loss_rows(reader, curve, loss_reason(outcome))
                 else:
                     yield from outcome
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,9 @@ from typing import Any
 import tomli_w
 from palpate import ConfigurationError, to_si
 from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry, tip_table
-from palpate_kit.curves.alike_logs import LogPart, alike_logs
+from palpate_kit.curves.alike_logs import AlikeLogs, LogPart, alike_logs
 from palpate_kit.curves.curve import Curve
+from palpate_kit.curves.file_facts import FileFacts
 from palpate_kit.curves.stated_facts import StatedFacts, suggestion_by_facts
 from palpate_kit.logs.draft_pipeline import rate_note
 from palpate_kit.terminal.progress import report_progress
@@ -39,65 +40,96 @@ class FileGroup:
     curves: list[Curve] = field(default_factory=list)
 
 
-def file_groups(
-    files: Iterable[LogPart],
-    told: StatedFacts,
-    choices: Mapping[str, str],
-    refused: dict[str, str],
-    notes: list[str],
-    questions: dict[str, FileQuestion] | None = None,
-    certain: dict[LogPart, Suggestion] | None = None,
-    cells: Mapping[str, Mapping[str, str]] = {},
-) -> Iterator[FileGroup]:
-    """Files by how they are read, the most first; `refused` takes the others and why, `notes` what is ignored.
+@dataclass(frozen=True)
+class FileGroups:
+    """Files by how they are read, the most first, and why others cannot be read."""
 
-    `choices` name the columns of roles, as of ``palpate info --suggest``. `questions` takes what would make a file
-    readable, or a guess of it certain, by the file, and `certain` how files without questions are read, which it keeps
-    from call to call. `cells` are what ``curves.csv`` says of the files.
+    read: Sequence[FileGroup]
+    refused: Mapping[str, str]  # why, by the file
+    notes: Sequence[str]  # what is ignored
+    questions: Mapping[str, FileQuestion]  # what would make a file readable, or a guess of it certain, by the file
 
-    Raises ConfigurationError for a tip, a model or an override that is invalid.
-    """
-    known = registry.load()
-    overrides, facts = told.overrides, told.facts
-    tip, model = tip_table(facts.tip or "", known, "--tip"), known.named("model", facts.model or "dr")
-    parts = _parts(tip, model, known)
-    stated = _stated(told.settings)
-    found_of: dict[LogPart, Suggestion] = {}
-    asked: dict[str, FileQuestion] = {} if questions is None else questions
-    read: dict[LogPart, Suggestion] = {} if certain is None else certain
+    @property
+    def count(self) -> int:
+        """How many files can be read."""
+        return sum(len(group.curves) for group in self.read)
 
-    def suggested(file: LogPart) -> Suggestion:
-        found = read.get(file)
-        if found is None:
-            chosen = {**reader_keys(told.settings), **file.choices, **choices}
-            of_file = told.of_curve(cells.get(str(file), {})).facts
-            found = replace(suggestion_by_facts(file.path, of_file, chosen, known), views={})  # no numbers
-        if (question := question_of_file(found, stated)) is None:
-            read[file] = found
+    def demand_any(self) -> None:
+        """Raise ConfigurationError where no file can be read."""
+        if self.read:
+            return
+        name, error = next(iter(self.refused.items()))
+        others = f" ({len(self.refused) - 1} more files cannot be read either)" if len(self.refused) > 1 else ""
+        raise ConfigurationError(f"{name}: {error}{others}")
+
+
+@dataclass
+class _Suggestions:
+    """How each file is read, by what it holds and what is stated of it."""
+
+    facts: FileFacts
+    choices: Mapping[str, str]
+    certain: dict[LogPart, Suggestion]  # of files without questions, kept from call to call
+    known: Registry
+    by_file: dict[LogPart, Suggestion] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+    questions: dict[str, FileQuestion] = field(default_factory=dict)
+
+    def of(self, file: LogPart) -> Suggestion:
+        """Return how a file is read; raises UserError where only a person can say."""
+        settings = self.facts.stated.settings
+        suggestion = self.certain.get(file)
+        if suggestion is None:
+            chosen = {**reader_keys(settings), **file.choices, **self.choices}
+            of_file = self.facts.of(str(file)).facts
+            suggestion = suggestion_by_facts(file.path, of_file, chosen, self.known)
+            suggestion = replace(suggestion, views={})  # no numbers
+        if (question := question_of_file(suggestion, _stated(settings))) is None:
+            self.certain[file] = suggestion
         else:
-            asked[str(file)] = question
+            self.questions[str(file)] = question
             if question.needed:
                 raise ConfigurationError(question.advice)
-        found_of[file] = found
-        report_progress(len(found_of) + len(refused))
-        return found
+        self.by_file[file] = suggestion
+        report_progress(len(self.by_file) + len(self.refused))
+        return suggestion
 
-    groups = alike_logs(files, suggested, refused)
-    notes += _no_records([log for group in groups for log in group.logs], refused)
-    if note := rate_note(choices, found_of.values()):
+
+def file_groups(
+    files: Iterable[LogPart], facts: FileFacts, choices: Mapping[str, str], certain: dict[LogPart, Suggestion]
+) -> FileGroups:
+    """Return files by how they are read.
+
+    `choices` name the columns of roles, as of ``palpate info --suggest``; `certain` takes how files without questions
+    are read. Raises ConfigurationError for a tip, a model or an override that is invalid.
+    """
+    known = registry.load()
+    stated = facts.stated
+    tip = tip_table(stated.facts.tip or "", known, "--tip")
+    parts = _parts(tip, known.named("model", stated.facts.model or "dr"), known)
+    suggestions = _Suggestions(facts, choices, certain, known)
+    alike = alike_logs(files, suggestions.of, suggestions.refused)
+    notes = _no_records([log for group in alike for log in group.logs], suggestions.refused)
+    if note := rate_note(choices, suggestions.by_file.values()):
         notes.append(note)
-    for group in groups:
-        first, suggestion = group.logs[0], group.suggestion
-        tables = _tables(suggestion, first.path, parts, stated)
-        path = Path(f"pipeline of {first.name}")
-        text = tomli_w.dumps(tables)
-        pipeline = _built(text, path, overrides)
-        known_now = [text for key, text in suggestion.guesses.items() if f"{_READER}{key}" in stated]
-        others = f" and {len(group.logs) - 1} more" if len(group.logs) > 1 else ""
-        doubts = [f"{file.name}: {text}" for file in group.logs for text in _other_tips(found_of[file], pipeline)]
-        doubts += [f"{first.name}{others}: {text}" for text in suggestion.doubts if text not in known_now]
-        curves = [Curve(str(file), str(file.path.resolve()), record=file.part) for file in group.logs]
-        yield FileGroup(text, path, pipeline, tuple(doubts), curves)
+    read = [_file_group(group, parts, stated, suggestions.by_file) for group in alike]
+    return FileGroups(read, suggestions.refused, notes, suggestions.questions)
+
+
+def _file_group(
+    alike: AlikeLogs[LogPart], parts: Mapping[str, Any], stated: StatedFacts, by_file: Mapping[LogPart, Suggestion]
+) -> FileGroup:
+    """Return the pipeline of files that are read alike, with the guesses in it; raises ConfigurationError."""
+    first, suggestion = alike.logs[0], alike.suggestion
+    settings = _stated(stated.settings)
+    path = Path(f"pipeline of {first.name}")
+    text = tomli_w.dumps(_tables(suggestion, first.path, parts, settings))
+    pipeline = _built(text, path, stated.overrides)
+    certain = [text for key, text in suggestion.guesses.items() if f"{_READER}{key}" in settings]
+    others = f" and {len(alike.logs) - 1} more" if len(alike.logs) > 1 else ""
+    doubts = [f"{file.name}: {text}" for file in alike.logs for text in _other_tips(by_file[file], pipeline)]
+    doubts += [f"{first.name}{others}: {text}" for text in suggestion.doubts if text not in certain]
+    return FileGroup(text, path, pipeline, tuple(doubts), [file.curve for file in alike.logs])
 
 
 def _no_records(read: Sequence[LogPart], refused: dict[str, str]) -> list[str]:

@@ -9,13 +9,15 @@ from pathlib import Path
 import typer
 from palpate import ConfigurationError, PalpateError, UserError
 from palpate_engine import ConsentError, Pipeline, Source, build_pipeline, load_pipeline, parsed_assignment
-from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import offline
-from palpate_kit.curves.curve_list import RECORD, cells_beside, fact_counts
+from palpate_kit.curves.curve_list import RECORD
 from palpate_kit.curves.curve_table import SETTINGS
+from palpate_kit.curves.file_facts import facts_beside
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
-from palpate_kit.curves.stated_facts import StatedFacts, stated_facts
+from palpate_kit.curves.stated_facts import StatedFacts
 from palpate_kit.runs.replay_source import RunLog, read_run_log, replay_source
+
+from palpate_fits.fact_report import report_listed, report_rig
 
 
 def leave_out(name: str, error: PalpateError, failures: dict[str, PalpateError]) -> None:
@@ -43,16 +45,9 @@ def named_pipelines(
         name = next(n for k in range(len(sources) + 1) if (n := stem if k == 0 else f"{stem}-{k + 1}") not in taken)
         taken.add(name)
         found.append((name, loaded))
-    _report_facts(stated)
+    report_rig(facts.path for facts in stated if facts.is_read and not facts.is_named)
+    report_listed([facts.of_curve_list for facts in stated], len(stated))
     return found
-
-
-def _report_facts(stated: Sequence[StatedFacts]) -> None:
-    """Report the files next to the sources that state facts of them."""
-    for path in dict.fromkeys(facts.path for facts in stated if facts.is_read and not facts.is_named):
-        typer.echo(f"facts of the rig: {path}", err=True)
-    if words := fact_counts([facts.of_curve_list for facts in stated], len(stated)):
-        typer.echo(words, err=True)
 
 
 def _pipeline(source: Path, reader: Path | None, overrides: list[str], stated: list[StatedFacts]) -> Pipeline:
@@ -66,11 +61,10 @@ def _pipeline(source: Path, reader: Path | None, overrides: list[str], stated: l
     record = next((str(value) for keys, value in map(parsed_assignment, overrides) if keys[-1] == RECORD), None)
     if (assignments := _of_fit_folder(source, reader, record)) is None:
         device = log_device(load_pipeline(reader, overrides), reader)
-        curve = Curve(str(source), str(source.resolve()), record=record)
-        facts = stated_facts([source], overrides).of_curve(cells_beside([source], [curve]).get(curve.name, {}))
+        facts = facts_beside(source, record, overrides)
         stated.append(facts)
         rig = [f"run.rig={json.dumps(str(facts.path.absolute()))}"] if facts.is_read and not facts.is_named else []
-        assignments = (f"device.{device}.file={json.dumps(curve.file)}", *rig, *facts.listed_assignments)
+        assignments = (f"device.{device}.file={json.dumps(str(source.resolve()))}", *rig, *facts.listed_assignments)
     return load_pipeline(reader, [*assignments, *overrides])
 
 

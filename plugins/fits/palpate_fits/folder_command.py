@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,6 @@ from palpate_engine import (
     facts_left_open,
     facts_of,
     facts_stated,
-    option_of,
     parsed_assignment,
     registry,
     resolved_text,
@@ -27,43 +25,40 @@ from palpate_engine import (
 )
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import offline
-from palpate_kit.curves.curve_list import FACTS, FILE, LIST, add_groups, fact_counts, stated_in
-from palpate_kit.curves.curve_table import SETTINGS, TABLE, FitTable, columns_of_fits, replace_columns, write_dialects
+from palpate_kit.curves.curve_list import FILE, LIST, add_groups, stated_in
+from palpate_kit.curves.curve_rows import demand_settings, fit_rows
+from palpate_kit.curves.curve_table import (
+    SETTINGS,
+    TABLE,
+    columns_of_fits,
+    list_unread,
+    replace_columns,
+    write_dialects,
+)
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.own_settings import change_assignments, write_own
 from palpate_kit.curves.shared_specimen import setup_pairs
 from palpate_kit.runs.replay_source import added_table
 from palpate_kit.runs.rig_file import write_rig
 from palpate_kit.terminal.json_output import print_json
-from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.result_screen import title_line
 
+from palpate_fits.fact_report import list_advice, report_listed
 from palpate_fits.file_tables import partition_line, show_rows
-from palpate_fits.folder_fits import refit
+from palpate_fits.fit_request import FitRequest
 from palpate_fits.new_files import add_new_files
 from palpate_fits.setup_tables import pairs_document, show_pairs
 
 _NAMED = 6  # new files
 
 
-@dataclass(frozen=True)
-class FolderChange:
-    """What is asked of a folder of fits."""
+def fit_folder(path: Path, change: FitRequest) -> None:
+    """Change settings of a folder of fits, and fit the curves that they concern; exit 1 where one was not usable.
 
-    where: str | None = None
-    overrides: tuple[str, ...] = ()
-    unset: tuple[str, ...] = ()
-    tip: str | None = None
-    model: str | None = None
-    groups: Path | None = None
-    fitting: bool = True
-    jobs: int | None = None
-    as_json: bool = False
-    details: bool = False
-
-
-def fit_folder(path: Path, change: FolderChange) -> None:
-    """Change settings of a folder of fits, and fit the curves that they concern; exit 1 where one was not usable."""
+    Raises ConfigurationError, LogError, OutputError.
+    """
+    if change.pipeline is not None or change.out is not None or change.by is not None:
+        raise ConfigurationError(f"{path}: is a folder of fits, which has its pipeline; change it with --set")
     added, refused = add_new_files(path) if change.where is None else ([], dict[str, str]())
     if added:
         typer.echo(
@@ -79,50 +74,39 @@ def fit_folder(path: Path, change: FolderChange) -> None:
         return
     if not folder.curves():
         raise ConfigurationError(f"{path / LIST}: has no column {FILE!r}: the files of the curves are not known")
-    with progress("fit", "curves", len({row.curve for row in folder.rows if row.state != "current"} & {*names})):
-        seen: list[str] = []
-
-        def done(name: str) -> None:
-            seen.append(name)
-            report_progress(len(seen))
-
-        count = refit(folder, names, change.jobs, done)
+    demand_settings(folder, names)
+    count = fit_rows(folder, names, change.jobs)
     _show(path, count, change, refused)
 
 
 def _report_listed(folder: FitFolder, overrides: Sequence[str]) -> None:
     """Report of how many curves ``curves.csv`` states a fact itself that is stated for all."""
     keys = {keys[1] for keys, _ in map(parsed_assignment, overrides) if keys[0] == "rig"}
-    if words := fact_counts([stated_in(cells).keys() & keys for cells in folder.entries.values()], len(folder.names)):
-        typer.echo(words, err=True)
+    report_listed([stated_in(cells).keys() & keys for cells in folder.entries.values()], len(folder.names))
 
 
-def _show(path: Path, count: int, change: FolderChange, refused: Mapping[str, str]) -> None:
+def _show(path: Path, count: int, change: FitRequest, refused: Mapping[str, str]) -> None:
+    """Print the rows, and how many curves were fitted; exit 1 where one failed or could not be read."""
     folder = FitFolder(path)
-    pipeline = folder.pipeline()
-    table = FitTable(path, pipeline, folder.reader().device)
     if change.where is None:
-        table.list_unread(refused, [*folder.names, *refused])
-    found = table.summary()
+        list_unread(folder.table, refused, [*folder.names, *refused])
+    tracks = folder.summary
     pairs = setup_pairs(folder, folder.names, registry.load())
     if change.as_json:
-        document = {"table": str(path / TABLE), "fitted": count, "tracks": found, "not_read": dict(refused)}
+        document = {"table": str(folder.table), "fitted": count, "tracks": tracks, "not_read": dict(refused)}
         print_json({**document, "specimens": pairs_document(pairs)})
     else:
         places = {name: place for place, name in enumerate(folder.names)}
-        rows = sorted(table.rows, key=lambda row: places[row["curve"]])
+        rows = sorted(folder.cells, key=lambda row: places[row["curve"]])
         rows += [{"curve": name, "error": error} for name, error in refused.items()]
+        command = shlex.join(["palpate", "fit", str(path)])
         typer.echo(title_line(f"{len(folder.names)} files"))
-        advice = {
-            option_of(key): [f"or a column `{name}` in {path / LIST}, a value for each file"]
-            for name, key in FACTS.items()
-        }
-        show_rows(rows, pipeline, registry.load(), shlex.join(["palpate", "fit", str(path)]), change.details, advice)
+        show_rows(rows, folder.pipeline(), registry.load(), command, change.details, list_advice(path))
         show_pairs(pairs)
-        typer.echo(partition_line(rows, pipeline, registry.load()))
-        typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted again; every number: {path / TABLE}")
-    if failed := sum(track["failed"] for track in found.values()):
-        typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)
+        typer.echo(partition_line(rows, folder.pipeline(), registry.load()))
+        typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted again; every number: {folder.table}")
+    if failed := sum(track["failed"] for track in tracks.values()):
+        typer.echo(f"{failed} fits of {sum(track['curves'] for track in tracks.values())} failed", err=True)
     if failed or refused:
         raise typer.Exit(1)
 
@@ -140,7 +124,7 @@ def stale_count(folder: FitFolder) -> int:
     return len({row.curve for row in folder.rows if row.state != "current"})
 
 
-def change_folder(path: Path, change: FolderChange) -> None:
+def change_folder(path: Path, change: FitRequest) -> None:
     """Write the settings that are asked for: of some curves into own.toml, of all into the pipeline of every dialect.
 
     Whatever is not a setting is refused before anything is written. Raises ConfigurationError, LogError, OutputError.
@@ -166,7 +150,7 @@ def change_folder(path: Path, change: FolderChange) -> None:
         write_own(path, own)
 
 
-def _change_all(folder: FitFolder, change: FolderChange) -> None:
+def _change_all(folder: FitFolder, change: FitRequest) -> None:
     """Change the facts in ``rig.toml``, and the pipelines in what they state themselves."""
     if not (change.overrides or change.unset or change.tip or change.model):
         return
@@ -201,7 +185,7 @@ def _change_all(folder: FitFolder, change: FolderChange) -> None:
         replace_columns(folder.path / TABLE, columns)
 
 
-def _answers(folder: FitFolder, change: FolderChange) -> dict[str, Any]:
+def _answers(folder: FitFolder, change: FitRequest) -> dict[str, Any]:
     """The facts that are stated, or with None taken back, of all curves; raises ConfigurationError."""
     asked = {*facts_stated().values()}
     stated = dict(map(parsed_assignment, change.overrides))

@@ -22,8 +22,9 @@ from palpate_engine import (
 )
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve import Curve
-from palpate_kit.curves.curve_list import add_curves, cells_beside
+from palpate_kit.curves.curve_list import add_curves
 from palpate_kit.curves.curve_table import SETTINGS, reading_keys, write_dialects
+from palpate_kit.curves.file_facts import file_facts
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.stated_facts import StatedFacts, suggestion_by_facts
 from palpate_kit.logs.role_guess import ROLES
@@ -57,13 +58,13 @@ def add_new_files(path: Path) -> tuple[list[str], dict[str, str]]:
             continue
         name = f"{before}{LogPart(part.path.relative_to(place), part.part)}"
         curve = Curve(name, str(part.path), record=part.part)
-        cells = cells_beside([place], [curve])
+        facts = file_facts([place], [curve], StatedFacts(RigFacts(), path / RIG))
         try:
-            dialect = _dialect(folder, part, cells.get(name, {}), known)
+            dialect = _dialect(folder, part, facts.of(name).facts, known)
         except UserError as error:
             refused[name] = str(error).removeprefix(f"{part.path}: ")
             continue
-        add_curves(path, [curve], dialect, cells, place)
+        add_curves(path, [curve], dialect, facts.cells, place)
         folder = FitFolder(path)
         added.append(name)
     return added, refused
@@ -80,9 +81,8 @@ def _prefix(folder: FitFolder, place: Path) -> str:
     return ""
 
 
-def _dialect(folder: FitFolder, part: LogPart, cells: Mapping[str, str], known: Registry) -> str:
+def _dialect(folder: FitFolder, part: LogPart, facts: RigFacts, known: Registry) -> str:
     """The dialect in which a file is written, a new one where it matches none of the others; raises UserError."""
-    facts = StatedFacts(RigFacts(), folder.path / RIG).of_curve(cells).facts
     other: str | None = None
     problem: UserError | None = None
     for name in (*folder.dialects, None):  # the last by what the file states alone

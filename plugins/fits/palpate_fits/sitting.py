@@ -12,7 +12,7 @@ import typer
 from palpate import ConfigurationError, OutputError, PalpateError, printable
 from palpate_engine import TrackResult, approved_plugins, facts_stated, question_of
 from palpate_kit.curves.curve_fits import CurveReader, curve_outcome, record_tracks
-from palpate_kit.curves.curve_list import Entries
+from palpate_kit.curves.file_facts import FileFacts
 from palpate_kit.curves.open_facts import WITHOUT_A_FIT, OpenFact, open_facts
 from palpate_kit.curves.stated_facts import StatedFacts
 from palpate_kit.runs.rig_file import write_rig
@@ -89,16 +89,17 @@ def _answered(stated: StatedFacts, question: FileQuestion, answer: str) -> dict[
     return {question.key: answer}
 
 
-def ask_of_rig(stated: StatedFacts, groups: Sequence[FileGroup], cells: Entries, ask: Ask) -> StatedFacts:
+def ask_of_rig(facts: FileFacts, groups: Sequence[FileGroup], ask: Ask) -> StatedFacts:
     """The facts that nobody has stated, most effective first, at most six; only those that were put are not known.
 
-    What ``curves.csv`` states of every curve, by its `cells`, is not open.
+    What ``curves.csv`` states of every curve is not open.
     """
-    facts = [stated.of_curve(cells.get(curve.name, {})) for group in groups for curve in group.curves]
-    left = [key for key in facts_stated().values() if any(_is_open(of_curve, key) for of_curve in facts)]
+    stated = facts.stated
+    of_curves = [facts.of(curve.name) for group in groups for curve in group.curves]
+    left = [key for key in facts_stated().values() if any(_is_open(of_curve, key) for of_curve in of_curves)]
     if not left:
         return stated
-    asked = [fact for fact in _open_facts(stated, groups, cells) if fact.key in left][:_MOST]
+    asked = [fact for fact in _open_facts(facts, groups) if fact.key in left][:_MOST]
     for fact in asked:
         stated = ask_fact(stated, fact.key, f"not known; {fact.effect}", ask)
     open_keys = [fact.key for fact in asked if getattr(stated.facts, fact.key) is None]
@@ -109,14 +110,14 @@ def _is_open(stated: StatedFacts, key: str) -> bool:
     return getattr(stated.facts, key) is None and key not in stated.facts.not_known
 
 
-def _open_facts(stated: StatedFacts, groups: Sequence[FileGroup], cells: Entries) -> Iterable[OpenFact]:
+def _open_facts(facts: FileFacts, groups: Sequence[FileGroup]) -> Iterable[OpenFact]:
     """The open facts of the first curves that can be fitted; of none, what a contact is found by."""
     tracks: list[TrackResult] = []
     curves = [(group, curve) for group in groups for curve in group.curves[:_TRIALS]][:_TRIALS]
     for group, curve in curves:
-        reader = CurveReader(group.text, str(group.path), stated.overrides, DEVICE, approved_plugins())
+        reader = CurveReader(group.text, str(group.path), facts.stated.overrides, DEVICE, approved_plugins())
         try:
-            own = tuple(stated.of_curve(cells.get(curve.name, {})).listed_assignments)
+            own = tuple(facts.of(curve.name).listed_assignments)
             outcome = curve_outcome(record_tracks(reader, own), DEVICE, curve)
         except PalpateError:
             continue

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from palpate import OutputError, PalpateError
@@ -33,44 +32,15 @@ from palpate_kit.terminal.table import console
 
 from palpate_fits.file_tables import law_line
 from palpate_fits.fit_jobs import LogFit, fits_of
+from palpate_fits.fit_request import FitRequest
 from palpate_fits.fit_sources import leave_out, named_pipelines
 from palpate_fits.fit_tables import by_cycle, evaluation, fit_overview, fit_views
 
 _FIT = "fit.json"
 
-SourcesArgument = Annotated[
-    list[Path], typer.Argument(metavar="SOURCE...", help="Pipeline files, or logs that --pipeline can read.")
-]
-PipelineOption = Annotated[
-    Path | None, typer.Option(help="How to read the logs: a pipeline with one device that has a file.")
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", "-o", help="Folder; what is fitted already in one of the same logs is kept. [default: runs/...]"
-    ),
-]
-PicturesOption = Annotated[bool, typer.Option(help="Draw force over time and depth, and residuals.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print fit.json instead of the tables.")]
-
-
-@dataclass(frozen=True)
-class WholeLogs:
-    """What is asked of logs that are fitted whole."""
-
-    sources: Sequence[Path]
-    pipeline: Path | None
-    overrides: Sequence[str] | None
-    out: Path | None
-    scheduler: str | None
-    stage: str | None
-    pictures: bool
-    details: bool
-    as_json: bool
-
 
 def fit_logs(
-    asked: WholeLogs,
+    asked: FitRequest,
     evaluated: Callable[[Sequence[LogFit]], list[dict[str, Any]]] = lambda _: [],
     cycles: Callable[[Sequence[LogFit]], list[dict[str, Any]]] = lambda _: [],
 ) -> None:
@@ -89,16 +59,16 @@ def fit_logs(
         raise typer.Exit(1)
 
 
-def _fitted(asked: WholeLogs, failures: dict[str, PalpateError]) -> tuple[Path, list[LogFit]]:
+def _fitted(asked: FitRequest, failures: dict[str, PalpateError]) -> tuple[Path, list[LogFit]]:
     """The folder, and the logs that were fitted in the order of the sources; of the others, `failures` hold why.
 
     What is found is written down log by log. Raises UserError where no log was fitted.
     """
     sources, reader = asked.sources, asked.pipeline
     if asked.scheduler is not None:  # workers stand elsewhere
-        sources, reader = [source.resolve() for source in sources], reader.resolve() if reader else None
+        sources, reader = tuple(source.resolve() for source in sources), reader.resolve() if reader else None
     with progress(f"look at {len(sources)} sources"):
-        loaded = named_pipelines(sources, reader, list(asked.overrides or ()), failures)
+        loaded = named_pipelines(sources, reader, list(asked.overrides), failures)
     if asked.details:
         for name, pipeline in loaded:
             told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())

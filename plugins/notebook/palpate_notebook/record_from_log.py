@@ -10,7 +10,8 @@ from typing import Any
 
 from palpate import ConfigurationError
 from palpate_engine import RigFacts, facts_set, registry
-from palpate_kit.curves.stated_facts import StatedFacts, facts_beside, suggestion_by_facts
+from palpate_kit.curves.file_facts import facts_beside
+from palpate_kit.curves.stated_facts import StatedFacts, suggestion_by_facts
 from palpate_kit.logs.draft_pipeline import recording_of
 from palpate_kit.runs.replay_source import read_run_log, replay_source, with_other_channels
 from palpate_records.recording import Suggestion

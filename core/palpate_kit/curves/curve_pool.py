@@ -10,10 +10,11 @@ from contextlib import ExitStack
 from itertools import islice
 
 from palpate_kit.curves.curve import Curve
-from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves
+from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves, loss_rows
 from palpate_kit.jobs.process_pool import process_pool
 
 _TOGETHER = 16  # curves that a process is given at once
+KILLED = "its process was killed: is the memory enough?"
 _AHEAD = 2  # portions that wait for each process: what is held in memory does not grow with the number of curves
 
 
@@ -61,6 +62,4 @@ def _one_by_one(
                     left.popleft()
                     yield from found
             except BrokenProcessPool:
-                curve = left.popleft()
-                why = "its process was killed: is the memory enough?"
-                yield [{"curve": curve.name, "settings": reader.key(curve.own), "error": why}]
+                yield loss_rows(reader, left.popleft(), KILLED)

@@ -1,0 +1,119 @@
+"""From the curves of a folder to their rows: those that have none by their present settings are fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+from palpate_engine import Pipeline
+
+from palpate_kit.curves.curve import Curve
+from palpate_kit.curves.curve_fits import CurveReader, Row, offline, record_tracks
+from palpate_kit.curves.curve_list import add_curves
+from palpate_kit.curves.curve_pool import on_cores
+from palpate_kit.curves.curve_table import FitTable, curves_folder
+from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.own_settings import read_own
+from palpate_kit.jobs.process_pool import core_count
+from palpate_kit.terminal.progress import progress, report_progress
+
+Pool = Callable[[CurveReader, Iterable[Curve]], Iterator[list[Row]]]  # the rows of every curve, in any order
+FEW = 32  # curves that are not worth a second process
+
+
+@dataclass
+class CurveGroup:
+    """Curves that one device of one pipeline reads."""
+
+    pipeline: Pipeline
+    device: str
+    curves: list[Curve] = field(default_factory=list)
+
+
+def list_curves(path: Path, groups: Iterable[CurveGroup], cells: Mapping[str, Mapping[str, str]]) -> FitFolder:
+    """Begin a folder of fits, or go on with one: the pipeline of each group, and its curves with `cells` of some.
+
+    Raises LogError, OutputError.
+    """
+    for number, group in enumerate(groups, start=1):
+        dialect = dialect_name(number)
+        FitTable(path, group.pipeline, group.device, dialect)
+        add_curves(path, group.curves, dialect, cells, curves_folder(path))
+    return FitFolder(path)
+
+
+def dialect_name(number: int) -> str:
+    """Return the name of a dialect, from 1: a word, since a program for tables would round a number."""
+    return "" if number == 1 else f"d{number}"
+
+
+def table_of(folder: FitFolder, dialect: str = "") -> FitTable:
+    """Return the table of the curves of a dialect; raises UserError."""
+    return FitTable(folder.path, offline(folder.pipeline(dialect)), folder.reader(dialect).device, dialect)
+
+
+def fit_rows(
+    folder: FitFolder,
+    names: Sequence[str],
+    workers: int | None = None,
+    pool: Pool | None = None,
+    order: Sequence[str] | None = None,
+) -> int:
+    """Fit those of some curves that have no row by their present settings; return their number.
+
+    The `pool` fits them, else so many `workers`; by default a few curves have one, and many one per core. Rows are left
+    in an `order` of names, by default that of the folder. Raises UserError.
+    """
+    tables = [(table_of(folder, dialect), folder.reader(dialect), curves) for dialect, curves in _chosen(folder, names)]
+    stale = [(table, reader, list(table.left(curves, reader))) for table, reader, curves in tables]
+    count = 0
+    with progress("fit", "curves", sum(len(curves) for _, _, curves in stale)):
+        for table, reader, curves in stale:
+            processes = workers or (1 if len(curves) < FEW else core_count())
+            count += _add_rows(table, reader, curves, pool or partial(on_cores, workers=processes), count)
+            table.compact(folder.names if order is None else order)
+    return count
+
+
+def demand_settings(folder: FitFolder, names: Collection[str]) -> None:
+    """Raise ConfigurationError for settings of some curves by which nothing can be fitted."""
+    for dialect, curves in _chosen(folder, names):
+        reader = folder.reader(dialect)
+        for own in dict.fromkeys(curve.own for curve in curves):
+            record_tracks(reader, own)
+
+
+def fit_stream(path: Path, pipeline: Pipeline, reader: CurveReader, curves: Iterable[Curve], pool: Pool) -> FitTable:
+    """Fit the curves of a stream of readings, and return their table; ``own.toml`` has settings of single ones.
+
+    Raises LogError, OutputError.
+    """
+    table = FitTable(path, pipeline, reader.device)
+    reader = replace(reader, settings=table.settings)
+    own = read_own(path)
+    stated = (replace(curve, own=own.get(curve.name, ())) for curve in curves)
+    with progress("fit", "curves"):
+        _add_rows(table, reader, table.left(stated, reader), pool, len(table.done))
+    table.compact()
+    return table
+
+
+def _chosen(folder: FitFolder, names: Collection[str]) -> list[tuple[str, list[Curve]]]:
+    """Return some curves whose files are known, by their dialects; none of a dialect without any."""
+    chosen = {*names}
+    found: dict[str, list[Curve]] = {dialect: [] for dialect in folder.dialects}
+    for curve in folder.curves():
+        if curve.name in chosen:
+            found[folder.dialect_of(curve.name)].append(curve)
+    return [(dialect, curves) for dialect, curves in found.items() if curves]
+
+
+def _add_rows(table: FitTable, reader: CurveReader, curves: Iterable[Curve], pool: Pool, before: int) -> int:
+    """Append the rows of curves as they are ready; return how many curves there were."""
+    count = 0
+    for count, rows in enumerate(pool(reader, curves), start=1):
+        table.add(rows)
+        report_progress(before + count)
+    return count

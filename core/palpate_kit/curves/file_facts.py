@@ -1,0 +1,46 @@
+"""The facts of files: what is stated of all of them, and what ``curves.csv`` next to them states of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from palpate_kit.curves.curve import Curve
+from palpate_kit.curves.curve_list import Entries, cells_beside
+from palpate_kit.curves.stated_facts import StatedFacts, stated_facts
+
+
+@dataclass(frozen=True)
+class FileFacts:
+    """What is stated of all files, and the cells of each curve in ``curves.csv``."""
+
+    stated: StatedFacts
+    cells: Entries = field(default_factory=dict)
+
+    def of(self, curve: str) -> StatedFacts:
+        """Return the facts of one curve; raises LogError for a cell that does not state its fact."""
+        return self.stated.of_curve(self.cells.get(curve, {}))
+
+    def listed(self, curves: Iterable[Curve], tables: Mapping[str, Any]) -> Entries:
+        """Return the cells of curves that a pipeline of such `tables` reads, but for facts that options state."""
+        return {
+            curve.name: self.stated.without_options(self.cells[curve.name], tables)
+            for curve in curves
+            if curve.name in self.cells
+        }
+
+
+def file_facts(sources: Sequence[Path], curves: Iterable[Curve], stated: StatedFacts) -> FileFacts:
+    """Return the facts of the curves of some sources; raises LogError."""
+    return FileFacts(stated, cells_beside(sources, curves))
+
+
+def facts_beside(file: Path, record: str | None = None, overrides: Iterable[str] = ()) -> StatedFacts:
+    """Return the facts of a curve that options, ``curves.csv`` and ``rig.toml`` next to its file state.
+
+    Raises LogError, ConfigurationError.
+    """
+    curve = Curve(str(file), str(file.resolve()), record=record)
+    return file_facts([file], [curve], stated_facts([file], overrides)).of(curve.name)
