@@ -4,7 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from palpate_engine import registry
 from palpate_kit.runs.result_file import estimate_of
+from palpate_records.recording import Recording
 
 from tests.records.bags import array_message, press, transforms_message, write_bag
 
@@ -18,6 +20,14 @@ def bag(tmp_path):
     rows = np.column_stack([time, height, speed, force])
     messages = [(round(t * 1e9), array_message(row)) for t, row in zip(time, rows, strict=True)]
     return write_bag(tmp_path / "bag.db3", [("/data_control", ARRAY, messages)])
+
+
+@pytest.mark.slow
+def test_devices_that_read_logs_are_called_replays():
+    """By this name they are known before any device is imported; a robot is not asked whether it reads a file."""
+    devices = registry.load().parts["device"].items()
+    readers = {name for name, entry in devices if entry.problem is None and issubclass(entry.part, Recording)}
+    assert readers == {name for name, _ in devices if name.endswith("-replay")}
 
 
 def test_what_a_log_holds(palpate, bag):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,12 +11,12 @@ from typing import Generic, TypeVar
 
 from palpate import ConfigurationError, LogError, UserError
 from palpate_engine import Registry
-from palpate_records.recording import Recording, Suggestion
+from palpate_records.recording import Suggestion
 
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_list import RECORD, is_list
 from palpate_kit.curves.curve_table import SETTINGS
-from palpate_kit.logs.draft_pipeline import UNREAD, readers_of, recording_of
+from palpate_kit.logs.draft_pipeline import UNREAD, reader_of, recording_of
 
 Log = TypeVar("Log", bound="Path | LogPart")
 
@@ -81,14 +81,13 @@ def alike_logs(
 
 def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
     """The files, and of folders all that hold records and palpate did not write; raises ConfigurationError."""
-    readers = readers_of(known).values()
     found: list[Path] = []
     for source in sources:
         if not source.exists():
             raise ConfigurationError(f"{source}: no such file or folder")
         if source.is_dir():
             own = {settings.parent for settings in source.rglob(SETTINGS)}
-            paths = log_paths(source, lambda path: _holds_records(path, readers))
+            paths = log_paths(source, lambda path: _holds_records(path, known))
             found += [path for path in paths if not own & {*path.parents} and not is_list(path)]
         else:
             found.append(source)
@@ -118,9 +117,9 @@ def _is_folder_log(path: Path, is_log: Callable[[Path], bool]) -> bool:
     return is_log(path) and sum(map(is_log, path.iterdir())) != 1
 
 
-def _holds_records(path: Path, readers: Collection[type[Recording]]) -> bool:
+def _holds_records(path: Path, known: Registry) -> bool:
     unread = path.is_file() and path.suffix.lower() in UNREAD
-    return unread or any(reader.recognises(path) for reader in readers)
+    return unread or reader_of(path, known) is not None
 
 
 def differences(one: Suggestion, other: Suggestion) -> list[str]:

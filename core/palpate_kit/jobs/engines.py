@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import ConfigurationError
 
-from palpate_kit.jobs.cores import on_all_cores
-from palpate_kit.jobs.job import Engine
+if TYPE_CHECKING:
+    from palpate_kit.jobs.job import Engine
 
 SchedulerOption = Annotated[
     str | None,
@@ -48,6 +48,8 @@ def engine_of(scheduler: str | None, jobs: int | None, folder: Path, stage: str 
     """The engine that the options ask for; raises ConfigurationError where they contradict each other."""
     demand_scheduler(scheduler, stage)
     if scheduler is None:
+        from palpate_kit.jobs.cores import on_all_cores
+
         return partial(on_all_cores, workers=jobs)
     demand_no_jobs(jobs)
     from palpate_kit.jobs.cluster import on_cluster

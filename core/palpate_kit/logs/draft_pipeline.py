@@ -29,21 +29,23 @@ UNREAD = {
     ".spm": "export it from NanoScope as text with time, height and force",
 }
 
+_REPLAY = "-replay"  # how the names of devices of palpate end that read logs
+
 
 def recording_of(log: Path, registry: Registry | None = None) -> type[Recording]:
     """The device that reads logs of this format; raises LogError if no device reads it."""
     if not log.exists():
         raise LogError(f"{log}: no such file")
-    readers = readers_of(registry or registries.load())
-    for part in readers.values():
-        if part.recognises(log):
-            return part
+    known = registry or registries.load()
+    if (reader := reader_of(log, known)) is not None:
+        return reader
     if log.is_dir():
         asked = f"read its files one by one, or all of them: palpate fit {log} --tip 'sphere 3 mm'"
         raise LogError(f"{log}: is a folder, and no log; {asked}")
     if (advice := UNREAD.get(log.suffix.lower())) is not None:
         raise LogError(f"{log}: no device reads {log.suffix.lower()} files: {advice}")
-    raise LogError(f"{log}: no device reads such a log (those that read logs: {', '.join(sorted(readers))})")
+    names = ", ".join(sorted(name for name, _ in _readers(known)))
+    raise LogError(f"{log}: no device reads such a log (those that read logs: {names})")
 
 
 def system_at(address: str) -> SystemSurvey | None:
@@ -55,10 +57,21 @@ def system_at(address: str) -> SystemSurvey | None:
     return next((system for system in systems if system is not None), None)
 
 
-def readers_of(registry: Registry) -> dict[str, type[Recording]]:
-    """The devices that read logs, by name; one that cannot be imported reads none."""
-    usable = {name: entry.part for name, entry in registry.parts["device"].items() if entry.problem is None}
-    return {name: part for name, part in usable.items() if issubclass(part, Recording)}
+def reader_of(log: Path, registry: Registry) -> type[Recording] | None:
+    """Return the device that reads logs of this format; None where none does."""
+    return next((reader for _, reader in _readers(registry) if reader.recognises(log)), None)
+
+
+def _readers(registry: Registry) -> Iterator[tuple[str, type[Recording]]]:
+    """Yield the devices that read logs, by name; one that cannot be imported reads none.
+
+    Those of palpate are called replays, so that a fit of logs imports none of its robots.
+    """
+    for name, entry in registry.parts["device"].items():
+        if entry.plugin.own and not name.endswith(_REPLAY):
+            continue
+        if entry.problem is None and issubclass(entry.part, Recording):
+            yield name, entry.part
 
 
 def suggestion_of(log: Path, choices: dict[str, str], registry: Registry | None = None) -> Suggestion:

@@ -14,7 +14,7 @@ from palpate import ConfigurationError, LogError, Part, printable
 from palpate_engine import Enclosure, Source, registry as registries
 from palpate_records.recording import LogAttachments, Recording, Suggestion
 
-from palpate_kit.logs.draft_pipeline import readers_of, recording_of
+from palpate_kit.logs.draft_pipeline import reader_of, recording_of
 from palpate_kit.runs.run_folder import RunFolder, pipeline_among
 from palpate_kit.runs.shared_tips import name_tips
 
@@ -44,8 +44,8 @@ def log_in(path: Path) -> Path:
     """The log itself, or the one log in a run folder; raises LogError if it has none or several."""
     if not path.is_dir() or not RunFolder(path).began:
         return path
-    readers = readers_of(registries.load()).values()
-    logs = [file for file in sorted(path.iterdir()) if file.is_file() and any(r.recognises(file) for r in readers)]
+    known = registries.load()
+    logs = [file for file in sorted(path.iterdir()) if file.is_file() and reader_of(file, known) is not None]
     logs = [file for file in logs if file.suffix != ".csv"]  # its tables of estimates are not logs
     if len(logs) != 1:
         found = ", ".join(file.name for file in logs) or "none"

@@ -57,7 +57,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
     """The bias of filters by their own noise."""
     # Only a bias that counts against the combined uncertainty is stated.
     terms = ("readings", "budget", "thickness", "late-force", "self-timed", "force-across")
-    return {"noise-bias": Diagnosis("palpate_filters.noise_bias:noise_bias", after=terms)}
+    return {"noise-bias": Diagnosis("palpate_filters.bias_diagnosis:diagnose_bias", after=terms)}
 
 
 @plugin
@@ -69,9 +69,9 @@ def palpate_templates() -> dict[str, Template]:
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
     """The meanings of the flags of filters."""
-    from palpate_filters.noise_bias import BIAS_FLAGS
+    from palpate_filters.flags import FILTER_FLAGS
 
-    return BIAS_FLAGS
+    return FILTER_FLAGS
 
 
 __getattr__, __all__ = lazy_names(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from palpate import Bias, Diagnosed, Flag, FlagMeaning, Floats, Layout, Samples, TrackEvidence
+from palpate import Bias, Diagnosed, Flag, Floats, Layout, Samples, TrackEvidence
 from palpate_kit.kernel import Step, compile_step
 from palpate_kit.numerics.tip_travel import noise_of, zero_phase_motion
 from palpate_kit.terminal.quantities import number_with_unit
@@ -42,15 +42,6 @@ _MIN_REPORTED_SHARE = 0.005  # of the value, a choice: less has no sentence
 _MIN_REPORTED_UNCERTAINTY = 0.25  # of the combined uncertainty, a choice: less has no sentence
 _MIN_BIAS = 0.01  # of the combined uncertainty, a choice: a smaller shift does not count
 _MIN_KINEMATIC_BIAS = 0.1  # the same of kinematic filters, a choice (0150)
-
-
-BIAS_FLAGS = {
-    "noise-bias": FlagMeaning(
-        "doubtful",
-        "The noise in this filter's own state biases its estimates.",
-        "Give the corrected value where there is one, or use a fit (inertial filters: or a kinematic one).",
-    ),
-}
 
 
 @dataclass(frozen=True)

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from palpate import Command, Display, plugin
-
-if TYPE_CHECKING:
-    from palpate import Sink
 
 
 @plugin
-def palpate_sinks() -> dict[str, type[Sink]]:
+def palpate_sinks() -> dict[str, str]:
     """The page, and what Foxglove connects to."""
-    from palpate_live.sink import FoxgloveSink, LiveSink
-
-    return {"live": LiveSink, "foxglove": FoxgloveSink}
+    return {"live": "palpate_live.sink:LiveSink", "foxglove": "palpate_live.sink:FoxgloveSink"}
 
 
 @plugin

@@ -8,8 +8,6 @@ from palpate import plugin
 from palpate_kit.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from palpate import Device
-
     from palpate_notebook.figure_object import Picture as Picture
     from palpate_notebook.fit_functions import compare as compare, fit as fit, prepare as prepare
     from palpate_notebook.fit_object import Fit as Fit
@@ -27,11 +25,9 @@ if TYPE_CHECKING:
 
 
 @plugin
-def palpate_devices() -> dict[str, type[Device]]:
+def palpate_devices() -> dict[str, str]:
     """Readings that are in memory already."""
-    from palpate_notebook.memory_device import MemoryRecord
-
-    return {"memory-record": MemoryRecord}
+    return {"memory-record": "palpate_notebook.memory_device:MemoryRecord"}
 
 
 __getattr__, __all__ = lazy_names(

@@ -35,7 +35,7 @@ def palpate_commands() -> dict[str, Command]:
 @plugin
 def palpate_tables() -> dict[str, type[Settings]]:
     """Settings of a sweep, and of repeats."""
-    from palpate_studies.repeated_runs import RepeatSettings
+    from palpate_studies.repeat_settings import RepeatSettings
     from palpate_studies.sweep.settings import SweepSettings
 
     return {"sweep": SweepSettings, "repeat": RepeatSettings}

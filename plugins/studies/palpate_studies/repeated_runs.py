@@ -8,27 +8,16 @@ from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import typer
-from palpate import ConfigurationError, Device, Length, PalpateError, Settings, Time, UserError, clock, duration_of
+from palpate import ConfigurationError, Device, PalpateError, UserError, clock, duration_of
 from palpate_engine import Pipeline, check_motion, load_pipeline, make_folder, run_pipeline
 from palpate_kit.jobs.engines import demand_scheduler
 from palpate_kit.jobs.job import Job
 from palpate_kit.terminal.progress import progress, report_progress
-from pydantic import Field
 
-
-class RepeatSettings(Settings):
-    """The ``[repeat]`` table: `palpate repeat FILE` makes the palpation so many times, each with its run folder."""
-
-    many_runs_by: ClassVar[str] = "repeat"  # the command that makes them
-
-    count: int = Field(ge=2, le=10_000, description="how often")
-    wait: Time = Field(
-        default=0.0, ge=0, description="from the end of one to the begin of the next; a fast simulation does not wait"
-    )
-    step: tuple[Length, Length] = Field(default=(0.0, 0.0), description="how far each goes on from the last one [x, y]")
+from palpate_studies.repeat_settings import RepeatSettings
 
 
 @runtime_checkable

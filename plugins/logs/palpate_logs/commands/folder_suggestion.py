@@ -8,7 +8,7 @@ import typer
 from palpate import LogError, OutputError, printable
 from palpate_engine import registry
 from palpate_kit.curves.alike_logs import AlikeLogs, alike_logs, differences, logs_among
-from palpate_kit.logs.draft_pipeline import pipeline_of, rate_note, readers_of, suggestion_of
+from palpate_kit.logs.draft_pipeline import pipeline_of, rate_note, reader_of, suggestion_of
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress
 
@@ -17,7 +17,7 @@ _NAMED, _KEYS = 4, 3  # files of a group, and keys in which it differs, that are
 
 def is_folder_of_logs(path: Path) -> bool:
     """Whether a path is a folder that is not a log by itself, as a bag is."""
-    return path.is_dir() and not any(reader.recognises(path) for reader in readers_of(registry.load()).values())
+    return path.is_dir() and reader_of(path, registry.load()) is None
 
 
 def suggest_folder(folder: Path, choices: dict[str, str], out: Path | None, as_json: bool) -> None:
