@@ -16,6 +16,7 @@ from a record; curves on the page of the desk and in Python.
 import argparse
 import hashlib
 import json
+import re
 import sys
 import zipfile
 from collections.abc import Iterator
@@ -42,6 +43,7 @@ OF_ONE_RUN = {
     *("file", "folder", "sha256", "source"),  # of logs, which hold the time of their run
 }
 HASHED = {".csv", ".c", ".h"}
+INSTANT = re.compile(rb"20\d\d-\d\d-\d\dT[\d:.]+(Z|[+-]\d\d:\d\d)?")  # at which a run or a change was made
 
 
 def numbers(folder: Path) -> dict[str, str]:
@@ -53,7 +55,7 @@ def numbers(folder: Path) -> dict[str, str]:
         if path.suffix == ".json":
             found |= {f"{name}: {key}": value for key, value in leaves(json.loads(path.read_text()))}
         elif path.suffix in HASHED:
-            found[name] = digest(path.read_bytes())
+            found[name] = digest(INSTANT.sub(b"", path.read_bytes()))
         elif path.suffix == ".toml" and is_of_study:
             text = path.read_text().replace(str(folder.resolve()), "")
             found |= {

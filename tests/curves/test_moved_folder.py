@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from palpate_kit.curves.curve_pipelines import dialect_pipeline
 from palpate_kit.curves.fit_folder import FitFolder
 
 from tests.curves.conftest import NAMES
@@ -16,7 +17,7 @@ def test_what_is_moved_together_is_as_fitted_as_before(folder, palpate, tmp_path
     moved = FitFolder(elsewhere / "fits")
     assert {row.state for row in moved.rows} == {"current"}
     assert sorted(Path(curve.file) for curve in moved.curves()) == sorted(elsewhere / name for name in NAMES)
-    assert moved.pipeline().devices["log"].file.is_file()
+    assert dialect_pipeline(moved).devices["log"].file.is_file()
     texts = [path.read_text() for path in (elsewhere / "fits").iterdir()]
     assert not [text for text in texts if str(folder.resolve()) in text]
 

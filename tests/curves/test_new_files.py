@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from palpate_kit.curves.curve_table import curves_folder, settings_text, write_dialects
 from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.folder_settings import curves_folder, settings_text, write_dialects
 
 from tests.curves.conftest import press
 from tests.curves.test_bags_of_parts import parts

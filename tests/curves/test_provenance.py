@@ -6,6 +6,7 @@ import pytest
 from palpate import LogError
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import error_rows
+from palpate_kit.curves.curve_pipelines import curve_reader
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.fit_provenance import add_provenance, read_provenance
 
@@ -38,7 +39,9 @@ def test_what_is_no_provenance_is_named(folder, text):
 
 def test_an_error_of_a_curve_names_it_as_its_row_does(folder):
     curve = FitFolder(folder / "fits").curves()[0]
-    rows = list(error_rows(FitFolder(folder / "fits").reader(), curve, LogError(f"{curve.file}: has no column force")))
+    rows = list(
+        error_rows(curve_reader(FitFolder(folder / "fits")), curve, LogError(f"{curve.file}: has no column force"))
+    )
     assert [row["error"] for row in rows] == [f"{curve.name}: has no column force"]
     assert isinstance(curve, Curve)
 

@@ -13,6 +13,7 @@ import palpate as python
 import pytest
 from palpate_fits.fit_sources import named_pipelines
 from palpate_kit.curves.curve_list import FACTS
+from palpate_kit.curves.curve_pipelines import pipeline_counts
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_notebook.fitter_object import RecordEstimator
 
@@ -115,11 +116,11 @@ def test_every_fact_of_a_curve_is_tested():
 @pytest.mark.parametrize("key", ["plain", *STATED])
 def test_row_page_and_python_have_one_pipeline(study, key):
     folder = FitFolder(study / "fits")
-    ((row, _),) = folder.pipelines([f"study/{key}.csv"])
+    ((row, _),) = pipeline_counts(folder, [f"study/{key}.csv"])
     ((_, page),) = named_pipelines([Path(f"study/{key}.csv")], Path("fits/pipeline.toml"), [], {})
     estimator = RecordEstimator(["dr"], ["casadi-fit"], None, None)
     in_python = estimator.pipeline(python.read(f"study/{key}.csv"))
-    plain = folder.pipelines(["study/plain.csv"])[0][0]
+    plain = pipeline_counts(folder, ["study/plain.csv"])[0][0]
     for other in (page, in_python):
         assert [track.model for track in other.tracks] == [track.model for track in row.tracks]
         assert other.run.uncertainties == row.run.uncertainties
@@ -131,8 +132,8 @@ def test_row_page_and_python_have_one_pipeline(study, key):
 
 
 def test_an_uncertainty_of_another_value_does_not_stay(study):
-    ((weighed, _),) = FitFolder(study / "fits").pipelines(["study/tip_mass.csv"])
-    ((plain, _),) = FitFolder(study / "fits").pipelines(["study/plain.csv"])
+    ((weighed, _),) = pipeline_counts(FitFolder(study / "fits"), ["study/tip_mass.csv"])
+    ((plain, _),) = pipeline_counts(FitFolder(study / "fits"), ["study/plain.csv"])
     assert (plain.alignment.tip_mass, plain.alignment.tip_mass_uncertainty) == (0.01, 0.001)
     assert (weighed.alignment.tip_mass, weighed.alignment.tip_mass_uncertainty) == (0.05, None)
 
@@ -149,7 +150,7 @@ def layers(tmp_path, monkeypatch):
 
 
 def heights_of(folder):
-    return [pipeline.tracks[0].model.thickness.height for pipeline, _ in folder.pipelines(folder.names)]
+    return [pipeline.tracks[0].model.thickness.height for pipeline, _ in pipeline_counts(folder, folder.names)]
 
 
 @pytest.mark.parametrize(

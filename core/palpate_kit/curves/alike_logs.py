@@ -15,7 +15,7 @@ from palpate_records.recording import Suggestion
 
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_list import RECORD, is_list
-from palpate_kit.curves.curve_table import SETTINGS
+from palpate_kit.curves.folder_settings import SETTINGS
 from palpate_kit.logs.draft_pipeline import UNREAD, reader_of, recording_of
 
 Log = TypeVar("Log", bound="Path | LogPart")

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from palpate import ConfigurationError, suggest, to_si
 from palpate_engine import SEVERITIES, display_unit
 
-from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.fit_folder import FitFolder
 
 Test = Callable[[CurveRow], bool]
 _WORD = re.compile(r"(?P<name>[^<>=:]+)(?P<sign><=|>=|<|>|=|:)(?P<value>.*)")

@@ -12,9 +12,11 @@ from palpate_engine import Pipeline
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, offline, record_tracks
 from palpate_kit.curves.curve_list import add_curves
+from palpate_kit.curves.curve_pipelines import curve_reader, dialect_pipeline
 from palpate_kit.curves.curve_pool import on_cores
-from palpate_kit.curves.curve_table import FitTable, curves_folder
+from palpate_kit.curves.curve_table import FitTable
 from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.folder_settings import curves_folder
 from palpate_kit.curves.own_settings import read_own
 from palpate_kit.jobs.process_pool import core_count
 from palpate_kit.terminal.progress import progress, report_progress
@@ -51,7 +53,8 @@ def dialect_name(number: int) -> str:
 
 def table_of(folder: FitFolder, dialect: str = "") -> FitTable:
     """Return the table of the curves of a dialect; raises UserError."""
-    return FitTable(folder.path, offline(folder.pipeline(dialect)), folder.reader(dialect).device, dialect)
+    pipeline = offline(dialect_pipeline(folder, dialect))
+    return FitTable(folder.path, pipeline, curve_reader(folder, dialect).device, dialect)
 
 
 def fit_rows(
@@ -66,8 +69,10 @@ def fit_rows(
     The `pool` fits them, else so many `workers`; by default a few curves have one, and many one per core. Rows are left
     in an `order` of names, by default that of the folder. Raises UserError.
     """
-    tables = [(table_of(folder, dialect), folder.reader(dialect), curves) for dialect, curves in _chosen(folder, names)]
-    stale = [(table, reader, list(table.left(curves, reader))) for table, reader, curves in tables]
+    stale: list[tuple[FitTable, CurveReader, list[Curve]]] = []
+    for dialect, curves in _chosen(folder, names):
+        table, reader = table_of(folder, dialect), curve_reader(folder, dialect)
+        stale.append((table, reader, list(table.left(curves, reader))))
     count = 0
     with progress("fit", "curves", sum(len(curves) for _, _, curves in stale)):
         for table, reader, curves in stale:
@@ -80,13 +85,13 @@ def fit_rows(
 def demand_settings(folder: FitFolder, names: Collection[str]) -> None:
     """Raise ConfigurationError for settings of some curves by which nothing can be fitted."""
     for dialect, curves in _chosen(folder, names):
-        reader = folder.reader(dialect)
+        reader = curve_reader(folder, dialect)
         for own in dict.fromkeys(curve.own for curve in curves):
             record_tracks(reader, own)
 
 
-def fit_stream(path: Path, pipeline: Pipeline, reader: CurveReader, curves: Iterable[Curve], pool: Pool) -> FitTable:
-    """Fit the curves of a stream of readings, and return their table; ``own.toml`` has settings of single ones.
+def fit_stream(path: Path, pipeline: Pipeline, reader: CurveReader, curves: Iterable[Curve], pool: Pool) -> None:
+    """Fit the curves of a stream of readings into the table of a folder; ``own.toml`` has settings of single ones.
 
     Raises LogError, OutputError.
     """
@@ -97,7 +102,6 @@ def fit_stream(path: Path, pipeline: Pipeline, reader: CurveReader, curves: Iter
     with progress("fit", "curves"):
         _add_rows(table, reader, table.left(stated, reader), pool, len(table.done))
     table.compact()
-    return table
 
 
 def _chosen(folder: FitFolder, names: Collection[str]) -> list[tuple[str, list[Curve]]]:

@@ -4,40 +4,30 @@ from __future__ import annotations
 
 import csv
 import io
-import os
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
-import numpy as np
-import tomli_w
-from palpate import ConfigurationError, Floats, LogError, OutputError, is_number
+from palpate import LogError, OutputError, is_number
 from palpate_engine import (
-    DIALECT,
     SEVERITIES,
     Pipeline,
-    bounded_text,
-    dialect_tables,
     file_in_place,
     is_open,
     resolved_text,
-    toml_tables,
-    with_dialect,
     write_whole,
 )
 from palpate_records.log_files import readable, regular
 
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
-from palpate_kit.curves.curve_list import RECORD
 from palpate_kit.curves.fit_provenance import add_provenance
+from palpate_kit.curves.folder_settings import SETTINGS, dialects_in, reading_keys, settings_text, write_dialects
 from palpate_kit.runs.pipeline_diff import differences
 from palpate_kit.terminal.motion_text import MOTION_COLUMNS
 
-TABLE, SETTINGS = "fits.csv", "pipeline.toml"
-CURVES = "curves"  # key of its [run]: the folder from which the files of curves are seen
+TABLE = "fits.csv"
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
 _TEXTS = ("curve", "track", "better_laws", "findings", "conditions", "needs", "flags", "settings", "error")
 _LINE = 1 << 16  # [bytes] of the head
@@ -148,28 +138,6 @@ def _sorted_by_curve(rows: Iterable[Row], names: Sequence[str]) -> list[Row]:
     return sorted(rows, key=lambda row: places.get(row["curve"], len(places)))
 
 
-def summary_of(rows: Iterable[Mapping[str, str]], names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """By track of rows: curves, those that failed or are flagged, and median and quartiles of each named value."""
-    found: dict[str, dict[str, Any]] = {}
-    numbers: dict[str, dict[str, list[float]]] = {}
-    for row in rows:
-        track = row.get("track", "")
-        told = found.setdefault(track, {"curves": 0, "failed": 0, "flagged": 0})
-        told["curves"] += 1
-        told["failed"] += bool(row.get("error")) or not row.get("surface")
-        told["flagged"] += row.get("verdict") in ("doubtful", "invalid")
-        for name in names:
-            if row.get(name):
-                numbers.setdefault(track, {}).setdefault(name, []).append(float(row[name]))
-    for track, columns in numbers.items():
-        found[track]["quartiles"] = {name: _quartiles(np.array(values)) for name, values in columns.items()}
-    return found
-
-
-def _quartiles(values: Floats) -> list[float]:
-    return [float(value) for value in np.quantile(values, [0.25, 0.5, 0.75])]
-
-
 def replace_columns(path: Path, columns: Sequence[str]) -> None:
     """Rewrite a table of fits with other columns; cells of a new column are empty."""
     write_rows(path, columns, latest_rows(path))
@@ -210,65 +178,6 @@ def demand_columns(path: Path) -> None:
     if head != before_verdicts and not _lacks_recent_alone(head, now):
         about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is not a table of fits"
         raise LogError(f"{path}: {about}: fit the curves again with another --out")
-
-
-def reading_keys(device: str) -> tuple[str, ...]:
-    """Keys of a pipeline that say where one of the curves is, and not how it is read."""
-    return f"device.{device}.file", f"device.{device}.{RECORD}", f"run.{CURVES}"
-
-
-def curves_folder(folder: Path) -> Path | None:
-    """The folder from which the files of curves are seen, as the pipeline states it; None where it states none."""
-    stated = _run_table(_settings(folder / SETTINGS)).get(CURVES)
-    return Path(os.path.normpath(folder.resolve() / str(stated))) if stated else None
-
-
-def settings_text(path: Path, dialect: str = "") -> str:
-    """The pipeline of a folder of fits by which files of a dialect are read, wherever these are; raises LogError."""
-    try:
-        return tomli_w.dumps(without_curves_folder(dialect_tables(_settings(path), dialect)))
-    except ConfigurationError as error:
-        raise LogError(f"{path}: {error}") from error
-
-
-def without_curves_folder(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables of a pipeline of a folder of fits but for where its curves are."""
-    if CURVES not in (run := _run_table(tables)):
-        return {**tables}
-    return {**tables, "run": {key: value for key, value in run.items() if key != CURVES}}
-
-
-def dialects_in(path: Path) -> list[str]:
-    """The dialects of the pipeline of a folder of fits, its own tables first, which have no name; raises LogError."""
-    return ["", *_settings(path).get(DIALECT, {})]
-
-
-def write_dialects(path: Path, texts: Mapping[str, str]) -> None:
-    """Write pipelines by dialect into the one file of a folder of fits; raises LogError, OutputError."""
-    before = _settings(path)
-    tables = toml_tables(texts[""]) if "" in texts else before
-    order = _run_table(before)
-    if stated := order.get(CURVES):
-        run = {**_run_table(tables), CURVES: stated}
-        tables["run"] = {key: run[key] for key in (*order, *run) if key in run}  # as before: undo gives the same bytes
-    for name, text in texts.items():
-        tables = with_dialect(tables, name, toml_tables(text)) if name else tables
-    write_whole(path, tomli_w.dumps(tables))
-
-
-def _run_table(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """The table ``[run]``; empty if it is not a table, which whoever builds the pipeline says."""
-    run = tables.get("run")
-    return run if isinstance(run, dict) else {}
-
-
-def _settings(path: Path) -> dict[str, Any]:
-    try:
-        return toml_tables(bounded_text(path))
-    except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: cannot be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise LogError(f"{path}: is a damaged pipeline: {error}") from error
 
 
 def columns_in(path: Path) -> tuple[str, ...]:

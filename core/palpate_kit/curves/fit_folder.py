@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,15 +13,12 @@ from palpate import ConfigurationError, ContactModel, LogError, PalpateError, su
 from palpate_engine import (
     DIALECT,
     RIG,
-    Pipeline,
     RigFacts,
     Source,
     approved_plugins,
     build_parts,
-    build_pipeline,
     facts_left_open,
     inherited_approval,
-    needs_fact,
     read_rig,
     registry,
     toml_tables,
@@ -33,114 +26,27 @@ from palpate_engine import (
 )
 
 from palpate_kit.curves.curve import Curve
-from palpate_kit.curves.curve_fits import CurveReader, row_conditions, settings_key, value_units
+from palpate_kit.curves.curve_fits import settings_key, value_units
 from palpate_kit.curves.curve_list import (
     FILE,
     LIST,
-    PLACES,
     RECORD,
     Entries,
     columns_of,
     fact_assignments,
     read_list,
 )
-from palpate_kit.curves.curve_table import (
-    SETTINGS,
-    TABLE,
-    columns_in,
-    curves_folder,
-    demand_columns,
-    dialects_in,
-    fitted_rows,
-    settings_text,
-    summary_of,
-)
+from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.curve_table import TABLE, columns_in, demand_columns, fitted_rows
+from palpate_kit.curves.folder_settings import SETTINGS, curves_folder, dialects_in, settings_text
 from palpate_kit.curves.own_settings import Own, read_own
+from palpate_kit.curves.row_summary import summary_of
 from palpate_kit.runs.review_file import Marks, read_marks
 
 
 def is_fit_folder(path: Path) -> bool:
     """Whether a folder holds fits of many curves."""
     return (path / TABLE).exists()
-
-
-@dataclass(frozen=True)
-class CurveRow:
-    """One track's fit of one curve, with what else is known of the curve."""
-
-    curve: str
-    track: str
-    cells: Mapping[str, str]  # of ``fits.csv``
-    groups: Mapping[str, str]  # of ``curves.csv``
-    rejected: str | None = None  # why; None where it was not
-    accepted: bool = False
-    current: bool = True  # made with the present settings
-
-    def number(self, name: str) -> float | None:
-        """A number of the row [SI]; None if it has none."""
-        try:
-            value = float(self.cells.get(name) or "nan")
-        except ValueError:
-            return None
-        return value if math.isfinite(value) else None
-
-    def usable_number(self, name: str) -> float | None:
-        """A value of the row [SI] that may enter statistics; None if it has none, or one that needs a fact."""
-        return None if needs_fact(self.verdict_of(name)) else self.number(name)
-
-    def systematic(self, name: str) -> float | None:
-        """Uncertainty of a value [SI] that curves of one rig share, in addition to its own fit's; None if unknown."""
-        std, combined = self.number(f"{name}_std"), self.number(f"{name}_combined")
-        return None if std is None or combined is None else math.sqrt(max(combined**2 - std**2, 0.0))
-
-    @property
-    def verdict(self) -> str:
-        """The verdict; invalid where it could not be fitted, "" where it is yet to be."""
-        return self.cells.get("verdict") or ("invalid" if self.error else "")
-
-    @property
-    def flags(self) -> tuple[str, ...]:
-        """Codes of its flags."""
-        return tuple((self.cells.get("flags") or "").split())
-
-    @property
-    def conditions(self) -> tuple[str, ...]:
-        """The open facts that its values hold for."""
-        return tuple(row_conditions(self.cells))
-
-    def verdict_of(self, name: str) -> str:
-        """The verdict of a value, such as "needs delay"; "" if it has none."""
-        return self.cells.get(f"{name}_verdict") or ""
-
-    @property
-    def error(self) -> str:
-        """Why it could not be fitted."""
-        return self.cells.get("error") or ""
-
-    @property
-    def usable(self) -> bool:
-        """Whether its values may enter statistics."""
-        return self.rejected is None and self.verdict not in ("", "invalid")
-
-    @property
-    def mark(self) -> str:
-        """bad, good or none."""
-        return "bad" if self.rejected is not None else "good" if self.accepted else "none"
-
-    @property
-    def state(self) -> str:
-        """current, stale where the settings have changed since, or missing."""
-        return "missing" if not self.cells else "current" if self.current else "stale"
-
-    @property
-    def place(self) -> tuple[float, float] | None:
-        """x and y [m], as ``curves.csv`` states them, else as they were measured."""
-        stated = [self.groups.get(name, "") for name in PLACES]
-        try:
-            x, y = (float(text) for text in stated) if all(stated) else (self.number("x"), self.number("y"))
-        except ValueError:
-            return None
-        return None if x is None or y is None else (x, y)
 
 
 def stale_words(folder: FitFolder) -> str:
@@ -208,37 +114,10 @@ class FitFolder:
         """The settings of one curve: the facts in ``rig.toml``, those in ``curves.csv``, then ``own.toml``."""
         return (*self.facts_left_open(self.dialect_of(curve)), *self.own_of(curve))
 
-    def assignments_of(self, curve: str) -> tuple[str, ...]:
-        """Return what makes ``pipeline.toml`` that of one curve, as of ``--set``: its dialect, file and settings."""
-        dialect = self.dialect_of(curve)
-        chosen = [f"run.{DIALECT}={json.dumps(dialect)}"] if dialect else []
-        return (*chosen, *self._reading_of(curve), *self.settings_of(curve))
-
-    def source_of(self, curve: str) -> Source:
-        """Return the pipeline of one curve, with its file, record and settings; raises LogError."""
-        source = Source(self.settings_text(self.dialect_of(curve)), self.path / SETTINGS)
-        for assignment in (*self._reading_of(curve), *self.settings_of(curve)):
-            source.override(assignment)
-        return source
-
-    def _reading_of(self, curve: str) -> list[str]:
-        """The file and the record of a curve as ``--set``."""
-        device = self.reader(self.dialect_of(curve)).device
-        reading = {"file": self.file_of(curve), RECORD: self.curve(curve).record}
-        return [f"device.{device}.{key}={json.dumps(text)}" for key, text in reading.items() if text]
-
     def names_of(self, file: Path, record: str | None = None) -> list[str]:
         """Return the curves of a file, or of one record in it; none for a file that is not of the folder."""
         curves = [curve for curve in self.curves() if os.path.realpath(curve.file) == os.path.realpath(file)]
         return [curve.name for curve in curves if record is None or curve.record == record]
-
-    def pipelines(self, names: Iterable[str]) -> list[tuple[Pipeline, int]]:
-        """Return the different pipelines of curves, each with their number, that of most of them first.
-
-        Raises UserError.
-        """
-        counts = Counter((self.dialect_of(name), self.settings_of(name)) for name in names)
-        return [(self.pipeline(*kind), count) for kind, count in counts.most_common()]
 
     def own_of(self, curve: str) -> tuple[str, ...]:
         """The settings of one curve that others need not have."""
@@ -341,30 +220,6 @@ class FitFolder:
     def approved(self) -> frozenset[str]:
         """SHA-256 of the plugin files that its pipelines may name: nothing in the folder is consent to one."""
         return approved_plugins().union(trusted_plugins())
-
-    def reader(self, dialect: str = "") -> CurveReader:
-        """How the curves of a dialect are read and fitted; raises LogError where it has no device with a file."""
-        path, text = self.path / SETTINGS, self.settings_text(dialect)
-        tables = toml_tables(text).get("device")
-        found = tables.items() if isinstance(tables, dict) else ()
-        devices = {key: table["file"] for key, table in found if isinstance(table, dict) and "file" in table}
-        if len(devices) != 1:
-            raise LogError(f"{path}: has {len(devices)} devices with a file; one is needed")
-        ((device, file),) = devices.items()
-        overrides: tuple[str, ...] = ()
-        if not (self.path / str(file)).exists():  # of a curve that has gone since
-            files = [c.file for c in self.curves() if self.dialect_of(c.name) == dialect and Path(c.file).exists()]
-            overrides = tuple(f"device.{device}.file={json.dumps(file)}" for file in files[:1])
-        return CurveReader(text, str(path.resolve()), overrides, device, self.approved, text)
-
-    def pipeline(self, dialect: str = "", more: Sequence[str] = ()) -> Pipeline:
-        """The pipeline of a dialect with the file of a curve that is there, and more settings; raises UserError."""
-        reader = self.reader(dialect)
-        source = Source(reader.text, self.path / SETTINGS)
-        for assignment in (*reader.overrides, *more):
-            source.override(assignment)
-        with inherited_approval(reader.approved):
-            return build_pipeline(source)
 
     def dialect_of(self, curve: str) -> str:
         """The dialect in which a curve is written; "" for that of the pipeline's own tables."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from palpate import ConfigurationError, suggest
 
 from palpate_kit.curves.curve_list import FACTS, PLACES, columns_of
-from palpate_kit.curves.fit_folder import CurveRow
+from palpate_kit.curves.curve_row import CurveRow
 from palpate_kit.numerics.group_comparison import CURVE, GroupComparison, compare_groups
 from palpate_kit.runs.run_groups import natural
 

@@ -15,7 +15,9 @@ import numpy as np
 from palpate import Indenter
 from palpate_engine import Pipeline, Registry, numbers_of
 
-from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.curves.curve_pipelines import dialect_pipeline
+from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.numerics.normalised_error import normalised_error
 from palpate_kit.terminal.phrase import Quantity, curve_count, quantity_text
 
@@ -73,25 +75,9 @@ def setup_pairs(folder: FitFolder, curves: Collection[str], known: Registry) -> 
     """Return the pairs of tips or depths on each specimen of some curves, those that agree least first."""
     if SPECIMEN not in folder.columns:
         return []
-    rows = [row for name in curves if name in folder.by_curve for row in folder.rows_of(name)]
-    rows = [row for row in rows if row.usable and row.current and row.groups.get(SPECIMEN)]
     names = [name for name in COMPARED if name in folder.values] or folder.values[:2]
-    pipelines: dict[tuple[str, tuple[str, ...]], Pipeline] = {}
-
-    def tip_of(row: CurveRow) -> Indenter | None:
-        kind = folder.dialect_of(row.curve), folder.settings_of(row.curve)
-        pipeline = pipelines.get(kind) or pipelines.setdefault(kind, folder.pipeline(*kind))
-        track = next(track for track in pipeline.tracks if str(track.name) == row.track)
-        tip = getattr(track.model, "indenter", None)
-        return tip if isinstance(tip, Indenter) else None
-
-    of_specimen: dict[tuple[str, str], dict[str, tuple[Indenter | None, list[CurveRow]]]] = {}
-    for row in rows:
-        tip = tip_of(row)
-        of_tip = of_specimen.setdefault((row.groups[SPECIMEN], row.track), {})
-        of_tip.setdefault(repr(tip), (tip, []))[1].append(row)
     pairs = []
-    for (specimen, track), of_tip in of_specimen.items():
+    for (specimen, track), of_tip in _rows_by_tip(folder, curves).items():
         setups = [
             _setup(short_tip(tip, known), same_depth, names)
             for tip, of_one in of_tip.values()
@@ -99,6 +85,35 @@ def setup_pairs(folder: FitFolder, curves: Collection[str], known: Registry) -> 
         ]
         pairs += [SetupPair(specimen, track, pair, _scores(*pair)) for pair in combinations(setups, 2)]
     return sorted((pair for pair in pairs if pair.e_n), key=lambda pair: -max(pair.e_n.values()))
+
+
+_RowsOfTip = tuple[Indenter | None, list[CurveRow]]
+
+
+def _rows_by_tip(folder: FitFolder, curves: Collection[str]) -> dict[tuple[str, str], dict[str, _RowsOfTip]]:
+    """Return the usable rows of some curves by specimen and track, then by their tips."""
+    of_specimen: dict[tuple[str, str], dict[str, _RowsOfTip]] = {}
+    pipelines: dict[tuple[str, tuple[str, ...]], Pipeline] = {}
+    for name in curves:
+        if name not in folder.by_curve:
+            continue
+        kind = folder.dialect_of(name), folder.settings_of(name)
+        for row in folder.rows_of(name):
+            if not (row.usable and row.current and row.groups.get(SPECIMEN)):
+                continue
+            if kind not in pipelines:
+                pipelines[kind] = dialect_pipeline(folder, *kind)
+            tip = _tip_of(pipelines[kind], row.track)
+            of_tip = of_specimen.setdefault((row.groups[SPECIMEN], row.track), {})
+            of_tip.setdefault(repr(tip), (tip, []))[1].append(row)
+    return of_specimen
+
+
+def _tip_of(pipeline: Pipeline, name: str) -> Indenter | None:
+    """Return the tip of a track; None where its model has none."""
+    track = next(track for track in pipeline.tracks if str(track.name) == name)
+    tip = getattr(track.model, "indenter", None)
+    return tip if isinstance(tip, Indenter) else None
 
 
 def by_depth(rows: Sequence[CurveRow]) -> list[list[CurveRow]]:

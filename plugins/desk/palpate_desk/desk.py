@@ -18,9 +18,11 @@ from palpate_engine import RIG, analysis, file_in_place, inherited_approval, opt
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import CurveReader, Row
+from palpate_kit.curves.curve_pipelines import curve_reader
+from palpate_kit.curves.curve_row import CurveRow
 from palpate_kit.curves.curve_rows import table_of
 from palpate_kit.curves.curve_table import FitTable
-from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.runs.review_file import Mark, write_mark
 
 from palpate_desk.action import Action, where_curve
@@ -95,7 +97,7 @@ class Desk:
         """How a curve is read."""
         name = self.folder.dialect_of(curve)
         if name not in self._readers:
-            self._readers[name] = self.folder.reader(name)
+            self._readers[name] = curve_reader(self.folder, name)
         return self._readers[name]
 
     def curve(self, name: str) -> Curve:

@@ -16,8 +16,9 @@ import numpy as np
 from palpate import ConfigurationError
 from palpate_engine import display_unit, registry, write_whole
 from palpate_kit.curves.curve_list import FACTS
-from palpate_kit.curves.curve_table import SETTINGS
-from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.folder_settings import SETTINGS
 from palpate_kit.curves.row_results import result_row
 from palpate_kit.figures import force_unit
 

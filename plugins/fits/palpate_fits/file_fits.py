@@ -16,10 +16,12 @@ from palpate_engine import Pipeline, make_folder, option_of, registry, toml_tabl
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve_fits import Row
 from palpate_kit.curves.curve_list import RECORD, Entries, stated_in
+from palpate_kit.curves.curve_pipelines import pipeline_counts
 from palpate_kit.curves.curve_rows import CurveGroup, fit_rows, list_curves
-from palpate_kit.curves.curve_table import SETTINGS, TABLE, list_unread
+from palpate_kit.curves.curve_table import TABLE, list_unread
 from palpate_kit.curves.file_facts import FileFacts, file_facts
 from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.folder_settings import SETTINGS
 from palpate_kit.curves.shared_specimen import SetupPair, setup_pairs
 from palpate_kit.curves.stated_facts import StatedFacts, keep_facts
 from palpate_kit.terminal.fact_line import columns_line, fact_line
@@ -178,7 +180,7 @@ def _show(fitted: FittedFiles, files: SourceFiles, asked: FitRequest, command: s
     """Print what was assumed, the rows, what is a guess, and commands that go on from here."""
     rows, folder, known = fitted.rows, fitted.folder, registry.load()
     pipeline = fitted.groups[0].pipeline
-    kinds = folder.pipelines(row["curve"] for row in rows if not row.get("error"))
+    kinds = pipeline_counts(folder, (row["curve"] for row in rows if not row.get("error")))
     typer.echo(title_line(rows[0]["curve"] if len(rows) == 1 else f"{len(rows)} files"))
     facts = fact_line(kinds or [(pipeline, len(rows))], [row_motion(row) for row in rows])
     for line in (*filled(facts), *_columns_lines(fitted.groups)):

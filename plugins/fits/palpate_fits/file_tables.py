@@ -9,8 +9,8 @@ from pathlib import Path
 import typer
 from palpate_engine import Pipeline, Registry, Track
 from palpate_kit.curves.curve_fits import Row, value_units
-from palpate_kit.curves.curve_table import summary_of
 from palpate_kit.curves.row_results import row_table
+from palpate_kit.curves.row_summary import summary_of
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.motion_text import motion_text, row_motion
 from palpate_kit.terminal.result_screen import WIDTH, coloured, fact_lines, finding_lines, value_lines, value_table

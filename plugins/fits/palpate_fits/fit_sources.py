@@ -11,9 +11,10 @@ from palpate import ConfigurationError, PalpateError, UserError
 from palpate_engine import ConsentError, Pipeline, Source, build_pipeline, load_pipeline, parsed_assignment
 from palpate_kit.curves.curve_fits import offline
 from palpate_kit.curves.curve_list import RECORD
-from palpate_kit.curves.curve_table import SETTINGS
+from palpate_kit.curves.curve_pipelines import curve_assignments
 from palpate_kit.curves.file_facts import facts_beside
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
+from palpate_kit.curves.folder_settings import SETTINGS
 from palpate_kit.curves.stated_facts import StatedFacts
 from palpate_kit.runs.replay_source import RunLog, read_run_log, replay_source
 
@@ -77,7 +78,7 @@ def _of_fit_folder(source: Path, reader: Path, record: str | None) -> tuple[str,
     if len(names) > 1:
         listed = ", ".join(names)
         raise ConfigurationError(f"{source}: is {len(names)} curves ({listed}): choose one by device.log.{RECORD}")
-    return folder.assignments_of(names[0]) if names else None
+    return curve_assignments(folder, names[0]) if names else None
 
 
 def _carried(log: Path, overrides: list[str]) -> Pipeline:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from palpate import ConfigurationError
 from palpate_engine import (
     RIG,
     Pipeline,
+    RigFacts,
     Source,
     build_pipeline,
     facts_left_open,
@@ -26,16 +28,11 @@ from palpate_engine import (
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import offline
 from palpate_kit.curves.curve_list import FILE, LIST, add_groups, stated_in
+from palpate_kit.curves.curve_pipelines import dialect_pipeline, dialect_source
 from palpate_kit.curves.curve_rows import demand_settings, fit_rows
-from palpate_kit.curves.curve_table import (
-    SETTINGS,
-    TABLE,
-    columns_of_fits,
-    list_unread,
-    replace_columns,
-    write_dialects,
-)
+from palpate_kit.curves.curve_table import columns_of_fits, list_unread, replace_columns
 from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.folder_settings import SETTINGS, write_dialects
 from palpate_kit.curves.own_settings import change_assignments, write_own
 from palpate_kit.curves.shared_specimen import setup_pairs
 from palpate_kit.runs.replay_source import added_table
@@ -100,10 +97,11 @@ def _show(path: Path, count: int, change: FitRequest, refused: Mapping[str, str]
         rows = sorted(folder.cells, key=lambda row: places[row["curve"]])
         rows += [{"curve": name, "error": error} for name, error in refused.items()]
         command = shlex.join(["palpate", "fit", str(path)])
+        pipeline, known = dialect_pipeline(folder), registry.load()
         typer.echo(title_line(f"{len(folder.names)} files"))
-        show_rows(rows, folder.pipeline(), registry.load(), command, change.details, list_advice(path))
+        show_rows(rows, pipeline, known, command, change.details, list_advice(path))
         show_pairs(pairs)
-        typer.echo(partition_line(rows, folder.pipeline(), registry.load()))
+        typer.echo(partition_line(rows, pipeline, known))
         typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted again; every number: {folder.table}")
     if failed := sum(track["failed"] for track in tracks.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in tracks.values())} failed", err=True)
@@ -143,11 +141,16 @@ def change_folder(path: Path, change: FitRequest) -> None:
         own = dict(folder.own)
         own |= {name: change_assignments(own.get(name, ()), change.overrides, change.unset) for name in names}
         for kind in {(folder.dialect_of(name), own[name]) for name in names}:
-            source = _source(folder, kind[0])
-            for assignment in kind[1]:
-                source.override(assignment)
-            _demand_fits(source)
+            _demand_fits(dialect_source(folder, *kind))
         write_own(path, own)
+
+
+@dataclass(frozen=True)
+class _NewPipeline:
+    """The pipeline of a dialect after a change."""
+
+    text: str  # empty where it stays as it is
+    columns: tuple[str, ...]  # of the table of its fits
 
 
 def _change_all(folder: FitFolder, change: FitRequest) -> None:
@@ -155,34 +158,40 @@ def _change_all(folder: FitFolder, change: FitRequest) -> None:
     if not (change.overrides or change.unset or change.tip or change.model):
         return
     answers = _answers(folder, change)
-    table = folder.facts.model_dump(exclude_defaults=True) | answers
-    facts = facts_of({key: value for key, value in table.items() if value is not None})
-    texts: dict[str, str] = {}
-    columns: tuple[str, ...] = ()
-    for name in folder.dialects:
-        source = _source(folder, name)
-        if change.tip is not None:
-            tip = tip_table(change.tip, registry.load(), "--tip")
-            source.tables["indenter"] = dict.fromkeys(source.tables.get("indenter") or ["tip"], tip)
-        if change.model is not None:
-            _replace_model(source, change.model)
-        left = facts_left_open(source.tables, facts, registry.load())
-        open_keys = {parsed_assignment(assignment)[0] for assignment in left}
-        own = [text for text in change.overrides if parsed_assignment(text)[0] not in open_keys]
-        for assignment in own:
-            source.override(assignment)
-        pipeline = _demand_fits(source)
-        columns = columns_of_fits(offline(pipeline))
-        if own or change.tip or change.model:
-            texts[name] = resolved_text(pipeline, folder.path)
-        if left:
-            _demand_fits(_source(folder, name, texts.get(name, ""), left))
+    stated = folder.facts.model_dump(exclude_defaults=True) | answers
+    facts = facts_of({key: value for key, value in stated.items() if value is not None})
+    pipelines = {name: _new_pipeline(folder, name, change, facts) for name in folder.dialects}
     if answers:
         write_rig(folder.path / RIG, answers)
-    if texts:
+    if texts := {name: pipeline.text for name, pipeline in pipelines.items() if pipeline.text}:
         write_dialects(folder.path / SETTINGS, texts)
+    columns = list(pipelines.values())[-1].columns
     if folder.cells and tuple(folder.cells[0]) != columns:
-        replace_columns(folder.path / TABLE, columns)
+        replace_columns(folder.table, columns)
+
+
+def _new_pipeline(folder: FitFolder, dialect: str, change: FitRequest, facts: RigFacts) -> _NewPipeline:
+    """Return the pipeline of a dialect with what it states itself changed.
+
+    Raises ConfigurationError where nothing can be fitted by it, or by it with the `facts` of ``rig.toml``.
+    """
+    source = dialect_source(folder, dialect)
+    if change.tip is not None:
+        tip = tip_table(change.tip, registry.load(), "--tip")
+        source.tables["indenter"] = dict.fromkeys(source.tables.get("indenter") or ["tip"], tip)
+    if change.model is not None:
+        _replace_model(source, change.model)
+    # A fact that the pipeline leaves open stays in rig.toml; whatever else is set stands in the pipeline.
+    left_open = facts_left_open(source.tables, facts, registry.load())
+    open_keys = {parsed_assignment(assignment)[0] for assignment in left_open}
+    own = [text for text in change.overrides if parsed_assignment(text)[0] not in open_keys]
+    for assignment in own:
+        source.override(assignment)
+    pipeline = _demand_fits(source)
+    text = resolved_text(pipeline, folder.path) if own or change.tip or change.model else ""
+    if left_open:
+        _demand_fits(dialect_source(folder, dialect, left_open, text))
+    return _NewPipeline(text, columns_of_fits(offline(pipeline)))
 
 
 def _answers(folder: FitFolder, change: FitRequest) -> dict[str, Any]:
@@ -200,14 +209,6 @@ def _answers(folder: FitFolder, change: FitRequest) -> dict[str, Any]:
             raise ConfigurationError(f"--unset {text}: {folder.path / RIG} does not state it")
         answers[key] = None
     return answers
-
-
-def _source(folder: FitFolder, dialect: str, text: str = "", more: Sequence[str] = ()) -> Source:
-    """The pipeline of a dialect of the folder, or that of a text, to change, with more settings."""
-    source = Source(text or folder.settings_text(dialect), folder.path / SETTINGS)
-    for assignment in (*folder.reader(dialect).overrides, *more):  # the file that it names may have gone
-        source.override(assignment)
-    return source
 
 
 def _replace_model(source: Source, wanted: str) -> None:

@@ -11,7 +11,7 @@ from palpate_engine import Pipeline, display_unit
 from palpate_kit.curves.alike_logs import LogPart
 from palpate_kit.curves.curve_fits import Row, value_units
 from palpate_kit.curves.curve_list import OWN, Entries, columns_of
-from palpate_kit.curves.curve_table import summary_of
+from palpate_kit.curves.row_summary import summary_of
 from palpate_kit.terminal.table import Table
 
 from palpate_fits.fit_tables import quartiles_text

@@ -23,9 +23,9 @@ from palpate_engine import (
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_list import add_curves
-from palpate_kit.curves.curve_table import SETTINGS, reading_keys, write_dialects
 from palpate_kit.curves.file_facts import file_facts
 from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.folder_settings import SETTINGS, reading_keys, write_dialects
 from palpate_kit.curves.stated_facts import StatedFacts, suggestion_by_facts
 from palpate_kit.logs.role_guess import ROLES
 from palpate_kit.logs.suggestion import UNITS

@@ -8,7 +8,8 @@ import numpy as np
 import typer
 from palpate import LogError, suggest
 from palpate_kit.curves.curve_filter import curve_filter
-from palpate_kit.curves.fit_folder import CurveRow, FitFolder, stale_words
+from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.fit_folder import FitFolder, stale_words
 
 from palpate_maps.path_reader import Path2D
 from palpate_maps.sites import Sites

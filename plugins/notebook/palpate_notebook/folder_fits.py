@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 from palpate import ConfigurationError
 from palpate_engine import analysis, display_unit
-from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder
+from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 
 from palpate_notebook.argument_names import explains_arguments
 from palpate_notebook.optional_imports import library

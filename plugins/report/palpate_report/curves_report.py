@@ -10,7 +10,9 @@ from typing import Any
 from palpate import ConfigurationError, PalpateError, suggest
 from palpate_engine import build_pipeline, inherited_approval, registry, resolved_text, verdict_word
 from palpate_kit.curves.curve_filter import curve_filter
-from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.curves.curve_pipelines import curve_source
+from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.terminal.result_table import ResultFinding
 
 from palpate_report.anonymous import Anonymous
@@ -43,7 +45,7 @@ def _pipeline_text(folder: FitFolder, curve: str) -> str:
     """The pipeline of a curve as it is run, seen from the folder; where its parts are not here, that of all curves."""
     try:
         with inherited_approval(folder.approved):
-            return resolved_text(build_pipeline(folder.source_of(curve)), folder.path)
+            return resolved_text(build_pipeline(curve_source(folder, curve)), folder.path)
     except PalpateError:
         return folder.settings_text(folder.dialect_of(curve))
 

@@ -10,7 +10,9 @@ from functools import cached_property
 import numpy as np
 from palpate_engine import Pipeline, registry
 from palpate_kit.curves.curve_fits import row_conditions
-from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.curves.curve_pipelines import pipeline_counts
+from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.fit_provenance import FitProvenance, read_provenance
 from palpate_kit.curves.row_results import result_row
 from palpate_kit.terminal.result_table import ResultTable
@@ -31,7 +33,7 @@ class FolderFacts:
         Curves that could not be read or fitted count only if all are such.
         """
         names = [row.curve for row in self.rows if not row.error] or [row.curve for row in self.rows]
-        return self.folder.pipelines(names)
+        return pipeline_counts(self.folder, names)
 
     @cached_property
     def used(self) -> list[CurveRow]:

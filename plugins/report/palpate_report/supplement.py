@@ -9,7 +9,7 @@ from pathlib import Path
 
 from palpate import ConfigurationError, is_number
 from palpate_engine import display_unit, is_open, write_whole
-from palpate_kit.curves.fit_folder import CurveRow
+from palpate_kit.curves.curve_row import CurveRow
 from palpate_kit.terminal.layout import text_of
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table

@@ -11,7 +11,9 @@ import numpy as np
 from palpate import Floats, PalpateError
 from palpate_engine import RecordOutcome
 from palpate_kit.curves.curve_fits import curve_outcome, record_tracks
-from palpate_kit.curves.fit_folder import CurveRow, FitFolder
+from palpate_kit.curves.curve_pipelines import curve_reader
+from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.figures import WIDTHS, figure_of, style
 
 from palpate_report.figure_data import thin_rows
@@ -53,7 +55,7 @@ def excluded_rows(facts: FolderFacts) -> list[CurveRow]:
 
 def outcome_of(folder: FitFolder, curve: str) -> RecordOutcome:
     """What the fit of a curve finds, made again from its file; raises PalpateError."""
-    reader, own = folder.reader(folder.dialect_of(curve)), folder.settings_of(curve)
+    reader, own = curve_reader(folder, folder.dialect_of(curve)), folder.settings_of(curve)
     return curve_outcome(record_tracks(reader, own), reader.device, folder.curve(curve))
 
 

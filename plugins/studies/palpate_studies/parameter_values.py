@@ -11,7 +11,8 @@ import typer
 from palpate import ConfigurationError, Flag, LogError, UserError, suggest
 from palpate_engine import needs_fact, registry, verdict
 from palpate_kit.curves.curve_filter import CurveFilter, curve_filter
-from palpate_kit.curves.fit_folder import CurveRow, FitFolder, is_fit_folder, stale_words
+from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder, stale_words
 from palpate_kit.runs.result_file import read_flags, read_results, value_verdict
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.runs.run_groups import natural

@@ -80,19 +80,18 @@ def repeat(
     more also by Welch's analysis of variance and Games and Howell's test.
     """
     if table is not None:
-        others = {
+        _demand_none({
             "--group": group, "--by": by, "--unit": unit, "--mixed": mixed, "--picture": picture, "--truth": truth,
             "--out": out, "--set": overrides, "--scheduler": scheduler, "--json": as_json,
-        }  # fmt: skip
-        if given := next((option for option, value in others.items() if value), None):
-            raise ConfigurationError(f"--table: writes all values and compares nothing; {given} is for statistics")
+        })  # fmt: skip
         if write_value_table(table, sources or [], track, parameter, where):
             raise typer.Exit(1)
         return
     parameter = parameter or "elasticity"
-    files: dict[str, list[Path]] = {}
-    for name, paths in groups_of(sources or [], group or []).items():
-        files[name] = [run for path in paths for run in _runs(path, overrides or [], out, scheduler, stage)]
+    files = {
+        name: [run for path in paths for run in _runs(path, overrides or [], out, scheduler, stage)]
+        for name, paths in groups_of(sources or [], group or []).items()
+    }
     if by is None:
         groups = read_groups(files, track, parameter, where)
     else:
@@ -104,6 +103,12 @@ def repeat(
     if failures := dict.fromkeys(path for found in groups.values() for path in found.failures):
         typer.echo(f"{len(failures)} runs failed", err=True)
         raise typer.Exit(1)
+
+
+def _demand_none(options: Mapping[str, object]) -> None:
+    """Raise ConfigurationError for options of statistics next to ``--table``."""
+    if option := next((name for name, value in options.items() if value), None):
+        raise ConfigurationError(f"--table: writes all values and compares nothing; {option} is for statistics")
 
 
 def _document(

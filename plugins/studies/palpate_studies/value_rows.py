@@ -16,8 +16,9 @@ import typer
 from palpate import ConfigurationError, LogError, PalpateError, UserError, suggest
 from palpate_engine import PIPELINE, RESULT, Source, build_parts, registry
 from palpate_kit.curves.curve_filter import curve_filter
-from palpate_kit.curves.curve_table import SETTINGS, TABLE
+from palpate_kit.curves.curve_table import TABLE
 from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.folder_settings import SETTINGS
 from palpate_kit.runs.device_identity import is_identity
 from palpate_kit.runs.result_file import read_results
 from palpate_kit.runs.run_folder import RunFolder

@@ -12,8 +12,9 @@ import typer
 from palpate import ConfigurationError, Floats, LogError, Problem, Samples, printable, suggest
 from palpate_engine import Pipeline, Source, TrackResult, build_pipeline, display_unit, is_live, registry
 from palpate_kit.curves.curve_filter import curve_filter
-from palpate_kit.curves.curve_table import SETTINGS
+from palpate_kit.curves.curve_pipelines import curve_source
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
+from palpate_kit.curves.folder_settings import SETTINGS
 from palpate_kit.logs.draft_pipeline import pipeline_of, suggestion_of
 from palpate_kit.runs.replay_source import added_table, read_run_log, replay_source
 from palpate_kit.runs.sample_observer import SampleObserver
@@ -78,7 +79,7 @@ def _of_source(path: Path, wanted: Sequence[str], where: str | None, overrides: 
             f"{path}: has no curves{f' of {where!r}' if where else ''} that are not rejected and whose files are known"
         )
     for curve in curves:
-        source = folder.source_of(curve.name)
+        source = curve_source(folder, curve.name)
         for assignment in overrides:
             source.override(assignment)
         yield from candidates(Path(curve.name), with_candidates(source, path / SETTINGS, wanted))

@@ -18,9 +18,10 @@ import tomli_w
 from palpate import ConfigurationError, OutputError
 from palpate_engine import RIG, bounded_text, parsed_assignment, toml_tables, write_whole
 from palpate_kit.curves.curve_list import FILE, LIST, write_list
-from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_in, without_curves_folder, write_rows
+from palpate_kit.curves.curve_table import TABLE, columns_in, write_rows
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.fit_provenance import PROVENANCE
+from palpate_kit.curves.folder_settings import SETTINGS, without_curves_folder
 from palpate_kit.curves.own_settings import write_own
 from palpate_kit.runs.review_file import REVIEW
 

@@ -26,9 +26,11 @@ from palpate_engine import (
     write_whole,
 )
 from palpate_kit.curves.curve_fits import offline
-from palpate_kit.curves.curve_table import SETTINGS, TABLE, columns_of_fits, fitted_rows, write_rows
+from palpate_kit.curves.curve_pipelines import dialect_pipeline
+from palpate_kit.curves.curve_table import TABLE, columns_of_fits, fitted_rows, write_rows
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.fit_provenance import PROVENANCE
+from palpate_kit.curves.folder_settings import SETTINGS
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption
 
@@ -160,7 +162,7 @@ def _made_again(fits: Path, manifest: Manifest, jobs: int | None) -> Verificatio
     packed = {name: path.read_bytes() for name, path in files_below(fits).items()}
     before = fitted_rows(fits / TABLE)
     (fits / TABLE).unlink()
-    write_rows(fits / TABLE, columns_of_fits(offline(FitFolder(fits).pipeline())), ())
+    write_rows(fits / TABLE, columns_of_fits(offline(dialect_pipeline(FitFolder(fits)))), ())
     with redirect_stdout(StringIO()), suppress(typer.Exit):  # of curves that cannot be fitted, which are rows, too
         analysis("fit")([fits], jobs=jobs)
     if PROVENANCE in packed:

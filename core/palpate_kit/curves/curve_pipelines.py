@@ -1,0 +1,83 @@
+"""The pipelines by which the curves of a folder of fits are read and fitted."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from palpate import LogError
+from palpate_engine import DIALECT, Pipeline, Source, build_pipeline, inherited_approval, toml_tables
+
+from palpate_kit.curves.curve_fits import CurveReader
+from palpate_kit.curves.curve_list import RECORD
+from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.curves.folder_settings import SETTINGS
+
+
+def curve_reader(folder: FitFolder, dialect: str = "") -> CurveReader:
+    """Return how the curves of a dialect are read and fitted; raises LogError where no device has a file."""
+    path, text = folder.path / SETTINGS, folder.settings_text(dialect)
+    tables = toml_tables(text).get("device")
+    named = tables.items() if isinstance(tables, dict) else ()
+    devices = {key: table["file"] for key, table in named if isinstance(table, dict) and "file" in table}
+    if len(devices) != 1:
+        raise LogError(f"{path}: has {len(devices)} devices with a file; one is needed")
+    ((device, file),) = devices.items()
+    overrides: tuple[str, ...] = ()
+    if not (folder.path / str(file)).exists():  # of a curve that has gone since
+        alike = (curve.file for curve in folder.curves() if folder.dialect_of(curve.name) == dialect)
+        files = [file for file in alike if Path(file).exists()]
+        overrides = tuple(f"device.{device}.file={json.dumps(file)}" for file in files[:1])
+    return CurveReader(text, str(path.resolve()), overrides, device, folder.approved, text)
+
+
+def dialect_source(folder: FitFolder, dialect: str = "", more: Iterable[str] = (), text: str = "") -> Source:
+    """Return the pipeline of a dialect, or a `text` in its place, with the file of a curve and `more` settings.
+
+    Raises LogError, ConfigurationError.
+    """
+    reader = curve_reader(folder, dialect)
+    source = Source(text or reader.text, folder.path / SETTINGS)
+    for assignment in (*reader.overrides, *more):
+        source.override(assignment)
+    return source
+
+
+def dialect_pipeline(folder: FitFolder, dialect: str = "", more: Iterable[str] = ()) -> Pipeline:
+    """Return the pipeline of a dialect with the file of a curve that is there, and more settings; raises UserError."""
+    source = dialect_source(folder, dialect, more)
+    with inherited_approval(folder.approved):
+        return build_pipeline(source)
+
+
+def curve_source(folder: FitFolder, curve: str) -> Source:
+    """Return the pipeline of one curve, with its file, record and settings; raises LogError."""
+    source = Source(folder.settings_text(folder.dialect_of(curve)), folder.path / SETTINGS)
+    for assignment in (*_reading(folder, curve), *folder.settings_of(curve)):
+        source.override(assignment)
+    return source
+
+
+def curve_assignments(folder: FitFolder, curve: str) -> tuple[str, ...]:
+    """Return what makes ``pipeline.toml`` that of one curve, as of ``--set``: its dialect, file and settings."""
+    dialect = folder.dialect_of(curve)
+    chosen = [f"run.{DIALECT}={json.dumps(dialect)}"] if dialect else []
+    return (*chosen, *_reading(folder, curve), *folder.settings_of(curve))
+
+
+def pipeline_counts(folder: FitFolder, names: Iterable[str]) -> list[tuple[Pipeline, int]]:
+    """Return the different pipelines of curves, each with their number, that of most of them first.
+
+    Raises UserError.
+    """
+    counts = Counter((folder.dialect_of(name), folder.settings_of(name)) for name in names)
+    return [(dialect_pipeline(folder, *kind), count) for kind, count in counts.most_common()]
+
+
+def _reading(folder: FitFolder, curve: str) -> Sequence[str]:
+    """The file and the record of a curve as ``--set``."""
+    device = curve_reader(folder, folder.dialect_of(curve)).device
+    values = {"file": folder.file_of(curve), RECORD: folder.curve(curve).record}
+    return [f"device.{device}.{key}={json.dumps(text)}" for key, text in values.items() if text]

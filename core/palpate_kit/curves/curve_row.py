@@ -1,0 +1,91 @@
+"""One track's fit of one curve, as a folder of fits holds it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from palpate_engine import needs_fact
+
+from palpate_kit.curves.curve_fits import row_conditions
+from palpate_kit.curves.curve_list import PLACES
+
+
+@dataclass(frozen=True)
+class CurveRow:
+    """One track's fit of one curve, with what else is known of the curve."""
+
+    curve: str
+    track: str
+    cells: Mapping[str, str]  # of ``fits.csv``
+    groups: Mapping[str, str]  # of ``curves.csv``
+    rejected: str | None = None  # why; None where it was not
+    accepted: bool = False
+    current: bool = True  # made with the present settings
+
+    def number(self, name: str) -> float | None:
+        """A number of the row [SI]; None if it has none."""
+        try:
+            value = float(self.cells.get(name) or "nan")
+        except ValueError:
+            return None
+        return value if math.isfinite(value) else None
+
+    def usable_number(self, name: str) -> float | None:
+        """A value of the row [SI] that may enter statistics; None if it has none, or one that needs a fact."""
+        return None if needs_fact(self.verdict_of(name)) else self.number(name)
+
+    def systematic(self, name: str) -> float | None:
+        """Uncertainty of a value [SI] that curves of one rig share, in addition to its own fit's; None if unknown."""
+        std, combined = self.number(f"{name}_std"), self.number(f"{name}_combined")
+        return None if std is None or combined is None else math.sqrt(max(combined**2 - std**2, 0.0))
+
+    @property
+    def verdict(self) -> str:
+        """The verdict; invalid where it could not be fitted, "" where it is yet to be."""
+        return self.cells.get("verdict") or ("invalid" if self.error else "")
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Codes of its flags."""
+        return tuple((self.cells.get("flags") or "").split())
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """The open facts that its values hold for."""
+        return tuple(row_conditions(self.cells))
+
+    def verdict_of(self, name: str) -> str:
+        """The verdict of a value, such as "needs delay"; "" if it has none."""
+        return self.cells.get(f"{name}_verdict") or ""
+
+    @property
+    def error(self) -> str:
+        """Why it could not be fitted."""
+        return self.cells.get("error") or ""
+
+    @property
+    def usable(self) -> bool:
+        """Whether its values may enter statistics."""
+        return self.rejected is None and self.verdict not in ("", "invalid")
+
+    @property
+    def mark(self) -> str:
+        """bad, good or none."""
+        return "bad" if self.rejected is not None else "good" if self.accepted else "none"
+
+    @property
+    def state(self) -> str:
+        """current, stale where the settings have changed since, or missing."""
+        return "missing" if not self.cells else "current" if self.current else "stale"
+
+    @property
+    def place(self) -> tuple[float, float] | None:
+        """x and y [m], as ``curves.csv`` states them, else as they were measured."""
+        stated = [self.groups.get(name, "") for name in PLACES]
+        try:
+            x, y = (float(text) for text in stated) if all(stated) else (self.number("x"), self.number("y"))
+        except ValueError:
+            return None
+        return None if x is None or y is None else (x, y)
