@@ -160,6 +160,18 @@ def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
     return table
 
 
+def replace_model(source: Source, wanted: str) -> None:
+    """Put another model, by name or initials, on the tip of the first in place of all; raises ConfigurationError."""
+    tables: dict[str, Any] = source.tables
+    name = registries.load().named("model", wanted)
+    tables["model"] = {name: added_table("model", name, tables)}
+    run = tables.setdefault("run", {})
+    run.pop("tracks", None)
+    # What is assumed of models that have gone is assumed no more.
+    assumed = run.get("assumed", ())
+    run["assumed"] = [key for key in assumed if not key.startswith("model.") or key.split(".")[1] == name]
+
+
 def _unstated(part: type[Part], table: Mapping[str, Any]) -> list[str]:
     """Numbers of a part that its table leaves to their defaults."""
     return [name for name, field in part.model_fields.items() if field.annotation is float and name not in table]

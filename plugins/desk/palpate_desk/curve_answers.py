@@ -22,7 +22,7 @@ from palpate_kit.curves.curve_fits import (
     record_tracks,
 )
 from palpate_kit.curves.open_facts import open_facts
-from palpate_kit.runs.replay_source import added_table
+from palpate_kit.runs.replay_source import replace_model
 
 _LEAST_AIR = 10  # samples before contact that give a standard deviation
 _MOST = 4000  # points that are sent; beyond, those of least and most force of each stretch
@@ -69,11 +69,7 @@ def reader_with_model(reader: CurveReader, model: str) -> CurveReader:
     source = Source(reader.text, Path(reader.path))
     for assignment in reader.overrides:
         source.override(assignment)
-    tables: dict[str, Any] = source.tables
-    tables["model"] = {model: added_table("model", model, tables)}
-    run = tables.setdefault("run", {})
-    run.pop("tracks", None)
-    run["assumed"] = [key for key in run["assumed"] if not key.startswith("model.") or key.split(".")[1] == model]
+    replace_model(source, model)
     with inherited_approval(reader.approved):
         return replace(reader, text=resolved_text(build_pipeline(source)))
 

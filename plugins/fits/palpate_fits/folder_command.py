@@ -35,7 +35,7 @@ from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.folder_settings import SETTINGS, write_dialects
 from palpate_kit.curves.own_settings import change_assignments, write_own
 from palpate_kit.curves.shared_specimen import setup_pairs
-from palpate_kit.runs.replay_source import added_table
+from palpate_kit.runs.replay_source import replace_model
 from palpate_kit.runs.rig_file import write_rig
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.result_screen import title_line
@@ -180,7 +180,7 @@ def _new_pipeline(folder: FitFolder, dialect: str, change: FitRequest, facts: Ri
         tip = tip_table(change.tip, registry.load(), "--tip")
         source.tables["indenter"] = dict.fromkeys(source.tables.get("indenter") or ["tip"], tip)
     if change.model is not None:
-        _replace_model(source, change.model)
+        replace_model(source, change.model)
     # A fact that the pipeline leaves open stays in rig.toml; whatever else is set stands in the pipeline.
     left_open = facts_left_open(source.tables, facts, registry.load())
     open_keys = {parsed_assignment(assignment)[0] for assignment in left_open}
@@ -209,20 +209,6 @@ def _answers(folder: FitFolder, change: FitRequest) -> dict[str, Any]:
             raise ConfigurationError(f"--unset {text}: {folder.path / RIG} does not state it")
         answers[key] = None
     return answers
-
-
-def _replace_model(source: Source, wanted: str) -> None:
-    """Put another model on the tip of the first in place of all."""
-    known = registry.load()
-    name = known.named("model", wanted)
-    tables: dict[str, Any] = source.tables
-    table = added_table("model", name, tables)
-    tables["model"] = {name: table}
-    run = tables.setdefault("run", {})
-    run.pop("tracks", None)
-    run["assumed"] = [
-        key for key in run.get("assumed", ()) if not key.startswith("model.") or key.split(".")[1] == name
-    ]
 
 
 def _demand_fits(source: Source) -> Pipeline:
