@@ -37,7 +37,7 @@ from palpate_fits.curve_files import curve_files, curves_by
 from palpate_fits.fact_report import report_listed, report_rig
 from palpate_fits.fit_request import FitRequest
 from palpate_fits.fit_sources import log_device
-from palpate_fits.fit_tables import each_table
+from palpate_fits.quartile_table import each_table
 from palpate_fits.setup_tables import pairs_document, show_pairs
 
 

@@ -16,7 +16,7 @@ from palpate_kit.terminal.motion_text import motion_text, row_motion
 from palpate_kit.terminal.result_screen import WIDTH, coloured, fact_lines, finding_lines, value_lines, value_table
 from palpate_kit.terminal.table import Table, console
 
-from palpate_fits.fit_tables import each_table
+from palpate_fits.quartile_table import each_table
 
 _MEASURED = "measured"
 MOST = 40  # rows of a table on the terminal

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from palpate import BudgetRow, Effect, FitReport, Flag
-from palpate_engine import Pipeline, Result, TrackResult, UncertainValue, display_unit, is_open
-from palpate_kit.curves.curve_fits import value_units
+from palpate_engine import Result, TrackResult, UncertainValue, display_unit, is_open
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.quantities import value_or_fixed, value_with_uncertainty
 from palpate_kit.terminal.result_screen import coloured, fact_lines, finding_lines, value_lines, value_table
@@ -74,32 +73,6 @@ def fit_views(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[Ren
         for label, track in tracks.items():
             if track.usable and track.report is not None and track.report.budget:
                 yield budget(f"{name}: {label}", track, all_sources(track, track.report.budget))
-
-
-def each_table(tracks: Mapping[str, Mapping[str, Any]], pipeline: Pipeline) -> Table:
-    """Of many curves: how many were fitted, and median and quartiles of each value by track."""
-    units = {name: unit for track in pipeline.tracks for name, unit in value_units(track.model).items()}
-    shown = [name for name in units if any(name in found.get("quartiles", {}) for found in tracks.values())]
-    heads = [f"{name}\n{display_unit(units[name])[0]}" for name in shown]
-    left = ["track"] if len(tracks) > 1 else []
-    rows = [
-        [
-            *([label] if left else []),
-            *(str(found[name]) for name in ("curves", "failed", "flagged")),
-            *(quartiles_text(found.get("quartiles", {}).get(name), display_unit(units[name])[1]) for name in shown),
-        ]
-        for label, found in tracks.items()
-    ]
-    title = "median (quartiles) of the curves"
-    return Table.of(title, [*left, "curves", "failed", "flagged", *heads], rows, left)
-
-
-def quartiles_text(found: Sequence[float] | None, factor: float) -> str:
-    """Median and quartiles in a display unit; a dash without values."""
-    if found is None:
-        return "-"
-    low, middle, high = (f"{value * factor:.4g}" for value in found)
-    return f"{middle} ({low} to {high})"
 
 
 def fits_of_a_run(result: Result) -> list[Table | str]:
@@ -219,47 +192,3 @@ def budget(title: str, track: TrackResult, rows: Sequence[BudgetRow]) -> Rendera
         combined += ["", f"{100 * found.combined / abs(found.value):.3f}" if found.value else "?"]
     table.add_row("combined", "", *combined, style="bold")
     return table
-
-
-def evaluation(rows: Sequence[dict[str, Any]]) -> RenderableType:
-    """Residual sum of squares of every fit on every log."""
-    from rich.table import Table
-
-    logs = list(dict.fromkeys(row["on"] for row in rows))
-    table = Table(title="residual N^2 (RMS N) of what was fitted on one log on the others", title_justify="left")
-    table.add_column("track")
-    table.add_column("fitted on")
-    for log in logs:
-        table.add_column(f"on {log}", justify="right")
-    for track, source in dict.fromkeys((row["track"], row["fitted_on"]) for row in rows):
-        cells = {row["on"]: row for row in rows if (row["track"], row["fitted_on"]) == (track, source)}
-        table.add_row(track, source, *(_left(cells.get(log)) for log in logs))
-    return table
-
-
-def _left(row: dict[str, Any] | None) -> str:
-    if row is None or row["rss"] is None:
-        return "-"
-    return f"{row['rss']:.4g} ({row['rms']:.3g})"
-
-
-def by_cycle(rows: Sequence[dict[str, Any]]) -> RenderableType:
-    """One row for each cycle: what was looked for, its residual and its flags."""
-    units = {name: known["unit"] for row in rows for name, known in row["unknowns"].items() if known["free"]}
-    heads = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
-    cells = []
-    for row in rows:
-        free = {name: known for name, known in row["unknowns"].items() if known["free"]}
-        values = [_cycle_value(free.get(name)) if free else "not fitted" for name in units]
-        codes = " ".join(sorted({flag["code"] for flag in row["flags"]}))
-        rms = "-" if row["rms"] is None else f"{row['rms']:.4g}"
-        cells.append([row["log"], row["track"], str(row["cycle"]), *values, rms, codes])
-    left = ["log", "track", "cycle", "flags"]
-    return Table.of("every cycle by itself", [*left[:3], *heads, "RMS\nN", "flags"], cells, left).view()
-
-
-def _cycle_value(known: dict[str, Any] | None) -> str:
-    if known is None:
-        return ""
-    factor = display_unit(known["unit"])[1]
-    return value_with_uncertainty(known["value"] * factor, (known["std"] or 0.0) * factor)

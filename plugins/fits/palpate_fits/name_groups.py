@@ -14,7 +14,7 @@ from palpate_kit.curves.curve_list import OWN, Entries, columns_of
 from palpate_kit.curves.row_summary import summary_of
 from palpate_kit.terminal.table import Table
 
-from palpate_fits.fit_tables import quartiles_text
+from palpate_fits.quartile_table import quartiles_text
 
 GROUP = "group"
 _MOST = 24  # groups that are shown

@@ -30,11 +30,12 @@ from palpate_kit.terminal.result_table import counted
 from palpate_kit.terminal.stiffness_text import stiffness_lines
 from palpate_kit.terminal.table import console
 
+from palpate_fits.evaluation_tables import by_cycle, evaluation
 from palpate_fits.file_tables import law_line
 from palpate_fits.fit_jobs import LogFit, fits_of
 from palpate_fits.fit_request import FitRequest
 from palpate_fits.fit_sources import leave_out, named_pipelines
-from palpate_fits.fit_tables import by_cycle, evaluation, fit_overview, fit_views
+from palpate_fits.fit_tables import fit_overview, fit_views
 
 _FIT = "fit.json"
 
