@@ -35,17 +35,9 @@ def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
     """
     if not path.is_file():
         return {}
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise LogError(f"{path}: cannot be read: {error}") from error
-    head = [name.strip() for name in rows[0]] if rows else []
-    if CURVE not in head:
-        raise LogError(f"{path}: has no column {CURVE!r}{suggest(CURVE, head)}")
-    if twice := next((name for name in head if head.count(name) > 1), None):
-        raise LogError(f"{path}: has the column {twice!r} twice")
-    found: Entries = {}
+    rows = _csv_rows(path)
+    head = _list_head(path, rows[0] if rows else [])
+    entries: Entries = {}
     for number, row in enumerate(rows[1:], start=2):
         if not any(cell.strip() for cell in row):
             continue
@@ -53,12 +45,31 @@ def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
             raise LogError(f"{path}:{number}: has {len(row)} cells for {len(head)} columns")
         cells = dict(zip(head, (cell.strip() for cell in (*row, *[""] * (len(head) - len(row)))), strict=True))
         name = cells.pop(CURVE)
-        if name in found:
+        if name in entries:
             raise LogError(f"{path}:{number}: the curve {name!r} is there twice")
         if known is not None and name not in known and not cells.get(FILE):
             raise LogError(f"{path}:{number}: no curve {name!r}{suggest(name, known)}")
-        found[name] = cells
-    return found
+        entries[name] = cells
+    return entries
+
+
+def _csv_rows(path: Path) -> list[list[str]]:
+    """Return the cells of a text table; raises LogError where it cannot be read."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            return list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise LogError(f"{path}: cannot be read: {error}") from error
+
+
+def _list_head(path: Path, row: Sequence[str]) -> list[str]:
+    """Return the columns of a list of curves; raises LogError without a column `curve`, or for one that is twice."""
+    head = [name.strip() for name in row]
+    if CURVE not in head:
+        raise LogError(f"{path}: has no column {CURVE!r}{suggest(CURVE, head)}")
+    if twice := next((name for name in head if head.count(name) > 1), None):
+        raise LogError(f"{path}: has the column {twice!r} twice")
+    return head
 
 
 def write_list(path: Path, entries: Mapping[str, Mapping[str, str]]) -> None:
