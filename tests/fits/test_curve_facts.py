@@ -12,7 +12,7 @@ import numpy as np
 import palpate as python
 import pytest
 from palpate_fits.fit_sources import named_pipelines
-from palpate_kit.curves.curve_list import FACTS
+from palpate_kit.curves.curve_list import FACTS, fact_counts
 from palpate_kit.curves.curve_pipelines import pipeline_counts
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_notebook.fitter_object import RecordEstimator
@@ -107,6 +107,12 @@ def study_once(tmp_path_factory):
 def study(study_once, monkeypatch):
     monkeypatch.chdir(study_once)
     return study_once
+
+
+def test_facts_are_counted_in_one_order():
+    """A set of texts has another order in every process."""
+    line = "curves.csv states tip of 2, thickness of 1, delay of 1, mount of 1 of 3 curves"
+    assert fact_counts([{"delay", "thickness", "tip"}, frozenset({"mount", "tip"}), {}], 3) == line
 
 
 def test_every_fact_of_a_curve_is_tested():

@@ -139,7 +139,7 @@ def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:
 
 def fact_counts(facts: Iterable[Collection[str]], curves: int) -> str:
     """Return a line on the `facts` of each curve that ``curves.csv`` states, of so many; empty if it states none."""
-    counts = Counter(key for of_curve in facts for key in of_curve)
+    counts = Counter(key for of_curve in facts for key in FACTS.values() if key in of_curve)
     words = ", ".join(f"{key} of {count}" for key, count in counts.items())
     return f"curves.csv states {words} of {curves} curves" if words else ""
 
