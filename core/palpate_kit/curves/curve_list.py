@@ -140,7 +140,8 @@ def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:
 def fact_counts(facts: Iterable[Collection[str]], curves: int) -> str:
     """Return a line on the `facts` of each curve that ``curves.csv`` states, of so many; empty if it states none."""
     counts = Counter(key for of_curve in facts for key in FACTS.values() if key in of_curve)
-    words = ", ".join(f"{key} of {count}" for key, count in counts.items())
+    # In the order of the facts, whichever curve comes first.
+    words = ", ".join(f"{key} of {counts[key]}" for key in dict.fromkeys(FACTS.values()) if counts[key])
     return f"curves.csv states {words} of {curves} curves" if words else ""
 
 
