@@ -97,7 +97,7 @@ def palpate_models() -> dict[str, str]:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """What a specimen's size does."""
+    """The effect of a specimen's size."""
     return {
         "model thickness": Command(
             "palpate_models.thickness_command:thickness",
@@ -108,7 +108,7 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_diagnoses() -> dict[str, Diagnosis]:
-    """What a record determines of a relaxing material, and what a ball would give."""
+    """Numbers of a relaxing material that a record determines, and those that a ball would give."""
     return {
         "at-rest": Diagnosis("palpate_models.modulus_at_rest:at_rest", quick=True),
         "ball": Diagnosis("palpate_models.ball_alternative:ball_alternative", quick=True),
@@ -117,7 +117,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """What its flags mean."""
+    """Meanings of its flags."""
     return {
         "still-fading": FlagMeaning(
             "doubtful",
