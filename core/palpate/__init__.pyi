@@ -91,6 +91,7 @@ from .evidence.uncertain_value import Bias as Bias
 from .fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
 from .flags import Flag as Flag, FlagMeaning as FlagMeaning
 from .hooks import plugin as plugin
+from .interface import API as API
 from .notebook import (
     compare as compare,
     fit as fit,

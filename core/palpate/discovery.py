@@ -18,6 +18,7 @@ import pluggy
 from palpate import core_flags, hooks
 from palpate.claims import settle_claims
 from palpate.errors import RAISED_BY_PARTS, PluginError, suggest
+from palpate.interface import interface_problem, stated_api
 from palpate.plugin_origin import Plugin
 from palpate.plugin_switch import PluginSwitch
 from palpate.safe_path import without_current_folder
@@ -48,7 +49,9 @@ class Discovery:
         """Every plugin but the core itself, by its module."""
         own = _own_prefix()
         return {
-            module: Plugin(name, getattr(module, "__file__", None) or "", name.startswith(own), _digest(module))
+            module: Plugin(
+                name, getattr(module, "__file__", None) or "", name.startswith(own), _digest(module), stated_api(module)
+            )
             for name, module in self.manager.list_name_plugin()
             if module is not core_flags
         }
@@ -130,12 +133,18 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
         if name in third_parties and not switch.admits(third_parties[name]):
             continue
         try:
-            _register(manager, entry.load(), name)
+            module = entry.load()
+            if problem := interface_problem(module):
+                failures[name] = f"plugin {name} is left out: {problem}"
+                continue
+            _register(manager, module, name)
         except RAISED_BY_PARTS as error:  # whatever a third-party import raises
             failures[name] = f"plugin {name} could not be loaded: {_cause(error)}{_import_place(error)}"
     for path in files:
         file = path if isinstance(path, PluginFile) else PluginFile.read(path)
         module = import_plugin_file(file)
+        if problem := interface_problem(module):
+            raise PluginError(f"plugin file {file.path}: {problem}")
         try:
             _register(manager, module, str(file.path))
         except Exception as error:

@@ -15,6 +15,7 @@ class Plugin:
     place: str = ""  # file of its module
     own: bool = False  # of palpate's own distribution
     digest: str = ""  # SHA-256 of what was executed, of a file
+    api: int | None = None  # number of the interface that it states
 
     @property
     def is_file(self) -> bool:

@@ -19,3 +19,6 @@ def palpate_commands() -> dict[str, Command]:
             "palpate_franka.recover:recover", "Recover a Franka from a reflex, once a person has freed it.", "hardware"
         )
     }
+
+
+PALPATE_API = 1  # number of the interface for which it is written

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import inspect
-from typing import Annotated
+from dataclasses import asdict
+from typing import Annotated, Any
 
 import typer
-from palpate import ConfigurationError, Part, suggest
-from palpate_engine import registry as registries
+from palpate import API, ConfigurationError, Part, suggest
+from palpate_engine import Registry, deprecated_uses, registry as registries
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption
 
@@ -16,6 +17,9 @@ def list_parts(
     word: Annotated[
         str | None, typer.Argument(metavar="[WORD]", help="Only parts with this word in kind, name, text or plugin.")
     ] = None,
+    plugins: Annotated[
+        bool, typer.Option("--plugins", help="List plugins: the interface that each states, and its names that go.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """List every part that a pipeline can name, by kind, with the plugin it comes from; with a word those that have it.
@@ -23,6 +27,9 @@ def list_parts(
     `palpate describe NAME` shows the keys of one.
     """
     registry = registries.load()
+    if plugins:
+        list_plugins(registry, as_json)
+        return
     every = {kind: sorted(entries.items()) for kind, entries in registry.parts.items()}
     usable = {
         kind: [
@@ -52,6 +59,31 @@ def list_parts(
                 typer.echo(f"  {name:<{width}}  {_summary(entry.part)}  ({entry.plugin.name})")
     problems = [entry.problem for entries in every.values() for _, entry in entries if entry.problem is not None]
     for notice in (*registry.notices, *problems):
+        typer.echo(notice, err=True)
+
+
+def list_plugins(registry: Registry, as_json: bool) -> None:
+    """Print the interface that each plugin states, and the deprecated names that it uses."""
+    rows: list[dict[str, Any]] = [
+        {
+            "name": plugin.name,
+            "interface": plugin.api,
+            "deprecated": [asdict(use) for use in deprecated_uses(plugin.place)] if not plugin.own else [],
+        }
+        for plugin in registry.plugins
+        if plugin.place
+    ]
+    if as_json:
+        print_json({"interface": API, "plugins": rows, "notices": registry.notices})
+        return
+    typer.echo(f"interface {API} of palpate")
+    for row in rows:
+        stated = "states no interface" if row["interface"] is None else f"interface {row['interface']}"
+        typer.echo(f"  {row['name']}: {stated}")
+        for use in row["deprecated"]:
+            where = f"{use['name']} ({use['place']}) goes in {use['gone_in']}"
+            typer.echo(f"    {where}: import from {use['replacement']}")
+    for notice in registry.notices:
         typer.echo(notice, err=True)
 
 

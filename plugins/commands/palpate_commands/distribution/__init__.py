@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib.resources import files
 from string import Template
 
+from palpate import API
+
 KINDS = ("tip", "model", "filter", "device", "arm", "trajectory", "analysis")
 # What a kind has besides its module and its test, by its path in the distribution.
 _MORE = {
@@ -14,6 +16,7 @@ _MORE = {
         "point.toml": "arm_pipeline.txt",
     }
 }
+_INTERFACE = "\n\nPALPATE_API = {}  # number of the interface for which it is written\n"
 _SHARED = {"pyproject.toml": "pyproject.txt", "README.md": "readme.txt"}
 
 
@@ -27,7 +30,8 @@ def distribution(kind: str, name: str) -> dict[str, str]:
     short = name.removeprefix("palpate-")
     for path, source in own.items():
         text = _text(source).replace("PACKAGE", package).replace("NAME", short).replace("CLASS", short)
-        found[path.format(package=package)] = text
+        stated = _INTERFACE.format(API) if path.endswith("__init__.py") else ""
+        found[path.format(package=package)] = text + stated
     return found
 
 
