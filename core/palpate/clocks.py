@@ -15,9 +15,16 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
+from pathlib import Path
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary
 
+_REMEDY = (
+    "give palpate real-time priority (`palpate doctor` shows whether it is granted), end other programs, and open the "
+    "page on another computer"
+)
+_LOAD = Path("/proc/loadavg")
+_CROWD = 2.0  # a choice: threads that are ready, for each core; a run by itself has one or two in all
 URGENT = 20  # a choice: real-time priority of threads that watch an arm, below those of robots and sensors
 _MAX_INTERRUPTION = 20_000  # [ns], a choice: two readings of a clock so close have no interruption between them
 
@@ -103,6 +110,17 @@ class Clock(Protocol):
         """Return the processor time [s] that this process and its children have used; 0 in simulated time."""
         ...
 
+    def contention(self) -> str | None:
+        """Return what competes for the processor at this moment, in words; None where nothing does."""
+        ...
+
+    def late_computer(self, cause: str | None = None) -> str:
+        """Return a clause that the computer was late, by a known cause or by what competes now; else nothing."""
+        likely = self.contention() if cause is None else cause
+        if likely is None:
+            return ""
+        return f"; the computer was {'probably ' if cause is None else ''}late ({likely}): {_REMEDY}"
+
     def sleep(self, duration: float, /) -> None:
         """Sleep [s]."""
 
@@ -123,7 +141,7 @@ class Clock(Protocol):
         ...
 
 
-class WallClock:
+class WallClock(Clock):
     """The computer's own clock."""
 
     simulated = False
@@ -135,6 +153,10 @@ class WallClock:
     def processor_time(self) -> float:
         """Return the processor time [s] of this process and of its children that have ended."""
         return sum(os.times()[:4])
+
+    def contention(self) -> str | None:
+        """Count by the fourth field of ``/proc/loadavg``, "ready/all" of the threads of all programs (proc(5))."""
+        return contention(_LOAD)
 
     def wait(self, readable: Sequence[Any], timeout: float | None) -> list[Any]:
         """See `Clock.wait`."""
@@ -151,6 +173,16 @@ class WallClock:
     def thread(self, target: Callable[[], Any], name: str, urgent: bool = False) -> Thread:
         """Return a `threading.Thread`."""
         return threading.Thread(target=partial(_urgently, target) if urgent else target, daemon=True, name=name)
+
+
+def contention(load: Path) -> str | None:
+    """Return that more threads are ready to run than an ordinary run has, by a file; None of one that is not there."""
+    try:
+        ready = int(load.read_text().split()[3].partition("/")[0])
+    except (OSError, IndexError, ValueError):
+        return None
+    cores = os.cpu_count() or 1
+    return f"{ready} threads compete for its {cores} cores" if ready > _CROWD * cores else None
 
 
 def _urgently(target: Callable[[], Any]) -> None:

@@ -21,6 +21,7 @@ from palpate_arms.arm_rows import RETRACT, STOP
 from palpate_arms.arm_state import ArmState
 from palpate_arms.arm_watch import ArmWatch
 from palpate_arms.commanded_arm import CommandedArm
+from palpate_arms.driver_answer import driver_error
 from palpate_arms.fence import Fence
 from palpate_arms.force_watch import ForceEye
 from palpate_arms.motion_offer import MotionOffer
@@ -69,7 +70,8 @@ class ArmLoop:
         except ArmFaultError as fault:
             self._fail(fault)
         except Exception as error:
-            self._fail(ArmFaultError(f"its servo loop failed: {type(error).__name__}: {error}"))
+            text = driver_error(error, self._robot.driver)
+            self._fail(ArmFaultError(text or f"its servo loop failed: {type(error).__name__}: {error}"))
 
     @property
     def _following(self) -> bool:
@@ -150,9 +152,9 @@ class ArmLoop:
     def _look_at_force(self, commander: Commander, now: int) -> None:
         if self._eye is None or commander.mode not in _MOVING:
             return
-        tip = self._robot.position
-        height = commander.plane.height(tip)
-        text = self._eye.look(now, -height, tip, commander.is_in_air(height))
+        tip, plane = self._robot.position, commander.plane
+        height, commanded = plane.height(tip), plane.height(commander.command)
+        text = self._eye.look(now, -height, tip, commander.is_in_air(height), -commanded)
         if commander.lead is not None:
             commander.lead.hear(self._eye.felt)
         if text is not None:
@@ -213,8 +215,9 @@ class ArmLoop:
             if head[RETRACT]:
                 commander.retract()
             elif commander.mode in _MOVING and silence > self._host_timeout:
-                text = f"the main job gave no sign of life for {1e3 * silence:.0f} ms: is the computer too busy?"
-                self._parent.tell("limit", text=f"{text} ([device.*] host_timeout)", at=now)
+                late = clock().late_computer() or "; is the computer too busy?"
+                text = f"the main job gave no sign of life for {1e3 * silence:.0f} ms ([device.*] host_timeout){late}"
+                self._parent.tell("limit", text=text, at=now)
                 commander.retract()
 
     def _obey(self, message: dict[str, Any], commander: Commander) -> None:

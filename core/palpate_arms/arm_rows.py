@@ -13,7 +13,7 @@ class ArmRows:
     """Layouts of an arm's states, and of the rows in shared memory."""
 
     def __init__(self, joints: int, status: int) -> None:
-        self.status = status
+        self.joints, self.status = joints, status
         parts = {"joints": joints, "joint_speeds": joints}
         parts |= {"position": 3, "rotation": 3, "velocity": 3, "turning": 3, "force": 6}
         # As the controller sends it, of the tip in the frame of the base.

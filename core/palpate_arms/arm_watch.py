@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from palpate import clock
 from palpate_engine import ReadingAge
 
 from palpate_arms.arm_driver import ArmFaultError, ArmReading, DeadLinkError, GarbledStateError
@@ -73,9 +74,11 @@ class ArmWatch:
             raise DeadLinkError(
                 f"the control link is lost: the controller has taken no command for {1e3 * unheard:.0f} ms. What "
                 "was sent meanwhile is dropped, and the controller's watchdog stops the arm. Check cable and switch"
+                f"{clock().late_computer()}"
             )
         if age > self._timeout:
-            raise DeadLinkError(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
+            late = clock().late_computer()
+            raise DeadLinkError(f"the controller is silent: its last state is {1e3 * age:.0f} ms old{late}")
 
     def _garbled(self, text: str) -> GarbledStateError:
         """Why a state makes no sense."""

@@ -20,6 +20,7 @@ from palpate_arms.arm_driver import ArmDriver, ArmFaultError
 from palpate_arms.arm_loop import ArmLoop
 from palpate_arms.arm_rows import ArmRows
 from palpate_arms.commanded_arm import CommandedArm
+from palpate_arms.driver_answer import driver_error
 
 MODULE = "palpate_arms.arm_worker"
 
@@ -33,6 +34,7 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def _serve(parent: Parent, ring: Ring, rows: ArmRows, task: dict[str, Any], scheduling: str) -> NoReturn:
+    driver = None
     try:
         driver = _driver(task)
         if not task["observe"]:
@@ -48,7 +50,8 @@ def _serve(parent: Parent, ring: Ring, rows: ArmRows, task: dict[str, Any], sche
         parent.tell("fault", text=f"cannot connect: {' '.join(str(error).split())}")
         host().leave(1)  # its destructors sleep, hang or crash
     except Exception as error:  # whatever a driver raises
-        parent.tell("fault", text=f"cannot connect: its driver failed: {type(error).__name__}: {error}")
+        text = driver_error(error, driver) or f"its driver failed: {type(error).__name__}: {error}"
+        parent.tell("fault", text=f"cannot connect: {text}")
         host().leave(1)
     host().run_without_collection()
     model = arm.model.model_dump()

@@ -14,6 +14,7 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 from palpate_arms.arm_driver import ArmDriver, ArmFaultError, ArmReading
 from palpate_arms.arm_rows import ArmRows
 from palpate_arms.arm_state import ArmState
+from palpate_arms.driver_answer import reading_problem
 from palpate_arms.driver_time import DriverTime
 from palpate_arms.setpoint_buffer import PERIOD
 from palpate_arms.tool_turns import tool_turn
@@ -38,6 +39,10 @@ class CommandedArm:
         self.stamp, self.seen, self.fresh = -1.0, clock().now_ns(), False
         self.state: list[float] = []
         self.leap: float | None = None  # [m] between the last two states, where no arm moves so far
+        if driver.model is not None and len(driver.model.joints) != rows.joints:
+            raise ArmFaultError(
+                f"its class has {rows.joints} `joint_names`, and its `arm_model` {len(driver.model.joints)} joints"
+            )
         driver.connect(observe)
         self.reading = self._first_reading(0.0 if observe else driver.settle)
         driver.identify(self.reading)
@@ -85,15 +90,14 @@ class CommandedArm:
         began = clock().now_ns()
         reading = self.driver.read()
         self.driver_time.add_read(began)
-        if reading is None or reading.stamp == self.stamp:
+        if reading is None:
+            return False
+        if (text := reading_problem(reading, self.rows.joints, self.rows.status)) is not None:
+            raise ArmFaultError(text)
+        if reading.stamp == self.stamp:
             return False
         now = clock().now_ns() if reading.seen is None else reading.seen
         values = self._values(reading)
-        if len(values) != self.rows.state.size or len(reading.status) != self.rows.status:
-            raise ArmFaultError(
-                f"its driver gives {len(values)} numbers of state and {len(reading.status)} of status in place of "
-                f"{self.rows.state.size} and {self.rows.status}"
-            )
         self.leap = self._leap(reading.stamp, values)
         self.stamp, self.seen, self.state, self.reading, self.fresh = reading.stamp, now, values, reading, True
         return True
@@ -190,6 +194,10 @@ class CommandedArm:
         began = clock().now_ns()
         is_sent = self.driver.send([*target, *self._turned[1]])
         self.driver_time.add_send(began)
+        if is_sent is None:
+            raise ArmFaultError(
+                "its driver's `send` returned None; expected True where the command was sent, else False"
+            )
         return is_sent
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -48,11 +49,18 @@ class ForceEye:
         """How the force rose at the begin of each touch so far."""
         return [] if self._touch is None else self._touch.slopes
 
-    def look(self, now: int, depth: float = 0.0, place: Floats | None = None, in_air: bool | None = None) -> str | None:
+    def look(
+        self,
+        now: int,
+        depth: float = 0.0,
+        place: Floats | None = None,
+        in_air: bool | None = None,
+        commanded: float = math.nan,
+    ) -> str | None:
         """Why the arm has to stop at a time [ns]; None where it need not.
 
-        `depth` [m] of the tip below the plane of its station, and its place (3,) [m], which is as high as travel in
-        free air or not; None where the tip may touch something yet.
+        `depth` [m] of the tip below the plane of its station, and as `commanded`; its place (3,) [m], which is as high
+        as travel in free air or not; None where the tip may touch something yet.
         """
         self._began = self._began or now
         self._heard = self._heard or now
@@ -84,7 +92,7 @@ class ForceEye:
         if self._rise is None or self._touch is None or place is None:
             return None
         pushed, at = self._sign * tared[:, self._normal], place.tolist()
-        text = self._rise.add(now / 1e9, pushed, depth, at)
+        text = self._rise.add(now / 1e9, pushed, depth, at, commanded)
         if text is not None or in_air is None:
             return text
         return self._touch.fault(now / 1e9, pushed, depth, at, in_air)

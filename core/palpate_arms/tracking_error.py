@@ -81,7 +81,8 @@ class TrackingError:
             # A swing that has turned round meanwhile is back where it was, and has moved all the same.
             done = max(length(place - first_place) for _, _, place in past)
         if done < _STUCK_PART * expected:
-            return f"the arm was commanded to move by {mm(commanded)} and has moved by {mm(done)}"
+            within = f"within {1e3 * self._window * PERIOD:.0f} ms (is it held, or do its poses come late?)"
+            return f"the arm was commanded to move by {mm(commanded)} and has moved by {mm(done)} {within}"
         return None
 
 

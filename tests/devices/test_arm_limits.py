@@ -422,7 +422,7 @@ def already_open(*_):
 @pytest.mark.parametrize(
     ("where", "name", "answer", "words"),
     [
-        (Echo, "number", lambda *_: 40.001, r"its servo loop failed: ValueError: The value is not within \[0;40\]"),
+        (Echo, "number", lambda *_: 40.001, r"its driver's `\w+` failed: ValueError: The value is not within \[0;40\]"),
         (DirectCommands, "servoL", already_open, r"the control link is lost: .*\(open: Already open\)"),
     ],
 )

@@ -270,7 +270,7 @@ def test_whatever_a_driver_raises_stops_the_arm_and_is_told(mine, software, monk
     monkeypatch.setattr(module.Driver, "has_watchdog", False)
     with simulated_time():
         (said,) = followed(mine[0].Arm(host="127.0.0.1", work=WORK), 1.0)
-    assert "its servo loop failed: KeyError: 'pose'" in said or "does not" in said
+    assert "its driver's `send` failed: KeyError: 'pose'" in said or "does not" in said
     assert len(stops) > 1
 
 

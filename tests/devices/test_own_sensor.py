@@ -124,3 +124,26 @@ def test_another_content_than_that_of_the_parent_is_not_executed(sensor, plugin_
     plugin_file.write_text(f"{plugin_file.read_text()}\nraise SystemExit\n")
     with pytest.raises(DeviceError, match=r"gauge\.py .*is not executed: its content is not what"), sensor.connect(0):
         pass
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("yield Reading((0.0, 1.0))", "its reader's `read` gives 2 values in a reading; expected 1"),
+        (
+            "yield Reading((self.gain,))",
+            "AttributeError: 'GaugeReader' object has no attribute 'gain' (`read`, gauge.py",
+        ),
+    ],
+)
+def test_a_mistake_of_a_reader_is_named_by_method_and_place(plugin_file, gauge, code, words):
+    """Not that its process has ended with exit code 1."""
+    text = plugin_file.read_text()
+    begin = text.index("def read(self, line)")
+    begin = text.index("\n", begin) + 1
+    plugin_file.write_text(f"{text[:begin]}        {code}\n{text[begin:]}")
+    device = registry.load([plugin_file]).parts["device"]["gauge"].part(port=gauge.port, sensor_timeout="2 s")
+    with pytest.raises(DeviceError) as caught, device.connect(0) as link:
+        for _ in link.batches():
+            pass
+    assert words in str(caught.value)

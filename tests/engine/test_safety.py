@@ -302,7 +302,7 @@ def test_silence_is_what_the_receiving_process_says_it_is(guard):
     assert guard.reason is None
     guard.check("s", NOTHING, 1170 * MS)
     guard.check("s", NOTHING, 1180 * MS)
-    assert guard.reason == "s.wrench.z is silent for 170 ms"
+    assert guard.reason.startswith("s.wrench.z is silent for 170 ms")  # whether the computer is busy may follow
     assert guard.arm.retracted
 
 

@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from errno import EMFILE, ENFILE
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -21,7 +22,7 @@ from palpate.sink import Run, Writer
 
 from palpate_engine.atomic_files import write_new
 from palpate_engine.config import Pipeline, resolved_text
-from palpate_engine.pipeline.closing_reserve import closing_reserve
+from palpate_engine.pipeline.closing_reserve import ClosingReserve, closing_reserve
 from palpate_engine.pipeline.interrupt import Interrupt, interruptible
 from palpate_engine.pipeline.outputs import Outputs
 from palpate_engine.pipeline.provenance import facts_beside, flat_facts, lift_facts, planned_duration, planned_extent
@@ -85,7 +86,7 @@ def _run(
             if failure is None or result is None:  # the outputs do not close: what was recorded is not whole
                 interrupt.stop(error_text(error))
                 result, failure = work.result(session), failure or error
-    place = _written(result, folder)
+        place = _written(result, folder, room)
     if isinstance(failure, DeviceError | UserError):
         raise type(failure)(f"{failure} (what was found until then is in {place})") from failure
     if failure is not None:
@@ -133,15 +134,22 @@ class _RunContext:
         return build_result(self.pipeline, self.folder, facts, live, report, found, self.interrupt)
 
 
-def _written(result: Result, folder: Path) -> Path:
-    """Write ``result.json`` into its folder, recreated if it is gone, else into the folder of temporary files."""
+def _written(result: Result, folder: Path, room: ClosingReserve) -> Path:
+    """Write ``result.json`` into its folder, recreated if it is gone, else into the folder of temporary files.
+
+    Where no further file can be opened, it becomes the one that the run has kept open.
+    """
     text = json.dumps(result.table(), indent=2, allow_nan=False) + "\n"
     try:
         with suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
         write_new(folder / RESULT, text)
         return folder
-    except OutputError:
+    except OutputError as error:
+        if isinstance(error.__cause__, OSError) and error.__cause__.errno in (EMFILE, ENFILE):
+            room.release()
+            if room.write(folder / RESULT, text):
+                return folder
         if result.interrupted is None:
             raise
     place = Path(tempfile.mkdtemp(prefix=f"palpate-{folder.name}-"))

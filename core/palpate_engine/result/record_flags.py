@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from palpate.estimation import Status
@@ -28,8 +28,8 @@ _STIFF = 0.01  # of the samples; the few long steps of an arm that hesitates are
 
 def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:
     """Faults of the record, whatever is estimated from it."""
+    yield from _stream_flags(report.streams)
     for name, health in report.streams.items():
-        yield from _stream_flags(name, health)
         yield from _rate_flags(name, health)
         if health.rate and health.longest_repeat / health.rate > _STUCK:
             yield Flag("stuck", f"{name} repeats one reading for {health.longest_repeat / health.rate:.2f} s")
@@ -44,17 +44,29 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
         yield Flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
 
 
-def _stream_flags(name: str, health: Health) -> Iterator[Flag]:
-    if health.invalid:
-        yield Flag("invalid", f"{name} has {health.invalid} x invalid readings")
-    if health.duplicates:
-        yield Flag("duplicates", f"{name} has {health.duplicates} x repeated time-stamps")
-    if health.backwards:
-        yield Flag("backwards", f"{name} has {health.backwards} x time going backwards")
-    if health.gaps:
-        yield Flag("gaps", f"{name} has {health.gaps} x gaps")
-    if health.saturated:
-        yield Flag("saturated", f"{name} has {health.saturated} x saturated readings")
+def _stream_flags(streams: Mapping[str, Health]) -> Iterator[Flag]:
+    """Faults of the readings; those that streams of a device share, as a state that was lost, are one flag."""
+    for has in _shared_counts(streams, "invalid"):
+        yield Flag("invalid", f"{has} x invalid readings")
+    for has in _shared_counts(streams, "duplicates"):
+        yield Flag("duplicates", f"{has} x repeated time-stamps")
+    for has in _shared_counts(streams, "backwards"):
+        yield Flag("backwards", f"{has} x time going backwards")
+    for has in _shared_counts(streams, "gaps"):
+        yield Flag("gaps", f"{has} x gaps")
+    for has in _shared_counts(streams, "saturated"):
+        yield Flag("saturated", f"{has} x saturated readings")
+
+
+def _shared_counts(streams: Mapping[str, Health], fault: str) -> Iterator[str]:
+    """Return "arm.tip and twist have 3" for each count of a fault, of the streams of a device that have it."""
+    names: dict[tuple[str, int], list[str]] = {}
+    for name, health in streams.items():
+        if count := getattr(health, fault):
+            names.setdefault((name.partition(".")[0], count), []).append(name)
+    for (device, count), (first, *others) in names.items():
+        shared = [first, *(name.removeprefix(f"{device}.") for name in others)]
+        yield f"{', '.join(shared[:-1])} and {shared[-1]} have {count}" if others else f"{first} has {count}"
 
 
 def _rate_flags(name: str, health: Health) -> Iterator[Flag]:

@@ -21,6 +21,7 @@ _STANDS = 0.5  # of the speed at the begin of a window: a hold, in which the for
 _SIDEWAYS = 0.5  # of a window
 _AT_SET_FORCE = 0.9  # of the force that a law holds
 _FEW = 4  # readings of half a window
+_STILL_COMMANDED = 0.5  # of a way: where less was commanded, the tip has done it before its poses show it
 _QUIET, _BLOCK = 0.2, 100  # of the noise at standstill; readings
 
 
@@ -37,16 +38,20 @@ class RiseWatch:
         self.sound = self._sound = sound
         self.contact = ContactSearch(sound)
         self._ways: list[float] = []  # [m] inwards, in steps
-        self._rows: list[tuple[float, int, float, Sequence[float]]] = []  # there: time [s], readings, sum [N], place
+        # There: time [s], readings, sum [N], place, commanded way [m].
+        self._rows: list[tuple[float, int, float, Sequence[float], float]] = []
         self._count, self._sum = 0, 0.0
         self._tail = np.zeros(0)  # [N] the latest two readings
         self._rough, self._differences = 0.0, 0
         self._has_reached_set_force = False
 
-    def add(self, time: float, forces: Floats, way: float, place: Sequence[float]) -> str | None:
+    def add(
+        self, time: float, forces: Floats, way: float, place: Sequence[float], commanded: float = math.nan
+    ) -> str | None:
         """Why the force is not to be believed, after readings (n,) [N] that push out, at a time [s]; None where it is.
 
-        `way` [m] of the tip inwards, from anywhere; `place` [m] of the tip.
+        `way` [m] of the tip inwards, from anywhere, and what was `commanded` of it, NaN if not known; `place` [m] of
+        the tip.
         """
         if not len(forces):
             return None
@@ -62,7 +67,7 @@ class RiseWatch:
             self._forget()
             return None
         self._count, self._sum = self._count + count, self._sum + total
-        return self._quiet(joined) or self._flat(time, way, place)
+        return self._quiet(joined) or self._flat(time, way, place, commanded)
 
     def _forget(self) -> None:
         self._ways.clear()
@@ -85,7 +90,7 @@ class RiseWatch:
             "sensor is saturated or stuck, and the force is unknown"
         )
 
-    def _flat(self, time: float, way: float, place: Sequence[float]) -> str | None:
+    def _flat(self, time: float, way: float, place: Sequence[float], commanded: float) -> str | None:
         """Whether a whole window of the way in shows no rise."""
         windows = self._sound.windows
         if not windows or self._has_reached_set_force:
@@ -97,7 +102,7 @@ class RiseWatch:
                 self._rows.clear()
             return None
         self._ways.append(way)
-        self._rows.append((time, self._count, self._sum, place))
+        self._rows.append((time, self._count, self._sum, place, commanded))
         found = next((text for window in windows if (text := self._judge(window)) is not None), None)
         if len(self._ways) > 8 * _STEPS and self._ways[2 * _STEPS] < way - LONGEST:
             del self._ways[:_STEPS], self._rows[:_STEPS]
@@ -122,7 +127,7 @@ class RiseWatch:
         middle = bisect_right(ways, ways[-1] - 0.5 * window) - 1
         if first < 0 or middle <= first or self.contact.foot is None:
             return None
-        (_, n0, sum0, there), (_, n1, sum1, _), (_, n2, sum2, here) = rows[first], rows[middle], rows[-1]
+        (_, n0, sum0, there, _), (_, n1, sum1, *_), (_, n2, sum2, here, _) = rows[first], rows[middle], rows[-1]
         length = ways[-1] - ways[first]
         if min(n1 - n0, n2 - n1) < _FEW or math.dist(here, there) > math.hypot(1.0, _SIDEWAYS) * length:
             return None
@@ -136,5 +141,18 @@ class RiseWatch:
             return None
         return (
             f"{sound.name} rises by {high - low:.2f} N at {force:.1f} N while the tip goes {1e3 * length:.2f} mm "
-            f"deeper, where any contact gives {least:.2f} N or more: the sensor is saturated, and the force is unknown"
+            f"deeper, where any contact gives {least:.2f} N or more: {self._cause(first)}"
+        )
+
+    def _cause(self, first: int) -> str:
+        """Return what explains that the force did not rise from a row on: its sensor, or poses that come late.
+
+        A tip whose command did not go in meanwhile was there before: its force had risen by then.
+        """
+        commanded = self._rows[-1][4] - self._rows[first][4]
+        if not commanded < _STILL_COMMANDED * (self._ways[-1] - self._ways[first]):
+            return "the sensor is saturated, and the force is unknown"
+        return (
+            f"its command went {1e3 * commanded:.2f} mm meanwhile, so that the poses come late, by more than the force "
+            "does: where the tip stands is not known (does its driver report old poses?)"
         )

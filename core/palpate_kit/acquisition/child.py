@@ -13,10 +13,22 @@ from typing import Any, Self
 
 from palpate import DeviceError, clock
 
-from palpate_kit.acquisition.computer import host
+from palpate_kit.acquisition.computer import Activity, host
 from palpate_kit.acquisition.ring import Ring, ring_size, shared_memory
 
 _BEAT_EVERY = 0.025  # [s]
+_SUSPECT = 0.5  # of the longest time without a beat, after which it is looked what the process does
+_COMPUTES = 0.2  # of the time since then, that a process computes which has a core
+_OUTSIDE = {  # signals that a process does not send itself, and who does
+    signal.SIGKILL: "the system does so where memory is short (`dmesg` names the process), else another program",
+    signal.SIGTERM: "another program, or a person, has ended it",
+    signal.SIGXCPU: "it computed for 3 s at real-time priority without a pause",
+}
+_STATES = {  # of a process that does not beat, and the cause
+    "D": "it waits for the disk, as where memory is swapped out",
+    "T": "another program has stopped it (SIGSTOP)",
+    "S": "its driver waits for something, and does not return",
+}
 
 
 class Child:
@@ -48,6 +60,7 @@ class Child:
         self._unread: deque[dict[str, Any]] = deque()
         self._closing = clock().event()
         self.fault: str | None = None
+        self._suspected: tuple[float, Activity] | None = None  # since when [s], and what it did then
         self._beating = clock().thread(self._beat, f"{name} heartbeat", urgent=True)
         self._beating.start()
 
@@ -101,11 +114,36 @@ class Child:
         if self.fault is not None:
             raise DeviceError(f"{self.name}: {self.fault}")
         if code is not None:
-            raise DeviceError(f"{self.name}: its process ended ({_ending(code)}){self._hint}")
+            raise DeviceError(f"{self.name}: its process ended ({_ending(code, self._hint)}")
         beat = self.ring.last_beat()
-        if beat_limit is not None and beat and (age := (clock().now_ns() - beat) / 1e9) > beat_limit:
+        if beat_limit is not None and beat:
+            self._check_beat((clock().now_ns() - beat) / 1e9, beat_limit)
+
+    def _check_beat(self, age: float, limit: float) -> None:
+        """Kill a child whose latest beat is older than a limit [s], and raise DeviceError with what it did."""
+        if age <= _SUSPECT * limit:
+            self._suspected = None
+            return
+        if self._suspected is None and (activity := host().activity(self._process)) is not None:
+            self._suspected = clock().now(), activity
+        if age > limit:
+            cause = self._silence_cause()
             self.kill()
-            raise DeviceError(f"{self.name}: its process gave no sign of life for {1e3 * age:.0f} ms and was killed")
+            text = f"{self.name}: its process gave no sign of life for {1e3 * age:.0f} ms and was killed"
+            raise DeviceError(f"{text}{cause}")
+
+    def _silence_cause(self) -> str:
+        """Return a clause on why the process does not beat, by what the system says of it now."""
+        activity = host().activity(self._process)
+        if activity is None or self._suspected is None:
+            return clock().late_computer()
+        since, earlier = self._suspected
+        if activity.state != "R":
+            return f": {_STATES[activity.state]}" if activity.state in _STATES else ""
+        elapsed = clock().now() - since
+        if activity.processor_time - earlier.processor_time > _COMPUTES * elapsed:
+            return ": it computes without a pause"
+        return clock().late_computer(f"the process was ready and got no core for {1e3 * elapsed:.0f} ms")
 
     def tell(self, word: str, **facts: Any) -> None:
         """Send the child a message."""
@@ -195,7 +233,9 @@ class Parent:
         return [json.loads(line) for line in lines]
 
 
-def _ending(code: int) -> str:
-    if code == -signal.SIGXCPU:
-        return "killed by SIGXCPU: it computed for 3 s at real-time priority without a pause"
-    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+def _ending(code: int, hint: str) -> str:
+    """Return what ended a process, by its exit code, with the bracket closed; `hint`: what an end by itself means."""
+    if code >= 0:
+        return f"exit code {code}){hint}"
+    name, outside = signal.Signals(-code).name, _OUTSIDE.get(signal.Signals(-code))
+    return f"killed by {name}: {outside})" if outside is not None else f"killed by {name}){hint}"

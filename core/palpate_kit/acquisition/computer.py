@@ -15,6 +15,8 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
 from palpate import DeviceError
@@ -22,6 +24,14 @@ from palpate import DeviceError
 from palpate_kit.acquisition.device_lock import network_device, reserve
 
 _SPELL = 3_000_000  # [us] of computing at real-time priority without a pause
+
+
+@dataclass(frozen=True)
+class Activity:
+    """What a process does at a moment, by the letter that the system has for it (proc(5)), and its processor time."""
+
+    state: str  # "R" computes, or waits for a core; "S" sleeps; "D" waits for a disk; "T" was stopped
+    processor_time: float  # [s]
 
 
 class Process(Protocol):
@@ -51,6 +61,10 @@ class Host(Protocol):
 
     def start(self, role: str, module: str, descriptors: Sequence[int], settings: str) -> Process:
         """Run a module as a process of its own, for a "robot" or a "sensor"; arguments: open files, settings (JSON)."""
+        ...
+
+    def activity(self, process: Process) -> Activity | None:
+        """What a process that was started does now; None where it has gone, or the system does not say."""
         ...
 
     def enter(self, priority: int) -> str:
@@ -108,6 +122,15 @@ class Computer:
         command = [sys.executable, "-P", "-m", module, *map(str, descriptors), settings]
         output = sys.stderr.fileno() if _has_descriptor(sys.stderr) else subprocess.DEVNULL
         return subprocess.Popen(command, pass_fds=tuple(descriptors), stdin=subprocess.DEVNULL, stdout=output)
+
+    def activity(self, process: Process) -> Activity | None:
+        """By ``/proc``: the state, and the first number of ``schedstat`` [ns]."""
+        folder = Path(f"/proc/{process.pid}")
+        try:
+            state = (folder / "stat").read_text().rpartition(") ")[2][:1]
+            return Activity(state, int((folder / "schedstat").read_text().split()[0]) / 1e9)
+        except (OSError, ValueError, IndexError):
+            return None
 
     def enter(self, priority: int) -> str:
         """Leave Ctrl-C and the end of a terminal to the parent, and ask for real-time scheduling."""

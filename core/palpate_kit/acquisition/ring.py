@@ -29,7 +29,7 @@ class Ring:
         self.head: NDArray[np.int64] = np.frombuffer(self._memory, np.int64, HEAD)
         self._table: Floats = np.frombuffer(self._memory, np.float64, offset=8 * HEAD)
         self._table = self._table.reshape(rows, columns)
-        self._rows = rows
+        self.columns, self._rows = columns, rows
         self._read = 0
         self.lost = 0
 

@@ -6,6 +6,7 @@ import contextlib
 import json
 import sys
 import termios
+import traceback
 from collections.abc import Sequence
 from typing import Any
 
@@ -30,6 +31,14 @@ def main(arguments: Sequence[str]) -> None:
             _serve(parent, Ring(int(arguments[1]), task["columns"]), reader, task["silence"], scheduling)
         except (DeviceError, UserError) as error:
             parent.tell("fault", text=str(error))
+        except Exception as error:  # whatever a reader raises
+            parent.tell("fault", text=f"its reader failed: {type(error).__name__}: {error}{_place(error)}")
+
+
+def _place(error: Exception) -> str:
+    """Return the method and the line in which an error was raised."""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    return f" (`{frame.name}`, {frame.filename.rpartition('/')[2]}, line {frame.lineno})"
 
 
 def _serve(parent: Parent, ring: Ring, reader: SensorReader, silence: float, scheduling: str) -> None:
@@ -58,12 +67,18 @@ def _read(line: Any, ring: Ring, parent: Parent, reader: SensorReader, silence: 
         ring.beat(now)
         if number in ready:
             for values, stamp in reader.read(line):
+                if len(values) != ring.columns - 2:
+                    raise DeviceError(
+                        f"its reader's `read` gives {len(values)} values in a reading; expected {ring.columns - 2}, as "
+                        "many as its streams have channels"
+                    )
                 ring.write((now, stamp), values)
                 last = now
             for word, count in enumerate(reader.counts.values(), WORDS):
                 ring.head[word] = count
         if (now - last) / 1e9 > silence:
-            raise DeviceError(f"the sensor is silent: no valid reading for {(now - last) / 1e6:.0f} ms")
+            late = clock().late_computer()
+            raise DeviceError(f"the sensor is silent: no valid reading for {(now - last) / 1e6:.0f} ms{late}")
         if any(message["say"] == "close" for message in parent.messages()):
             return
 

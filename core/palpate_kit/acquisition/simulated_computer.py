@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 
 from palpate import DeviceError, HoldUp
 
-from palpate_kit.acquisition.computer import Process, use_host
+from palpate_kit.acquisition.computer import Activity, Process, use_host
 from palpate_kit.simulated_time.simulated_clock import SimulatedClock
 from palpate_kit.simulated_time.simulated_turns import EndOfThread
 
@@ -36,10 +36,10 @@ class SimulatedProcess:
         closed: Callable[[], None] | None = None,
     ) -> None:
         self.returncode: int | None = None
-        self.pid = pid
-        self._clock, self._name, self._module, self._arguments = clock, name, module, arguments
+        self.pid, self.name = pid, name
+        self._clock, self._module, self._arguments = clock, module, arguments
         self._closed = closed  # what becomes of its connections at its end
-        self._thread = clock.process_thread(self._run, module, self._name)
+        self._thread = clock.process_thread(self._run, module, self.name)
         self._thread.start()
 
     def _run(self) -> None:
@@ -59,7 +59,7 @@ class SimulatedProcess:
             if self._closed is not None:
                 self._closed()
             os.close(int(self._arguments[1]))
-            self._clock.kill(self._name)
+            self._clock.kill(self.name)
 
     def poll(self) -> int | None:
         """Its exit code; None while it runs."""
@@ -75,7 +75,7 @@ class SimulatedProcess:
     def kill(self) -> None:
         """End it."""
         if self.returncode is None:
-            self._clock.kill(self._name)
+            self._clock.kill(self.name)
 
 
 class SimulatedComputer:
@@ -92,6 +92,11 @@ class SimulatedComputer:
         return SimulatedProcess(
             self._clock, f"{role} {self._started}", module, arguments, self._started, self.end_of(role)
         )
+
+    def activity(self, process: Process) -> Activity | None:
+        """It waits for a core where the computer holds it up, and sleeps otherwise."""
+        assert isinstance(process, SimulatedProcess)
+        return Activity("R" if self._clock.is_held_up(process.name) else "S", 0.0)
 
     def end_of(self, role: str) -> Callable[[], None] | None:
         """What becomes of the connections of a process at its end."""

@@ -110,15 +110,19 @@ class TimestampUnwrapper:
     """A 32-bit counter of microseconds, unwrapped; distinguishes a restart from a wrap."""
 
     def __init__(self) -> None:
-        self._last: int | None = None
+        self.last: int | None = None  # [us] as the sensor has it
         self._total = 0
 
     def add(self, stamp: int) -> int | None:
         """Microseconds since the first stamp; None where the counter restarted."""
-        if self._last is not None:
-            step = (stamp - self._last) % _WRAP
+        if self.last is not None:
+            step = (stamp - self.last) % _WRAP
             if step > _RESTART:
                 return None
             self._total += step
-        self._last = stamp
+        self.last = stamp
         return self._total
+
+    def backwards(self, stamp: int) -> float:
+        """How far [s] a stamp is before the last one."""
+        return 0.0 if self.last is None else ((self.last - stamp) % _WRAP) / 1e6

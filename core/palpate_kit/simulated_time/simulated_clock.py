@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from palpate import HoldUp, use_clock
+from palpate import Clock, HoldUp, use_clock
 
 from palpate_kit.simulated_time.simulated_turns import Actor, Turns
 
@@ -23,7 +23,7 @@ def _nanoseconds(duration: float) -> int:
     return max(math.ceil(duration * 1e9), 0)
 
 
-class SimulatedClock:
+class SimulatedClock(Clock):
     """A clock that goes to the next instant at which anything happens (a `palpate.Clock`).
 
     A thread that was made by `thread`, and the one that enters `running`, may wait by it; any other thread may read it
@@ -53,6 +53,15 @@ class SimulatedClock:
     def processor_time(self) -> float:
         """Nothing: what is computed takes no simulated time."""
         return 0.0
+
+    def contention(self) -> str | None:
+        """What the computer has kept waiting lately."""
+        names = ", ".join(self._turns.held_up_lately())
+        return f"it kept waiting: {names}" if names else None
+
+    def is_held_up(self, process: str) -> bool:
+        """Whether the computer keeps a process waiting now."""
+        return self._turns.is_held_up(process)
 
     def sleep(self, duration: float) -> None:
         """Let others run until a duration [s] has passed."""

@@ -16,6 +16,7 @@ from typing import Any
 from palpate import HoldUp
 
 BEGIN = 1_000_000_000  # [ns]; a monotonic time of 0 would be mistaken for none
+_LATELY, _LOOK = 1_000_000_000, 1_000_000  # [ns] before now, and between instants that are looked at
 
 
 class EndOfThread(BaseException):
@@ -160,7 +161,7 @@ class Turns:
             if actor.ended or number != actor.waits:
                 continue
             instant = max(instant, self.now)
-            free = self._free(actor, instant)
+            free = self._free(actor.process, instant)
             if free > instant:
                 self._order += 1
                 heapq.heappush(self._agenda, (free, self._order, actor, number))
@@ -169,9 +170,19 @@ class Turns:
             actor.waits += 1
             return actor
 
-    def _free(self, actor: Actor, instant: int) -> int:
-        """When [ns] the computer lets an actor run that is due at an instant [ns]."""
+    def _free(self, process: str, instant: int) -> int:
+        """When [ns] the computer lets a process run that is due at an instant [ns]."""
         for hold_up in self._hold_ups:
-            if actor.process.partition(" ")[0] == hold_up.process:
+            if process.partition(" ")[0] == hold_up.process:
                 instant = BEGIN + hold_up.until(instant - BEGIN)
         return instant
+
+    def is_held_up(self, process: str) -> bool:
+        """Whether the computer keeps a process waiting now."""
+        return self._free(process, self.now) > self.now
+
+    def held_up_lately(self) -> list[str]:
+        """The processes that the computer has kept waiting since a second before now."""
+        seen = range(max(self.now - _LATELY, BEGIN), self.now + 1, _LOOK)
+        names = dict.fromkeys(hold_up.process for hold_up in self._hold_ups)
+        return [name for name in names if any(self._free(name, instant) > instant for instant in seen)]

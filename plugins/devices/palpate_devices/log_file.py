@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import errno
 import os
 import struct
 from contextlib import suppress
@@ -17,12 +18,16 @@ _NOTED = ("statistics", "chunk_indices", "attachment_indexes", "metadata_indexes
 
 
 class LogFile:
-    """A binary file to write, which can be cut back to where it was last known to be whole."""
+    """A binary file to write, which can be cut back to where it was last known to be whole.
+
+    One that another program has truncated is written no further: what follows would leave a hole in it.
+    """
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
         self._waiting = bytearray()
         self._written = self._whole = 0  # [bytes]
+        self._is_truncated = False
 
     def write(self, data: Any) -> int:
         """Append bytes; raises OSError."""
@@ -36,11 +41,20 @@ class LogFile:
         return self._written + len(self._waiting)
 
     def flush(self) -> None:
-        """Hand everything to the system; raises OSError."""
+        """Hand everything to the system; raises OSError, also where another program has truncated the file."""
+        self._demand_whole()
         while self._waiting:
             count = os.write(self._descriptor, self._waiting)
             self._written += count
             del self._waiting[:count]
+
+    def _demand_whole(self) -> None:
+        size = os.fstat(self._descriptor).st_size
+        self._is_truncated |= size < self._written
+        if self._is_truncated:
+            self._waiting.clear()
+            text = f"another program has truncated it: {size} of {self._written} bytes are left of what was recorded"
+            raise OSError(errno.EIO, text)
 
     def fileno(self) -> int:
         """Its descriptor."""
@@ -56,6 +70,7 @@ class LogFile:
 
     def cut(self) -> None:
         """Back to the latest mark; raises OSError."""
+        self._demand_whole()
         self._waiting.clear()
         os.ftruncate(self._descriptor, self._whole)
         self._written = os.lseek(self._descriptor, self._whole, os.SEEK_SET)

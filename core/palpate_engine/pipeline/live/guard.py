@@ -260,6 +260,8 @@ class Guard:
             self._check_force(batch, self._limits)
         if self._position.port.key == key and self.contact.tare is not None:
             self._check_height(batch, self._limits)
+        if key == (self._position.port.device, "setpoint"):
+            self.rise.note_command(batch)
 
     def _check_silence(self, device: str, batch: Batch, attended: int | None) -> None:
         news = len(batch.time) > 0
@@ -269,7 +271,8 @@ class Guard:
             if watch.port.device == device:
                 silent = watch.silence(batch.stream, looked, news)
                 if self._limits is not None and silent > self._limits.sensor_timeout:
-                    self.trip(f"{watch.name} is silent for {1e3 * silent:.0f} ms")
+                    late = clock().late_computer()
+                    self.trip(f"{watch.name} is silent for {1e3 * silent:.0f} ms{late}")
 
     def _check_times(self, key: tuple[str, str], batch: Batch, watched: bool) -> None:
         for watch in (self._force, self._position):

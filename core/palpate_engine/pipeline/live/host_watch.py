@@ -53,7 +53,8 @@ class HostWatch:
                 continue
             for device, looked in list(self._looked.items()):
                 if (late := clock().now() - looked) > self._limit:
+                    cause = clock().late_computer() or "; is the computer too busy?"
                     self._trip(
                         f"this program was held up: it has not come to look at {device} for {1e3 * late:.0f} ms, more "
-                        f"than [safety] held_up = {1e3 * self._limit:.0f} ms; is the computer too busy?"
+                        f"than [safety] held_up = {1e3 * self._limit:.0f} ms{cause}"
                     )

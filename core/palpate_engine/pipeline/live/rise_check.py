@@ -30,6 +30,7 @@ class RiseCheck:
     def __init__(self, force: Port, position: Port) -> None:
         self._force, self._position = force, position
         self._height, self._place = math.inf, (0.0,)  # [m]
+        self._commanded_height = math.nan  # [m]
         self._watch: RiseWatch | None = None
         self._touch: TouchWatch | None = None
         self.sound: SoundForce | None = None  # the force at standstill; None before a motion
@@ -57,12 +58,17 @@ class RiseCheck:
         pose = self._position.stream.layout == "pose"
         self._place = tuple(batch.values[-1, :3].tolist()) if pose else (height,)
 
+    def note_command(self, batch: Batch) -> None:
+        """Setpoints of the arm whose position it is; those of a pose have its columns."""
+        if self._position.stream.layout == "pose" and len(batch.values):
+            self._commanded_height = self._position.signal.sign * float(batch.values[-1, self._position.column])
+
     def fault(self, batch: Batch, pushed: Floats) -> str | None:
         """Why tared forces (n,) [N] that push out are not believed; None where they are."""
         if self._watch is None or math.isinf(self._height):
             return None
         time, way = float(batch.time[-1]) / 1e9, -self._height
-        text = self._watch.add(time, pushed, way, self._place)
+        text = self._watch.add(time, pushed, way, self._place, -self._commanded_height)
         if text is not None or self._touch is None:
             return text
         # How high travel is only the process that commands the arm knows.

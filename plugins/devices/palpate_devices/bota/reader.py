@@ -16,6 +16,8 @@ from palpate_devices.bota.sensor_setup import configure, latency_timer, powered_
 
 _REBOOT_TEXTS = (b"App Init", b"FW version")
 _INVALID = (math.nan,) * 6
+_SHORTEST_BOOT = 0.5  # [s] without frames: a sensor that starts needs seconds, and no reader waits so long for nothing
+_LONGEST_BACK = 60.0  # [s] that frames may be late, or a clock be set back by
 
 
 class BotaReader(SensorReader):
@@ -28,6 +30,7 @@ class BotaReader(SensorReader):
     def open(self) -> Any:
         """Its serial port; opening it resets the sensor."""
         self._decoder, self._stamps = FrameDecoder(), TimestampUnwrapper()
+        self._heard = clock().now()  # [s] when the last frame came
         return host().serial_port(self.settings["port"], self.settings["baud"])
 
     def start(self, line: Any) -> Mapping[str, Any]:
@@ -50,15 +53,28 @@ class BotaReader(SensorReader):
         return map(self._reading, frames)
 
     def _reading(self, frame: Frame) -> Reading:
-        stamp = self._stamps.add(frame.stamp)
+        stamp, now = self._stamps.add(frame.stamp), clock().now()
         if stamp is None:
-            raise DeviceError("the sensor rebooted: its clock restarted, and its settings and zero were reset")
+            raise DeviceError(clock_problem(self._stamps.backwards(frame.stamp), now - self._heard))
+        self._heard = now
         wrench = _INVALID if frame.status & UNUSABLE else frame.wrench  # other processes see the reading, too
         return Reading([*wrench, float(frame.status), frame.temperature], stamp)
 
     def stop(self, line: Any) -> None:
         """Leave it in CONFIG."""
         stop_stream(line)
+
+
+def clock_problem(backwards: float, pause: float) -> str:
+    """Return why stamps do not follow each other: they go back by a time [s], after a pause [s] without frames."""
+    if pause >= _SHORTEST_BOOT:
+        return "the sensor rebooted: its clock restarted, and its settings and zero were reset"
+    if backwards > _LONGEST_BACK:
+        return f"the sensor's time-stamps leap within {1e3 * pause:.0f} ms: its clock is not to be trusted"
+    return (
+        f"the sensor's time-stamps go back by {1e3 * backwards:.4g} ms while its frames go on: they arrive out of "
+        "order, or its clock was set back; in which order it measured is not known"
+    )
 
 
 def _settle(line: Any, duration: float) -> None:

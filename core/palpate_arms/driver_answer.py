@@ -1,0 +1,54 @@
+"""Whether a driver returns what is asked for, and which of its methods failed: for the person who writes it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from palpate_arms.arm_driver import ArmReading
+
+_POSE = 6  # numbers: a place [m] and a rotation vector [rad]; speeds and a wrench have as many
+
+
+def reading_problem(reading: Any, joints: int, status: int) -> str | None:
+    """Return which field of a state is not as it is to be, of an arm with so many joints and channels of status."""
+    if not isinstance(reading, ArmReading):
+        return f"its driver's `read` returned {_kind(reading)}; expected an ArmReading, or None where no state is new"
+    expected = {"joints": joints, "joint_speeds": joints, "pose": _POSE, "twist": _POSE, "wrench": _POSE}
+    for field, count in {**expected, "status": status}.items():
+        values = getattr(reading, field)
+        if values is None and field in ("pose", "twist"):
+            continue
+        try:
+            if len(values) != count:
+                return f"its driver's `read` gives {len(values)} numbers in `{field}`; expected {count}"
+            any(map(math.isnan, values))  # anything but numbers raises
+        except TypeError:
+            return f"its driver's `read` gives {_kind(values)} in `{field}`; expected {count} numbers"
+    try:
+        math.isnan(reading.stamp)
+    except TypeError:
+        return f"its driver's `read` gives {_kind(reading.stamp)} as `stamp`; expected the controller's time [s]"
+    return None
+
+
+def _kind(value: Any) -> str:
+    """Return a value in words: of a sequence with something else than numbers, the first such thing."""
+    if value is None:
+        return "None"
+    if isinstance(value, list | tuple):
+        strange = next((entry for entry in value if not isinstance(entry, float | int)), None)
+        return f"a {type(value).__name__} with {strange!r}"
+    return f"a {type(value).__name__}"
+
+
+def driver_error(error: Exception, driver: Any) -> str | None:
+    """Return what a driver's method raised, with its name and place; None of an error that none of them raised."""
+    trace = error.__traceback__
+    while trace is not None:
+        frame = trace.tb_frame
+        if frame.f_locals.get("self") is driver:
+            place = f"{frame.f_code.co_filename.rpartition('/')[2]}, line {trace.tb_lineno}"
+            return f"its driver's `{frame.f_code.co_name}` failed: {type(error).__name__}: {error} ({place})"
+        trace = trace.tb_next
+    return None
