@@ -92,6 +92,7 @@ from .fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as F
 from .flags import Flag as Flag, FlagMeaning as FlagMeaning
 from .hooks import plugin as plugin
 from .interface import API as API
+from .last_digit import LastDigit as LastDigit
 from .notebook import (
     compare as compare,
     fit as fit,

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.device import Stream
+from palpate.last_digit import LastDigit
 
 _SECOND = 1_000_000_000  # [ns]
 _MAX_SECONDS = 1000  # a choice: in one batch; more are not those of a clock
@@ -16,6 +19,9 @@ _MIN_INTERVALS = 10  # a choice: fewer do not show a rate
 RATE_TOLERANCE = 1.05  # factor, a choice: sensors' clocks are within 2 % of their nominal rate
 _COARSE_STEPS = 3.5  # least changes, a choice: a coarse reading changes by up to so many after a repeat
 _END_SHARE = 5  # a choice: a drift is taken from a fifth of the record at each end
+_USUAL_CHANGE = 1.2  # times the largest usual change, a choice: the same of readings without noise
+_QUIET_SHARE = 0.66  # of third differences of readings that change; with a noise of half a step fewer are quiet
+_BINS = 8  # a choice: of third differences, to a factor of two
 
 
 @dataclass
@@ -32,6 +38,9 @@ class Health:
     first: int | None = None  # [ns]
     last: int | None = None  # [ns]
     step: float = float("inf")  # the least change from reading to reading
+    lowest: float = float("inf")  # reading
+    highest: float = float("-inf")
+    usual_change: float = 0.0  # the largest between readings neither of which repeats
     shorter: int = 0  # intervals in which the stamps go on clearly less than the announced rate says
     longer: int = 0  # and clearly more
     paused: int = 0  # [ns] in gaps
@@ -39,6 +48,7 @@ class Health:
     ended: int = 0  # [ns] and of the last
     has_arrivals: bool = False  # by another clock than that of the time-stamps
     _repeats: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2)))  # runs that none surpasses in both
+    _third_differences: Counter[int] = field(default_factory=Counter)  # by 8 log2 of their size
     _earliest: dict[int, int] = field(default_factory=dict)  # by second: the least time [ns] from stamp to arrival
 
     def arrived(self, stamps: NDArray[np.int64], received: NDArray[np.int64]) -> None:
@@ -114,6 +124,44 @@ class Health:
         """The longest run of exactly equal readings apart from coarse readings, which change by a step or two."""
         counts, changes = self._repeats.T
         stuck = (changes > _COARSE_STEPS * self.step) | np.isinf(self.step)
+        return int(counts[stuck].max(initial=0.0))
+
+    def changed(self, values: NDArray[np.float64], before: int) -> None:
+        """Take note of the range of readings (n,), and of how roughly they change; `before` of them are known already.
+
+        Four equal readings are of a signal that stands, and show no noise.
+        """
+        self.lowest = min(self.lowest, float(values[before:].min(initial=np.inf)))
+        self.highest = max(self.highest, float(values[before:].max(initial=-np.inf)))
+        first = np.diff(values[max(before - 3, 0) :])
+        if len(first) < 3:
+            return
+        third = np.abs(np.diff(first, 2))
+        moving = third[(first[2:] != 0.0) | (first[1:-1] != 0.0) | (first[:-2] != 0.0)]
+        places = np.floor(_BINS * np.log2(np.maximum(moving, np.finfo(float).tiny))).astype(int)
+        bins, counts = np.unique(places, return_counts=True)
+        self._third_differences.update(dict(zip(bins.tolist(), counts.tolist(), strict=True)))
+
+    @property
+    def _is_quiet(self) -> bool:
+        """Whether readings that change have a noise below about half of their step, or none at all."""
+        most = LastDigit(self.step).quiet_change(self.highest - self.lowest) if math.isfinite(self.step) else 0.0
+        every = sum(self._third_differences.values())
+        if not every or not most > 0.0:
+            return False
+        place = math.floor(_BINS * math.log2(most))
+        return sum(n for at, n in self._third_differences.items() if at <= place) >= _QUIET_SHARE * every
+
+    @property
+    def longest_stand(self) -> int:
+        """The longest run of equal readings at which the signal itself does not stand.
+
+        Without noise, in a computed force and below the last digit of a coarse one, a force stands as long as the tip
+        does, and then goes on by a usual change.
+        """
+        counts, changes = self._repeats.T
+        usual = _USUAL_CHANGE * self.usual_change if self._is_quiet else 0.0
+        stuck = (changes > max(_COARSE_STEPS * self.step, usual)) | np.isinf(self.step)
         return int(counts[stuck].max(initial=0.0))
 
     @property

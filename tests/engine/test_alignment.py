@@ -246,7 +246,28 @@ def test_coarse_readings_are_no_stuck_sensor(kind, longest, pieces):
     cuts = np.array_split(np.arange(len(values)), pieces)
     batches = [Batch("wrench", force.time[rows], force.time[rows], values[rows]) for rows in cuts]
     _, report = aligned([*batches, motion])
-    assert report.streams["rig.wrench"].longest_repeat == longest
+    health = report.streams["rig.wrench"]
+    assert health.longest_repeat == health.longest_stand == longest
+
+
+@pytest.mark.parametrize("pieces", [1, 7, 300])
+@pytest.mark.parametrize("step", [0.0, 1e-6, 3e-4])
+@pytest.mark.parametrize(("fault", "longest"), [("", 0), ("stuck in a ramp", 240), ("stuck until the end", 700)])
+def test_a_force_without_noise_stands_where_the_tip_does(fault, longest, step, pieces):
+    """Air, a ramp, a hold and a way back: equal readings go on by a usual change, and those of a fault by a leap."""
+    force, motion = record()
+    depth = np.interp(np.arange(len(force.time)), [0, 300, 800, 1200, len(force.time) - 1], [0.0, 0.0, 1.0, 1.0, 0.2])
+    values = np.repeat(0.5 * depth[:, None] ** 1.5, force.values.shape[1], axis=1)
+    values = np.round(values / step) * step if step else values
+    if fault == "stuck in a ramp":
+        values[500:740] = values[500]
+    elif fault == "stuck until the end":
+        values[len(values) - 700 :] = values[500]
+    cuts = np.array_split(np.arange(len(values)), pieces)
+    batches = [Batch("wrench", force.time[rows], force.time[rows], values[rows]) for rows in cuts]
+    health = aligned([*batches, motion])[1].streams["rig.wrench"]
+    assert abs(health.longest_stand - longest) <= (3 if step == 3e-4 else 0)
+    assert health.longest_repeat >= longest
 
 
 def test_host_arrival_can_serve_as_time():

@@ -45,10 +45,24 @@ def test_a_force_that_is_clipped_gives_the_value_of_what_is_below(palpate, tmp_p
 
 
 def test_a_force_stands_at_its_limit_where_it_does_so_more_often_than_below():
-    force = np.minimum(np.sin(np.arange(300) / 60.0), 0.7)
+    height = -np.sin(np.arange(300) / 60.0)
+    force = np.minimum(-height, 0.7)
     rows = np.ones(300, bool)
     assert force_limit(force) == 0.7
-    assert at_limit(force, rows).sum() == np.count_nonzero(force == 0.7) > 10
-    assert force_limit(np.sin(np.arange(300) / 60.0)) is None
-    assert force_limit(np.round(np.sin(np.arange(300) / 60.0), 1)) is None
+    assert at_limit(force, height, rows).sum() == np.count_nonzero(force == 0.7) > 10
+    assert force_limit(-height) is None
+    assert force_limit(np.round(-height, 1)) is None
     assert force_limit(np.full(5, np.nan)) is None
+
+
+@pytest.mark.parametrize(("digits", "noise"), [(9, 0.0), (2, 0.0), (2, 1e-3)])
+def test_a_force_without_noise_that_stands_with_the_tip_is_at_no_limit(digits, noise):
+    """A hold; the same readings are a limit where the tip goes deeper meanwhile, or where the rest of them is noisy."""
+    depth = np.concatenate([np.linspace(0.0, 1.0, 300), np.ones(200), np.linspace(1.0, 0.5, 100)])
+    rows, force = np.ones(600, bool), 0.8 * depth**1.5
+    reading = np.round(force + noise * np.random.default_rng(1).standard_normal(600), digits)
+    assert force_limit(reading) == 0.8
+    assert not at_limit(reading, -depth, rows).any()
+    assert at_limit(np.minimum(reading, 0.7), -depth, rows).sum() > 200
+    noisy = np.where(depth < 1.0, force + 0.02 * np.random.default_rng(2).standard_normal(600), force)
+    assert at_limit(np.minimum(noisy, 0.8), -depth, rows).sum() >= 200

@@ -28,7 +28,8 @@ class Series:
         self.values: Floats = np.zeros(0)
         self._saturated: NDArray[np.bool_] = np.zeros(0, bool)
         self._repeated = 0  # the reading that goes on
-        self._previous: Floats = np.zeros(0)
+        self._ran = 0  # readings of the run before that
+        self._previous: Floats = np.zeros(0)  # the last three readings
         self._change = 0.0  # before that
 
     def feed(self, stamps: NDArray[np.int64], batch: Batch, rows: NDArray[np.bool_], health: Health) -> None:
@@ -53,17 +54,27 @@ class Series:
         return (values <= low) | (values >= high)
 
     def _count_repeats(self, values: Floats, health: Health) -> None:
-        """Take note of the runs of equal readings, the one that goes on as well."""
+        """Take note of the runs of equal readings, the one that goes on as well, and of how readings change."""
         if not len(values):
             return
         joined = np.concatenate([self._previous, values])
+        before = len(self._previous)
+        health.changed(joined, before)
+        self._previous = joined[-3:]
+        joined = joined[max(before - 1, 0) :]
         places = np.flatnonzero(joined[1:] != joined[:-1])
         changes = np.concatenate([[self._change], np.abs(joined[places + 1] - joined[places])])
         edges = np.concatenate([[-max(self._repeated, 1)], places, [len(joined) - 1]])
         runs = np.diff(edges)
         health.repeated(runs, np.maximum(changes, np.append(changes[1:], 0.0)))
         health.step = min(health.step, float(changes[1:].min(initial=np.inf)))
-        self._previous, self._repeated, self._change = joined[-1:], int(runs[-1]), float(changes[-1])
+        # A change is usual where both runs at it are of one reading; the run that goes on is not known yet.
+        single = runs[:-1] == 1
+        usual = changes[:-1][single & np.concatenate([[self._ran == 1], single[:-1]])[: len(single)]]
+        health.usual_change = max(health.usual_change, float(usual.max(initial=0.0)))
+        if len(runs) > 1:
+            self._ran = int(runs[-2])
+        self._repeated, self._change = int(runs[-1]), float(changes[-1])
 
     @property
     def last(self) -> int | None:

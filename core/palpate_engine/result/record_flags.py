@@ -31,8 +31,8 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
     yield from _stream_flags(report.streams)
     for name, health in report.streams.items():
         yield from _rate_flags(name, health)
-        if health.rate and health.longest_repeat / health.rate > _STUCK:
-            yield Flag("stuck", f"{name} repeats one reading for {health.longest_repeat / health.rate:.2f} s")
+        if health.rate and health.longest_stand / health.rate > _STUCK:
+            yield Flag("stuck", f"{name} repeats one reading for {health.longest_stand / health.rate:.2f} s")
     for name, count in (("force", report.missing_force), ("velocity", report.missing_velocity)):
         if count > max(1, _FEW * report.samples):
             yield Flag("gaps", f"{count} of {report.samples} samples have no {name}")

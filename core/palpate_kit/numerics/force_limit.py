@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Floats
+from palpate import Floats, LastDigit
+
+from palpate_kit.numerics.tip_travel import noise_of
 
 FEWEST_AT_LIMIT = 10  # equal readings at the end of the range, in contact: the sensor is saturated
+HEIGHT_SIGMAS = 8.0  # standard deviations of the height: the range of normal values of a tip at rest
+MOST_STEPS = 1.5  # of the last digit, that a force at rest may have changed by: one, and what the slope is off
 TIMES_BELOW = 4.0  # times those of the next smaller value, which coarse readings stand at as often
 
 
@@ -21,7 +25,25 @@ def force_limit(force: Floats) -> float | None:
     return float(values[-1])
 
 
-def at_limit(force: Floats, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return (n,) which samples are at the limit of the force (n,) [N] of some rows (n,)."""
+def at_limit(force: Floats, height: Floats, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return (n,) which samples are at the limit of the force (n,) [N] of some rows (n,), at heights (n,) [m]."""
     limit = force_limit(force[rows])
-    return np.zeros(len(force), bool) if limit is None else np.asarray(force == limit)
+    limited = np.asarray(force == limit)
+    if limit is None or _stands_with_tip(force, height, rows & limited, rows & ~limited):
+        return np.zeros(len(force), bool)
+    return limited
+
+
+def _stands_with_tip(force: Floats, height: Floats, limited: NDArray[np.bool_], others: NDArray[np.bool_]) -> bool:
+    """Return True if a force without noise stands because the tip does: no digit of it would have changed.
+
+    By the slope of the force over the height in the upper half of the other samples, and the way of the tip meanwhile.
+    """
+    digit = LastDigit.of(force[limited | others])
+    if not digit.exceeds_noise(force[others]):
+        return False
+    upper = others & (force > 0.5 * float(np.max(force[others])))
+    way = float(np.ptp(height[upper]))
+    slope = (float(np.ptp(force[upper])) + digit.step) / way if way > 0.0 else np.inf
+    moved = float(np.ptp(height[limited])) - HEIGHT_SIGMAS * noise_of(height)
+    return moved <= 0.0 or slope * moved <= MOST_STEPS * digit.step

@@ -73,6 +73,8 @@ class FitSensitivity:
 
     def of_parameter(self, place: int, std: float) -> Floats:
         """Shift for one standard uncertainty of a parameter that is not free."""
+        if not std > 0.0:
+            return np.zeros(len(self._inverse))
         return self.shifts(-self.column(place, std) * std)
 
     def column(self, place: int, step: float) -> Floats:

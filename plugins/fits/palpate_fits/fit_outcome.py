@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
-from palpate import Flag, Problem, Samples
+from palpate import Flag, LastDigit, Problem, Samples
 from palpate_kit.budget.uncertainty_sources import UncertaintySource
 from palpate_kit.numerics.tip_travel import TipTravel
 
@@ -40,3 +41,8 @@ class FitOutcome:
     loss: LossFunction
     notes: tuple[Flag, ...]  # flags met on the way
     begins_in_contact: Callable[[], bool]  # whether nothing shows that the record begins in air
+
+    @cached_property
+    def digit(self) -> LastDigit:
+        """Of the force of the fitted samples."""
+        return LastDigit.of(self.samples.force[self.rows])

@@ -126,7 +126,7 @@ def _judge(fit: FitOutcome) -> _FitWithUncertainty:
     # Near none a viscosity at one speed has no slope of its own: its interval holds what it does to the others.
     is_fixed = held | np.isin(np.arange(len(free)), list(one_speed))
     sensitivities = FitSensitivity(fit.residual, fit.record, fit.solution.x, is_fixed)
-    table, systematic = _budget(fit, sensitivities, random)
+    table, systematic = _budget(fit, sensitivities, found)
     names = [fit.unknowns.names[place] for place in free]
     jacobian = sensitivities.jacobian
     if "delay" not in names:
@@ -138,12 +138,13 @@ def _judge(fit: FitOutcome) -> _FitWithUncertainty:
     return _FitWithUncertainty(fit, found, random, systematic, held, table, apart, quantile, one_speed)
 
 
-def _budget(fit: FitOutcome, found: FitSensitivity, random: Floats) -> tuple[list[BudgetRow], Floats]:
+def _budget(fit: FitOutcome, found: FitSensitivity, residual: ResidualScatter) -> tuple[list[BudgetRow], Floats]:
     """Rows of the budget, and the standard uncertainty (p,) that all but the random and the timing row add up to."""
     free, names = list(fit.residual.free), fit.unknowns.names
     values = {names[place]: float(fit.solution.x[place]) for place in free}
     places, problem = {name: place for place, name in enumerate(names)}, fit.problem
-    own = {name: Effect.of(value, u) for (name, value), u in zip(values.items(), random.tolist(), strict=True)}
+    random = np.sqrt(residual.covariance.diagonal()).tolist()
+    own = {name: Effect.of(value, u) for (name, value), u in zip(values.items(), random, strict=True)}
     of_model = [source for source in fit.sources if source.path or source.name not in places]
     terms = [
         *source_terms(found, of_model),
@@ -154,6 +155,7 @@ def _budget(fit: FitOutcome, found: FitSensitivity, random: Floats) -> tuple[lis
                 *_implied(fit),
             )
         ),
+        *_of_rounding(fit, residual),
     ]
     rows = [BudgetRow("scatter of the residuals", None, "", own), *(term.row(values) for term in terms)]
     if places["delay"] not in free:
@@ -167,6 +169,22 @@ def _budget(fit: FitOutcome, found: FitSensitivity, random: Floats) -> tuple[lis
     return rows, systematic
 
 
+def _of_rounding(fit: FitOutcome, residual: ResidualScatter) -> Iterator[Term]:
+    """The last digit of the force, where it exceeds the noise: one error q/sqrt(12) for each plateau of readings.
+
+    Errors of plateaus hardly show in the residual of a hold, which has one of them.
+    """
+    if fit.digit.exceeds_noise(fit.samples.force[fit.rows]):
+        shifts = fit.digit.noise * np.sqrt(np.maximum(residual.inverse_normal.diagonal(), 0.0))
+        yield Term("last digit of the force", fit.digit.noise, "N", shifts)
+
+
+def _zero_uncertainty(fit: FitOutcome, air: Floats) -> float:
+    """Standard uncertainty [N] of the mean of the air (n,) [N]; a last digit that exceeds the noise is one error."""
+    scatter_of_mean = mean_uncertainty(air)
+    return math.hypot(scatter_of_mean, fit.digit.noise) if fit.digit.exceeds_noise(air) else scatter_of_mean
+
+
 def _implied(fit: FitOutcome) -> Iterator[tuple[str, str, float, str]]:
     """Sources that the settings do not name: the zero of the force, and a contact point that is not fitted.
 
@@ -178,7 +196,7 @@ def _implied(fit: FitOutcome) -> Iterator[tuple[str, str, float, str]]:
         if stated := fit.problem.zero_uncertainty:
             yield "tare", "bias", stated, "N"
         elif (approach := fit.by_force.approach) is not None:
-            yield "tare", "bias", mean_uncertainty(approach.force[: approach.air]), "N"
+            yield "tare", "bias", _zero_uncertainty(fit, approach.force[: approach.air]), "N"
     if fit.settings.contact_point != "free":
         yield "contact point", "surface", fit.by_force.points[fit.settings.contact_point].std, "m"
 
@@ -283,6 +301,7 @@ def _misfit(fit: FitOutcome, found: ResidualScatter) -> Iterator[Flag]:
     """Whether the residual is more than the noise in the air, or than its own white noise where there was no air."""
     rms = float(np.sqrt(found.rss / max(found.samples, 1)))
     noise = found.noise if fit.by_force.approach is None else fit.by_force.approach.noise
+    noise = math.hypot(noise, fit.digit.noise)
     if fit.by_force.approach is not None and rms > _MISFIT * noise:  # in the air the height's noise is not felt
         surface = fit.unknowns.index("surface")
         noise = float(np.hypot(noise, force_noise(fit.residual, fit.record, fit.solution.x, surface)))

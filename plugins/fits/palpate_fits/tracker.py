@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cache, cached_property, partial
 
 import numpy as np
-from palpate import Estimates, Flag, Floats, Problem, Samples
+from palpate import Estimates, Flag, Floats, LastDigit, Problem, Samples
 from palpate_kit.budget.uncertainty_sources import UncertaintySource
 from palpate_kit.numerics.contact_point import Approach
 from palpate_kit.numerics.force_limit import at_limit
@@ -216,6 +216,7 @@ class FitTracker:
         weight = rows.astype(float)
         if self._settings.weights == "depth":
             weight[rows] = _by_depth(samples.position[rows])
+        weight[rows] *= _by_digit(samples.force[rows])
         keep, remembers = rows.copy(), bool(self._problem.model.memory)
         if remembers:
             keep[: int(np.flatnonzero(rows)[-1]) + 1] = True
@@ -290,13 +291,22 @@ def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
 
 def _without_saturation(samples: Samples, rows: Rows, notes: list[Flag]) -> Rows:
     """Drop readings that stand at the largest value of the record, and say so."""
-    limited = rows & at_limit(samples.force, rows)
+    limited = rows & at_limit(samples.force, samples.position, rows)
     if not limited.any():
         return rows
     top = float(samples.force[limited][0])
     what = f"the force stands at {top:.5g} N in {np.count_nonzero(limited)} samples, which are left out"
     notes.append(Flag("saturated", what))
     return np.asarray(rows & ~limited)
+
+
+def _by_digit(force: Floats) -> Floats:
+    """Weights (n,) by which a plateau of equal readings (n,) [N] counts as one; 1 where noise exceeds half a digit."""
+    known = np.isfinite(force)
+    weight, digit = np.ones(len(force)), LastDigit.of(force[known])
+    if digit.exceeds_noise(force[known]):
+        weight[known] = 1.0 / np.sqrt(digit.plateau_sizes(force[known]))
+    return weight
 
 
 def _by_depth(height: Floats) -> Floats:

@@ -24,7 +24,7 @@ from palpate_uncertainty.refitted_model import (
     refitted_model,
     with_noise,
 )
-from palpate_uncertainty.residual_null import air_readings
+from palpate_uncertainty.residual_null import air_readings, rounding_noise
 from palpate_uncertainty.residual_tests import refit_tests, residual_tests
 from palpate_uncertainty.score_tests import LEVEL
 
@@ -68,8 +68,8 @@ def _judged(track: TrackEvidence) -> Diagnosed | None:
 
 
 def _with_open_noise(track: TrackEvidence, finding: Diagnosed | None) -> Diagnosed | None:
-    """A finding, with the condition on the noise where no air shows that; None where nothing was tested and it does."""
-    if track.ending is None or air_readings(track) is not None:
+    """A finding, with the condition on the noise where neither air nor digit shows that; None without either."""
+    if track.ending is None or air_readings(track) is not None or rounding_noise(track) is not None:
         return finding
     text = _UNTESTED if finding is None else "noise of the force taken from its fastest changes"
     noise = Condition("noise", text, "record 0.2 s at rest in air first")

@@ -149,7 +149,7 @@ def _deep(track: TrackEvidence) -> NDArray[np.bool_]:
     What stands at the limit of the sensor does not measure the force; a track that used it is judged by it.
     """
     kept, depth = track.kept, track.surface - track.kept.position
-    deep = (depth > _SHALLOW * np.nanmax(depth)) & ~at_limit(kept.force, np.isfinite(kept.force))
+    deep = (depth > _SHALLOW * np.nanmax(depth)) & ~at_limit(kept.force, kept.position, np.isfinite(kept.force))
     return np.asarray(deep | kept.used)
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from palpate import Floats, TrackEvidence
+from palpate import Floats, LastDigit, TrackEvidence
 from palpate_engine import force_slopes
 from palpate_kit.numerics.tip_travel import noise_of, rate_kernels
 
@@ -21,6 +21,7 @@ _LOWEST = 0.125  # of the band, from which on what a model leaves is noise
 _FLAT, _CHANCE = 1.5, 3.8  # by which parts of a flat band differ: a factor, or standard deviations of few readings
 _NEW = 0.7  # of the readings, fewer of which differ from the one before where a sensor is held
 _PER_LINE = 1.94  # variance of the mean of lines of a Hann window, of that of independent ones (Harris 1978)
+LAW_ROUNDING = 2e-6  # of the range of the force, that a fit of a computed force leaves where contact sets in
 _COARSE = 0.5  # of the noise, above which a step of the readings counts in addition
 
 
@@ -37,17 +38,18 @@ class ForceNoise:
     def of(cls, track: TrackEvidence, left: Floats) -> ForceNoise | None:
         """From standstill, else from the air before the contact, else from the upper band of what is left (n,) [N].
 
-        None where it is open.
+        Where the last digit exceeds all of these, it is the noise. None where it is open.
         """
+        if (rounding := rounding_noise(track)) is not None:
+            return rounding
         rest = air_readings(track)
         if rest is None:
             return upper_band(left, track.kept.force)
         null, std = null_of(rest), float(np.std(rest, ddof=1))
-        steps = np.abs(np.diff(track.kept.force))
-        least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
+        steps, digit = np.abs(np.diff(track.kept.force)), LastDigit.of(track.kept.force)
         share = float(np.mean(steps == 0)) if len(steps) else 0.0
-        if share > 0.02 or least > _COARSE * std:  # readings in steps: those add noise that the air need not show
-            std = float(np.hypot(std, least / np.sqrt(12.0)))
+        if share > 0.02 or digit.step > _COARSE * std:  # readings in steps: those add noise that the air need not show
+            std = float(np.hypot(std, digit.noise))
         return cls(std, null.coefficients, len(rest), null.excess) if std > 0 else None
 
     def spectrum(self, n: int) -> Floats:
@@ -56,6 +58,15 @@ class ForceNoise:
         # Over all n frequencies the mean is the variance.
         whole = 2.0 * inverse.sum() - inverse[0] - (inverse[-1] if n % 2 == 0 else 0.0)
         return np.asarray(inverse * self.std**2 * n / whole)
+
+
+def rounding_noise(track: TrackEvidence) -> ForceNoise | None:
+    """Return the noise of rounding where the last digit of the force exceeds all other noise; else None."""
+    force = track.kept.force[np.isfinite(track.kept.force)]
+    digit = LastDigit.of(force)
+    if not digit.exceeds_noise(force):
+        return None
+    return ForceNoise(max(digit.noise, LAW_ROUNDING * float(np.ptp(force))), np.zeros(0), len(force))
 
 
 def air_readings(track: TrackEvidence) -> Floats | None:

@@ -16,7 +16,7 @@ from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 from palpate_kit.numerics.tip_travel import noise_of
 
 from palpate_uncertainty.refit import IN_AIR, Course, free_unknowns, zero_without_air
-from palpate_uncertainty.residual_null import slopes_of
+from palpate_uncertainty.residual_null import rounding_noise, slopes_of
 
 FIXED = "a fixed value"  # the cause that is tested by freeing what is fixed
 _BINS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
@@ -107,6 +107,8 @@ class JudgedRows:
         yield (_OPEN_DELAY if timing is None else timing) * self.change
         if (tare := end.report.tare) is not None and tare.offset_std is not None and not self._tells_zero:
             yield np.full(len(self.time), tare.offset_std)
+        if (rounding := rounding_noise(self.track)) is not None:  # the air is one reading, which has one error
+            yield np.where(self.contact, 0.0, rounding.std)
         if end.settings.tip_mass is None:
             yield _OPEN_MASS * self.acceleration
         elif mass:
