@@ -189,6 +189,50 @@ def test_a_press_under_hum_that_is_sampled_too_slowly_is_found(rate):
     assert abs(report.first_touch[1]) < 0.08 * 3e-3
 
 
+def microscope(seed, contact=True):
+    """A curve over 1 to 3 um of air, 0.25 to 6 s: a baseline of one or two slow waves of 0.1 to 0.4 % of the press.
+
+    Times [s], force [N] and height [m].
+    """
+    random = np.random.default_rng(seed)
+    count = int(random.integers(500, 1500))
+    depth = np.linspace(-random.uniform(1.0, 3.0), random.uniform(0.5, 1.5), count)
+    force = (np.maximum(depth, 0.0) / depth[-1]) ** 1.5 if contact else np.zeros(count)
+    force += 10 ** random.uniform(-4.0, -2.7) * random.standard_normal(count)
+    size = random.uniform(1e-3, 4e-3)
+    for _ in range(1 + seed % 2):
+        force += size * np.sin(2 * np.pi * depth / random.uniform(2.0, 6.0) + random.uniform(0.0, 2 * np.pi))
+    force += random.uniform(-0.2, 0.2) + random.uniform(-3e-3, 3e-3) * depth
+    return random.uniform(0.5e-3, 4e-3) * np.arange(count), 100e-9 * force, -1e-6 * depth
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_press_under_a_baseline_that_bends_is_found(seed):
+    """The line of an optical lever in air: its bend was a touch, far above the surface."""
+    _, report = aligned(*microscope(seed), most_mass=0.0)
+    assert abs(report.first_touch[1]) < 0.1e-6
+    assert aligned(*microscope(seed, contact=False), most_mass=0.0)[1].first_touch is None
+
+
+@pytest.mark.slow
+def test_presses_and_air_under_many_baselines():
+    touches = [aligned(*microscope(seed), most_mass=0.0)[1].first_touch for seed in range(8, 80)]
+    assert not [touch for touch in touches if touch is None or abs(touch[1]) > 0.1e-6]
+    air = [aligned(*microscope(seed, contact=False), most_mass=0.0)[1].first_touch for seed in range(8, 80)]
+    assert not [touch for touch in air if touch is not None]
+
+
+@pytest.mark.parametrize("noise", [1e-12, 1e-11, 1e-10])
+def test_a_curve_that_begins_in_contact_is_touched_from_its_first_reading(noise):
+    """As averages that are exported from the contact on, in N and m: there is no air that shows the noise."""
+    depth = np.linspace(0.0, 3e-6, 3000)
+    force = 1e-7 * (depth / 3e-6) ** 1.5 + noise * np.random.default_rng(5).standard_normal(3000)
+    samples, report = aligned(np.arange(3000) / 1e3, force, -depth, most_mass=0.0, tare="none")
+    assert report.touches == 1
+    assert np.argmax(samples.contact) < 300
+    assert samples.contact[-1]
+
+
 @pytest.mark.parametrize("word", ["nois", "0 N", "-1 N", 1e6])
 def test_what_is_no_force_of_touch_is_refused(word):
     with pytest.raises(ValueError, match="touch_force"):

@@ -34,6 +34,14 @@ def test_noise_through_a_low_pass_is_no_motion():
     assert no_tare(time, force + 0.02 * np.convolve(noise, np.ones(25) / 5.0, "same")) is None
 
 
+@pytest.mark.parametrize("lasts", [0.25, 0.9, 3.0])
+def test_the_air_of_a_curve_that_lasts_less_than_a_second_is_a_tare(lasts):
+    """Of a microscope: 0.9 s of it are air and contact."""
+    time, _, force = press(1000.0, 0.0, 4.5, 0.0)
+    assert no_tare(lasts / 4.5 * time, force) is None
+    assert no_tare(lasts / 4.5 * time[:2250], force[2250:]) is not None
+
+
 def test_a_record_that_begins_in_contact_gives_no_tare():
     time, _, force = press(100.0, 0.0, 1.5, 2.0, noise=5e-3)
     assert no_tare(time[75:], force[75:]) is not None

@@ -64,3 +64,11 @@ def _air_line(air: Samples) -> AirLine:
     variance = float(left @ left) / (len(air) - 2)
     level_std, slope_std = (math.sqrt(variance * samples_as_one(left) / size) for size in (len(air), power))
     return AirLine(middle, level, level_std, slope, slope_std, math.sqrt(variance), float(air.time[-1]))
+
+
+def tare_in_contact(settings: AlignmentSettings, noise: float) -> Tare | None:
+    """The stated tare of a record that begins in contact, and the noise [N] of its readings; None if none is stated."""
+    if settings.tare == "free-air":
+        return None
+    offset = 0.0 if settings.tare == "none" else float(settings.tare)
+    return Tare(offset, settings.tare_uncertainty, None, air=AirLine(0.0, 0.0, 0.0, 0.0, 0.0, noise, 0.0))

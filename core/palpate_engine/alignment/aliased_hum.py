@@ -13,14 +13,16 @@ _NARROW, _LEVELS = 9, 2  # frequencies around the best, and how often they narro
 _ALIKE = 1e-9  # share of a wave that the other terms leave, which does not count
 
 
-def left_by_hum(time: Floats, basis: Floats, rest: Floats, interval: float) -> float:
+def left_by_hum(time: Floats, basis: Floats, rest: Floats, interval: float, bends: float = 0.0) -> float:
     """The least sum of squares [N2] of readings less air and one wave that hum may be; infinite where hum is not slow.
 
     `rest` (n,) [N] is what the orthonormal terms `basis` (n, k) of air leave at times (n,) [s], of readings that were
-    taken at an interval [s].
+    taken at an interval [s]. The line of the air may bend as well, by so many waves over the readings.
     """
     lasts = float(time[-1] - time[0])
     bands = [band for line in _LINES if (band := _band(line, interval))[0] * lasts < _MOST_WAVES]
+    if bends and lasts > 0.0:
+        bands.append((0.0, bends / lasts))
     if not bands or not lasts > 0.0:
         return float("inf")
     low, high = min(band[0] for band in bands), min(max(band[1] for band in bands), _MOST_WAVES / lasts)

@@ -10,7 +10,7 @@ from palpate.alignment_settings import AlignmentSettings
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 
-from palpate_engine.alignment.air_line import FIRST_READINGS, decides, may_decide, record_tare
+from palpate_engine.alignment.air_line import FIRST_READINGS, decides, may_decide, record_tare, tare_in_contact
 from palpate_engine.alignment.contact_hysteresis import ContactHysteresis
 from palpate_engine.alignment.contact_onset import ContactOnset
 from palpate_engine.alignment.contact_threshold import ContactThreshold
@@ -120,8 +120,7 @@ class ContactDetector:
             return latest[:0]
         samples = Samples.joined(self._waiting)
         self._waiting = [samples]
-        touch = search.found(samples, final) if decides(samples) else None
-        tare = record_tare(self._settings, samples[: touch.begin], touch.step) if touch is not None else None
+        touch, tare = self._touch_with_tare(search, samples, final) if decides(samples) else (None, None)
         if touch is not None and tare is not None:
             return self._touched_by_noise(samples, touch, tare)
         if touch is None and decides(samples) and not final:
@@ -134,6 +133,19 @@ class ContactDetector:
             self._air.add(samples.force)
             return samples
         return self._before_tare(samples, final)
+
+    def _touch_with_tare(
+        self, search: TouchSearch, samples: Samples, final: bool
+    ) -> tuple[RecordTouch | None, Tare | None]:
+        """The first touch that has air before it, and the tare of that air; None without one.
+
+        A touch without air is looked for in whole records only, for the begin of a bend looks like one.
+        """
+        while (touch := search.found(samples, final)) is not None:
+            if (tare := record_tare(self._settings, samples[: touch.begin], touch.step)) is not None:
+                return touch, tare
+        touch = search.of_record(samples) if final else None
+        return touch, None if touch is None else tare_in_contact(self._settings, touch.noise)
 
     def _touched_by_noise(self, samples: Samples, touch: RecordTouch, tare: Tare) -> Samples:
         self._waiting, self._load = [], LoadCompensation(self._settings, tare)

@@ -21,9 +21,11 @@ _PULSE = 0.05  # [s] over which accelerations are taken
 _ABOVE = 4.0  # standard deviations of a derived acceleration, below which it is noise
 _GRID, _LEVELS = 33, 3  # heights that are tried together, and how often the grid narrows
 _GAIN = 100.0  # of the sum of squares in units of the noise's variance: ten sigma, jointly
-_OVER_HUM = 16.0  # the same, in addition to the best wave that aliased hum may be
+_OVER_WAVE = 16.0  # the same, in addition to the best wave of hum or of a line that bends
+_BENDS = 2.0  # waves over the readings, of an optical lever's baseline (1 in 3 um of travel is usual)
 _STEPS = 3.0  # of the resolution, that what only contact explains rises by at least
 _SPREAD, _BELIEVED = 2.0, 0.2  # what the law may leave: standard deviations of the noise, share of the rise
+_BELIEVED_WITHOUT_AIR = 0.03  # the same of a record that begins in contact: a cone leaves so much, a wave more
 _PARTS = (8, 32)
 _ALIKE = 1e-6  # share of a term that the others leave, below which it counts as zero
 _REPEATS = 4096  # readings whose resolution is looked at
@@ -36,6 +38,7 @@ class RecordTouch:
     begin: int  # index of the first sample below the surface
     surface: float  # [m]
     step: float  # [N] resolution of the force; 0: none shows
+    noise: float  # [N] of one reading, by the third differences of all of them
 
 
 class TouchSearch:
@@ -51,11 +54,15 @@ class TouchSearch:
         while self.due <= len(samples) or (final and self._looked < len(samples)):
             self._looked = min(self.due, len(samples))
             touch = record_touch(samples[: self._looked], self._most_mass)
+            self.due += max(_EVERY, self.due // _OFTEN)
             if touch is not None and self._seen:
                 return touch
             self._seen = touch is not None
-            self.due += max(_EVERY, self.due // _OFTEN)
         return None
+
+    def of_record(self, samples: Samples) -> RecordTouch | None:
+        """The touch by all samples of a record that has ended, where a law of contact from its begin explains them."""
+        return record_touch(samples, self._most_mass, _BELIEVED_WITHOUT_AIR)
 
     def is_air(self, samples: Samples) -> bool:
         """Whether a record without a touch has no more force than a cable and inertia may give, or hum explains it."""
@@ -65,12 +72,13 @@ class TouchSearch:
         return is_still or _is_hum(known)
 
 
-def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
+def record_touch(samples: Samples, most_mass: float, believed: float = _BELIEVED) -> RecordTouch | None:
     """The touch that samples from a record's begin show; None where air explains them as well.
 
     Air is F = b + s t + k z - m a + noise with m from 0 to `most_mass` [kg]: the sensor's zero and its drift, a cable
     or a tilt, the inertia of what hangs behind the sensor. Contact adds c (z_s - z)^1.5 below z_s. It is found where
-    that lowers the sum of squares by the square of ten standard deviations of the noise in the air before, whatever m.
+    that lowers the sum of squares by the square of ten standard deviations of the noise in the air before, whatever m,
+    and leaves no more than a `believed` share of the rise.
     """
     known = np.flatnonzero(np.isfinite(samples.force) & np.isfinite(samples.position))
     if len(known) < 2 * FEWEST_IN_AIR:
@@ -103,14 +111,17 @@ def record_touch(samples: Samples, most_mass: float) -> RecordTouch | None:
     as_one = float(air @ air) / len(air) * _as_one(air) if len(air) else 0.0
     variance = max(noise**2, as_one, step**2 / 12.0 * _as_one(left))
     rms = float(np.sqrt(left[first:] @ left[first:] / len(left[first:])))
-    if gain < _GAIN * variance or rise < _STEPS * step or rms > _SPREAD * np.sqrt(variance) + _BELIEVED * rise:
+    if gain < _GAIN * variance or rise < _STEPS * step or rms > _SPREAD * np.sqrt(variance) + believed * rise:
         return None
-    if _gain_over_hum(time, basis, rest, left, _interval(samples[known])) < _OVER_HUM * variance:
+    # Where a mass is set in motion, what it leaves would pass for noise, and any press for a bent line.
+    bends = _BENDS if bend is None else 0.0
+    if _gain_over_wave(time, basis, rest, left, _interval(samples[known]), bends) < _OVER_WAVE * variance:
         return None
     lasting = run_lengths(height < surface, 0) >= SAMPLES_IN_A_ROW
     if not lasting.any():
         return None
-    return RecordTouch(int(known[int(np.argmax(lasting)) - SAMPLES_IN_A_ROW + 1]), surface, step)
+    begin = int(known[int(np.argmax(lasting)) - SAMPLES_IN_A_ROW + 1])
+    return RecordTouch(begin, surface, step, max(white_noise(reading), step / np.sqrt(12.0)))
 
 
 def _range_in_air(place: Floats, bend: Floats | None, most_mass: float) -> float:
@@ -119,13 +130,16 @@ def _range_in_air(place: Floats, bend: Floats | None, most_mass: float) -> float
     return ROBOT_FORCE + _CABLE * float(np.ptp(place)) + inertia
 
 
-def _gain_over_hum(time: Floats, basis: Floats, rest: Floats, left: Floats, interval: float) -> float:
-    """By how much contact lowers the sum of squares in addition to a wave of hum; infinite where hum is not slow."""
-    air = left_by_hum(time, basis, rest, interval)
+def _gain_over_wave(time: Floats, basis: Floats, rest: Floats, left: Floats, interval: float, bends: float) -> float:
+    """By how much contact lowers the sum of squares in addition to a wave, of hum or of a line of air that bends.
+
+    Infinite where neither is possible.
+    """
+    air = left_by_hum(time, basis, rest, interval, bends)
     if not np.isfinite(air):
         return air
     law = rest - left
-    return air - left_by_hum(time, np.column_stack([basis, law / np.linalg.norm(law)]), left, interval)
+    return air - left_by_hum(time, np.column_stack([basis, law / np.linalg.norm(law)]), left, interval, bends)
 
 
 def _is_hum(samples: Samples) -> bool:

@@ -16,6 +16,7 @@ from palpate_kit.logs.delay_from_free_air import air_delay
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, Pick, RoleGuess, Search
 
 _TARE = 0.9  # [s]
+_AIR_SHARE = 0.15  # of a short record; a press from its first reading has 0.06 of its force by then
 _FEWEST = 12  # readings
 _PARTS, _WANDER = 6, 1.5  # of those first moments; of the scatter within a part, that their means have at rest
 _FREE = 0.05  # of the force's range by which its rest may be away from where it touches nothing
@@ -77,8 +78,12 @@ def scale_column(pick: Pick, factor: float, sign: int) -> tuple[Floats, Floats]:
 
 
 def air_window(time: Floats) -> float:
-    """How long [s] the air at the begin of a record is looked at: for 0.9 s, or as many readings as say anything."""
-    return max(_TARE, float(time[min(_FEWEST, len(time)) - 1] - time[0]))
+    """How long [s] the air at the begin of a record is looked at: for 0.9 s, or as many readings as say anything.
+
+    A curve of a microscope may last less: of a record of 6 s or less the first 0.15.
+    """
+    first = float(time[min(_FEWEST, len(time)) - 1] - time[0])
+    return max(min(_TARE, _AIR_SHARE * float(time[-1] - time[0])), first)
 
 
 def no_tare(time: Floats, force: Floats) -> str | None:
