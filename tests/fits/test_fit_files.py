@@ -159,7 +159,6 @@ def test_tables_of_all_kinds_give_the_elasticity_of_the_plain_one(tmp_path, palp
 @pytest.mark.parametrize(
     ("kind", "asked", "answer"),
     [
-        ("no-time", "rate: rows per second", ["--rate", "250 Hz"]),
         (
             "volts",
             "say it with --set device.log.columns.force.scale=NUMBER",

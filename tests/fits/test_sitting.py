@@ -132,8 +132,10 @@ def test_without_a_terminal_what_can_be_fitted_is_and_one_line_is_there_to_copy(
     done = palpate("fit", "first", "--tip", "paraboloid 3 mm", "--out", "fits")
     assert done.returncode == 1
     assert not (tmp_path / "first" / "rig.toml").exists()
-    assert "first/c1.txt: rate: rows per second" in done.stderr
-    assert "state: palpate fit first --tip 'paraboloid 3 mm' --delay VALUE" in done.stdout
+    assert "first/c2.txt: columns.force.scale: how many N" in done.stderr
+    row = rows_of(tmp_path / "fits")["c1"]  # without a time
+    assert (row["elasticity_verdict"], row["viscosity_verdict"]) == ("good", "needs rate")
+    assert "state: palpate fit first --tip 'paraboloid 3 mm' --" in done.stdout
 
 
 class Person:

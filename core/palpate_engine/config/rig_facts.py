@@ -201,8 +201,8 @@ def option_of(name: str) -> str:
 
 
 def words_that_state(fact: str) -> str:
-    """Return the option that states a fact of a condition; its value is the user's."""
-    return f"{option_of(facts_stated()[fact])} VALUE"
+    """Return the option that states a fact of a condition, or a key of files; its value is the user's."""
+    return f"{option_of(facts_stated().get(fact, fact))} VALUE"
 
 
 def read_rig(path: Path) -> RigFacts:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import signal
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -16,6 +17,7 @@ from palpate.flags import Flag
 
 from palpate_engine.alignment import AlignmentReport, AlignmentSettings
 from palpate_engine.config import Pipeline, resolved_text, setup_flags, values_on_trust
+from palpate_engine.config.rig_facts import words_that_state
 from palpate_engine.pipeline.device_flags import device_flags
 from palpate_engine.pipeline.interrupt import Interrupt
 from palpate_engine.result import SCHEMA, Condition, TrackResult, contradictions, finite, record_flags, stream_tables
@@ -23,6 +25,7 @@ from palpate_engine.result import SCHEMA, Condition, TrackResult, contradictions
 if TYPE_CHECKING:
     from palpate_engine.pipeline.live.live_facts import EstimateFacts, LiveFacts
 
+_SECOND = re.compile(r"\bs\b")  # in a unit
 _BEHIND = 1.0  # [s]; estimates that were less late at worst have kept up
 
 
@@ -155,7 +158,8 @@ def _rehearsal(pipeline: Pipeline) -> Iterator[Flag]:
 def _assumed(pipeline: Pipeline, track: TrackResult) -> Iterator[Condition]:
     """What the run took for known of a track although nobody stated it, but for what diagnoses say.
 
-    A tip that nobody stated may be any: every value needs it.
+    A tip that nobody stated may be any: every value needs it. So may be the rate of a log without a time: what has a
+    second in its unit needs it.
     """
     keys = [key for key in pipeline.run.assumed if _model_of(key, pipeline) in (None, track.model)]
     keys = [key for key in keys if not _is_diagnosed(key, pipeline.alignment)]
@@ -165,9 +169,15 @@ def _assumed(pipeline: Pipeline, track: TrackResult) -> Iterator[Condition]:
     others = [key for key in keys if not known.get(key)]
     settings = tomllib.loads(resolved_text(pipeline)) if others else {}
     known = {**known, **{key: _setting(settings, key) for key in others}}
+    values = {**track.parameters, **{value.name: value.found for value in track.derived}}
     for key in keys:
+        if key.startswith("device.") and key.endswith(".rate"):
+            timed = [name for name, value in values.items() if _SECOND.search(value.unit)]
+            text, words = f"{float(known[key]):g} rows in a second", words_that_state("rate")
+            yield Condition("rate", text, words, "another rate", dict.fromkeys(timed, math.inf), "assumed")
+            continue
         of_tip = key.startswith("indenter.")
-        shifts = dict.fromkeys([*track.parameters, *(value.name for value in track.derived)], math.inf)
+        shifts = dict.fromkeys(values, math.inf)
         text, words = f"{key} = {known[key]}", f'--set "{key}=VALUE"'
         yield Condition(key, text, words, "another tip" if of_tip else "", shifts if of_tip else {}, "assumed")
 

@@ -56,7 +56,9 @@ def weigh(
             own: Verdict = "invalid" if _leaves_nothing(flag, name, registry) else flag.severity or "doubtful"
             doubts[name] = VERDICTS[max(VERDICTS.index(doubts[name]), VERDICTS.index(own))]
     findings.sort(key=lambda flag: (-VERDICTS.index(flag.severity or "doubtful"), -sizes[id(flag)]))
-    open_values = {name for flag in findings if flag.code == _OPEN for name in flag.effects or {}}
+    # Without a rate a viscosity has no size, and what it needs is said before that it is not determined.
+    timeless = {name for condition in conditions if condition.fact == "rate" for name in condition.shifts}
+    open_values = {name for flag in findings if flag.code == _OPEN for name in flag.effects or {}} - timeless
     by_value = {
         name: _word(doubts[name], name in open_values, needs(conditions, name, value)) for name, value in values.items()
     }

@@ -22,7 +22,7 @@ def row_table(rows: Iterable[Mapping[str, str]], model: ContactModel, known: Reg
 def result_row(row: Mapping[str, str], units: Mapping[str, str], severities: Mapping[str, str]) -> ResultRow:
     """Return a row of fits as a row of the table; `units` by value, `severities` by code."""
     conditions = row_conditions(row)
-    options = facts_stated()
+    options = {*facts_stated(), "rate"}
     return ResultRow(
         row.get("curve", ""),
         row.get("track", ""),

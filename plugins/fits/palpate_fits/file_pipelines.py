@@ -19,10 +19,11 @@ from palpate_kit.logs.draft_pipeline import rate_note
 from palpate_kit.terminal.progress import report_progress
 from palpate_records.recording import Suggestion
 
-from palpate_fits.file_questions import FileQuestion, question_of_file
+from palpate_fits.file_questions import RATE, FileQuestion, question_of_file
 
 DEVICE = "log"
 _READER = f"device.{DEVICE}."
+ASSUMED_RATE = "100 Hz"  # of a file without a time: what depends on it is of no use, and E of an elastic press does not
 _OF_TIP = re.compile(r"\b(tip|probe|indenter|ball|sphere|kugel)", re.IGNORECASE)
 _ACROSS = re.compile(r"diameter|durchmesser", re.IGNORECASE)
 _ALIKE = 0.02  # by which a tip may miss what a file states
@@ -185,9 +186,13 @@ def _tables(suggestion: Suggestion, file: Path, parts: Mapping[str, Any], stated
     assumed = ["alignment.tare"] if "alignment.tare" not in stated else []
     assumed += [f"alignment.{role}.delay" for role in roles] if not timed else []
     assumed += [f"{_READER}{key}" for key in suggestion.guesses if f"{_READER}{key}" not in stated]
+    device = {**suggestion.device, "file": str(file.resolve())}
+    if str(device.get(RATE, "")).startswith("?") and f"{_READER}{RATE}" not in stated:
+        device[RATE] = ASSUMED_RATE
+        assumed.append(f"{_READER}{RATE}")
     return {
         "run": {"assumed": assumed},
-        "device": {DEVICE: {**suggestion.device, "file": str(file.resolve())}},
+        "device": {DEVICE: device},
         "alignment": dict(suggestion.alignment),
         **parts,
     }

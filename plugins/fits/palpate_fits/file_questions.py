@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from palpate_kit.logs.suggestion import POSITION_OF
 from palpate_records.recording import Suggestion
 
+RATE = "rate"
 _READER = "device.log."
-_OPTIONS = ("force", "position", "time", "rate")
+_OPTIONS = ("force", "position", "time")
 _SCALE = re.compile(r"columns\.(\w+)\.scale")
 _UNIT = re.compile(r"columns\.(\w+)\.unit")
 
@@ -36,6 +37,8 @@ def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQ
             continue
         if key == POSITION_OF:
             return FileQuestion("position", "", about, f"{text}; say it with --{key}", True, ("tip", "stage"))
+        if key == RATE:  # E of an elastic press does not depend on it
+            return FileQuestion(RATE, "", about, text, False)
         option = f"--{key}" if key in _OPTIONS else f"--set {_READER}{key}=NUMBER"
         advice = f"{text}; say it with {option}"
         if (scale := _SCALE.fullmatch(key)) is not None:

@@ -71,7 +71,8 @@ def ask_of_files(stated: StatedFacts, questions: Mapping[str, FileQuestion], ask
             continue
         answered.add((question.key, question.name))
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        empty = question.guess or "they are not read" if others else question.guess or "it is not read"
+        unread = ("they are not read" if others else "it is not read") if question.needed else "not known"
+        empty = question.guess or unread
         text = f"{names[0]}{others}: {question.text}. Which is it? [Enter: {empty}]"
         stated = _asked(stated, text, partial(_answered, stated, question), ask, question.guess)
     return stated
