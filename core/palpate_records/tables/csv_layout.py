@@ -23,6 +23,8 @@ _MANY = 50  # rows that are certainly those of the table
 _TITLES = 50  # lines above the names of a page, at most
 _FEW = 3  # rows that are numbers by chance: results of a test above its readings
 _OTHER_UNITS = re.compile(r"%|-|°?C|[kMG]?Pa|mm/mm|mJ|J|deg|#|hh:mm:ss.*", re.IGNORECASE)
+# A line between header and rows: of dashes, or a word for the end of the one or the begin of the other.
+_DIVIDER = re.compile(r"[\W_]+|\W*(eoh|end[ _-]?of[ _-]?header|header[ _-]?end|data|begin[ _]data)\W*", re.IGNORECASE)
 _BETWEEN = re.compile(r"[:=\t;,]")
 _COLUMNS, _UNITS = "columns|fields|names|column names", "units"  # what begins a comment with names, and with units
 _LONGEST = 40, 60  # characters of a name and of its value
@@ -216,7 +218,7 @@ def _lines_above(
             raise LogError(
                 f"{path}: {key} = {at}: that line holds numbers; rows of numbers begin in line {run.begin + 1}"
             )
-    above = [i for i in range(run.begin - 1, -1, -1) if lines[i].strip()]
+    above = [i for i in range(run.begin - 1, -1, -1) if lines[i].strip() and not _DIVIDER.fullmatch(lines[i].strip())]
     found = [i for i in above[:3] if _fits(lines[i], dialect, run)]
     names_at = units_at = None
     if found and found[0] == above[0]:

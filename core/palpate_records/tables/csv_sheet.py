@@ -20,7 +20,7 @@ from palpate_records.tables.clock_times import Days, seconds_or_nan
 from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_lines, layout_of, one_table
 from palpate_records.tables.csv_names import is_electrical, is_reading, looks_like_unit, plain_unit, unit_of, unit_text
 from palpate_records.tables.dialect import Dialect, dialect_of, grouped_or_decimal
-from palpate_records.tables.footer import without_footer
+from palpate_records.tables.footer import is_event, without_footer
 from palpate_records.tables.plain_numbers import lines_from, plain_numbers, whole_lines
 from palpate_records.tables.table_record import OF_RECORD, TableRecord
 from palpate_records.tables.table_text import bounded_lines, open_text
@@ -49,6 +49,7 @@ class Sheet:
     record: TableRecord | None = None  # of a file of several, the one that is read
     pages: int = 1  # tables under each other through which the only record of the file goes on
     footer: list[list[str]] = field(default_factory=list, compare=False)  # cells below the rows, once these are read
+    events: list[str] = field(default_factory=list, compare=False)  # lines of words between them, the same
 
     @classmethod
     def of(cls, path: Path, stated: Mapping[str, str] | None = None, record: TableRecord | None = None) -> Sheet:
@@ -103,6 +104,7 @@ class Sheet:
     def blocks(self) -> Iterator[Floats]:
         """The numbers (n, k), some thousand rows at a time; NaN for any other cell, seconds for times of day."""
         self.footer.clear()
+        self.events.clear()
         above = 0
         is_plain = self.record is None and not self.layout.clocks
         with open_text(self.path, *self.text_keys) as file:
@@ -129,6 +131,7 @@ class Sheet:
         if self.record is not None:
             rows = map(self.record.picked, self.record.rows(rows, list))
         while part := list(islice(rows, _BLOCK)):
+            self.events.extend(cells[0] for cells in part if is_event(cells, count, self.dialect))
             block = np.full((len(part), count), np.nan)
             for i, cells in enumerate(part):
                 block[i, : len(cells)] = [read(cell) for read, cell in zip(readers, cells[:count])]

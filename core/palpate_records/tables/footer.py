@@ -1,4 +1,4 @@
-"""Lines of words below a table: results, a summary, a mark of its end."""
+"""Lines of words in a table and below it: events, results, a summary, a mark of its end."""
 
 from __future__ import annotations
 
@@ -70,6 +70,17 @@ def _is_row(cells: list[str], numbers: frozenset[int], dialect: Dialect) -> bool
 
 def _may_miss(cell: str) -> bool:
     return is_blank(cell) or is_overload(cell) or cell.lower() == "nan"
+
+
+def is_event(cells: list[str], width: int, dialect: Dialect) -> bool:
+    """Return True for a line of words alone between the rows of a table that has several columns."""
+    return width > 1 and len(cells) == 1 and bool(cells[0].strip()) and not dialect.is_value(cells[0])
+
+
+def event_words(events: list[str]) -> str:
+    """Return what is said of event lines, given by their texts."""
+    what = "a line of words is" if len(events) == 1 else f"{len(events)} lines of words are"
+    return f"{what} passed over: {printable(events[0].strip())[:_SHOWN]!r}"
 
 
 def footer_words(footer: list[list[str]]) -> str:

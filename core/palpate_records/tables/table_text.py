@@ -19,7 +19,11 @@ from palpate_records.log_files import regular
 from palpate_records.tables.workbook import WORKBOOKS, workbook_text
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz", *WORKBOOKS)
-OTHER_SUFFIXES = (".txt", ".dat", ".asc", ".lvm")  # a table only if it looks like one
+# Texts and copies that hold no record, though they may have rows of numbers.
+NO_RECORDS = (
+    ".toml", ".json", ".yaml", ".yml", ".xml", ".html", ".md", ".rst", ".tex", ".py", ".ipynb", ".m", ".c", ".h",
+    ".svg", ".obj", ".stl", ".ply", ".off", ".gcode", "~", ".bak", ".old", ".orig", ".tmp", ".part",
+)  # fmt: skip
 _LINE = 100_000  # characters; the csv module takes no longer cell
 _PROBE = 1 << 17  # [bytes] by which the encoding is found
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))

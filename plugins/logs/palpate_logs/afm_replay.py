@@ -29,7 +29,9 @@ from palpate_records.log_files import regular
 from palpate_records.recording import Recording, Suggestion, Survey, TopicSurvey
 from pydantic import Field
 
-SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".tab", ".h5")
+from palpate_logs.curve_export import is_exported_curve
+
+SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".h5")
 _SECOND = 1e9  # [ns]
 _BLOCK = 4096  # readings in one batch
 _AIR = 0.3  # of the way down whose mean is the tare
@@ -79,7 +81,9 @@ class AfmReplay(Recording):
     @classmethod
     def recognises(cls, path: Path) -> bool:
         """A file that is named like a force curve."""
-        return path.is_file() and path.name.lower().endswith(SUFFIXES)
+        if not path.is_file():
+            return False
+        return path.name.lower().endswith(SUFFIXES) or is_exported_curve(path)
 
     @classmethod
     def survey(cls, path: Path) -> Survey:

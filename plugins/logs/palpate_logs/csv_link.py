@@ -17,7 +17,7 @@ from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_o
 from palpate_records.tables.csv_names import weight_of
 from palpate_records.tables.csv_truncation import cut_number
 from palpate_records.tables.dialect import MARKS
-from palpate_records.tables.footer import without_footer
+from palpate_records.tables.footer import is_event, without_footer
 from palpate_records.tables.plain_numbers import lines_from, plain_numbers, whole_lines, without_digits
 from palpate_records.tables.table_records import pages_of, record_named
 from palpate_records.tables.table_text import bounded_lines, open_text
@@ -139,6 +139,7 @@ class CsvLink:
         """The numbers (n, places) of lines that may hold anything; so many rows were read above them."""
         rows = one_table(rows, self._layout, self._dialect, lambda row: row[1], self._pages)
         self._log.tally.footer.clear()
+        self._log.tally.events.clear()
         numbers, footer = self._layout.numbers, self._log.tally.footer
         rows = without_footer(rows, lambda row: row[1], numbers, self._dialect, footer, above)
         if self._record is not None:
@@ -147,7 +148,10 @@ class CsvLink:
         while lines := list(islice(rows, _BLOCK)):
             complete: list[tuple[int, list[str]]] = []
             for line, cells in lines:
-                if cells:
+                # Where rows have a time, what a line of words may have lost is a gap.
+                if self._log.time is not None and is_event(cells, self._layout.width, self._dialect):
+                    self._log.tally.events.append(cells[0])
+                elif cells:
                     self._check_width(cells, line)
                     complete.append((line, cells))
             if complete:

@@ -10,12 +10,13 @@ from palpate import Batch, Link, LogError
 from palpate_records.recording import Suggestion, Survey
 from palpate_records.tables.csv_sheet import KEYS, Sheet
 from palpate_records.tables.table_records import records_in
-from palpate_records.tables.table_text import OTHER_SUFFIXES, SUFFIXES
+from palpate_records.tables.table_text import NO_RECORDS, SUFFIXES
 
 from palpate_logs.csv_link import CsvLink
 from palpate_logs.csv_roles import suggest_csv
 from palpate_logs.csv_settings import CsvSettings
 from palpate_logs.csv_survey import survey_csv, tables_csv
+from palpate_logs.curve_export import is_exported_curve
 
 
 class CsvReplay(CsvSettings):
@@ -35,10 +36,11 @@ class CsvReplay(CsvSettings):
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """A file that is named like a table of numbers; a text only if it is one."""
-        if not path.is_file() or path.name.lower().endswith(SUFFIXES):
+        """A file that is named like a table of numbers, and a text of any ending that is one."""
+        name = path.name.lower()
+        if not path.is_file() or name.endswith(SUFFIXES):
             return path.is_file()
-        return path.name.lower().endswith(OTHER_SUFFIXES) and _is_table(path)
+        return not name.startswith(".") and not name.endswith(NO_RECORDS) and _is_table(path)
 
     @classmethod
     def records(cls, path: Path, choices: Mapping[str, str]) -> tuple[str, ...]:
@@ -66,7 +68,8 @@ class CsvReplay(CsvSettings):
 
 
 def _is_table(path: Path) -> bool:
+    """Return True for a text with rows of numbers in several columns."""
     try:
-        return len(Sheet.of(path).names) > 1
-    except LogError:
+        return not is_exported_curve(path) and len(Sheet.of(path).names) > 1
+    except (LogError, OSError):
         return False

@@ -27,7 +27,7 @@ from palpate_records.tables.csv_names import (
     symbol_role,
 )
 from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
-from palpate_records.tables.footer import footer_words
+from palpate_records.tables.footer import event_words, footer_words
 from palpate_records.tables.table_records import RECORD, records_note, sheet_of
 
 from palpate_logs.csv_beam import deflections, stiffness_of, which_of_both
@@ -153,6 +153,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     back = [name for name in sheet.names if is_of_retraction(name)]
     if back:
         extra["reasons"].append(f"left out: {', '.join(map(column_text, back))}: the way back, next to the way in")
+    doubts += [event_words(sheet.events)] if sheet.events else []
     doubts += [footer_words(sheet.footer)] if sheet.footer else []
     stated = {key: choices[key] for key in (*KEYS, RECORD) if key in choices}
     doubts += [note] if (note := records_note(path, stated)) is not None else []

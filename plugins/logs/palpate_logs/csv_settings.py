@@ -17,7 +17,7 @@ from palpate_records.recording import Recording
 from palpate_records.tables.clock_times import CLOCK
 from palpate_records.tables.csv_sheet import KEYS
 from palpate_records.tables.dialect import Dialect
-from palpate_records.tables.footer import footer_words
+from palpate_records.tables.footer import event_words, footer_words
 from pydantic import Field, model_validator
 
 
@@ -47,6 +47,7 @@ class Tally:
     overload: int = 0  # readings that the instrument could not make
     footer: list[list[str]] = field(default_factory=list)  # cells of lines below the readings
     held: dict[str, int] = field(default_factory=dict)  # rows for which a reading stands, of channels that repeat it
+    events: list[str] = field(default_factory=list)  # lines of words between them
     cut: str | None = None  # the last number, where the file ends within it
 
 
@@ -118,12 +119,14 @@ class CsvSettings(Recording):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """How many rows have no time, which readings are missing, what is below them, and a last row that was cut."""
+        """Rows without a time, readings that are missing, words between and below the rows, a last row that was cut."""
         tally, found = self.tally, []
         if tally.timeless:
             found.append(f"{self.file.name}: {tally.timeless} rows have no finite time, and were left out")
         if tally.overload:
             found.append(f"{self.file.name}: {tally.overload} cells hold a mark of overload, and no reading")
+        if tally.events:
+            found.append(f"{self.file.name}: {event_words(tally.events)}")
         if tally.footer:
             found.append(f"{self.file.name}: {footer_words(tally.footer)}")
         for name, rows in tally.held.items():
