@@ -120,9 +120,18 @@ def is_another_quantity(name: str) -> bool:
 
 
 def _roles_of_words(name: str) -> list[str]:
-    """Return the roles that the words of a name state, without the suffix of a reading such as "_counts"."""
+    """Return the roles that the words of a name state, without the suffix of a reading such as "_counts".
+
+    Of a list of forces and torques, as in "raw_force_torque_2", the first three elements are forces.
+    """
     stem, _, unit = name.strip().rpartition("_")
-    return [BY_WORD[word] for word in words_of(stem if unit in READINGS else name) if word in BY_WORD]
+    words = words_of(stem if unit in READINGS else name)
+    if (element := _OF_WRENCH.search(name)) is not None:
+        return ["force" if int(element[1]) < 3 else "other"]
+    return [BY_WORD[word] for word in words if word in BY_WORD]
+
+
+_OF_WRENCH = re.compile(r"force_?torque[_.\[ ]*([0-5])\]?$", re.IGNORECASE)
 
 
 def is_of_joints(name: str) -> bool:

@@ -7,16 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from palpate import Floats
 from palpate_kit.logs.role_guess import NumberColumn
-from palpate_records.messages.readings import LARGEST
+from palpate_records.messages.readings import LARGEST, si_unit
 
 _READINGS, _SPRING = 20, 1e-5  # readings; share of a force's variance that one constant leaves
 
 
 def deflections(series: Sequence[NumberColumn]) -> list[NumberColumn]:
     """Lengths of several over which the force is one constant from first to last: a beam or spring, and no position."""
-    forces, lengths = ([s for s in series if s.role == role] for role in ("force", "position"))
+    forces, places = ([s for s in series if s.role == role] for role in ("force", "position"))
+    lengths = [s for s in series if s in places or (s.role == "other" and s.unit and si_unit(s.unit)[0] == "m")]
     found = [s for s in lengths if any(_is_spring(s.values, force.values) for force in forces)]
-    return found if len(found) < len(lengths) else []
+    return found if any(s not in found for s in places) else []
 
 
 def _is_spring(length: Floats, force: Floats) -> bool:

@@ -83,7 +83,10 @@ class SheetRoles:
                 if role == "other" or role not in roles:
                     roles = [mine or (role if role_of(name) == role else None) for mine, name in zip(roles, names)]
         places = [k for k, mine in enumerate(roles) if mine == "position"]
-        if depths := [k for k in places if is_depth(names[k])]:
+        # A column of zeros is of an instrument that works the depth out later, if at all.
+        if depths := [
+            k for k in places if is_depth(names[k]) and float(np.nanmax(np.abs(self.values[:, k]), initial=0))
+        ]:
             roles = ["other" if k in places and k not in depths else mine for k, mine in enumerate(roles)]
         if not all(map(is_of_retraction, names)):
             roles = ["other" if is_of_retraction(name) else mine for mine, name in zip(roles, names)]
