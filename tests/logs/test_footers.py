@@ -49,7 +49,16 @@ def test_a_footer_ends_the_table_and_is_said(tmp_path, kind, separator):
     assert not any("the table ends" in text for text in doubts)
 
 
-@pytest.mark.parametrize("words", ["lost connection", "mean,1.2,0.3", "\nMax,0.44,"])
+def test_words_alone_between_readings_are_no_footer_and_no_loss(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(f"{PLAIN}lost connection\n9.5,0.1,1.0\n")
+    log, doubts = device(path)
+    assert len(readings(log)) == COUNT + 1
+    assert any("passed over: 'lost connection'" in text for text in doubts)
+    assert any("passed over: 'lost connection'" in text for text in log.warnings)
+
+
+@pytest.mark.parametrize("words", ["mean,1.2,0.3", "\nMax,0.44,"])
 def test_readings_below_words_are_no_footer(tmp_path, words):
     path = tmp_path / "a.csv"
     path.write_text(f"{PLAIN}{words}\n9.5,0.1,1.0\n")
