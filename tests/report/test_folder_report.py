@@ -4,6 +4,7 @@ import csv
 import json
 import re
 import tomllib
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -52,13 +53,14 @@ def numbers_of_files(fits):
     yield f"{1e3 * pipeline['indenter']['tip']['curvature_radius']:.4g}"
     yield f"{1e3 * pipeline['alignment']['force']['uncertainty']:.3g}"
     (model,) = pipeline["model"].values()
-    yield f"{model['poisson']:g}"
+    yield f"{model.get('poisson', 0.5):g}"  # left out where nobody stated it
     yield from (versions[name] for name in ("palpate", "python", "casadi", "numpy", "scipy"))
     for row in used:
         yield from NUMBER.findall(row["conditions"])
     facts = [entry.partition(":")[0] for row in used for entry in row["conditions"].split("; ") if entry]
     yield from (str(facts.count(fact)) for fact in facts)
     for name, factor in (("elasticity", 1e-3), ("viscosity", 1.0)):
+        yield from map(str, Counter(row[f"{name}_verdict"] for row in used).values())
         known = [row for row in used if row[name]]
         if not known:
             continue
