@@ -16,6 +16,7 @@ import pytest
 from palpate import ArmLimits, DeviceError, HoldUp, clock
 from palpate.clocks import contention
 from palpate_devices.bota.reader import clock_problem
+from palpate_engine import ReadingAge
 from palpate_kit.acquisition.child import Child
 from palpate_kit.acquisition.computer import Activity, Computer, use_host
 from palpate_testing import simulated_time
@@ -192,6 +193,18 @@ def test_threads_that_compete_for_the_cores_are_counted(tmp_path):
         assert (contention(load) is not None) == is_busy
     assert contention(load) == f"{2 * cores + 1} threads compete for its {cores} cores"
     assert contention(tmp_path / "none") is None  # another system
+
+
+def test_readings_that_come_late_on_a_busy_computer_name_it(monkeypatch):
+    age = ReadingAge()
+    age.add([0], [0])
+    for arrival in (300_000_000, 600_000_000):
+        age.add([100_000_000], [arrival])
+    for load, is_named in ((None, False), ("23 threads compete for its 2 cores", True)):
+        monkeypatch.setattr("palpate.clocks.WallClock.contention", lambda self, load=load: load)
+        text = age.complaint("readings of s.z", 0.02)
+        assert text.startswith("readings of s.z come late: the newest is ")
+        assert ("the computer was probably late (23 threads compete" in text) == is_named
 
 
 def test_a_cause_that_is_known_is_not_a_guess():

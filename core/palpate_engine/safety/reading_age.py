@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from palpate.clocks import clock
 
 DRIFT = 200e-6  # by which two clocks may run apart
 _FITTED = 60.0  # [s] from which the drift is determined
@@ -78,6 +79,7 @@ class ReadingAge:
         return (
             f"{what} come late: the newest is {1e3 * self.latest:.0f} ms old when it arrives, for the second time over "
             f"[safety] reading_age = {1e3 * limit:g} ms; what the tip feels and where it stands now is not known"
+            f"{clock().late_computer()}"
         )
 
 
