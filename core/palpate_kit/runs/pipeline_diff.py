@@ -38,7 +38,7 @@ def _flat(table: dict[str, Any], above: tuple[str, ...]) -> Iterator[tuple[str, 
     for key, value in table.items():
         if isinstance(value, dict):
             yield from _flat(value, (*above, key))
-        else:
+        elif value != []:  # an empty list is none, as of a key that a later version has
             yield ".".join((*above, key)), value
 
 
