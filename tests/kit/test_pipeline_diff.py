@@ -7,7 +7,7 @@ BEFORE = '[run]\nseed = 0\n\n[alignment]\ntare = "none"\n'
 
 
 @pytest.mark.parametrize(
-    "now, words",
+    ("now", "words"),
     [
         (BEFORE, ""),
         (BEFORE.replace("seed = 0", "seed = 0\ndistributions = []"), ""),  # a key that a later version has
