@@ -1,13 +1,15 @@
 """Random scenes in simulated time: does the arm keep its limits, and are its reports true, whatever happens?
 
 ``python benchmarks/scenes.py 2000 [first seed] [-o scenes.jsonl]``: a line of the file for each scene as it ends, on
-all cores; started again it goes on with the seeds that the file lacks, and prints the table of all. ``--table`` only
-prints that; ``--seed N`` runs one scene and says what happened; ``--grid`` runs every fault with every hold-up of every
-process, under seeds from 1 000 000 on. A scene is drawn from its seed: material, place and tilt of the tool, motion,
+all cores or on ``--processes N``; started again it goes on with the seeds that the file lacks, and prints the table of
+all. ``--table`` only prints that; ``--seed N`` runs one scene and says what happened; ``--grid`` runs every fault with
+every hold-up of every process, under seeds from 1 000 000 on. Scenes from seed 100 000 on are of a rig that lies or
+does not obey: frames that are apart, forces that are not what is felt, stops that are not carried out, a slow driver,
+an age that grows, skin that moves. A scene is drawn from its seed: material, place and tilt of the tool, motion,
 limits, a fault and its instant, a second one a little later, how often the controller sends its state, and what the
-computer holds up for how long. Four of five motions suit their material, and two of five scenes have no first fault.
-What the arm did is taken from the twin at every tick, not from what the run says. The same seed is the same scene, to
-the bit.
+computer holds up for how long. Four of five motions suit their material, and two of five scenes below seed 100 000 have
+no first fault. What the arm did is taken from the twin at every tick, not from what the run says. The same seed is the
+same scene, to the bit.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ import shutil
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -38,6 +41,25 @@ FAULTS = (
     *("speed-scaling 0.5", "late-readings 0.05", "late-readings 0.2", "late-states 0.1"),
     *("scaled-force 0.5", "scaled-force 1.5", "saturated-force 6 0.05", "saturated-force 3 0.02"),
 )
+# Faults of scenes from seed 100 000 on: from the start, by the driver, by a setting, or in the motion.
+FROM_THE_START = (
+    *("pose-offset 0 0 -4", "pose-offset 3 0 0", "frame-offset 0 0 4", "compressed-force", "reduced-force 0.102"),
+    *("reduced-force 0.5", "deadened-force 10", "forgotten-force 1", "old-force 0.5"),
+)
+BY_THE_DRIVER = ("driver-ignores-stop", "driver-takes 0.003", "driver-takes 0.01")
+BY_A_SETTING = ("sensor-ppm 1000", "sensor-ppm 5000")  # of the sensor's clock: its readings get older and older
+IN_MOTION = (
+    "push 0 0 -8",
+    "slow-stop 1",
+    "breathe 5 0.25",
+    "cough 20 0.15",
+    "rise 40 1",
+    "compressed-force",
+    "reduced-force 0.5",
+)
+LIES = FROM_THE_START + BY_THE_DRIVER + BY_A_SETTING + IN_MOTION
+_SKIN = {"breathe 5 0.25": 5e-3, "cough 20 0.15": 20e-3, "rise 40 1": 40e-3}  # [m]
+_DEEPER = {"pose-offset 0 0 -4": 4e-3, "frame-offset 0 0 4": 4e-3, **_SKIN}  # [m]
 _SECOND = ("protective-stop", "mute-control", "freeze", "gone", "half-open 3", "close")  # while the arm leaves, perhaps
 _HARMLESS = ("nothing", "message", "throttled", "corrupt 0.05", "lumps 0.016")
 # Faults that a run may end well with, for the arm still follows its commands, and what it feels is still true enough.
@@ -54,6 +76,11 @@ _MAY_PASS = (
     "scaled-force 1.5",
     "saturated-force 6 0.05",  # it may be reached where the tip slows down, or not at all
     "saturated-force 3 0.02",
+    *(
+        fault
+        for fault in LIES
+        if fault not in ("pose-offset 0 0 -4", "pose-offset 3 0 0", "frame-offset 0 0 4", "driver-takes 0.01")
+    ),
 )
 _PROCESSES = ("robot", "sensor", "main")
 _HOLD_UPS = (0.0, 0.008, 0.05, 0.275)  # [s]
@@ -65,6 +92,7 @@ _STIFFNESS, _ROOM = 3e3, 8.0  # [N/m], [N] between stop_force and force, of [saf
 _FASTEST = 0.02  # [m/s] of a motion that the rule of overshoot allows with room to spare
 _HELD = 2.0  # [N] of force-hold
 _SUITABLE, _OF_STOP = 0.8, 0.6  # share of scenes whose motion suits the material: so much of the force that stops it
+_LYING = 100_000  # seed of the first scene of a rig that lies or does not obey
 _GRID = 1_000_000  # seed of the first scene of the grid
 _LEFT = 1e-4  # [m]
 _LONGEST = 60.0  # [s] of a motion in simulated time
@@ -115,8 +143,10 @@ class Scene:
         F + (8/3) E sqrt(R d) x with x = v tau + v^2/2a: the limit, and the tangent stiffness at the deepest point times
         the way allowed.
         """
+        if self.fault in LIES and self.fault not in BY_THE_DRIVER + BY_A_SETTING:
+            return self.force_by_depth
         name, _, level = self.fault.partition(" ")
-        allowed = speed * (_LATENCY + _AGE * name.startswith("late-")) + speed**2 / (2 * _DECELERATION)
+        allowed = speed * (_LATENCY + _AGE * name.startswith(("late-", "sensor-ppm"))) + speed**2 / (2 * _DECELERATION)
         stop = self.stop_force
         if name == "scaled-force":
             stop /= float(level)
@@ -125,6 +155,19 @@ class Scene:
         depth = (9 * stop / (16 * self.elasticity * _RADIUS**0.5)) ** (2 / 3) + allowed
         beyond = stop + 8 / 3 * self.elasticity * (_RADIUS * depth) ** 0.5 * allowed
         return max(beyond, 1.02 * self.preload + 0.1)
+
+    @property
+    def force_by_depth(self) -> float:
+        """The largest force [N] that the depth limit leaves, whatever the sensor reads, with what comes on top of it.
+
+        A sphere at the deepest setpoint, a swing and the tissue deeper, and the share of a viscosity of 3.2 ms at the
+        fastest of tip and skin, 0.25 m/s.
+        """
+        depth = 1e-3 * (self.depth + self.swing) + _SURFACE + _SWING + _DEEPER.get(self.fault, 0.0)
+        rate = 1.2 * self.speed + 2e-3 + (0.25 if self.fault in _SKIN else 0.0)
+        elastic = 16 / 9 * self.elasticity * math.sqrt(_RADIUS) * depth**1.5
+        viscous = 8 * 3.2e-3 * self.elasticity * math.sqrt(_RADIUS * depth) * rate
+        return max(elastic + viscous, 1.02 * self.preload + 0.1)
 
 
 def _depth_at(force: float, elasticity: float) -> float:
@@ -158,7 +201,8 @@ def drawn(seed: int) -> Scene:
     deepest = 1e-3 * (depth + swing) + _SURFACE
     elasticity = _elasticity(rng, motion, deepest, stop_force, 0.3e6 if touching else 5e6)
     x, y = rng.uniform(-0.002, 0.002, 2)
-    fault = "nothing" if rng.random() < 0.4 else FAULTS[int(rng.integers(len(FAULTS)))]
+    kinds = LIES if _LYING <= seed < _GRID else FAULTS
+    fault = "nothing" if rng.random() < (0.4 if kinds is FAULTS else 0.0) else kinds[int(rng.integers(len(kinds)))]
     second = str(rng.choice(_SECOND)) if rng.random() < 0.3 and fault != "nothing" else "nothing"
     return Scene(
         seed,
@@ -225,6 +269,7 @@ def pipeline_of(scene: Scene, folder: Path) -> Any:
             f"twin.bench.tool_rotation={list(scene.turn)}",
             f"twin.bench.specimen.elasticity={scene.elasticity}",
             f"twin.bench.specimen.viscosity={scene.elasticity * 362.0 / 112.5e3}",
+            *([f"twin.bench.sensor_ppm={scene.fault.split()[1]}"] if scene.fault in BY_A_SETTING else ()),
         ],
     )
 
@@ -242,8 +287,11 @@ def run(scene: Scene, folder: Path) -> dict[str, Any]:
         bench = pipeline.twins["bench"]
     except UserError as error:
         return {"ended": f"refused: {' '.join(str(error).split())}", "problems": [], "simulated": 0.0}
-    with bench.simulated(scene.seed, hold_ups) as twin:
+    with bench.simulated(scene.seed, hold_ups) as twin, driver_of(scene.fault):
         begin = clock().now()
+        if scene.fault in FROM_THE_START and not _begins_later(scene):
+            made.append(0.0)
+            twin.fault(scene.fault)
         if scene.rate < 500.0:
             twin.fault(f"state-rate {scene.rate:g}")
 
@@ -252,7 +300,12 @@ def run(scene: Scene, folder: Path) -> dict[str, Any]:
                 clock().sleep(0.02)
             clock().sleep(scene.instant)
             for fault, wait in ((scene.fault, scene.after), (scene.second, 0.0)):
-                if over or fault == "nothing":
+                if (
+                    over
+                    or fault == "nothing"
+                    or fault in BY_THE_DRIVER + BY_A_SETTING
+                    or (made and fault == scene.fault)
+                ):
                     continue
                 made.append(clock().now() - begin)
                 twin.fault(fault)
@@ -277,6 +330,34 @@ def run(scene: Scene, folder: Path) -> dict[str, Any]:
     problems += unnamed(scene, ended, height)
     row = {"ended": ended, "problems": problems, "simulated": last, "made": made, "height": height}
     return row | {key: value for key, value in asdict(truth).items() if key != "moving"}
+
+
+def _begins_later(scene: Scene) -> bool:
+    """Return True for a lie that sets in during the motion."""
+    return scene.fault in IN_MOTION and scene.seed % 2 == 1
+
+
+@contextlib.contextmanager
+def driver_of(fault: str) -> Iterator[None]:
+    """Let the robot's driver ignore stops, or take a time [s] for each command, within the context."""
+    from palpate import clock
+    from palpate_devices.ur.driver import URDriver
+
+    send, stop = URDriver.send, URDriver.stop
+    name, _, number = fault.partition(" ")
+
+    def send_slowly(driver: Any, pose: Any) -> bool:
+        clock().sleep(float(number))
+        return send(driver, pose)
+
+    try:
+        if name == "driver-takes":
+            URDriver.send = send_slowly
+        elif name == "driver-ignores-stop":
+            URDriver.stop = lambda driver: None
+        yield
+    finally:
+        URDriver.send, URDriver.stop = send, stop
 
 
 def broken(scene: Scene, truth: Any, ended: str) -> list[str]:
@@ -357,9 +438,9 @@ def row_of(scene: Scene, keep: Path | None = None) -> dict[str, Any]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def work(scenes: list[Scene], file: Path) -> None:
+def work(scenes: list[Scene], file: Path, processes: int | None) -> None:
     """The scenes that are left, each written as it ends."""
-    with get_context("spawn").Pool(os.cpu_count(), maxtasksperchild=50) as pool:
+    with get_context("spawn").Pool(processes or os.cpu_count(), maxtasksperchild=50) as pool:
         for row in pool.imap_unordered(row_of, scenes):
             with file.open("a") as lines:
                 lines.write(json.dumps(row) + "\n")
@@ -368,14 +449,15 @@ def work(scenes: list[Scene], file: Path) -> None:
 
 
 def table(rows: list[dict[str, Any]]) -> None:
-    """By fault: scenes, those that came to their end, those that broke a promise, largest force, speeds."""
-    print("| fault | scenes | to their end | broke a promise | force N | tip mm/s | joint deg/s |")
-    print("|---|---|---|---|---|---|---|")
+    """By fault: scenes, those that came to their end, those that broke a promise, largest force, speeds, depth."""
+    print("| fault | scenes | to their end | broke a promise | force N | tip mm/s | joint deg/s | deepest mm |")
+    print("|---|---|---|---|---|---|---|---|")
     for fault in (*dict.fromkeys(row["fault"] for row in sorted(rows, key=lambda row: row["fault"])), ""):
         those = [row for row in rows if fault in ("", row["fault"])]
         done, bad = (sum(map(bool, column)) for column in zip(*((r["ended"] == "done", r["problems"]) for r in those)))
         most = [max((row.get(key, 0.0) for row in those), default=0.0) for key in ("force", "speed", "joint_speed")]
-        figures = f"{most[0]:.1f} | {1e3 * most[1]:.1f} | {math.degrees(most[2]):.0f}"
+        deepest = max((_SURFACE - row["low"][2] for row in those if "low" in row), default=0.0)
+        figures = f"{most[0]:.1f} | {1e3 * most[1]:.1f} | {math.degrees(most[2]):.0f} | {1e3 * deepest:.1f}"
         print(f"| {fault or 'all'} | {len(those)} | {done} | {bad} | {figures} |")
     simulated, processor = (sum(row[key] for row in rows) for key in ("simulated", "processor"))
     print(f"{simulated:.0f} s simulated in {processor:.0f} s of processor time")
@@ -390,6 +472,7 @@ def main() -> None:
     parser.add_argument("--table", action="store_true")
     parser.add_argument("--seed", type=int)
     parser.add_argument("--grid", action="store_true")
+    parser.add_argument("--processes", type=int)
     given = parser.parse_args()
     if given.seed is not None:
         scene = drawn(given.seed) if given.seed < _GRID else grid()[given.seed - _GRID]
@@ -398,7 +481,7 @@ def main() -> None:
     known = {row["seed"] for row in read(given.output)}
     if not given.table:
         scenes = grid() if given.grid else [drawn(seed) for seed in range(given.first, given.first + given.count)]
-        work([scene for scene in scenes if scene.seed not in known], given.output)
+        work([scene for scene in scenes if scene.seed not in known], given.output, given.processes)
     if rows := read(given.output):
         table(rows)
 

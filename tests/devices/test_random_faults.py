@@ -1,4 +1,4 @@
-"""Twenty of the scenes of ``benchmarks/scenes.py``: random starts, materials, motions, faults and hold-ups."""
+"""Some of the scenes of ``benchmarks/scenes.py``: random starts, materials, motions, faults and hold-ups."""
 
 import importlib.util
 import sys
@@ -40,6 +40,13 @@ ENDS = {
     31: "done",
     32: "over range or invalid",
     42: "the controller's states come late",
+    # Rigs that lie or do not obey: the first 10 N are not felt, frames are apart, a cable pulls, a driver is slow, a
+    # person sits up.
+    100021: "at the end of its envelope",
+    100020: "when it was commanded to stay where it is",
+    100023: "before a contact was felt",
+    100024: "its driver is too slow",
+    100034: "the skin comes towards the tip",
 }
 QUICK = (0, 23)
 
