@@ -38,7 +38,7 @@ def _flat(table: dict[str, Any], above: tuple[str, ...]) -> Iterator[tuple[str, 
     for key, value in table.items():
         if isinstance(value, dict):
             yield from _flat(value, (*above, key))
-        elif value != []:  # an empty list is none, as of a key that a later version has
+        elif value != []:  # an empty list counts as a missing key, as of a later version
             yield ".".join((*above, key)), value
 
 
