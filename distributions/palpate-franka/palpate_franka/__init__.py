@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from palpate import Command, Device, plugin
+from typing import TYPE_CHECKING
+
+from palpate import Command, plugin
+
+if TYPE_CHECKING:
+    from palpate import Device
 
 
 @plugin
