@@ -1,5 +1,7 @@
 """Bad input on the real command line: one clear message, exit code 2, no traceback."""
 
+import json
+
 import pytest
 
 REPLAY = """
@@ -122,15 +124,16 @@ def test_a_log_with_nan_runs_and_says_so(palpate, replay):
     lines[310] = "-4.31,,2.31"
     done = palpate("run", replay("\n".join(lines) + "\n"), "--out", "out")
     assert done.returncode == 0
-    assert "gaps: log has 2 x invalid readings" in done.stdout.replace("\n", " ")
+    assert "note[gaps] log has 2 x invalid readings" in done.stdout.replace("\n", " ")
 
 
-def test_a_log_of_zeros_and_a_log_of_one_row(palpate, replay):
+def test_a_log_of_zeros_and_a_log_of_one_row(palpate, replay, tmp_path):
     for count in (1, 600):
         done = palpate("run", replay("0,0,0\n" * count), "--out", f"out{count}")
         assert done.returncode == 0
-        assert "no contact" in done.stdout
-    assert "and stuck" in done.stdout
+        assert "invalid[no-contact] E, eta" in done.stdout
+        flags = json.loads((tmp_path / f"out{count}" / "result.json").read_text())["tracks"]["dr/ekf"]["flags"]
+    assert "stuck" in {flag["code"] for flag in flags}
 
 
 @pytest.mark.slow

@@ -86,7 +86,7 @@ def test_what_moves_the_viscosity_is_told_with_its_size(estimated, kind, code, r
     viscosity = track["parameters"]["viscosity"]
     assert abs(viscosity["value"] / ETA - 1) == pytest.approx(rough, abs=0.05)
     assert code in signs(track)
-    assert track["verdict"] == "doubtful"
+    assert viscosity["verdict"] == "doubtful"
     assert abs(viscosity["value"] - ETA) < 2 * viscosity["combined"]
 
 
