@@ -7,10 +7,11 @@ from palpate import PluginError
 from palpate.offers import PANELS
 from palpate.trust import with_plugin_files
 from palpate_commands.completion import options_of
-from palpate_engine import analysis
+from palpate_engine import analysis, only_plugins
 from palpate_engine.cli.commands import command_offers, help_text
 
-COMMANDS = command_offers().commands
+with only_plugins("off"):  # whatever else is installed
+    COMMANDS = command_offers().commands
 TOP = {name.partition(" ")[0] for name, command in COMMANDS.items() if not command.hidden}
 
 
