@@ -37,3 +37,12 @@ def test_the_elasticity_of_an_elastic_press_is_the_same_at_any_rate(palpate, tmp
     row, _ = fitted(palpate, tmp_path, "--rate", rate, "--tip-mass", "0 g")
     assert float(row["elasticity"]) == pytest.approx(E, rel=3e-3)
     assert (row["elasticity_verdict"], row["viscosity_verdict"]) == ("good", "not determined")
+
+
+def test_a_short_table_without_a_time_is_one_of_results_and_asks(tmp_path, palpate):
+    """A sheet of results next to records is left out, as it was."""
+    rows = np.column_stack([np.linspace(1.0, 2.0, 30), np.linspace(0.1, 0.9, 30)])
+    np.savetxt(tmp_path / "results.csv", rows, "%.4f", ",", header="Fmax [N],dL [mm]", comments="")
+    done = palpate("fit", str(tmp_path / "results.csv"), "--tip", "paraboloid 3 mm", "--out", str(tmp_path / "fits"))
+    assert done.returncode
+    assert "say it with --rate" in done.stderr

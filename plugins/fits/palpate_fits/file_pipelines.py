@@ -84,8 +84,9 @@ class _Suggestions:
             chosen = {**reader_keys(settings), **file.choices, **self.choices}
             of_file = self.facts.of(str(file)).facts
             suggestion = suggestion_by_facts(file.path, of_file, chosen, self.known)
-            suggestion = replace(suggestion, views={})  # no numbers
-        if (question := question_of_file(suggestion, _stated(settings))) is None:
+        question = question_of_file(suggestion, _stated(settings))
+        suggestion = replace(suggestion, views={})  # no numbers
+        if question is None:
             self.certain[file] = suggestion
         else:
             self.questions[str(file)] = question

@@ -10,6 +10,7 @@ from palpate_kit.logs.suggestion import POSITION_OF
 from palpate_records.recording import Suggestion
 
 RATE = "rate"
+MIN_ROWS = 50  # a choice: a shorter table without a time is one of results
 _READER = "device.log."
 _OPTIONS = ("force", "position", "time")
 _SCALE = re.compile(r"columns\.(\w+)\.scale")
@@ -38,7 +39,8 @@ def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQ
         if key == POSITION_OF:
             return FileQuestion("position", "", about, f"{text}; say it with --{key}", True, ("tip", "stage"))
         if key == RATE:  # E of an elastic press does not depend on it
-            return FileQuestion(RATE, "", about, text, False)
+            rows = max((len(times) for times, *_ in suggestion.views.values()), default=MIN_ROWS)
+            return FileQuestion(RATE, "", about, f"{text}; say it with --rate", rows < MIN_ROWS)
         option = f"--{key}" if key in _OPTIONS else f"--set {_READER}{key}=NUMBER"
         advice = f"{text}; say it with {option}"
         if (scale := _SCALE.fullmatch(key)) is not None:
