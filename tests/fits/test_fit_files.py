@@ -107,10 +107,10 @@ def test_a_mistake_is_named(files, palpate, options, words):
 def test_a_folder_that_is_fitted_again_shows_its_files_and_what_ails_many_is_told_once(files, palpate):
     for number in range(3):
         np.savetxt(
-            f"curves/n{number}.csv", np.column_stack(press(0)[1:]), delimiter=",", header="z [mm],F [N]", comments=""
+            f"curves/n{number}.csv", np.column_stack(press(0)), delimiter=",", header="t [s],z [mm],F [V]", comments=""
         )
     first = palpate("fit", "curves", *TIP, "--out", "out", "--details")
-    assert "curves/n0.csv and 2 more: rate: " in first.stderr
+    assert "curves/n0.csv and 2 more: columns.force.scale: " in first.stderr
     assert "RMS" in first.stdout
     again = palpate("fit", "out", "--set", "alignment.tare=free-air")
     assert again.returncode == 1, again.stderr  # files of the folder are still not read
