@@ -473,7 +473,7 @@ def test_what_an_approved_file_imports_from_beside_itself_is_not_executed(
 
 def test_an_import_of_what_is_nowhere_is_told_as_it_is(point_pipeline, tmp_path):
     (tmp_path / "lab.py").write_text("import no_such_library\n")
-    with pytest.raises(PluginError, match=r"No module named 'no_such_library'$"):
+    with pytest.raises(PluginError, match=r"No module named 'no_such_library' \(lab.py, line 1\)$"):
         load_pipeline(point_pipeline, ['run.plugins=["lab.py"]'])
 
 

@@ -60,8 +60,8 @@ def beside(point_pipeline):
 def test_run_shows_it_and_keeps_its_details(palpate, beside, tmp_path):
     done = palpate("run", beside, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    assert "own-trouble" in done.stdout.partition("note: ")[2]
     tracks = json.loads((tmp_path / "out" / "result.json").read_text())["tracks"]
+    assert "own-trouble" in {flag["code"] for flag in tracks["dr/own"]["flags"]}
     assert tracks["dr/own"]["details"]["unknowns"] == 3
     assert tracks["dr/own"]["details"]["7"] == [1.0, 1.0]
     assert "fit" not in tracks["dr/own"]

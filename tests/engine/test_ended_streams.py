@@ -49,7 +49,7 @@ def test_a_force_that_is_no_longer_sent_makes_the_arm_retract(run, tmp_path, end
 
 
 def test_a_driver_that_raises_stops_the_arm_although_no_check_needs_it(run):
-    with pytest.raises(DeviceError, match="sensor: SystemExit"):
+    with pytest.raises(DeviceError, match="device sensor failed: SystemExit"):
         run(LONG, ending="SystemExit", needed=False)
     assert live.LINKS[0].stops[0][1] == "retract"
 

@@ -54,6 +54,6 @@ def test_a_value_that_is_not_determined_is_shown_with_its_uncertainty(palpate, t
         (row,) = csv.DictReader(file)
     assert row["viscosity_verdict"] == "not determined"
     assert abs(float(row["viscosity"])) < 2.0 * float(row["viscosity_combined"])
-    shown = f"{float(row['viscosity']):.1f} ± {float(row['viscosity_combined']):.1f} not determined"
-    assert shown in done.stdout
+    shown = f"{float(row['viscosity']):.1f} ± {float(row['viscosity_combined']):.1f} Pa s not determined"
+    assert shown in " ".join(done.stdout.split())
     assert row["verdict"] == row["elasticity_verdict"] == "good"
