@@ -56,10 +56,7 @@ def test_the_readme_shows_what_its_first_run_prints(palpate, tmp_path):
     (shown,) = re.findall(r"```\n(S2, sphere.*?)```", readme, re.DOTALL)
     what, pipeline = command.split()
     printed = palpate(what, ROOT / pipeline, "--out", tmp_path / "run").stdout
-    printed_rows = [line.split() for line in printed.splitlines()]
-    for track in ("dr/kinematic", "truth"):
-        assert row_of(track, shown.splitlines()) in printed_rows
-    assert shown.splitlines()[-1].split() in printed_rows
+    assert printed.startswith(shown)
 
 
 @pytest.mark.slow
@@ -85,9 +82,3 @@ def test_the_readme_leads_from_a_table_to_a_number(palpate, tmp_path):
     (row,) = csv.DictReader((tmp_path / "fits" / "fits.csv").read_text().splitlines())
     value, spread = float(row["elasticity"]), float(row["elasticity_combined"])
     assert abs(value - 100e3) < 2 * spread < 40e3, done.stdout
-
-
-def row_of(track, lines):
-    """The words of a track's row in a table."""
-    (row,) = [line.split() for line in lines if f" {track} " in line]
-    return row

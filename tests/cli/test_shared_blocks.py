@@ -149,14 +149,14 @@ def numbers(track):
 @pytest.mark.parametrize("body", ["s.force -= 0.05", "s.force[:] = 0.0", "np.multiply(s.position, 2, out=s.position)"])
 def test_a_filter_that_writes_to_the_samples_ends_its_track_and_changes_no_other(run, record, body):
     done, tracks = run(FILTER.format(body=body), '\n[estimator.own]\ntype = "own"\n')
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 1, done.stderr
     for name, track in record[1].items():
         assert numbers(tracks[name]) == numbers(track)
     (flag,) = [flag for flag in tracks["dr/own"]["flags"] if flag["code"] == "failed"]
     assert "estimator 'own' of plugin own.py failed" in flag["message"]
     assert "read-only (own.py, line 19, in run)" in flag["message"]
     assert "change a copy" in flag["message"]
-    assert "estimator 'own' of plugin own.py failed" in " ".join(done.stdout.split())
+    assert "estimator 'own' of plugin own.py failed" in " ".join(done.stderr.split())
 
 
 @pytest.mark.gate

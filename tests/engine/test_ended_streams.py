@@ -32,9 +32,9 @@ def run(stage, tmp_path):
     ("ending", "words"),
     [
         ("returns", "the stream of sensor has ended: sensor.wrench.z can no longer be watched"),
-        ("SystemExit", "sensor: SystemExit: by the driver"),
-        ("KeyboardInterrupt", "sensor: KeyboardInterrupt: by the driver"),
-        ("GeneratorExit", "sensor: GeneratorExit: by the driver"),
+        ("SystemExit", "device sensor failed: SystemExit: by the driver"),
+        ("KeyboardInterrupt", "KeyboardInterrupt: by the driver"),
+        ("GeneratorExit", "GeneratorExit: by the driver"),
     ],
 )
 def test_a_force_that_is_no_longer_sent_makes_the_arm_retract(run, tmp_path, ending, words):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from palpate import Floats, Setpoint, Settings, Trajectory, angular_velocities
+from palpate import Floats, Setpoint, Settings, Surface, Trajectory, angular_velocities
 
 from palpate_testing.failure_messages import demand
 
@@ -38,7 +38,7 @@ def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25, depth: flo
     for rows, place in ((time < 0, ends[0]), (time > end, ends[1])):
         moved = np.abs(setpoint.position[rows] - place).max()
         demand(moved <= 1e-9, f"{name} does not last for its total_duration: {moved:.3g} m are left")
-    above = setpoint.position[:, 2] - _skin_height(trajectory, setpoint)
+    above = _height_above_skin(trajectory, setpoint)
     for row, end_name in ((0, "starts"), (-1, "ends")):
         inside = -1e3 * float(above[row])
         demand(inside < 1e3 * _TOUCHING, f"{name} {end_name} {inside:.3g} mm inside of the skin")
@@ -60,13 +60,15 @@ def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25, depth: flo
     )
 
 
-def _skin_height(trajectory: Trajectory, setpoint: Setpoint) -> Floats:
-    """Return the height (n,) [m] of the skin below setpoints: that of the trajectory's nominal surface, or 0."""
-    nominal = getattr(trajectory, "surface", None)
-    if not isinstance(nominal, Settings):
-        return np.zeros(len(setpoint.position))
-    heights: Floats = nominal.at(setpoint.position[:, 0], setpoint.position[:, 1])[0]  # type: ignore[attr-defined]
-    return heights
+def _height_above_skin(trajectory: Trajectory, setpoint: Setpoint) -> Floats:
+    """Return the height (n,) [m] of setpoints above the trajectory's surface; above the plane z = 0 without one."""
+    surface = getattr(trajectory, "surface", None)
+    if isinstance(surface, Surface):
+        return surface.nearest(setpoint.position).height
+    above: Floats = setpoint.position[:, 2]
+    if isinstance(surface, Settings):
+        above = above - surface.at(setpoint.position[:, 0], setpoint.position[:, 1])[0]  # type: ignore[attr-defined]
+    return above
 
 
 def _check_turns(name: str, setpoint: Setpoint) -> None:
