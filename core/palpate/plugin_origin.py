@@ -24,8 +24,8 @@ class Plugin:
 
     @property
     def distribution(self) -> str:
-        """Return the normalized name of its distribution, or the name of its file without ``.py``."""
-        return Path(self.name).stem if self.is_file else normalized_name(self.name.partition(" ")[0])
+        """Return the normalized name of its distribution, or that of its file without ``.py``."""
+        return normalized_name(Path(self.name).stem if self.is_file else self.name.partition(" ")[0])
 
     @property
     def version(self) -> str:

@@ -200,4 +200,4 @@ def test_a_rehearsal_that_was_stopped_is_continued_to_its_end_without_the_labora
     assert "rehearsal" in {flag["code"] for flag in document["tracks"]["dr/kinematic"]["flags"]}
     replayed = palpate("replay", "r", "--out", "again")
     assert replayed.returncode == 0, replayed.stderr
-    assert "rehearsal: simulated time, twin bench" in replayed.stdout
+    assert "note[rehearsal] simulated time, twin bench" in replayed.stdout
