@@ -86,7 +86,7 @@ def test_the_last_line_partitions_the_files_for_each_value(pipeline):
     rows = [row(0), row(1, elasticity_verdict="doubtful"), row(2, elasticity_verdict="needs thickness"),
             {"curve": "c3.csv", "error": "the file is empty"}]  # fmt: skip
     assert partition_line(rows, pipeline, registry.load()) == (
-        "4 files. E: 1 good, 1 doubtful, 1 needs a thickness; eta: 3 not determined; 1 not read"
+        "4 files. E: 1 good, 1 doubtful, 1 needs a thickness; eta: 3 not determined; 1\n  not read"
     )
     rows = [row(k, viscosity_verdict="needs delay") for k in range(2)]
     assert partition_line(rows, pipeline, registry.load()) == "2 files. E: 2 good, 0 doubtful; eta: 2 need a delay"

@@ -90,7 +90,8 @@ def test_models_and_logs_are_compared_and_evaluated_on_each_other(palpate, logs)
     asked = ["fit", "compare", "v0.csv", "v1.csv", "v2.csv", "--pipeline", "fit.toml", "--out", "out"]
     brief = palpate(*asked)
     assert brief.returncode == 0, brief.stderr
-    assert max(map(len, brief.stdout.splitlines())) <= 80
+    # Commands are not broken.
+    assert max(len(line) for line in brief.stdout.splitlines() if "palpate " not in line) <= 80
     assert "prefers dr/fit over kv/fit" in brief.stdout
     assert "AIC" not in brief.stdout
     done = palpate(*asked, "--details", COLUMNS="200")

@@ -66,7 +66,7 @@ def _lines_below(table: ResultTable) -> Iterator[str]:
         yield from filled(f"note[{note.code}] {note.message}", "  ")
     yield from fact_lines(table)
     if len(table.rows) > 1:
-        yield table.partition("track")
+        yield from filled(table.partition("track"), "  ")
 
 
 def _units(result: Result) -> dict[str, str]:

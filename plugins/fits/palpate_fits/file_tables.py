@@ -13,7 +13,15 @@ from palpate_kit.curves.row_results import row_table
 from palpate_kit.curves.row_summary import summary_of
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.motion_text import motion_text, row_motion
-from palpate_kit.terminal.result_screen import WIDTH, coloured, fact_lines, finding_lines, value_lines, value_table
+from palpate_kit.terminal.result_screen import (
+    WIDTH,
+    coloured,
+    fact_lines,
+    filled,
+    finding_lines,
+    value_lines,
+    value_table,
+)  # fmt: skip
 from palpate_kit.terminal.table import Table, console
 
 from palpate_fits.quartile_table import each_table
@@ -78,7 +86,7 @@ def law_line(source: Path, track: Track, known: Registry, better_laws: Sequence[
 def partition_line(rows: Sequence[Row], pipeline: Pipeline, known: Registry) -> str:
     """Return how many files have which word for each value."""
     table = row_table(rows, pipeline.tracks[0].model, known)
-    return table.partition("file" if len(pipeline.tracks) == 1 else "row")
+    return "\n".join(filled(table.partition("file" if len(pipeline.tracks) == 1 else "row"), "  "))
 
 
 def file_table(rows: Sequence[Row], pipeline: Pipeline, known: Registry, details: bool = False) -> Table:

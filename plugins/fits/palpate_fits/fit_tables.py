@@ -10,7 +10,7 @@ from palpate import BudgetRow, Effect, FitReport, Flag
 from palpate_engine import Result, TrackResult, UncertainValue, display_unit, is_open
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.quantities import value_or_fixed, value_with_uncertainty
-from palpate_kit.terminal.result_screen import coloured, fact_lines, finding_lines, value_lines, value_table
+from palpate_kit.terminal.result_screen import coloured, fact_lines, filled, finding_lines, value_lines, value_table
 from palpate_kit.terminal.result_summary import flag_lines
 from palpate_kit.terminal.result_table import ResultTable, track_row
 from palpate_kit.terminal.table import Table
@@ -37,7 +37,8 @@ def fit_overview(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[
             yield Text(f"{name}: {sentence}" if len(logs) > 1 else sentence)
     yield from map(coloured, (*finding_lines(table), *fact_lines(table)))
     if len(table.rows) > 1:
-        yield Text(table.partition("log" if len(table.rows) == len(logs) else "track"))
+        thing = "log" if len(table.rows) == len(logs) else "track"
+        yield Text("\n".join(filled(table.partition(thing), "  ")))
 
 
 def logs_table(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> ResultTable:

@@ -14,7 +14,7 @@ from palpate import Flag, PalpateError
 from palpate_engine import display_unit, verdict_rank, whole_file, write_whole
 from palpate_kit.jobs.job import Outcome
 from palpate_kit.runs.document_table import judges
-from palpate_kit.terminal.result_screen import finding_lines, with_legend
+from palpate_kit.terminal.result_screen import filled, finding_lines, with_legend
 from palpate_kit.terminal.result_table import ResultFinding, ResultRow, ResultTable, TableValue
 from palpate_kit.terminal.table import Table
 
@@ -102,7 +102,7 @@ def sweep_doubt_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
     """What was found, once for all combinations that share it, and how many have which word for each value."""
     table = ResultTable(tuple(map(_result_row, rows)))
     yield from finding_lines(table)
-    yield table.partition("row")
+    yield from filled(table.partition("row"), "  ")
 
 
 def _result_row(row: Mapping[str, Any]) -> ResultRow:
