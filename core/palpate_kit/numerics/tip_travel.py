@@ -106,7 +106,7 @@ def _widths(longest: int) -> list[int]:
     """Widths [samples] that are tried, from the shortest to `longest`."""
     widths = [_SHORTEST]
     while widths[-1] < longest:
-        widths.append(_odd(1.2 * widths[-1] + 2))
+        widths.append(_wider(widths[-1]))
     return widths
 
 
@@ -114,7 +114,7 @@ def _width(noise: tuple[float, float], speed: float, interval: float, longest: f
     """Samples of the shortest window that keeps the noise of the rate below a share of the usual speed [m/s]."""
     width = _SHORTEST
     while width * interval < longest and _rate_noise(noise, width, interval) > _NOISE_SHARE * speed:
-        width = _odd(1.2 * width + 2)
+        width = _wider(width)
     return width
 
 
@@ -161,7 +161,7 @@ def cubic_window(samples: Samples) -> float:
     fortieth of what may hide there; by the median, for corners are few among them.
     """
     interval, noise, width = _usual(samples), noise_of(samples.position, samples.time), _SHORTEST
-    while (wider := _odd(1.2 * width + 2)) * interval < _LONGEST and len(samples) >= _FEWEST_WINDOWS * wider:
+    while (wider := _wider(width)) * interval < _LONGEST and len(samples) >= _FEWEST_WINDOWS * wider:
         fourth = samples.position[: len(samples) // wider * wider].reshape(-1, wider) @ _fourth_degree(wider)
         if median(np.abs(fourth)) > _MEDIAN * _CLEAR * noise:
             break
@@ -199,6 +199,11 @@ def median(values: Floats) -> float:
     return 0.5 * float(found[low] + found[high])
 
 
+def _wider(width: int) -> int:
+    """Return the next width [samples] that is tried."""
+    return _odd(1.2 * width + 2)
+
+
 def _odd(width: float) -> int:
     return max(int(width) // 2 * 2 + 1, _SHORTEST)
 
@@ -208,23 +213,18 @@ def noise_of(values: Floats, time: Floats | None = None) -> float:
 
     With the time (n,) [s] of each value, differences across gaps do not count.
     """
-    if time is not None and (across := _across_gaps(time)).any():
-        return _rms_noise(third_differences(values)[~across])
+    across = None if time is None else _across_gaps(time)
     total, count = 0.0, 0
     for start in range(0, max(len(values) - 3, 0), _AT_ONCE):
         differences = third_differences(values[start : start + _AT_ONCE + 3])
+        if across is not None and across.any():
+            differences = differences[~across[start : start + _AT_ONCE]]
         square = float(np.add.reduce(differences * differences))
         if not np.isfinite(square):
             differences = differences[np.isfinite(differences)]
             square = float(np.add.reduce(differences * differences))
         total, count = total + square, count + len(differences)
     return float(np.sqrt(total / count / 20.0)) if count else np.inf
-
-
-def _rms_noise(differences: Floats) -> float:
-    """Return the noise [as values] that third differences (m,) of them show; infinite without any."""
-    finite = differences[np.isfinite(differences)]
-    return float(np.sqrt(finite @ finite / len(finite) / 20.0)) if len(finite) else np.inf
 
 
 def _across_gaps(time: Floats) -> NDArray[np.bool_]:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from palpate import Floats
+from palpate import Floats, LastDigit
 
 _MIN_RUNS = 20  # a choice: fewer runs of equal readings show no rhythm
 _RHYTHM_SHARE = 0.9  # of the runs that are as long as the median one, or by one row longer or shorter (choice)
 _MAX_SINGLE_SHARE = 0.15  # of runs of one reading; noise of less than a digit, of median 2, leaves 30 % (geometric)
 _DIGITS = 1.5  # between runs, up to which the last digit explains them: a slow signal passes one after the other
-_BINARY_ROUNDING = 1e-12  # of the largest reading, below which two decimal numbers are the same
 
 
 def rows_per_reading(values: Floats) -> int:
@@ -29,9 +28,7 @@ def rows_per_reading(values: Floats) -> int:
     if usual < 2.0 or np.mean(in_rhythm) < _RHYTHM_SHARE or np.mean(lengths == 1) > _MAX_SINGLE_SHARE:
         return 1
     steps = np.abs(np.diff(finite)[changes])
-    digits = np.diff(np.unique(finite))
-    digit = float(np.min(digits, where=digits > _BINARY_ROUNDING * float(np.abs(finite).max()), initial=np.inf))
-    return int(usual) if float(np.median(steps)) > _DIGITS * digit else 1
+    return int(usual) if float(np.median(steps)) > _DIGITS * LastDigit.of(finite).step else 1
 
 
 class SampleHold:
