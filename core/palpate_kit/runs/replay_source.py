@@ -149,7 +149,9 @@ def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
             if said and all(one == said[0] for one in said):
                 table[key] = said[0]
         run = tables.setdefault("run", {})
-        run["assumed"] = [*run.get("assumed", ()), *(f"{kind}.{name}.{key}" for key in _unstated(part, table))]
+        # A Poisson's ratio that is left out is open by that alone.
+        defaults = [key for key in _unstated(part, table) if key != "poisson"]
+        run["assumed"] = [*run.get("assumed", ()), *(f"{kind}.{name}.{key}" for key in defaults)]
     field = part.model_fields.get("indenter")
     if field is not None and field.is_required():
         known = next((m["indenter"] for m in tables.get("model", {}).values() if "indenter" in m), None)
