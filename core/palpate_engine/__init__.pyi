@@ -147,6 +147,7 @@ from .result import (
     RESULT as RESULT,
     SCHEMA as SCHEMA,
     DerivedValue as DerivedValue,
+    TrackComparison as TrackComparison,
     TrackResult as TrackResult,
     UncertainValue as UncertainValue,
     acceleration as acceleration,

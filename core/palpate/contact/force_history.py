@@ -26,23 +26,25 @@ def force_over_time(
     time: Floats,
     depth: Floats,
     rate: Floats,
-    theta: Sequence[float],
+    theta: Sequence[float] | Floats,
     *,
     memory: Sequence[float] | None = None,
     pulls: bool = True,
 ) -> Floats:
     """Return the force (n,) [N] at instants (n,) [s] of a motion given by depth (n,) [m] and its rate (n,) [m/s].
 
+    The parameters are one set (k,), or that of each instant (n, k), which also holds for the interval that ends there.
     Internal states start from `memory` (none given: 0, a material at rest) and are integrated by the Runge-Kutta method
     of order 4 between the instants, over which the depth is the cubic that has the given depths and rates. Steps are
     chosen from the fastest of the model's own rates. `pulls` as in `contact_force`. Raises ValueError where the states
     change so fast that the instants are too far apart.
     """
-    time, depth, rate = (np.asarray(values, float) for values in (time, depth, rate))
+    time, depth, rate, theta = (np.asarray(values, float) for values in (time, depth, rate, theta))
+    values = list(theta.T) if theta.ndim > 1 else theta.tolist()
     if not model.memory:
-        return np.asarray(contact_force(model, depth, rate, theta, pulls=pulls), float)
+        return np.asarray(contact_force(model, depth, rate, values, pulls=pulls), float)
     states = memory_over_time(model, time, depth, rate, theta, memory)
-    return np.asarray(contact_force(model, depth, rate, theta, list(states.T), pulls=pulls), float)
+    return np.asarray(contact_force(model, depth, rate, values, list(states.T), pulls=pulls), float)
 
 
 def memory_over_time(
@@ -50,7 +52,7 @@ def memory_over_time(
     time: Floats,
     depth: Floats,
     rate: Floats,
-    theta: Sequence[float],
+    theta: Sequence[float] | Floats,
     memory: Sequence[float] | None = None,
 ) -> Floats:
     """Return internal states (n, k) over a motion; see `force_over_time`."""
@@ -59,22 +61,23 @@ def memory_over_time(
     if not len(time):
         return states
     states[0] = 0.0 if memory is None else memory
-    steps = _step_count(model, time, depth, rate, theta)
+    rows = np.broadcast_to(np.asarray(theta, float), (len(time), len(model.parameters)))
+    steps = _step_count(model, time, depth, rate, rows)
     # Length of each interval, depth and rate at its beginning and end; whole blocks first, then single intervals.
     intervals = np.column_stack([np.diff(time), depth[:-1], rate[:-1], depth[1:], rate[1:]])
     first = 0
     for block in (_BLOCK, 1):
         remaining = len(intervals) - first
         last = first + remaining - remaining % block
-        _integrate(_function(model, steps, block), states[first:], intervals[first:last], theta, block)
+        _integrate(_function(model, steps, block), states[first:], intervals[first:last], rows[first + 1 :], block)
         first = last
     return states
 
 
-def _integrate(function: Any, states: Floats, intervals: Floats, theta: Sequence[float], block: int) -> None:
-    """Fill in the states (m + 1, k) after intervals (m, 5), in blocks; the first state is there."""
+def _integrate(function: Any, states: Floats, intervals: Floats, theta: Floats, block: int) -> None:
+    """Fill in the states (m + 1, k) after intervals (m, 5) with parameters (m, p), in blocks; the first is there."""
     # The function reads and writes these arrays: a call through its buffer costs a twentieth of an ordinary one.
-    state, values = np.empty(states.shape[1]), np.tile(np.array(theta, float), (block, 1))
+    state, values = np.empty(states.shape[1]), np.empty((block, theta.shape[1]))
     block_intervals, block_states = np.empty((block, 5)), np.empty((block, states.shape[1]))
     buffer, evaluate = function.buffer()
     for i, array in enumerate((state, block_intervals, values)):
@@ -83,18 +86,19 @@ def _integrate(function: Any, states: Floats, intervals: Floats, theta: Sequence
     for i in range(0, len(intervals), block):
         state[:] = states[i]
         block_intervals[:] = intervals[i : i + block]
+        values[:] = theta[i : i + block]
         evaluate()
         states[i + 1 : i + 1 + block] = block_states
 
 
-def _step_count(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta: Sequence[float]) -> int:
+def _step_count(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta: Floats) -> int:
     """Return the steps that an interval needs, by the largest rate at which any state forgets [1/s]."""
     import casadi
 
     rows = np.linspace(0, len(depth) - 1, min(len(depth), _RATE_CHECKS)).astype(int)
     motion = casadi.DM(np.array([depth[rows], rate[rows]]))
-    at_rest, values = casadi.DM.zeros(len(model.memory), len(rows)), casadi.DM(np.array(theta, float))
-    rates = _function(model, 0)(at_rest, motion, casadi.repmat(values, 1, len(rows)))
+    at_rest, values = casadi.DM.zeros(len(model.memory), len(rows)), casadi.DM(theta[rows].T)
+    rates = _function(model, 0)(at_rest, motion, values)
     fastest = float(np.max(np.array(rates)))
     longest = float(np.max(np.diff(time), initial=0.0))
     if not math.isfinite(fastest):

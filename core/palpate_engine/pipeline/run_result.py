@@ -99,10 +99,11 @@ def _judged(
     """The tracks' verdicts, each by itself and then among the others of its model."""
     alone = {name: track.judged(pipeline.registry, of_record) for name, track in found.items()}
     against = contradictions(alone)
-    return alone | {
+    together = alone | {
         name: replace(found[name], flags=(*found[name].flags, flag)).judged(pipeline.registry, of_record)
         for name, flag in against.items()
     }
+    return {name: track.against(pipeline.truth) for name, track in together.items()}
 
 
 def _found_facts(pipeline: Pipeline, facts: Mapping[str, Any], report: AlignmentReport) -> dict[str, Any]:

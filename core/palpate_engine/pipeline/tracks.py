@@ -17,7 +17,15 @@ from palpate.vectors import Floats, read_only
 from palpate_engine.alignment import AlignmentReport, AlignmentSettings
 from palpate_engine.config import Pipeline, Track
 from palpate_engine.pipeline.plugin_failure import PartFailure, check_estimates
-from palpate_engine.result import Diagnosable, RunEvidence, TrackRecord, TrackResult, apply_diagnoses, track_result
+from palpate_engine.result import (
+    ComparisonRecord,
+    Diagnosable,
+    RunEvidence,
+    TrackRecord,
+    TrackResult,
+    apply_diagnoses,
+    track_result,
+)
 
 _FEW = 10  # tracked samples; before that nothing is said of a track
 _SHALLOW = 1e-4  # [m] at which, or deeper, the share of a curved skin is taken
@@ -39,6 +47,7 @@ class RunningTrack:
     record: TrackRecord
     part_failure: PartFailure
     is_over_a_surface: bool = False  # whose curvatures samples have
+    comparison: ComparisonRecord | None = None  # of a run with several tracks
 
     def run(self, samples: Samples) -> Estimates:
         """Estimates for a block, with the time that they took; none from where the estimator or the model raised."""
@@ -51,6 +60,8 @@ class RunningTrack:
             flat = samples if share is None else read_only(replace(samples, force=samples.force / share))
             estimates = check_estimates(self.tracker.run(flat), flat, parameters)
             self.record.add(flat, estimates, clock().now() - before)
+            if self.comparison is not None:
+                self.comparison.add(flat, estimates)
         except PalpateError:
             raise  # on purpose: the user can mend it
         except RAISED_BY_PARTS as error:  # whatever third-party code raises: the other tracks continue
@@ -129,7 +140,10 @@ class Tracks:
         settings, average = pipeline.alignment, pipeline.run.average
         found: dict[str, TrackResult] = {r.track.name: r.result(report, settings, average) for r in self.running}
         judged = self._diagnosed(found, pipeline, report, pipeline.registry.diagnoses)
-        return {r.track.name: _summed(r, judged[r.track.name]) for r in self.running}
+        return {
+            r.track.name: _compared(r, _summed(r, judged[r.track.name]), settings.tip_mass, average)
+            for r in self.running
+        }
 
     def results_so_far(self, pipeline: Pipeline, report: AlignmentReport) -> dict[str, TrackResult]:
         """What the online tracks would find if the run ended now, with the findings of quick diagnoses."""
@@ -170,6 +184,16 @@ def _summed(running: RunningTrack, result: TrackResult) -> TrackResult:
     return result
 
 
+def _compared(running: RunningTrack, result: TrackResult, tip_mass: float | None, average: float) -> TrackResult:
+    """A track's result with the measures by which it is compared with others."""
+    ends = running.record.ends(average)
+    if running.comparison is None:
+        return result
+    count = 0 if ends is None else int(np.count_nonzero(np.isfinite(ends[1].nis)))
+    measures = running.comparison.measure(running.track.model, tip_mass or 0.0, result.parameters, count)
+    return replace(result, comparison=measures)
+
+
 def _others(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ...]]:
     """Names of the parameters of the other models."""
     others = {name: other for name, other in pipeline.models.items() if name != model}
@@ -201,5 +225,6 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
         summaries = {name: function_of(summary)() for name, summary in pipeline.registry.summaries.items()}
         record = TrackRecord(keep if track.estimator.online else math.inf, summaries=summaries)
         curved = pipeline.alignment.surface is not None
-        running.append(RunningTrack(track, tracker, record, part_failure, curved))
+        comparison = ComparisonRecord() if len(pipeline.tracks) > 1 else None
+        running.append(RunningTrack(track, tracker, record, part_failure, curved, comparison))
     return running

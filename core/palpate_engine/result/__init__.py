@@ -16,6 +16,7 @@ from palpate_engine.result.result_folder import (
     make_folder,
     withdraw_folder,
 )
+from palpate_engine.result.track_comparison import ComparisonRecord, TrackComparison
 from palpate_engine.result.track_record import TrackRecord
 from palpate_engine.result.track_result import TrackResult
 
@@ -24,10 +25,12 @@ __all__ = [
     "PIPELINE",
     "RESULT",
     "SCHEMA",
+    "ComparisonRecord",
     "Condition",
     "DerivedValue",
     "Diagnosable",
     "RunEvidence",
+    "TrackComparison",
     "TrackRecord",
     "TrackResult",
     "UncertainValue",

@@ -16,6 +16,7 @@ from palpate.flags import VERDICTS, Flag, verdict, verdict_word
 from palpate.registry import Registry
 
 from palpate_engine.result.materiality import weigh
+from palpate_engine.result.track_comparison import TrackComparison, distances
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class TrackResult:
     verdict: str = "good"  # that of its elasticity; without one the worst of its values with a number
     immaterial: tuple[Flag, ...] = ()  # that can move no value beyond its uncertainty
     conditions: tuple[Condition, ...] = ()  # open facts; once judged, those that matter
+    comparison: TrackComparison | None = None  # of a run with several tracks
 
     @property
     def usable(self) -> bool:
@@ -82,6 +84,12 @@ class TrackResult:
         """All values, those that follow from the parameters too."""
         return {**self.parameters, **{value.name: value.found for value in self.derived}}
 
+    def against(self, truth: Mapping[str, float]) -> TrackResult:
+        """Return the result with the distances of its values from a truth [SI], where it is compared."""
+        if self.comparison is None or not self.usable:
+            return self
+        return replace(self, comparison=replace(self.comparison, distances=distances(self._every, truth)))
+
     def _without_value(self, registry: Registry) -> Iterator[Flag]:
         """A track without any number, of which nothing else says why."""
         lost = self.parameters and not any(math.isfinite(value.value) for value in self.parameters.values())
@@ -105,6 +113,7 @@ class TrackResult:
             "conditions": [one.table(self._every) for one in self.conditions],
             **({"immaterial": [flag.table() for flag in self.immaterial]} if self.immaterial else {}),
             "seconds_per_sample": self.seconds_per_sample,
+            **({"comparison": self.comparison.table()} if self.comparison else {}),
             **({"fit": finite_tree(self.report.table())} if self.report else {}),
             **({"details": finite_tree(self.details)} if self.details else {}),
             **({"diagnoses": finite_tree(self.diagnoses)} if self.diagnoses else {}),

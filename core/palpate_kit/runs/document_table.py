@@ -7,19 +7,21 @@ from collections.abc import Mapping
 from typing import Any
 
 from palpate import Flag
+from palpate_engine import TrackComparison
 
 from palpate_kit.runs.result_file import estimate_of
-from palpate_kit.terminal.result_table import OPEN, ResultFinding, ResultRow, ResultTable, TableValue
+from palpate_kit.terminal.result_table import OPEN, ResultFinding, ResultRow, ResultTable, TableValue, TrackMeasures
 
 
 def document_table(document: Mapping[str, Any]) -> ResultTable:
     """Return the table of the tracks of a ``result.json``."""
-    rows = tuple(document_row(name, track) for name, track in document.get("tracks", {}).items())
+    duration = document.get("run", {}).get("log_duration") or 0.0
+    rows = tuple(document_row(name, track, duration=duration) for name, track in document.get("tracks", {}).items())
     return ResultTable(rows, document.get("truth", {}))
 
 
-def document_row(name: str, track: Mapping[str, Any], record: str = "") -> ResultRow:
-    """Return the row of a track as it stands in ``result.json``."""
+def document_row(name: str, track: Mapping[str, Any], record: str = "", duration: float = 0.0) -> ResultRow:
+    """Return the row of a track as it stands in ``result.json``, of a record of a duration [s]."""
     every = {**track["parameters"], **track.get("derived", {})}
     values = {key: table_value(key, found, track["verdict"]) for key, found in every.items()}
     numbers = {key: value.value for key, value in values.items()}
@@ -31,7 +33,16 @@ def document_row(name: str, track: Mapping[str, Any], record: str = "") -> Resul
         {one["fact"]: one["message"] for one in conditions},
         {one["fact"]: one["remedy"] for one in conditions},
         tuple(ResultFinding.of_flag(flag, numbers) for flag in map(Flag.of_table, track["flags"]) if judges(flag)),
+        measures=_measures(track, duration),
     )
+
+
+def _measures(track: Mapping[str, Any], duration: float) -> TrackMeasures | None:
+    if "comparison" not in track:
+        return None
+    nis = math.nan if track["nis"] is None else track["nis"]
+    comparison = TrackComparison.of_table(track["comparison"])
+    return TrackMeasures.of(comparison, nis, track["seconds_per_sample"], track["samples"], duration)
 
 
 def judges(flag: Flag) -> bool:

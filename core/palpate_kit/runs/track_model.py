@@ -177,6 +177,26 @@ class FitDocument(Document):
     rms: Number = Field(description="root mean square of the residuals [N]")
 
 
+class ComparisonDocument(Document):
+    """Measures by which the tracks of one record are compared."""
+
+    prediction: Number = Field(description="rms error of the predicted force as a part of the rms of the force")
+    prediction_rms: Number = Field(
+        description="rms of the model's force at the measured motion, with the estimates of the sample before, less "
+        "the measured force [N]; from 1 s of contact on"
+    )
+    force_rms: Number = Field(description="rms of the measured contact force at the same samples [N]")
+    predicted: Count = Field(description="samples that have a prediction")
+    predictable: Count = Field(description="samples that any estimator could have predicted")
+    nis_band: Annotated[list[Number], Field(min_length=2, max_length=2)] = Field(
+        description="in which 95 % of the means lie where model and noise are right"
+    )
+    settling_times: dict[str, Number] = Field(
+        description="time of contact until a parameter stays within 5 % of its end [s], by name"
+    )
+    distances: dict[str, Number] = Field(description="value less truth in combined uncertainties, by name")
+
+
 class TrackDocument(Document):
     """What one track found."""
 
@@ -204,6 +224,7 @@ class TrackDocument(Document):
         [], description="flags that can move no value beyond its uncertainty, and are not a doubt"
     )
     seconds_per_sample: float = Field(description="of computing [s]")
+    comparison: ComparisonDocument | Absent = Field(None, description="of a run with several tracks")
     fit: FitDocument | Absent = Field(None, description="of an offline fit")
     details: Open = Field({}, description="what the estimator says beyond its numbers; each fills it as it likes")
     diagnoses: dict[str, Open] = Field({}, description="what diagnoses say, by name; each fills its own as it likes")

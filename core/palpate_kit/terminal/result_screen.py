@@ -29,6 +29,7 @@ WIDTH = 79
 LEGEND = "± one standard uncertainty"
 SHARED = "every value"  # in place of symbols: a finding on the whole record
 _NAME = 28  # characters of a file's name
+_NAMED = 2  # tracks of a finding that are named, of more their number
 _CAUSED = "\\[[^\\]]*\\]"
 _HEADS = rf"^(doubtful|invalid|not determined){_CAUSED}"
 _ADVICE = r"^ *(help|state|settle|share|why ±|or):"
@@ -135,6 +136,8 @@ def _where(rows: Sequence[ResultRow], table: ResultTable) -> str:
     """Return of how many rows a finding is, where there are several."""
     if len(table.rows) == 1:
         return ""
+    if table.thing == "track" and len(rows) < len(table.rows) and len(rows) <= _NAMED:
+        return f", {', '.join(row.track for row in rows)}"
     return f", {len(rows)} of {counted(len(table.rows), table.thing)}"
 
 

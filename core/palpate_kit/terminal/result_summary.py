@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from palpate import Flag, ReportSection
 from palpate_engine import Result, TrackResult, UncertainValue, display_unit, function_of
 
+from palpate_kit.terminal.comparison_table import comparison_table, lines_below
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.quantities import round_number
 from palpate_kit.terminal.result_screen import (
@@ -18,7 +19,6 @@ from palpate_kit.terminal.result_screen import (
     finding_lines,
     title_line,
     value_lines,
-    value_table,
 )
 from palpate_kit.terminal.result_table import ResultTable, TableValue, result_table
 from palpate_kit.terminal.table import Table as Cells
@@ -51,7 +51,8 @@ def result_views(
     elif len(table.rows) == 1 and layout() == "table":
         yield from value_lines(table.rows[0], result.truth, names)
     else:
-        yield value_table(table, names=names).view()
+        yield comparison_table(table).view()
+        yield from map(Text, lines_below(table) if layout() == "table" else ())
     if any(map(_swept, result.tracks.values())):
         yield Text(_ALONG.format(folder=result.folder))
     yield from _more(result, shown)

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from palpate import Condition, Flag
-from palpate_engine import Result, TrackResult, UncertainValue, display_unit, verdict_word
+from palpate_engine import Result, TrackComparison, TrackResult, UncertainValue, display_unit, verdict_word
 
 from palpate_kit.terminal.quantities import value_or_fixed
 
@@ -129,6 +129,24 @@ class ResultFinding:
 
 
 @dataclass(frozen=True)
+class TrackMeasures:
+    """The measures of a track that is compared with others."""
+
+    comparison: TrackComparison
+    nis: float  # NaN of an estimator without
+    seconds_per_sample: float
+    samples: int  # on which that was measured
+    is_behind: bool = False  # slower than real time
+
+    @classmethod
+    def of(
+        cls, comparison: TrackComparison | None, nis: float, cost: float, samples: int, duration: float
+    ) -> TrackMeasures | None:
+        """Return the measures of a track of `samples` in a record of a duration [s]; None where it is not compared."""
+        return comparison and cls(comparison, nis, cost, samples, cost * samples > duration > 0)
+
+
+@dataclass(frozen=True)
 class ResultRow:
     """A track of a run, or of a file: its values, what they hold for, and what was found."""
 
@@ -139,6 +157,7 @@ class ResultRow:
     remedies: Mapping[str, str] = field(default_factory=dict)  # by open fact
     findings: tuple[ResultFinding, ...] = ()
     error: str = ""  # why the file was not read or fitted
+    measures: TrackMeasures | None = None  # of a run with several tracks
 
     @property
     def judging_findings(self) -> list[ResultFinding]:
@@ -281,8 +300,10 @@ def with_symbols(text: str) -> str:
     return _NAME.sub(lambda match: SYMBOLS[match[1]], text)
 
 
-def track_row(track: TrackResult, label: str, record: str = "", of_record: Sequence[Flag] = ()) -> ResultRow:
-    """Return the row of a track, with the flags of its record."""
+def track_row(
+    track: TrackResult, label: str, record: str = "", of_record: Sequence[Flag] = (), duration: float = 0.0
+) -> ResultRow:
+    """Return the row of a track, with the flags of its record of a duration [s]."""
     every = {**track.parameters, **{value.name: value.found for value in track.derived}}
     values = {name: TableValue.of(name, value) for name, value in every.items()}
     if not track.usable:
@@ -297,11 +318,13 @@ def track_row(track: TrackResult, label: str, record: str = "", of_record: Seque
         {fact: one.sentence(every) for fact, one in reversed(conditions.items())},
         {fact: one.remedy for fact, one in conditions.items()},
         tuple(ResultFinding.of_flag(flag, numbers) for flag in flags),
+        measures=TrackMeasures.of(track.comparison, track.nis, track.seconds_per_sample, track.samples, duration),
     )
 
 
 def result_table(result: Result, record: str = "") -> ResultTable:
     """Return the table of the tracks of a run."""
     doubts = [flag for flag in result.flags if flag.severity != "note"]
-    rows = tuple(track_row(track, label, record, doubts) for label, track in result.tracks.items())
+    duration = result.run.get("log_duration") or 0.0
+    rows = tuple(track_row(track, label, record, doubts, duration) for label, track in result.tracks.items())
     return ResultTable(rows, result.truth, tuple(flag for flag in result.flags if flag.severity == "note"))

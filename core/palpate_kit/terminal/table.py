@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,7 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     left: tuple[str, ...] = ()  # headings of the columns that are texts; all others are numbers, to the right
     is_plain: bool = False  # without lines between the cells
+    spare: int = 0  # columns at the end that a narrow screen leaves out, the last first
 
     @classmethod
     def of(cls, title: str, headings: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[str] = ()) -> Table:
@@ -51,6 +53,7 @@ class Table:
         for heading in self.headings:
             text = heading in self.left
             view.add_column(Text(heading), justify="left" if text else "right", no_wrap=text)
+        view.__dict__["spare"] = self.spare
         for row in self.rows:
             view.add_row(*(Text(cell, style=verdict_style(cell)) for cell in row))
         return view
@@ -98,7 +101,12 @@ def _fitting(shown: Any, console: Console) -> Any:
     if isinstance(shown, Group):
         return Group(*(_fitting(item, console) for item in shown.renderables))
     if isinstance(shown, View):
-        return shown if _set_widths(shown, console) else _row_by_row(shown)
+        narrow = copy(shown)
+        for spare in range(getattr(shown, "spare", 0) + 1):
+            narrow.columns = shown.columns[: len(shown.columns) - spare]
+            if _set_widths(narrow, console):
+                return narrow
+        return _row_by_row(shown)
     return shown
 
 

@@ -10,7 +10,16 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from palpate import BudgetRow, Effect, FitReport, LogError, Unknown
-from palpate_engine import DerivedValue, Result, TrackName, TrackResult, UncertainValue, registry, toml_tables
+from palpate_engine import (
+    DerivedValue,
+    Result,
+    TrackComparison,
+    TrackName,
+    TrackResult,
+    UncertainValue,
+    registry,
+    toml_tables,
+)
 from palpate_kit.runs.result_file import estimate_of, read_flags
 from palpate_kit.runs.run_folder import EstimatesTable, RunFolder, TrackTable
 
@@ -199,6 +208,7 @@ def _track(table: Mapping[str, Any]) -> TrackResult:
         "flags": read_flags(table["flags"]),
         "budget": _rows(table["budget"]),
         "report": _report(table["fit"]) if "fit" in table else None,
+        "comparison": TrackComparison.of_table(table["comparison"]) if "comparison" in table else None,
     }
     numbers = {name: _nan(table[name]) for name in ("force_rms", "nis", "seconds_per_sample")}
     return _object(TrackResult, table, **numbers, **others)

@@ -12,6 +12,7 @@ from palpate_kit.figures import WIDTHS
 from palpate_kit.runs.document_table import document_table
 from palpate_kit.runs.result_file import estimate_of
 from palpate_kit.runs.skin_grid import read_lumps
+from palpate_kit.terminal.comparison_table import comparison_table
 from palpate_kit.terminal.result_screen import LEGEND
 from palpate_kit.terminal.table import Table
 
@@ -78,6 +79,7 @@ def page_of(record: RunContents, track: str | None = None, anonymous: bool = Fal
         meanings=registry.offers("palpate_flags", FlagMeaning),
         pictures=pictures,
         main=subject.main,
+        comparison=_comparison(document),
         numbers=_numbers(document, subject) if len(document.get("tracks", {})) == 1 else [],
         budgets={name: budget_rows(table) for name, table in document.get("tracks", {}).items()},
         sections=sections,
@@ -107,6 +109,13 @@ def _box(record: RunContents, document: Mapping[str, Any]) -> ResultBox:
         return ResultBox(REFUSED, ("no result",), (("The run has no track.", ""),))
     codes = {flag["code"] for track in document["tracks"].values() for flag in track["flags"]}
     return result_box(table, "track", [SIMULATED] if "rehearsal" in codes else [])
+
+
+def _comparison(document: Mapping[str, Any]) -> Table | None:
+    """The table that compares the tracks of a run; None of a run with one, or of one before they were compared."""
+    table = document_table(document)
+    is_compared = any(row.measures is not None for row in table.rows)
+    return comparison_table(table, is_whole=True) if is_compared else None
 
 
 def _partition(record: RunContents) -> str:
