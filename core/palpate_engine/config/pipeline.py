@@ -24,6 +24,7 @@ from pydantic import Field
 
 from palpate_engine.alignment import Aligner, AlignmentSettings, Ports
 from palpate_engine.config.signal_wiring import ports_of
+from palpate_engine.config.stated_truth import stated_truth
 from palpate_engine.safety import SafetySettings
 from palpate_engine.track_name import TrackName
 
@@ -78,6 +79,11 @@ class RunSettings(Settings):
         description="standard uncertainties of what is assumed exact, by key of the models and their tips, or "
         '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }; not declared: '
         "a radius to 0.5 %, Poisson's ratio within 0.02 below its value",
+    )
+    truth: dict[str, float | str] = Field(
+        default={},
+        description="true values of the specimen by name, with which results are compared: { elasticity = "
+        '"112.5 kPa" }; no estimator reads them; a simulated rig states its own',
     )
     assumed: tuple[str, ...] = Field(
         default=(),
@@ -198,10 +204,11 @@ class Pipeline:
 
     @property
     def truth(self) -> dict[str, float]:
-        """Return what the simulated device whose force and motion are read knows, by parameter name [SI]."""
+        """Return the true values by name [SI]: those of the simulated device that is read, else those stated."""
         roles = self.ports.roles
         names = {roles[role].device for role in ("force", "position", "velocity") if role in roles}
-        return truth_of({name: device for name, device in self.devices.items() if name in names})
+        known = truth_of({name: device for name, device in self.devices.items() if name in names})
+        return {**stated_truth(self.models, self.run.truth), **known}
 
     @property
     def tip_radius(self) -> float:

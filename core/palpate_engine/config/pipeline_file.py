@@ -32,6 +32,7 @@ from palpate_engine.config.pipeline_source import Source
 from palpate_engine.config.rig_settings import apply_rig
 from palpate_engine.config.safety_wiring import contradictions, wire_safety
 from palpate_engine.config.signal_wiring import check_wiring, ports_of, with_gravity, wrong_channels
+from palpate_engine.config.stated_truth import wrong_truth
 from palpate_engine.safety import SafetySettings
 from palpate_engine.track_name import TrackName
 
@@ -64,6 +65,9 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     use, problems = calibration_of(run, stated, registry) if estimates else (None, [])
     control, wrong_chart = control_of(run, registry) if estimates else (None, [])
     builder.mistakes += [*problems, *wrong_chart, *_wrong_uncertainties(run, kinds["model"])]
+    if run and kinds["model"]:
+        wrong = wrong_truth(kinds["model"], run.truth)
+        builder.mistakes += [Mistake(("run", "truth", name), problem) for name, problem in wrong]
     alignment = stated
     if use and stated:
         alignment = use.alignment(stated)

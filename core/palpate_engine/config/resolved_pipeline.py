@@ -37,6 +37,8 @@ def resolved_text(pipeline: Pipeline, beside: Path | None = None) -> str:
         "run": plain_settings(pipeline.run, pipeline.registry),
         "alignment": plain_settings(pipeline.alignment, pipeline.registry),
     }
+    if truth := pipeline.truth:  # which a replay of the log has no rig to ask for
+        tables["run"]["truth"] = truth
     if versions := third_party_versions(pipeline):
         tables["run"]["distributions"] = [f"{name} {version}" for name, version in versions.items()]
     if pipeline.safety is not None:

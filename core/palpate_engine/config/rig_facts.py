@@ -17,6 +17,7 @@ from pydantic import BeforeValidator, Field, ValidationError
 from pydantic_core import PydanticCustomError
 
 from palpate_engine.config.pipeline_source import Source
+from palpate_engine.config.stated_truth import truth_in_words
 
 RIG = "rig.toml"
 MEASURED, MEASUREMENT = "measured", "measurement"  # tables that `palpate calibrate` writes
@@ -84,6 +85,15 @@ class _Words:
         except ValueError as error:
             raise PydanticCustomError("quantity", "{reason}", {"reason": str(error)}) from error
         return text
+
+
+def _truth(text: object) -> object:
+    """The same where it is a sentence of true values; raises the error of validation."""
+    try:
+        truth_in_words(text)
+    except ValueError as error:
+        raise PydanticCustomError("quantity", "{reason}", {"reason": str(error)}) from error
+    return text
 
 
 HALF_SPACE, FREE_AIR, ZEROED, NO_BEAM = "half-space", "free-air", "zeroed before contact", "none"
@@ -157,6 +167,10 @@ class RigFacts(Settings):
         "column of its deflection found there",
         "beam", "How stiff is the beam between stage and tip, and how certain is that?", "400 N/m +- 5 %",
     )  # fmt: skip
+    truth: Annotated[str | None, BeforeValidator(_truth)] = _fact(
+        'true values of the specimen, with which results are compared: "elasticity 112.5 kPa, viscosity 362 Pa*s"; no '
+        "estimator reads them"
+    )
     instrument: str | None = _fact('what presses and measures, in words of a methods section: "a UR3e with a SensONE"')
     columns: Annotated[dict[str, tuple[str | int, ...]], BeforeValidator(_columns)] | None = _fact(
         "of files without a pipeline, the columns that cannot be recognised: "

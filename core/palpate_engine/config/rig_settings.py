@@ -29,6 +29,7 @@ from palpate_engine.config.rig_facts import (
     read_rig,
     value_and_std,
 )
+from palpate_engine.config.stated_truth import truth_in_words
 from palpate_engine.config.tip_words import tip_table, with_stated_law
 
 TABLE = "rig"  # of a source: facts of the command line, as in ``--set rig.thickness="22 mm"``
@@ -196,6 +197,8 @@ def _settings(facts: RigFacts, tables: Mapping[str, Any], known: Registry) -> It
             yield "inclination", ("model", name, "skin", "inclination"), value
         if std is not None:
             yield "inclination", ("run", "uncertainties", "inclination"), std
+    for name, value in truth_in_words(facts.truth).items() if facts.truth is not None else ():
+        yield "truth", ("run", "truth", name), value
     yield from _alignment(facts, tables)
 
 

@@ -22,7 +22,7 @@ PLACES = ("x_m", "y_m")
 OWN = (CURVE, FILE, RECORD, DIALECT)  # columns that palpate writes
 FACTS = {  # columns, and the facts that they state
     **{key: key for key in ("tip", "tip_uncertainty", "thickness", "base", "delay", "tare", "tip_mass", "poisson")},
-    **{key: key for key in ("inclination", "mount", "beam")}, "position_of": "position",
+    **{key: key for key in ("inclination", "mount", "beam", "truth")}, "position_of": "position",
 }  # fmt: skip
 Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
 

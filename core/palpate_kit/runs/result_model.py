@@ -29,7 +29,7 @@ class ResultDocument(Document):
     palpate: str = Field(description="version that wrote it")
     run: RunDocument
     streams: dict[str, StreamDocument] = Field(description="by DEVICE/STREAM")
-    truth: dict[str, Number] = Field(description="what a simulated device knows [SI]; empty otherwise")
+    truth: dict[str, Number] = Field(description="true values [SI]: of a simulated device, or stated; empty otherwise")
     tracks: dict[str, TrackDocument] = Field(description="by MODEL/ESTIMATOR")
 
 
