@@ -9,7 +9,6 @@ import pytest
 from palpate import ConfigurationError, Estimator
 from palpate_engine import build_pipeline, load_pipeline, run_pipeline
 from palpate_engine.config import Source
-from palpate_engine.pipeline.tracks import start_tracks
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.file_facts import file_facts
 from palpate_kit.curves.stated_facts import stated_facts

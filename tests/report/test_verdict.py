@@ -98,7 +98,7 @@ def test_a_page_of_several_tracks_has_counts_and_no_headline_of_one(tmp_path):
         "dr/ekf": result_documents.track("doubtful", [DOUBT], parameters=doubted),
     }
     text = page_with(tmp_path, tracks)
-    assert "2 tracks. E: 1 good, 1 doubtful doubtful[not-converged] E, 1 of 2 tracks: still moving" in text
+    assert "2 tracks. E: 1 good, 1 doubtful doubtful[not-converged] E, dr/ekf: still moving" in text
     assert "elasticity 100.0 ± 2.0 kPa doubtful" in text
     assert "By dr/fit" not in text
     assert "simulated" not in text

@@ -59,7 +59,7 @@ class TrackComparison:
 
     def table(self) -> dict[str, Any]:
         """Return the measures as in ``result.json``; null for every number that is not finite."""
-        return finite_tree(
+        table: dict[str, Any] = finite_tree(
             {
                 "prediction": self.prediction,
                 "prediction_rms": self.prediction_rms,
@@ -71,6 +71,7 @@ class TrackComparison:
                 "distances": dict(self.distances),
             }
         )
+        return table
 
 
 @dataclass
@@ -139,11 +140,11 @@ def predicted_force(model: ContactModel, samples: Samples, estimates: Floats) ->
     """Return the force (n,) [N] of the model at the measured motion with the estimates (n, k + 1) one sample before.
 
     A model with memory is integrated along the measured motion from the first active sample, before the first estimate
-    with that. NaN where there is no estimate, where the model raises, and where it has no finite force.
+    with that. NaN without an estimate, where the model raises, and where its force is not finite.
     """
     force = np.full(len(samples), np.nan)
     previous = np.vstack([np.full_like(estimates[:1], np.nan), estimates[:-1]])
-    known = np.isfinite(previous).all(axis=1)
+    known: NDArray[np.bool_] = np.isfinite(previous).all(axis=1)
     if not known.any():
         return force
     # Stretches of contact, each with the estimate of the sample before; what is unknown has the next known one.
