@@ -50,7 +50,7 @@ def test_a_file_has_every_column_and_every_value(capsys):
     table = comparison_table(ResultTable((row("dr/ekf"), row("dr/mine", "invalid", (FAILED,)))), is_whole=True)
     first, second = csv.DictReader(io.StringIO(text_of(table.view(), "csv")))
     assert first["elasticity [kPa]"] == "112.5"
-    assert float(first["power [1]"]) == 0.2
+    assert float(first["power 1"]) == 0.2
     assert (first["force [%]"], first["NIS low"], first["cost [us]"], first["samples"]) == ("1", "0.90", "1", "5000")
     assert first["viscosity off [u]"] == "-3.0"
     assert (first["reason"], second["reason"]) == ("", "failed")

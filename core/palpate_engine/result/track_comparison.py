@@ -14,7 +14,7 @@ from palpate.errors import RAISED_BY_PARTS
 from palpate.estimation import Estimates, Samples
 from palpate.evidence.track_tail import acceleration
 from palpate.evidence.uncertain_value import UncertainValue, finite_tree
-from palpate.vectors import Floats
+from palpate.vectors import Floats, finite_rows
 
 WARM_UP = 1.0  # [s] of contact before the first prediction that counts, a choice: no estimator is judged by its guess
 SETTLED = 0.05  # share of the end value, within which an estimate has settled; a choice
@@ -144,7 +144,7 @@ def predicted_force(model: ContactModel, samples: Samples, estimates: Floats) ->
     """
     force = np.full(len(samples), np.nan)
     previous = np.vstack([np.full_like(estimates[:1], np.nan), estimates[:-1]])
-    known: NDArray[np.bool_] = np.isfinite(previous).all(axis=1)
+    known = finite_rows(previous)
     if not known.any():
         return force
     # Stretches of contact, each with the estimate of the sample before; what is unknown has the next known one.
