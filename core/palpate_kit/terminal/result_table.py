@@ -143,7 +143,8 @@ class TrackMeasures:
         cls, comparison: TrackComparison | None, nis: float, cost: float, samples: int, duration: float
     ) -> TrackMeasures | None:
         """Return the measures of a track of `samples` in a record of a duration [s]; None where it is not compared."""
-        return comparison and cls(comparison, nis, cost, samples, cost * samples > duration > 0)
+        is_behind = cost * samples > duration > 0
+        return None if comparison is None else cls(comparison, nis, cost, samples, is_behind)
 
 
 @dataclass(frozen=True)
