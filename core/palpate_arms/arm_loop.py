@@ -95,7 +95,7 @@ class ArmLoop:
         if commander.mode == "done":
             self._finish()
         self._setpoint = commander.setpoint
-        if commander.mode == "hold":
+        if commander.mode == "hold" or self._obedience.must_wait(now):
             robot.feed_watchdog()
             return
         self._command(commander, now)

@@ -13,7 +13,11 @@ from palpate_arms.handshake import Handshake, target_problem
 from palpate_arms.handshake_path import SIDESTEP, HandshakePath, StatedArm, outward_path, sideways_path
 from palpate_arms.servo import Commander
 from palpate_arms.servo_law import own_law
-from palpate_arms.setpoint_buffer import Plan
+from palpate_arms.setpoint_buffer import PERIOD, Plan
+
+_LEAD = 1.5  # periods before the next state, within which the first command is sent: one, and half for unsteady clocks
+_LATE = 1.15  # state periods after which the next state is late
+_PATIENCE = 50  # periods, after which it is sent all the same: states that come in another rhythm than at first
 
 
 class Obedience:
@@ -24,6 +28,8 @@ class Obedience:
         self._stated = own.get("lag", 0.0), own.get("deadband", 0.0), gives_way
         self._handshake: Handshake | None = None
         self.has_begun = False  # whether it was to show anything
+        self._has_commanded = False
+        self._cycles_waited = 0
         self._has_sidestepped = False
         self.answers: list[dict[str, Any]] = []  # of a handshake that is over
 
@@ -64,9 +70,22 @@ class Obedience:
         lag, deadband, gives_way = self._stated
         return StatedArm(lag, deadband, gives_way, self._fence.give - deadband)
 
+    def must_wait(self, now: int) -> bool:
+        """Return True at a time [ns] that is too early, or too late, for the first command of all.
+
+        Only a state shows what it does: it is sent a period before the next one, however seldom they come.
+        """
+        if self._handshake is None or self._has_commanded or self._cycles_waited >= _PATIENCE:
+            return False
+        age, period = 1e-9 * (now - self._robot.seen), self._robot.state_period
+        is_due = period - _LEAD * PERIOD <= age <= _LATE * period
+        self._cycles_waited += not is_due
+        return not is_due
+
     def note_command(self, command: Floats) -> None:
         """A command (3,) is about to be sent."""
         if self._handshake is not None:
+            self._has_commanded = True
             self._handshake.note_command(command, self._robot.target_of(command), clock().now_ns())
 
     def fault(self, commander: Commander) -> str | None:

@@ -13,6 +13,8 @@ from palpate_arms.arm_state import ArmState
 from palpate_arms.echoed_pose import echo_delay, last_digit
 from palpate_arms.handshake import Handshake, target_problem
 from palpate_arms.handshake_path import StatedArm, outward_path, sideways_path
+from palpate_arms.obedience import Obedience
+from palpate_arms.servo import Commander
 from palpate_arms.servo_law import own_law, straight_path
 from palpate_arms.station_plane import LEVEL
 from palpate_kit.kinematics.rotations import matrix_of, pose_of
@@ -80,6 +82,47 @@ def test_commands_in_another_frame_move_the_arm_at_most_by_what_the_frames_are_a
     assert np.linalg.norm(reached) < 0.25e-3
     assert facts["fastest_tip"] < LIMITS.speed * 1.1
     assert rig.truth.force < 0.01
+
+
+@pytest.mark.gate
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [250, 125])
+@pytest.mark.parametrize("standstill", [0.2, 0.202, 0.204, 0.206])
+def test_however_seldom_states_come_the_first_command_acts_for_one_period(rig, rate, standstill):
+    """With 250 states a second the arm leapt by 0.6 mm at 74 mm/s in two periods before, or in one, as it happened."""
+    rig.fault("frame-offset 0 0 4")
+    rig.fault(f"state-rate {rate}")
+    begin = rig.world.position.copy()
+    with pytest.raises(DeviceError, match=", when it was commanded to stay where it is"):
+        rig.run(f"safety.standstill={standstill} s")
+    facts = rig.world.truth.facts()
+    reached = np.maximum(np.array(facts["high"]) - begin, begin - np.array(facts["low"]))
+    assert np.linalg.norm(reached) < 0.25e-3
+    assert 0.0 < facts["fastest_tip"] < LIMITS.speed * 1.1
+
+
+@pytest.mark.parametrize(
+    ("period", "ages"), [(0.002, (0, 1, 2)), (0.004, (1, 2, 3, 4)), (0.008, (5, 6, 7, 8, 9)), (0.01, (7, 8, 9, 10, 11))]
+)
+def test_the_first_command_comes_a_period_before_a_state(period, ages):
+    """Ages [ms] of the latest state at which it is sent."""
+    robot = SimpleNamespace(
+        driver=SimpleNamespace(target=lambda: None),
+        motion_state=ArmState(np.zeros(3), np.zeros(3), np.eye(3), [], True),
+        target_of=lambda place: place,
+        seen=0,
+        state_period=period,
+    )
+    obedience = Obedience(robot, SimpleNamespace(give=0.0), {}, gives_way=False)
+    commander = Commander(own_law(RETREAT_SPEED, 0.5), np.zeros(3))
+    assert not obedience.must_wait(0)  # nothing is commanded
+    assert obedience.retreat(commander, RETREAT, RETREAT_SPEED) is None
+    assert tuple(age for age in range(30) if not obedience.must_wait(1_000_000 * age)) == ages
+    waits = [obedience.must_wait(0) for _ in range(100)] if period > 0.002 else [False]
+    assert sum(waits) < 50  # states that come faster than before
+    assert not waits[-1]
+    obedience.note_command(np.zeros(3))
+    assert not any(obedience.must_wait(1_000_000 * age) for age in range(30))
 
 
 def flange_for_tip(base):
