@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from palpate_records.messages.readings import si_unit
 from palpate_records.tables.clock_times import CLOCK
 from palpate_records.tables.csv_names import begins_as_time, role_by_words, stamp_parts
 from palpate_records.tables.csv_sheet import Sheet
+from palpate_records.tables.rules import Sureness, rule
 
 RATES = (20.0, 5000.0)  # [Hz] of a recording, by which the unit of a time without one is found
 _ALIKE = 0.2  # share of the rows with the stamp of the row before, above which a clock is too coarse
@@ -73,46 +75,115 @@ def demand_progress(sheet: Sheet, clock: TimeColumn, values: Floats) -> None:
         )
 
 
+@dataclass(frozen=True)
+class _ClockSearch:
+    """What the rules for the time look at."""
+
+    sheet: Sheet
+    values: Floats  # (n, columns)
+    choices: Mapping[str, str]
+    taken: Sequence[int]  # columns that are something else
+
+    @cached_property
+    def parts(self) -> Mapping[str, int]:
+        """The columns of a stamp in two."""
+        return stamp_parts(self.sheet.names)
+
+
+@rule("--time COLUMN", "the time", Sureness.CHOSEN)
+def chosen_time(search: _ClockSearch) -> Sequence[int]:
+    """Return the column that a person states; raises LogError where it holds no numbers."""
+    if "time" not in search.choices:
+        return ()
+    column = search.sheet.index_of("time", search.choices["time"])
+    search.sheet.demand_numbers("time", column, search.values[:, column])
+    return (column,)
+
+
+@rule("the first word of a name", "the time", Sureness.STATED)
+def name_begins_as_time(search: _ClockSearch) -> Sequence[int]:
+    """Return columns such as "Time (s)"."""
+    return [k for k, name in enumerate(search.sheet.names) if begins_as_time(name)]
+
+
+@rule("a word of a name", "the time", Sureness.WORD)
+def name_has_time(search: _ClockSearch) -> Sequence[int]:
+    """Return columns such as "Elapsed Time"."""
+    return [k for k, name in enumerate(search.sheet.names) if role_by_words(name) == "time"]
+
+
+@rule("cells such as 12:30:01.5", "the time", Sureness.WORD)
+def cells_of_clock(search: _ClockSearch) -> Sequence[int]:
+    """Return columns of times of day."""
+    return sorted(search.sheet.layout.clocks)
+
+
+@rule("numbers that grow evenly, and do not count the rows", "the time", Sureness.GUESS)
+def even_growth(search: _ClockSearch) -> Sequence[int]:
+    """Return columns that nothing but their numbers makes a time."""
+    free = [k for k in range(len(search.sheet.names)) if k not in search.taken]
+    return [k for k in free if _ticks(search.values[:, k])]
+
+
+TIME_RULES = (chosen_time, name_begins_as_time, name_has_time, cells_of_clock, even_growth)
+
+
 def _clock_column(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Sequence[int]) -> TimeColumn | None:
-    """The column that is the time; None where none can be it."""
-    parts = stamp_parts(sheet.names)
-    if "time" not in choices and len(parts) == 2:
-        whole, nano = parts["whole"], parts["nano"]
-        time = {"column": sheet.column(whole), "unit": "s", "nanoseconds": sheet.column(nano)}
-        seconds: Floats = values[:, whole] + 1e-9 * values[:, nano]
-        return TimeColumn(seconds, {"time": time}, "seconds and nanoseconds are in two columns", whole)
-    if "time" in choices:
-        columns = [sheet.index_of("time", choices["time"])]
-        sheet.demand_numbers("time", columns[0], values[:, columns[0]])
-    else:
-        columns = [k for k, name in enumerate(sheet.names) if begins_as_time(name)]
-        columns += [k for k, name in enumerate(sheet.names) if role_by_words(name) == "time" and k not in columns]
-        columns += [k for k in sorted(sheet.layout.clocks) if k not in columns]
-    named = len(columns)
-    rest = [] if "time" in choices else [k for k in range(len(sheet.names)) if k not in (*columns, *taken)]
-    columns += [k for k in rest if _ticks(values[:, k])]
-    for i, k in sorted(enumerate(columns), key=lambda pair: _falls(values[:, pair[1]])):
-        steps = np.diff(values[np.isfinite(values[:, k]), k])
-        usual = float(np.median(steps)) if len(steps) else 0.0
-        if k in sheet.layout.clocks:
-            if np.mean(steps == 0) > _ALIKE:
-                continue  # whole seconds say nothing of what is between
-            often = f"{1.0 / float(np.mean(steps[steps > 0])):.4g} Hz" if (steps > 0).any() else "one row"
-            setting = {"time": {"column": sheet.column(k), "unit": CLOCK}}
-            return TimeColumn(values[:, k], setting, f"time of day: {often}", k)
-        unit = sheet.unit(k) or next((u for u in ("s", "ms", "us", "ns") if usual > 0 and _plausible(usual, u)), None)
-        if unit is None or si_unit(unit)[0] != "s":
-            continue
-        seconds = values[:, k] * si_unit(unit)[1]
-        reason = f"taken as {unit}: {1.0 / (usual * si_unit(unit)[1]):.4g} Hz" if usual > 0 else f"in {unit}"
-        is_stated = i < named or sheet.unit(k) is not None
-        return TimeColumn(seconds, {"time": {"column": sheet.column(k), "unit": unit}}, reason, k, is_stated)
+    """Return the column that is the time by the surest rule; None where none can be it."""
+    search = _ClockSearch(sheet, values, choices, taken)
+    if "time" not in choices and len(search.parts) == 2:
+        return _time_in_two_columns(search)
+    sureness: dict[int, Sureness] = {}
+    for time_rule in TIME_RULES if "time" not in choices else (chosen_time,):
+        for k in time_rule(search):
+            sureness.setdefault(k, time_rule.sureness)
+    # A column that restarts, as the time of a cycle does, comes last.
+    for k in sorted(sureness, key=lambda k: _falls(values[:, k])):
+        read = _time_of_day if k in sheet.layout.clocks else _time_in_unit
+        if (clock := read(search, k, sureness[k] > Sureness.GUESS)) is not None:
+            return clock
     return None
+
+
+def _time_in_two_columns(search: _ClockSearch) -> TimeColumn:
+    """Return the time whose seconds and nanoseconds are in two columns."""
+    whole, nano = search.parts["whole"], search.parts["nano"]
+    time = {"column": search.sheet.column(whole), "unit": "s", "nanoseconds": search.sheet.column(nano)}
+    seconds: Floats = search.values[:, whole] + 1e-9 * search.values[:, nano]
+    return TimeColumn(seconds, {"time": time}, "seconds and nanoseconds are in two columns", whole)
+
+
+def _time_of_day(search: _ClockSearch, k: int, is_named: bool) -> TimeColumn | None:
+    """Return the time of a column of times of day; None for whole seconds, which say nothing of what is between."""
+    steps = _steps(search.values[:, k])
+    if np.mean(steps == 0) > _ALIKE:
+        return None
+    rate = f"{1.0 / float(np.mean(steps[steps > 0])):.4g} Hz" if (steps > 0).any() else "one row"
+    setting = {"time": {"column": search.sheet.column(k), "unit": CLOCK}}
+    return TimeColumn(search.values[:, k], setting, f"time of day: {rate}", k)
+
+
+def _time_in_unit(search: _ClockSearch, k: int, is_named: bool) -> TimeColumn | None:
+    """Return the time of a column in its unit, else in one in which its rate is that of a recording; None for none."""
+    sheet, steps = search.sheet, _steps(search.values[:, k])
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    unit = sheet.unit(k) or next((u for u in ("s", "ms", "us", "ns") if usual > 0 and _plausible(usual, u)), None)
+    if unit is None or si_unit(unit)[0] != "s":
+        return None
+    seconds = search.values[:, k] * si_unit(unit)[1]
+    reason = f"taken as {unit}: {1.0 / (usual * si_unit(unit)[1]):.4g} Hz" if usual > 0 else f"in {unit}"
+    is_sure = is_named or sheet.unit(k) is not None
+    return TimeColumn(seconds, {"time": {"column": sheet.column(k), "unit": unit}}, reason, k, is_sure)
+
+
+def _steps(values: Floats) -> Floats:
+    """Return the steps between the finite values of a column."""
+    return np.diff(values[np.isfinite(values)])
 
 
 def _falls(values: Floats) -> bool:
     """Whether a column restarts, as the time of a cycle does."""
-    return bool((np.diff(values[np.isfinite(values)]) < 0).any())
+    return bool((_steps(values) < 0).any())
 
 
 def _plausible(step: float, unit: str) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from palpate import LogError
@@ -35,6 +36,12 @@ class InstrumentText:
     path: Path
     lines: tuple[TextLine, ...]
     dialect: Dialect
+    raw: tuple[str, ...] = ()
+
+    @cached_property
+    def first_cells(self) -> list[str]:
+        """The first cell of each line, in small letters."""
+        return [line.cell(0).lower() for line in self.lines]
 
     def is_number(self, cell: str) -> bool:
         """Whether a cell is a number."""
@@ -67,7 +74,7 @@ def read_text(path: Path) -> InstrumentText:
     if dialect.delimiter == " ":
         raw = [line.replace("\t", " ") for line in raw]  # tabs between names above spaces between numbers
     cells = [tuple(cell.strip() for cell in next(dialect.rows([line]), [])) for line in raw]
-    found = InstrumentText(path, tuple(TextLine(n, one) for n, one in enumerate(cells, 1)), dialect)
+    found = InstrumentText(path, tuple(TextLine(n, one) for n, one in enumerate(cells, 1)), dialect, tuple(raw))
     if dialect.decimal == ",":
         _refuse_thousands(found)
     return found

@@ -7,6 +7,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from palpate import LogError
+from palpate_records.tables.csv_names import plain_unit
+from palpate_records.tables.heading_rules import TopLines
+from palpate_records.tables.number_rows import RowBlock
+from palpate_records.tables.rules import Sureness, decision, rule
 
 from palpate_reference.instrument_text import InstrumentText, TextLine
 
@@ -34,19 +38,41 @@ class TableBlock:
 
 
 def table_blocks(text: InstrumentText) -> list[TableBlock]:
-    """Every table of a file; raises LogError if it has none."""
-    first = [line.cell(0).lower() for line in text.lines]
-    if _STEP in first:
-        blocks = list(_trios(text, first))
-    elif any(map(_SIGNAL.match, first)) and _DATA in first:
-        blocks = list(_signals(text, first))
-    elif _INTERVAL in first:
-        blocks = list(_rheocompass(text, first))
-    else:
-        blocks = list(_generic(text))
+    """Return every table of a file; raises LogError if it has none."""
+    blocks = decision(FORMAT_RULES, text)
     if not blocks:
         raise LogError(f"{text.path}: the file contains no table: no two numbers stand in one line")
     return blocks
+
+
+@rule("a line [step]", "the steps of TRIOS", Sureness.STATED)
+def trios(text: InstrumentText) -> list[TableBlock] | None:
+    """Return the steps of a file of TRIOS."""
+    first = text.first_cells
+    return list(_trios(text, first)) if _STEP in first else None
+
+
+@rule("lines Sig1, ... and StartOfData", "the table of a Q800 and its like", Sureness.STATED)
+def universal_analysis(text: InstrumentText) -> list[TableBlock] | None:
+    """Return the table of a file of Universal Analysis."""
+    first = text.first_cells
+    return list(_signals(text, first)) if any(map(_SIGNAL.match, first)) and _DATA in first else None
+
+
+@rule("a line Interval and data points", "the intervals of RheoCompass", Sureness.STATED)
+def rheocompass(text: InstrumentText) -> list[TableBlock] | None:
+    """Return the intervals of a file of RheoCompass."""
+    first = text.first_cells
+    return list(_rheocompass(text, first)) if _INTERVAL in first else None
+
+
+@rule("the first row of numbers", "one table with the names above it", Sureness.GUESS)
+def one_table(text: InstrumentText) -> list[TableBlock] | None:
+    """Return the table of any other file."""
+    return list(_generic(text))
+
+
+FORMAT_RULES = (trios, universal_analysis, rheocompass, one_table)
 
 
 def _trios(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBlock]:
@@ -114,34 +140,17 @@ def _demand_all_rows(text: InstrumentText, head: TextLine, stated: str, rows: Se
 
 
 def _generic(text: InstrumentText) -> Iterator[TableBlock]:
-    """One table: names, perhaps units, and every line from the first row of numbers on."""
-    lines = [line for line in text.lines if any(line.cells)]
-    begin = next((k for k, line in enumerate(lines) if text.is_row(line)), None)
+    """Yield one table: names, perhaps units, and every line from the first row of numbers on."""
+    begin = next((k for k, line in enumerate(text.lines) if any(line.cells) and text.is_row(line)), None)
     if begin is None:
         return
-    rows = tuple(line for line in lines[begin:] if line.cell(0)[:1] not in tuple(_COMMENT))
+    rows = tuple(line for line in text.lines[begin:] if any(line.cells) and line.cell(0)[:1] not in tuple(_COMMENT))
     width = len(rows[0].cells)
-    above = [_without_comment(line) for line in lines[max(begin - 2, 0) : begin]][::-1]
-    heads = [line for line in above if len(line.cells) >= max(width - 1, 2)]
-    if not heads or heads[0] is not above[0]:
-        yield TableBlock(GENERIC, "", tuple(f"column {k + 1}" for k in range(width)), 0, (), rows)
-    elif len(heads) > 1 and _are_units(heads[0]):
-        yield TableBlock(GENERIC, "", heads[1].cells, heads[1].number, _padded(heads[0], heads[1]), rows)
-    else:
-        yield TableBlock(GENERIC, "", heads[0].cells, heads[0].number, (), rows)
-
-
-def _without_comment(line: TextLine) -> TextLine:
-    head = line.cell(0).lstrip(_COMMENT).strip()
-    cells = line.cells if not line.cell(0) or head else line.cells[1:]
-    return TextLine(line.number, (head, *cells[1:]) if head else cells)
-
-
-def _are_units(line: TextLine) -> bool:
-    """Whether a line below another may be that of the units."""
-    filled = [cell.strip("[]()") for cell in line.cells if cell]
-    known = re.compile(r"[kMGm]?Pa(?:[.\-* ]s)?|k?Hz|rad/s|m?s|min|h|%|-|1|[^\x00-\x7f]?C|[^/^]*[/^].*", re.IGNORECASE)
-    return bool(filled) and sum(known.fullmatch(cell) is not None for cell in filled) >= (len(filled) + 1) // 2
+    top = TopLines(text.path, text.raw[: begin + 1], RowBlock(begin, len(rows), width, width), text.dialect)
+    names, at = top.names.cells, top.names.line
+    if not names:
+        names = tuple(f"column {k + 1}" for k in range(width))
+    yield TableBlock(GENERIC, "", names, 0 if at is None else at + 1, tuple(map(plain_unit, top.unit_row.cells)), rows)
 
 
 def _padded(units: TextLine, names: TextLine) -> tuple[str, ...]:

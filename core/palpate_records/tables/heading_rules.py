@@ -1,0 +1,211 @@
+"""Rules for the names and units of a table's columns, by the lines above its rows of numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from palpate import LogError
+
+from palpate_records.tables.csv_names import is_electrical, is_unit, plain_unit
+from palpate_records.tables.dialect import MARKS, Dialect
+from palpate_records.tables.number_rows import RowBlock, is_header
+from palpate_records.tables.rules import Sureness, decision, rule
+
+# Units of other columns than force, height and time; the first ones name nothing.
+_PLAIN_UNITS = r"[kMG]?Pa(?:[.*·\- ]?s)?|k?Hz|rad/s"
+_OTHER_UNITS = re.compile(
+    rf"{_PLAIN_UNITS}|%|-|1|[^\x00-\x7f]{{0,2}}C|min|h|mJ|J|deg|#|hh:mm:ss.*|[^\s/^]+[/^]\S+", re.IGNORECASE
+)
+# A line between header and rows: of dashes, or a word for the end of the one or the begin of the other.
+_DIVIDER = re.compile(r"[\W_]+|\W*(eoh|end[ _-]?of[ _-]?header|header[ _-]?end|data|begin[ _]data)\W*", re.IGNORECASE)
+_COLUMNS, _UNITS = "columns|fields|names|column names", "units"  # what begins a comment with names, and with units
+_REACH = 3  # lines above the rows, without blank ones, in which names and units stand
+
+
+@dataclass(frozen=True)
+class TopLines:
+    """The first lines of a file, and where its rows of numbers begin."""
+
+    path: Path
+    lines: Sequence[str]
+    block: RowBlock
+    dialect: Dialect
+    header: int | None = None  # line of the names as a person states it, counted from 1; 0 for none
+    units: int | None = None  # that of the units
+
+    def __post_init__(self) -> None:
+        """Raise LogError where a stated line holds numbers."""
+        for key, line in (("header", self.header), ("units", self.units)):
+            if not line:
+                continue
+            cells = self.cells(line - 1) if line <= len(self.lines) else ["0"]
+            if any(map(self.dialect.is_value, cells)):
+                raise LogError(
+                    f"{self.path}: {key} = {line}: that line holds numbers; rows of numbers begin in line "
+                    f"{self.block.begin + 1}"
+                )
+
+    def cells(self, line: int) -> list[str]:
+        """Return the cells of a line, counted from 0."""
+        return heading_cells(self.lines[line], self.dialect, self.block.width)
+
+    def fits(self, line: int) -> bool:
+        """Return True for a line that can be the names of the columns, or their units."""
+        cells = self.cells(line)
+        if self.block.width == 1:
+            return not any(map(self.dialect.is_value, cells))
+        # Where spaces separate, and in comments, a sentence has cells, too.
+        is_loose = self.dialect.delimiter == " " or self.dialect.is_comment(self.lines[line])
+        return is_header(cells, self.dialect) and not (is_loose and abs(len(cells) - self.block.width) > 1)
+
+    @cached_property
+    def headings(self) -> list[int]:
+        """The lines directly above the rows that can be names or units, the lowest first."""
+        above = [
+            i
+            for i in range(self.block.begin - 1, -1, -1)
+            if (text := self.lines[i].strip()) and not _DIVIDER.fullmatch(text)
+        ]
+        headings: list[int] = []
+        for i in above[:_REACH]:
+            if not self.fits(i):
+                break
+            headings.append(i)
+        return headings
+
+    @cached_property
+    def names(self) -> Heading:
+        """The names of the columns as they are written; no cells without any."""
+        return decision(NAME_RULES, self) or Heading()
+
+    @cached_property
+    def unit_row(self) -> Heading:
+        """The units of the columns that stand apart from the names; no cells without any."""
+        return decision(UNIT_RULES, self) or Heading()
+
+    def comment_cells(self, words: str) -> tuple[str, ...] | None:
+        """Return the cells behind a word in a comment above the rows, as in "# units: m N s"; None where none fits."""
+        pattern = re.compile(rf"[\s{''.join(MARKS)}]+(?:{words})\s*[:=]\s*(.+)", re.IGNORECASE)
+        for line in reversed(self.lines[: self.block.begin]):
+            if (match := pattern.fullmatch(line.rstrip("\r\n"))) is None:
+                continue
+            for cells in (re.findall(r'"[^"]*"|[^\s,;]+', match[1]), re.split(r"\s*[,;\t]\s*", match[1].strip())):
+                if len(cells) == self.block.width:
+                    return tuple(cell.strip().strip('"') for cell in cells)
+        return None
+
+
+@dataclass(frozen=True)
+class Heading:
+    """Cells above the columns, and their line counted from 0; None for a comment that has them all, or without any."""
+
+    cells: tuple[str, ...] = ()
+    line: int | None = None
+
+
+@rule("header = LINE", "the names, or a table without them", Sureness.CHOSEN)
+def stated_line_of_names(top: TopLines) -> Heading | None:
+    """Return the names of the line that a person states."""
+    if top.header is None:
+        return None
+    return Heading(tuple(top.cells(top.header - 1)), top.header - 1) if top.header else Heading()
+
+
+@rule('a comment such as "# columns: t z F"', "the names", Sureness.STATED)
+def comment_of_names(top: TopLines) -> Heading | None:
+    """Return the names that a comment lists."""
+    cells = top.comment_cells(_COLUMNS)
+    return None if cells is None else Heading(cells)
+
+
+@rule("two lines above the rows, the lower one of units", "the names", Sureness.WORD)
+def line_above_units(top: TopLines) -> Heading | None:
+    """Return the names above a line of units."""
+    if len(top.headings) < 2 or not are_units(top.cells(top.headings[0])):
+        return None
+    return Heading(tuple(top.cells(top.headings[1])), top.headings[1])
+
+
+@rule("the line above the rows", "the names", Sureness.GUESS)
+def line_above_rows(top: TopLines) -> Heading | None:
+    """Return the names directly above the rows."""
+    return Heading(tuple(top.cells(top.headings[0])), top.headings[0]) if top.headings else None
+
+
+@rule("units = LINE", "the units, or a table without them", Sureness.CHOSEN)
+def stated_line_of_units(top: TopLines) -> Heading | None:
+    """Return the units of the line that a person states."""
+    if top.units is None:
+        return None
+    return Heading(tuple(top.cells(top.units - 1)), top.units - 1) if top.units else Heading()
+
+
+@rule('a comment such as "# units: s mm N", where the names stand in no line', "the units", Sureness.STATED)
+def comment_of_units(top: TopLines) -> Heading | None:
+    """Return the units that a comment lists."""
+    cells = top.comment_cells(_UNITS) if top.names.line is None else None
+    return None if cells is None else Heading(cells)
+
+
+@rule("a line of units below that of the names", "the units", Sureness.WORD)
+def line_below_names(top: TopLines) -> Heading | None:
+    """Return the units between names and rows, unless a comment has the names."""
+    if top.header is None and comment_of_names(top) is not None:
+        return None
+    names = line_above_units(top)
+    return Heading(tuple(top.cells(top.headings[0])), top.headings[0]) if names is not None else None
+
+
+@rule("names that are units themselves", "the units", Sureness.GUESS)
+def units_in_place_of_names(top: TopLines) -> Heading | None:
+    """Return names that are nothing but units."""
+    cells = top.names.cells
+    return Heading(cells) if cells and are_units(cells) else None
+
+
+NAME_RULES = (stated_line_of_names, comment_of_names, line_above_units, line_above_rows)
+UNIT_RULES = (stated_line_of_units, comment_of_units, line_below_names, units_in_place_of_names)
+
+
+def are_units(cells: Sequence[str]) -> bool:
+    """Return True for cells of which one at least is certainly a unit, and all others may be."""
+    filled = [plain_unit(cell) for cell in cells if cell.strip()]
+    certain = [cell for cell in filled if is_unit(cell) or re.fullmatch(_PLAIN_UNITS, cell)]
+    possible = [cell for cell in filled if is_electrical(cell) or _OTHER_UNITS.fullmatch(cell)]
+    return len(certain) >= 1 and {*certain, *possible} == {*filled}
+
+
+def with_groups(top: TopLines) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names, with those of the line above where they alone are not unique; and these."""
+    cells, at = list(top.names.cells), top.names.line
+    above = top.cells(at - 1) if at and top.fits(at - 1) else []
+    filled, groups = [cell for cell in cells if cell], list[str]()
+    if above and len(above) <= len(cells) and len({*filled}) < len(filled):
+        for k in range(len(cells)):
+            groups.append(above[k] if k < len(above) and above[k] else groups[-1] if groups else "")
+        cells = [f"{group} {cell}".strip() for group, cell in zip(groups, cells, strict=True)]
+    return tuple(name or str(k) for k, name in enumerate(cells)), tuple(groups)
+
+
+def heading_cells(line: str, dialect: Dialect, width: int) -> list[str]:
+    """Return the cells of a line above the numbers, without the mark of a comment; units stay with their names."""
+    text = line.strip("\r\n")
+    mark = next((mark for mark in MARKS if mark != dialect.delimiter and text.lstrip().startswith(mark)), "")
+    text = text.lstrip().removeprefix(mark).lstrip(mark).lstrip(" ") if mark else text
+    cells = [cell.strip().lstrip("\ufeff") for cell in next(dialect.rows([text]), [])]
+    if dialect.delimiter != " " and len(cells) != width:
+        spaced = _spaced(text)
+        if mark and len(cells) == 1 and len(spaced) == width:
+            return spaced
+    return _spaced(text) if dialect.delimiter == " " and len(cells) != width else cells
+
+
+def _spaced(text: str) -> list[str]:
+    """Return names between spaces, to which a unit in brackets belongs."""
+    by_gap = re.split(r"\s{2,}|\t", text.strip())
+    joined = re.sub(r"\s+([\[(])", r"\1", text.strip()).split()
+    return by_gap if len(by_gap) > 1 and len(by_gap) >= len(joined) else joined

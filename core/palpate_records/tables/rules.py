@@ -1,0 +1,58 @@
+"""Rules by which a table is read: each looks at one thing, decides one, and says how sure it is of that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Generic, TypeVar
+
+Evidence = TypeVar("Evidence")
+Decision = TypeVar("Decision")
+
+
+class Sureness(IntEnum):
+    """How sure a rule is of its decision; of two rules that decide the same, the surer one counts."""
+
+    GUESS = 1  # numbers look like it, or it stands where such a thing usually does
+    WORD = 2  # a word of a name means it
+    STATED = 3  # a whole name, a unit or a mark of the file states it
+    CHOSEN = 4  # a person states it
+
+
+@dataclass(frozen=True)
+class Rule(Generic[Evidence, Decision]):
+    """One rule; `decide` returns None where it does not apply."""
+
+    decide: Callable[[Evidence], Decision]
+    looks_at: str
+    decides: str
+    sureness: Sureness
+
+    @property
+    def name(self) -> str:
+        """The name of its function."""
+        return self.decide.__name__
+
+    def __call__(self, evidence: Evidence) -> Decision:
+        """Return what the rule decides."""
+        return self.decide(evidence)
+
+
+def rule(
+    looks_at: str, decides: str, sureness: Sureness
+) -> Callable[[Callable[[Evidence], Decision]], Rule[Evidence, Decision]]:
+    """Make a rule of a function."""
+
+    def make(decide: Callable[[Evidence], Decision]) -> Rule[Evidence, Decision]:
+        return Rule(decide, looks_at, decides, sureness)
+
+    return make
+
+
+def decision(rules: Sequence[Rule[Evidence, Decision | None]], evidence: Evidence) -> Decision | None:
+    """Return what the surest rule that applies decides, of equally sure ones the first; None if none applies."""
+    for one in sorted(rules, key=lambda one: -one.sureness):
+        if (result := one(evidence)) is not None:
+            return result
+    return None
