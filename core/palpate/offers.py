@@ -67,6 +67,7 @@ class Diagnosis:
     after: tuple[str, ...] = ()
     quick: bool = False  # it is asked once a second while a run goes on, too
     lost: bool = False  # it is asked of tracks whose numbers are lost (NaN), too
+    detail: bool = False  # True: its table is for details; a row of a table of fits is judged without it
 
 
 @dataclass(frozen=True)

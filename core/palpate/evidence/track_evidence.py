@@ -103,6 +103,11 @@ class Diagnosed:
     surface: float = 0.0  # [m] standard uncertainty that it adds to the surface
     known: frozenset[str] = frozenset()  # facts that the record itself measures, so that they are not conditions
 
+    @property
+    def changes_values(self) -> bool:
+        """True where it says something of the uncertainty of a parameter, or of what follows from one."""
+        return any((self.terms, self.unknown, self.biases, self.sources, self.delays, self.left))
+
 
 # Tracks of one run -> findings by the name of the track; tracks without findings may be left out.
 Judge = Callable[[Sequence[TrackEvidence]], Mapping[str, Diagnosed]]

@@ -54,24 +54,24 @@ class RecordTracks:
         batches: Iterable[tuple[str, Batch]] | None = None,
         name: str | None = None,
         text: str | None = None,
-        provenance: bool = True,
+        detail: bool = True,
     ) -> RecordOutcome:
         """The outcome of one record.
 
         `devices` stand for those of the pipeline, which they are alike but for the record that they name; `batches`
         with the device of each, in the order of their arrival, for what the devices would send; `name` and `text` for
-        those of the pipeline. Without `provenance` the result says what was found, and not by which versions from which
-        inputs; it then has no table. Raises LogError where the record cannot be read, and PalpateError as a run does.
+        those of the pipeline. Without `detail` the result has values, verdicts and findings, and not what details alone
+        show, nor by which versions they are found and from which inputs; it then has no table. Raises LogError where the record cannot be read, and PalpateError as a run does.
         """
         pipeline = self._with(devices, name, text)
         started = datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
         began = clock().now()
         tracks = Tracks(list(self._started(pipeline)))
         aligner, samples, found = _read(pipeline, tracks, batches)
-        facts: dict[str, Any] = run_facts(pipeline) if provenance else {}
+        facts: dict[str, Any] = run_facts(pipeline) if detail else {}
         facts |= {"started": started.isoformat(timespec="seconds"), "duration": clock().now() - began}
         report = aligner.report
-        results = tracks.results(pipeline, report)
+        results = tracks.results(pipeline, report, detail)
         result = build_result(pipeline, Path(), facts, None, report, results, Interrupt())
         return RecordOutcome(pipeline, samples, found, result)
 

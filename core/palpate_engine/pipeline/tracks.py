@@ -135,11 +135,12 @@ class Tracks:
         samples, self._waiting = Samples.joined(self._waiting), []
         return samples, {track.track.name: track.run(samples) for track in self._offline}
 
-    def results(self, pipeline: Pipeline, report: AlignmentReport) -> dict[str, TrackResult]:
-        """What all tracks found, with the findings of every diagnosis."""
+    def results(self, pipeline: Pipeline, report: AlignmentReport, detail: bool = True) -> dict[str, TrackResult]:
+        """Return what all tracks found, with the findings of every diagnosis; of details only if wanted."""
         settings, average = pipeline.alignment, pipeline.run.average
         found: dict[str, TrackResult] = {r.track.name: r.result(report, settings, average) for r in self.running}
-        judged = self._diagnosed(found, pipeline, report, pipeline.registry.diagnoses)
+        diagnoses = {name: one for name, one in pipeline.registry.diagnoses.items() if detail or not one.detail}
+        judged = self._diagnosed(found, pipeline, report, diagnoses)
         return {
             r.track.name: _compared(r, _summed(r, judged[r.track.name]), settings.tip_mass, average)
             for r in self.running

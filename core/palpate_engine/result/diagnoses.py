@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
@@ -55,13 +56,17 @@ def apply_diagnoses(
     whole = {name: _evidence(name, track, of_run) for name, track in tracks.items() if track.result.samples}
     findings = dict[str, Mapping[str, Diagnosed]]()
 
+    @cache  # a diagnosis is given what several before it were given
+    def with_all(label: str, names: tuple[str, ...]) -> TrackResult:
+        """Return the result of a track with its findings by these diagnoses."""
+        if not names:
+            return tracks[label].result
+        *earlier, name = names
+        return with_findings(with_all(label, tuple(earlier)), tracks[label].model, name, findings[name][label])
+
     def judged(label: str, names: Iterable[str]) -> TrackResult:
-        """Return the result of a track with the findings of some diagnoses."""
-        result = tracks[label].result
-        for name in names:
-            if label in findings[name]:
-                result = with_findings(result, tracks[label].model, name, findings[name][label])
-        return result
+        """Return the result of a track with whatever these diagnoses have found of it."""
+        return with_all(label, tuple(name for name in names if label in findings[name]))
 
     for name, before in diagnosis_order(diagnoses):
         diagnosis = diagnoses[name]
@@ -106,31 +111,18 @@ def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) ->
 
 
 def with_findings(result: TrackResult, model: ContactModel, name: str, finding: Diagnosed) -> TrackResult:
-    """A result with the flags, uncertainties and numbers of a finding; derived values take them over.
+    """Return a result with the flags, uncertainties and numbers of a finding; derived values take them over.
 
     A parameter that was held fixed keeps what was stated of it.
     """
     cause = name.replace("-", "_")
     names = [parameter.name for parameter in model.parameters]
-    parameters = dict(result.parameters) | {
-        key: _caused(
-            result.parameters[key], finding, key, [abs(float(term.shifts[i])) for term in finding.sources]
-        ).diagnosed(
-            cause,
-            finding.terms.get(key, 0.0),
-            key in finding.unknown,
-            finding.biases.get(key),
-            finding.left.get(key),
-        )
-        for i, key in enumerate(names)
-        if key in result.free
-    }
+    if finding.changes_values:
+        result = _with_uncertain_values(result, model, cause, finding)
     return replace(
         result,
-        parameters=parameters,
         surface=result.surface.diagnosed(cause, finding.surface),
         budget=(*result.budget, *_rows(result, names, name, finding)),
-        derived=tuple(_derived(value, model, result, finding, cause) for value in result.derived),
         flags=(
             *(replace(flag, effects={}) if flag.code in finding.settles else flag for flag in result.flags),
             *(replace(flag, causes=(cause,)) if flag.causes is None else flag for flag in finding.flags),
@@ -138,6 +130,27 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
         conditions=_open_facts((*result.conditions, *_with_derived(finding.conditions, model, result)), finding.known),
         diagnoses=dict(result.diagnoses) | ({name: finding.table} if finding.table else {}),
     )
+
+
+def _with_uncertain_values(
+    result: TrackResult, model: ContactModel, cause: str, finding: Diagnosed
+) -> TrackResult:
+    """Return a result with what a finding adds to the uncertainty of parameters and of what follows from them."""
+    parameters, free = dict(result.parameters), result.free
+    for i, parameter in enumerate(model.parameters):
+        key = parameter.name
+        if key not in free:
+            continue
+        by_sources = _caused(parameters[key], finding, key, [abs(float(term.shifts[i])) for term in finding.sources])
+        parameters[key] = by_sources.diagnosed(
+            cause,
+            finding.terms.get(key, 0.0),
+            key in finding.unknown,
+            finding.biases.get(key),
+            finding.left.get(key),
+        )
+    derived = tuple(_derived(value, model, result, finding, cause) for value in result.derived)
+    return replace(result, parameters=parameters, derived=derived)
 
 
 def _open_facts(conditions: Sequence[Condition], known: frozenset[str]) -> tuple[Condition, ...]:
@@ -150,7 +163,7 @@ def _with_derived(conditions: Sequence[Condition], model: ContactModel, result: 
     names = [parameter.name for parameter in model.parameters]
     values = [result.parameters[name].value for name in names]
     derived = {value.name for value in result.derived}
-    gradients = {m.name: m.gradient for m in model.material(values) if m.name in derived} if derived else {}
+    gradients = {m.name: m.gradient for m in model.material(values) if m.name in derived} if derived and conditions else {}
     for one in conditions:
         moved = [one.shifts.get(name, 0.0) for name in names]
         more = {name: float(np.array(gradient) @ np.array(moved)) for name, gradient in gradients.items()}

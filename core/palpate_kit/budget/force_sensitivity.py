@@ -20,7 +20,7 @@ _SURFACE_STEP = 1e-6  # [m]
 _MOST = 6000  # samples of a model that remembers
 
 
-_latest: WeakKeyDictionary[Tail, tuple[ContactModel, Floats, Along | None]] = WeakKeyDictionary()
+_latest: WeakKeyDictionary[Tail, tuple[ContactModel, Floats, frozenset[str], Along | None]] = WeakKeyDictionary()
 
 
 class ForceSensitivity(Protocol):
@@ -154,18 +154,25 @@ def free_columns(model: ContactModel, held: Collection[str]) -> NDArray[np.bool_
 def along(
     model: ContactModel, tail: Tail, last: Tail, values: Floats, held: frozenset[str] = frozenset()
 ) -> Along | None:
-    """The model at parameter values (k,) along the `last` samples; None where these determine nothing.
+    """Return the model of a track at its values (k,) along the `last` samples; None where these determine nothing.
 
     What is `held` fixed, by name, has no shift. The memory of a model comes from the whole `tail`. Half of the
-    diagnoses of a track ask for it: it is found once.
+    diagnoses of a track ask for it: the latest is kept.
     """
+    known = _latest.get(last)
+    if known is None or known[0] is not model or known[2] != held or not np.array_equal(known[1], values):
+        known = _latest[last] = model, values, held, alternative_along(model, tail, last, values, held)
+    return known[3]
+
+
+def alternative_along(
+    model: ContactModel, tail: Tail, last: Tail, values: Floats, held: frozenset[str] = frozenset()
+) -> Along | None:
+    """Return what `along` does, of a model that only one caller asks for, and which is not kept."""
     if not np.isfinite(values).all():
         return None
-    known = _latest.get(last)
-    if known is None or known[0] is not model or not np.array_equal(known[1], values):
-        found = _remembered(model, tail, last, values) if model.memory else _instantaneous(model, last, values)
-        known = _latest[last] = model, values, found and replace(found, held=held)
-    return known[2]
+    sensitivity = _remembered(model, tail, last, values) if model.memory else _instantaneous(model, last, values)
+    return sensitivity and replace(sensitivity, held=held)
 
 
 def _instantaneous(model: ContactModel, last: Tail, values: Floats) -> Along | None:

@@ -144,7 +144,7 @@ def curve_outcome(tracks: RecordTracks, device: str, curve: Curve) -> RecordOutc
     if curve.file:
         devices = {**devices, device: curve.read_by(devices[device])}
     batches = [(device, batch) for batch in curve.batches] if curve.batches else None
-    return tracks.estimate(devices, batches, curve.name, provenance=False)
+    return tracks.estimate(devices, batches, curve.name, detail=False)
 
 
 def _numbers(outcome: RecordOutcome, name: str) -> Row:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from palpate import Condition, ConfigurationError, ContactModel, Diagnosed, Floats, TrackEvidence
-from palpate_kit.budget.force_sensitivity import along
+from palpate_kit.budget.force_sensitivity import along, alternative_along
 
 from palpate_models.indenters.power_profiles import Sphere
 from palpate_models.indenters.spheres import ExactSphere
@@ -50,8 +50,8 @@ def _shifts(track: TrackEvidence, tip: Sphere) -> Floats | None:
     end, ball = track.ending, _on_a_ball(track.model, tip)
     if ball is None or end is None:
         return None
-    model_force = along(track.model, end.tail, end.last, track.values)
-    ball_force = along(ball, end.tail, end.last, track.values)
+    model_force = along(track.model, end.tail, end.last, track.values, end.held)
+    ball_force = alternative_along(ball, end.tail, end.last, track.values, end.held)
     if model_force is None or ball_force is None:
         return None
     return ball_force.shifts(model_force.force - ball_force.force)

@@ -56,7 +56,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
         "free-air": Diagnosis("palpate_uncertainty.free_air:free_air"),
         "unloading": Diagnosis("palpate_uncertainty.unloading:unloading"),
-        "assumptions": Diagnosis("palpate_uncertainty.assumptions:assumptions"),
+        "assumptions": Diagnosis("palpate_uncertainty.assumptions:assumptions", detail=True),
     }
 
 

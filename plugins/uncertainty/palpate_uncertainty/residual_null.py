@@ -157,7 +157,9 @@ class ResidualNull:
             by_height = by_height + self.mass * _back(columns, self.kernels[2])
         found = found + self.height**2 * (by_height @ by_height.T)
         if self.speed:
-            by_speed = _back(rate, self.kernels[1]) + self.mass * _back(columns, self.kernels[3])
+            by_speed = _back(rate, self.kernels[1])
+            if self.mass:
+                by_speed = by_speed + self.mass * _back(columns, self.kernels[3])
             found = found + self.speed**2 * (by_speed @ by_speed.T)
         if self.stated.size:
             found = found + (stated := columns @ self.stated) @ stated.T

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -286,7 +285,13 @@ def _width(step: float, count: int) -> int:
 
 
 def _relaxing(elastic: Floats, step: float, tau: float) -> Floats:
-    """The part (n,) of a force that dies away with a time constant [s]."""
-    keep = math.exp(-step / tau)
-    changes = np.diff(elastic, prepend=0.0).tolist()
-    return np.array(list(accumulate(changes, lambda left, change: left * keep + change)))
+    """Return the part (n,) of a force that dies away with a time constant [s].
+
+    It is y_i = sum_j x_(i-j) k^j of the changes x of the force, with k = exp(-step/tau). The sum of the latest 2 s
+    changes is that of the latest s, and k^s times that of the s before these.
+    """
+    relaxing, span = np.diff(elastic, prepend=0.0), 1
+    while span < len(relaxing):
+        relaxing[span:] += math.exp(-span * step / tau) * relaxing[:-span]
+        span *= 2
+    return relaxing
