@@ -58,10 +58,11 @@ class RecordTracks:
     ) -> RecordOutcome:
         """The outcome of one record.
 
-        `devices` stand for those of the pipeline, which they are alike but for the record that they name; `batches`
-        with the device of each, in the order of their arrival, for what the devices would send; `name` and `text` for
-        those of the pipeline. Without `detail` the result has values, verdicts and findings, and not what details alone
-        show, nor by which versions they are found and from which inputs; it then has no table. Raises LogError where the record cannot be read, and PalpateError as a run does.
+        `devices` stand for those of the pipeline, which they are alike but for the record that they name;
+        `batches` with the device of each, in the order of their arrival, for what the devices would send;
+        `name` and `text` for those of the pipeline. Without `detail` the result has values, verdicts and
+        findings, and not what details alone show, nor by which versions they are found and from which inputs;
+        it then has no table. Raises LogError where the record cannot be read, and PalpateError as a run does.
         """
         pipeline = self._with(devices, name, text)
         started = datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()

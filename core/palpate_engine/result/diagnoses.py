@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
@@ -68,12 +68,18 @@ def apply_diagnoses(
         """Return the result of a track with whatever these diagnoses have found of it."""
         return with_all(label, tuple(name for name in names if label in findings[name]))
 
-    for name, before in diagnosis_order(diagnoses):
+    for name, before in _order(tuple(diagnoses.items())):
         diagnosis = diagnoses[name]
         known = [track for track in whole.values() if diagnosis.lost or np.isfinite(track.values).all()]
         evidence = [_with_uncertainties(track, judged(track.name, before)) for track in known]
         findings[name] = _findings(name, diagnosis, evidence) if evidence else {}
     return {label: judged(label, findings) for label in tracks}
+
+
+@lru_cache(maxsize=4)  # each record of a folder asks
+def _order(by_name: tuple[tuple[str, Diagnosis], ...]) -> list[tuple[str, list[str]]]:
+    """Return the order of diagnoses."""
+    return diagnosis_order(dict(by_name))
 
 
 def diagnosis_order(diagnoses: Mapping[str, Diagnosis]) -> list[tuple[str, list[str]]]:
@@ -132,9 +138,7 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
     )
 
 
-def _with_uncertain_values(
-    result: TrackResult, model: ContactModel, cause: str, finding: Diagnosed
-) -> TrackResult:
+def _with_uncertain_values(result: TrackResult, model: ContactModel, cause: str, finding: Diagnosed) -> TrackResult:
     """Return a result with what a finding adds to the uncertainty of parameters and of what follows from them."""
     parameters, free = dict(result.parameters), result.free
     for i, parameter in enumerate(model.parameters):
@@ -163,7 +167,9 @@ def _with_derived(conditions: Sequence[Condition], model: ContactModel, result: 
     names = [parameter.name for parameter in model.parameters]
     values = [result.parameters[name].value for name in names]
     derived = {value.name for value in result.derived}
-    gradients = {m.name: m.gradient for m in model.material(values) if m.name in derived} if derived and conditions else {}
+    gradients = (
+        {m.name: m.gradient for m in model.material(values) if m.name in derived} if derived and conditions else {}
+    )
     for one in conditions:
         moved = [one.shifts.get(name, 0.0) for name in names]
         more = {name: float(np.array(gradient) @ np.array(moved)) for name, gradient in gradients.items()}

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from palpate import Floats, LastDigit, TrackEvidence
+from palpate import Floats, LastDigit, SampleStore, TrackEvidence
 from palpate_engine import force_slopes
 from palpate_kit.numerics.tip_travel import noise_of, rate_kernels
 
@@ -62,7 +62,13 @@ class ForceNoise:
 
 def rounding_noise(track: TrackEvidence) -> ForceNoise | None:
     """Return the noise of rounding where the last digit of the force exceeds all other noise; else None."""
-    force = track.kept.force[np.isfinite(track.kept.force)]
+    return _rounding_noise(track.kept)
+
+
+@lru_cache(maxsize=2)  # several diagnoses of a track ask
+def _rounding_noise(kept: SampleStore) -> ForceNoise | None:
+    """Return the noise of rounding of kept samples; None where their force has more."""
+    force = kept.force[np.isfinite(kept.force)]
     digit = LastDigit.of(force)
     if not digit.exceeds_noise(force):
         return None
