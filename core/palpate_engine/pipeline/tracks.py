@@ -136,7 +136,7 @@ class Tracks:
         return samples, {track.track.name: track.run(samples) for track in self._offline}
 
     def results(self, pipeline: Pipeline, report: AlignmentReport, detail: bool = True) -> dict[str, TrackResult]:
-        """Return what all tracks found, with the findings of every diagnosis; of details only if wanted."""
+        """Return what all tracks found, with the findings of every diagnosis, or of all but those of details."""
         settings, average = pipeline.alignment, pipeline.run.average
         found: dict[str, TrackResult] = {r.track.name: r.result(report, settings, average) for r in self.running}
         diagnoses = {name: one for name, one in pipeline.registry.diagnoses.items() if detail or not one.detail}
