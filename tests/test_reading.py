@@ -19,8 +19,11 @@ CEILINGS = ROOT / "tests" / "reading.toml"
 FOLDERS = ("core", "plugins", "distributions")
 # Locals and parameters that do not say what they hold.
 GENERIC = frozenset(
-    "about at by each every found given here kind known least left looked made most of one others own rest said seen "
-    "taken there told wanted what word words".split()
+    [
+        *("about", "at", "by", "each", "every", "found", "given", "here", "kind", "known", "least", "left", "looked"),
+        *("made", "most", "of", "one", "others", "own", "rest", "said", "seen", "taken", "there", "told", "wanted"),
+        *("what", "word", "words"),
+    ]
 )
 OPENING = re.compile(r"(What|Whether|How|Where|Which|Who|Why|By how|By what|Those|That|Whatever)\b")
 KINDS = ("generic_names", "openings", "moods")
@@ -87,8 +90,8 @@ def test_no_count_rises(package: str) -> None:
 
 
 def test_what_is_counted() -> None:
-    tree = ast.parse('def judge(found):\n    """Whether it is."""\n    residual = left = found\n    return residual, left')
-    assert (generic_names(tree), openings(tree)) == (2, 1)
+    asking = ast.parse('def judge(found):\n    """Whether it is."""\n    left = found\n    return left')
+    assert (generic_names(asking), openings(asking)) == (2, 1)
     assert not generic_names(ast.parse("def judge(residual): onset = residual"))
 
 
