@@ -143,7 +143,7 @@ def saturated(rig: SoundRig) -> SoundRig:
 def stopped(rig: SoundRig) -> tuple[float, str] | None:
     """When [s] and why the detector stops a rig; None where it does not."""
     watch, rng = RiseWatch(rig.sound), np.random.default_rng(rig.seed + 3)
-    touch = TouchWatch(rig.sound, watch.contact)
+    touch = TouchWatch(rig.sound, watch.contact, 0.0)
     height = rig.height + rig.position_std * rng.standard_normal(len(rig.height))
     edges = np.searchsorted(rig.time, np.arange(0.0, rig.time[-1] + _TICK, _TICK)).tolist()
     for first, last in pairwise(edges):

@@ -31,6 +31,7 @@ class SoundForce:
     stiffness: float = math.inf  # [N/m] of the stiffest material that the tip may meet
     drift: float = 0.0  # [N/s] of the sensor's zero
     zero_std: float = 0.0  # [N] standard uncertainty of the mean at standstill
+    zero_age: float = 0.0  # [s] since the middle of the standstill, when this is made
 
     @classmethod
     def of(cls, name: str, force: Floats, position: Floats, window: float, inertia: float) -> SoundForce:

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
-from palpate import Floats, RepeatCount, Repeats, torque_fault
+from palpate import Floats, RepeatCount, Repeats, clock, torque_fault
 from palpate_engine import ReadingAge, RiseWatch, SoundForce, TouchSlope, TouchWatch
 from palpate_kit.acquisition.ring import Ring, integers
 
@@ -30,7 +30,10 @@ class ForceEye:
         self.felt: float | None = None  # [N] along the normal, mean of the latest look; None where nothing had come
         sound = facts.get("sound")
         self._rise = None if sound is None else RiseWatch(SoundForce(**sound))
-        self._touch = None if self._rise is None else TouchWatch(self._rise.sound, self._rise.contact)
+        self._touch: TouchWatch | None = None
+        if self._rise is not None:
+            zero_time = clock().now() - self._rise.sound.zero_age
+            self._touch = TouchWatch(self._rise.sound, self._rise.contact, zero_time)
         self._tick = facts.get("tick", 0)  # [ns]
         self._clock = facts.get("arrival", 0), facts.get("stamp", 1)  # columns
         self._age, self._oldest = ReadingAge(), facts.get("age", np.inf)

@@ -30,10 +30,10 @@ def press(stiffness, place=1.5):
     return lambda height, time: stiffness * 1e-3 * (1e3 * max(-height, 0.0)) ** place
 
 
-def watch_motion(heights, force_of, sound=SOUND, sideways=0.0):
+def watch_motion(heights, force_of, sound=SOUND, sideways=0.0, zero_time=0.0):
     """Why the motion is stopped, its height [m] and force [N] then; None where it is not. And the touches."""
     rise = RiseWatch(sound)
-    watch, rng = TouchWatch(sound, rise.contact), np.random.default_rng(1)
+    watch, rng = TouchWatch(sound, rise.contact, zero_time), np.random.default_rng(1)
     for k, height in enumerate(heights.tolist()):
         push = force_of(height, k * STEP)
         readings = push + NOISE * rng.standard_normal(2)
@@ -87,6 +87,15 @@ def pulled(start, pull):
 def test_what_is_no_force_of_the_material_stops_before_or_in_the_touch(force_of, words):
     heights = np.concatenate([TRAVEL, descent(), TRAVEL])
     assert words in watch_motion(heights, force_of)[0]
+
+
+@pytest.mark.parametrize(("zero_time", "stops"), [(-2.0, False), (0.0, True)])
+def test_a_stated_drift_counts_from_the_standstill(zero_time, stops):
+    """The zero drifts for two seconds before the first reading that is judged."""
+    rate = 0.15  # [N/s]
+    drifting = lambda height, time: press(500.0)(height, time) + rate * (time + 2.0)  # noqa: E731
+    sound = replace(SOUND, drift=1.01 * rate)
+    assert (watch_motion(TRAVEL, drifting, sound, zero_time=zero_time)[0] is not None) == stops
 
 
 @pytest.mark.parametrize(("rate", "stops"), [(1.5 / 3600, False), (15.0 / 3600, False), (0.02, True)])

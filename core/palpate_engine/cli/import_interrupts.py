@@ -1,12 +1,14 @@
 """Ctrl-C while modules are imported: it waits for the end of the import.
 
 An exception within an import leaves half a module, is made another one of by what makes classes, or is printed and
-ignored where a lock of the import is given back: then the press would be lost.
+ignored where a lock of the import is given back. Compiled code ignores one as well, outside of imports, where it cannot
+raise it: such a press waits once more.
 """
 
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -28,12 +30,21 @@ def deferred_interrupts() -> Iterator[None]:
     if not is_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    press = _KeyPress()
+    press, print_unraisable = _KeyPress(), sys.unraisablehook
+
+    def repeat_ignored(unraisable: sys.UnraisableHookArgs) -> None:
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            press.wait()
+        else:
+            print_unraisable(unraisable)
+
     signal.signal(signal.SIGINT, press.take)
+    sys.unraisablehook = repeat_ignored
     try:
         yield
     finally:
         press.forget()
+        sys.unraisablehook = print_unraisable
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -47,6 +58,10 @@ class _KeyPress:
         """Ctrl-C was pressed."""
         if not _is_importing(frame):
             raise KeyboardInterrupt
+        self.wait()
+
+    def wait(self) -> None:
+        """Look again, until there is no import."""
         if self._until is None:
             self._until = time.monotonic() + _LONGEST
             signal.signal(signal.SIGALRM, self._look)

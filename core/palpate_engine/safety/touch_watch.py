@@ -29,9 +29,9 @@ class TouchWatch:
     stiffest material that may be met. On a way along the skin, which may rise by as much, that counts as depth.
     """
 
-    def __init__(self, sound: SoundForce, contact: ContactSearch) -> None:
+    def __init__(self, sound: SoundForce, contact: ContactSearch, zero_time: float) -> None:
         self._sound, self._contact = sound, contact
-        self._began = math.inf  # [s] of the first readings
+        self._zero_time = zero_time  # [s] at which the zero was determined, as the times of the readings
         self._air_began: float | None = None  # [s] since when the tip is in free air
         self._count, self._sum = 0, 0.0  # of the readings there
         self._first = self._last = 0.0  # [s] of them
@@ -52,7 +52,6 @@ class TouchWatch:
         count, total = len(forces), float(forces.sum())
         if not count or not math.isfinite(total):
             return None
-        self._began = min(self._began, time)
         text = self._air_fault(time, count, total, in_air)
         self._note_way(time, way)
         if self._contact.foot is None:
@@ -90,7 +89,7 @@ class TouchWatch:
 
     def _zero_fault(self, mean: float, count: int) -> str | None:
         """Return why a mean of tared readings in free air is not zero; None where it is."""
-        sound, elapsed = self._sound, self._last - self._began
+        sound, elapsed = self._sound, self._last - self._zero_time
         std = math.hypot(sound.standard_error(count), sound.zero_std)
         if abs(mean) <= _SIGNIFICANT * std + sound.inertia + self._shift(self._last):
             self._drift = abs(mean) / max(elapsed, _SEEN)
@@ -103,7 +102,7 @@ class TouchWatch:
 
     def _shift(self, time: float) -> float:
         """Return how far [N] the zero may be off at a time [s]: a drift that was seen may go on, up to a bound."""
-        elapsed = time - self._began
+        elapsed = time - self._zero_time
         return max(self._sound.drift * elapsed, min(self._drift * elapsed, _LARGEST_SHIFT))
 
     def _pull(self, time: float) -> str | None:

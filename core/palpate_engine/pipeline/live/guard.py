@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
-from palpate.clocks import clock
+from palpate.clocks import clock, host_time_ns
 from palpate.device import Arm, Batch, Retractable
 from palpate.errors import DeviceError, UnstoppedArmError
 from palpate.sink import GuardState
@@ -96,7 +96,8 @@ class Guard:
         """From now on the force has to agree with the place of the tip."""
         assert self._limits is not None
         still = self._force.at_standstill(), self._position.at_standstill()
-        self.rise.begin(*still, self._limits.rise_window, expected)
+        zero_age = (host_time_ns() - self.standstill_middle) / 1e9
+        self.rise.begin(*still, self._limits.rise_window, expected, zero_age)
 
     def begin(self, arms: Mapping[str, Arm]) -> None:
         """From now on the arms are to be stopped, and silence is a fault."""

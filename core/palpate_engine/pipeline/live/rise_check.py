@@ -33,9 +33,10 @@ class RiseCheck:
         self._commanded_height = math.nan  # [m]
         self._watch: RiseWatch | None = None
         self._touch: TouchWatch | None = None
+        self._zero_time = math.inf  # [s] of the standstill, by the time-stamps of the force
         self.sound: SoundForce | None = None  # the force at standstill; None before a motion
 
-    def begin(self, force: Floats, position: Floats, window: float, expected: ExpectedForce) -> None:
+    def begin(self, force: Floats, position: Floats, window: float, expected: ExpectedForce, zero_age: float) -> None:
         """A motion comes: standstill of force [N] and position [m], see `SoundForce`, and what may be expected."""
         sound = SoundForce.of(self._force.signal.channel, force, position, window, expected.inertia)
         self.sound = replace(
@@ -44,13 +45,15 @@ class RiseCheck:
             stiffness=expected.stiffness,
             drift=expected.drift,
             zero_std=sound.standard_error(len(force)),
+            zero_age=zero_age,
         )
+        self._zero_time = math.inf
         self._watch = RiseWatch(self.sound)
 
     def begin_touches(self) -> None:
         """The tip has shown that it is free: from now on each touch is judged."""
         if self._watch is not None:
-            self._touch = TouchWatch(self._watch.sound, self._watch.contact)
+            self._touch = TouchWatch(self._watch.sound, self._watch.contact, self._zero_time)
 
     def note_tip(self, batch: Batch, height: float) -> None:
         """Readings of the position, of which the latest is at a height [m]."""
@@ -68,6 +71,7 @@ class RiseCheck:
         if self._watch is None or math.isinf(self._height):
             return None
         time, way = float(batch.time[-1]) / 1e9, -self._height
+        self._zero_time = min(self._zero_time, time - self._watch.sound.zero_age)
         text = self._watch.add(time, pushed, way, self._place, -self._commanded_height)
         if text is not None or self._touch is None:
             return text
