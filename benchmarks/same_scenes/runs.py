@@ -4,7 +4,16 @@ from pathlib import Path
 
 from same_scenes.command import ROOT, palpate
 
-SHIPPED = sorted(path for path in ROOT.glob("pipelines/**/*.toml") if 'type = "sim"' in path.read_text())
+_SIMULATED = ('type = "sim"', "base = [")  # by itself, or by the rig of another file
+
+
+def _shipped() -> list[Path]:
+    """Return the shipped pipelines that run by themselves; a rig without an estimator is a part of others."""
+    texts = {path: path.read_text() for path in sorted(ROOT.glob("pipelines/**/*.toml"))}
+    return [path for path, text in texts.items() if "[estimator." in text and any(sign in text for sign in _SIMULATED)]
+
+
+SHIPPED = _shipped()
 
 
 def run_pipelines(folder: Path) -> None:

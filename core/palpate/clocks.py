@@ -145,10 +145,22 @@ class WallClock(Clock):
     """The computer's own clock."""
 
     simulated = False
-    now_ns = staticmethod(time.monotonic_ns)
-    now = staticmethod(time.monotonic)
-    epoch_ns = staticmethod(time.time_ns)
-    sleep = staticmethod(time.sleep)
+
+    def now_ns(self) -> int:
+        """Return the monotonic time [ns]."""
+        return time.monotonic_ns()
+
+    def now(self) -> float:
+        """Return the monotonic time [s]."""
+        return time.monotonic()
+
+    def epoch_ns(self) -> int:
+        """Return the time since 1970 [ns]."""
+        return time.time_ns()
+
+    def sleep(self, duration: float, /) -> None:
+        """Sleep [s]."""
+        time.sleep(duration)
 
     def processor_time(self) -> float:
         """Return the processor time [s] of this process and of its children that have ended."""

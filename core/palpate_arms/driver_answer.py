@@ -15,10 +15,11 @@ def reading_problem(reading: Any, joints: int, status: int) -> str | None:
     if not isinstance(reading, ArmReading):
         return f"its driver's `read` returned {_kind(reading)}; expected an ArmReading, or None where no state is new"
     expected = {"joints": joints, "joint_speeds": joints, "pose": _POSE, "twist": _POSE, "wrench": _POSE}
+    absent = [field for field in ("pose", "twist") if getattr(reading, field) is None]
     for field, count in {**expected, "status": status}.items():
-        values = getattr(reading, field)
-        if values is None and field in ("pose", "twist"):
+        if field in absent:
             continue
+        values = getattr(reading, field)
         try:
             if len(values) != count:
                 return f"its driver's `read` gives {len(values)} numbers in `{field}`; expected {count}"

@@ -315,9 +315,9 @@ def test_a_run_of_a_sweep_prints_ranges(palpate, root, tmp_path):
     settings = [*line, "trajectory.sweep.settle=2 s", 'run.tracks=["dr/kinematic"]']
     done = palpate("run", root / "pipelines" / "sweep.toml", *options(settings), "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    row = next(line for line in done.stdout.splitlines() if "dr/kinematic" in line)
-    assert re.search(r"\d to \d", row)
-    assert "±" not in row
+    rows = [line for line in done.stdout.splitlines() if line.startswith(("  E ", "  eta "))][:2]
+    assert [bool(re.search(r"\d to \d", row)) for row in rows] == [True, True]
+    assert not any("±" in row for row in rows)
     assert f"ranges along the path of the tip; by place: palpate map {tmp_path / 'out'}" in " ".join(
         done.stdout.split()
     )

@@ -149,8 +149,8 @@ def _with_sign(flag: Flag, report: AlignmentReport) -> Flag:
     """Ask for the sign where there was no contact, and the force goes as far to the other side."""
     if flag.code != "no-contact" or report.pull <= report.touch_force:
         return flag
-    asked = f"but it goes down to {-report.pull:.3g} N: should force have sign = -1 in [alignment]?"
-    return replace(flag, message=f"{flag.message}; {asked}")
+    remedy = "It goes down by as much as a contact would raise it: should force have sign = -1 in [alignment]?"
+    return replace(flag, message=f"{flag.message}; but it goes down to {-report.pull:.3g} N", remedy=remedy)
 
 
 def _status_flags(record: TrackRecord) -> Iterator[Flag]:
