@@ -61,7 +61,7 @@ class _KeyPress:
         self.wait()
 
     def wait(self) -> None:
-        """Look again, until there is no import."""
+        """Look again, until the import has ended."""
         if self._until is None:
             self._until = time.monotonic() + _LONGEST
             signal.signal(signal.SIGALRM, self._look)

@@ -33,6 +33,7 @@ class RiseCheck:
         self._commanded_height = math.nan  # [m]
         self._watch: RiseWatch | None = None
         self._touch: TouchWatch | None = None
+        self._judges_touches = False
         self._zero_time = math.inf  # [s] of the standstill, by the time-stamps of the force
         self.sound: SoundForce | None = None  # the force at standstill; None before a motion
 
@@ -47,13 +48,12 @@ class RiseCheck:
             zero_std=sound.standard_error(len(force)),
             zero_age=zero_age,
         )
-        self._zero_time = math.inf
+        self._touch, self._judges_touches, self._zero_time = None, False, math.inf
         self._watch = RiseWatch(self.sound)
 
     def begin_touches(self) -> None:
         """The tip has shown that it is free: from now on each touch is judged."""
-        if self._watch is not None:
-            self._touch = TouchWatch(self._watch.sound, self._watch.contact, self._zero_time)
+        self._judges_touches = self._watch is not None
 
     def note_tip(self, batch: Batch, height: float) -> None:
         """Readings of the position, of which the latest is at a height [m]."""
@@ -73,7 +73,9 @@ class RiseCheck:
         time, way = float(batch.time[-1]) / 1e9, -self._height
         self._zero_time = min(self._zero_time, time - self._watch.sound.zero_age)
         text = self._watch.add(time, pushed, way, self._place, -self._commanded_height)
-        if text is not None or self._touch is None:
+        if text is not None or not self._judges_touches:
             return text
+        if self._touch is None:
+            self._touch = TouchWatch(self._watch.sound, self._watch.contact, self._zero_time)
         # How high travel is only the process that commands the arm knows.
         return self._touch.fault(time, pushed, way, self._place, False)
