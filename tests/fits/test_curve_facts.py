@@ -40,10 +40,11 @@ STATED = {
     "mount": "20 N/mm",
     "beam": "2 N/mm +- 5 %",
     "position_of": "tip",
+    "truth": "elasticity 25 kPa",
 }
 NEEDED = {"base": {"thickness": "10 mm"}}  # facts that another one needs
 SENTENCES = {
-    "tip": "The tip was an exact sphere with a radius of 4 or 5 mm (12 curves).",
+    "tip": "The tip was an exact sphere with a radius of 4 or 5 mm (13 curves).",
     "tip_uncertainty": "The tip was an exact sphere with a radius of 5 mm (standard uncertainty 0.2 mm) (1 curve).",
     "thickness": "The finite thickness of the specimens, 10 mm, was corrected by the law of Garcia et al. [",
     "base": "The finite thickness of the specimens sliding on their base, 10 mm, was corrected by the law of Dim",
@@ -55,6 +56,7 @@ SENTENCES = {
     "mount": "The compliance of the rig (2e+04 N/m) was counted as an uncertainty (1 curve).",
     "beam": "the deflection of the beam of 2000 N/m (standard uncertainty 100 N/m) on it was subtracted (1 curve).",
     "position_of": "The tip was an exact sphere",
+    "truth": "The tip was an exact sphere",  # no estimate depends on it
 }
 
 
@@ -130,10 +132,11 @@ def test_row_page_and_python_have_one_pipeline(study, key):
     for other in (page, in_python):
         assert [track.model for track in other.tracks] == [track.model for track in row.tracks]
         assert other.run.uncertainties == row.run.uncertainties
+        assert other.run.truth == row.run.truth
         assert other.alignment.model_dump(exclude={"force": {"channel"}}) == row.alignment.model_dump(
             exclude={"force": {"channel"}}
         )
-    facts = [(one.tracks[0].model, one.run.uncertainties, one.alignment) for one in (row, plain)]
+    facts = [(one.tracks[0].model, one.run.uncertainties, one.run.truth, one.alignment) for one in (row, plain)]
     assert (facts[0] == facts[1]) == (key == "plain")
 
 
@@ -273,7 +276,7 @@ def test_the_methods_say_what_was_stated_of_which_curves(fitted, key):
 @pytest.mark.slow
 def test_no_sentence_of_the_methods_is_of_all_where_curves_differ(fitted):
     text = fitted["methods"]
-    assert "The specimens were treated as a half-space, without a correction of their thickness (11 curves)." in text
+    assert "The specimens were treated as a half-space, without a correction of their thickness (12 curves)." in text
     assert "The force was used as recorded, without a correction of its zero; " in text
     assert "settings of their own" not in text
     assert "same to the byte" in fitted["verify"]

@@ -77,7 +77,7 @@ def demand_progress(sheet: Sheet, clock: TimeColumn, values: Floats) -> None:
 
 @dataclass(frozen=True)
 class _ClockSearch:
-    """What the rules for the time look at."""
+    """The columns that the rules for the time look at."""
 
     sheet: Sheet
     values: Floats  # (n, columns)

@@ -1,4 +1,4 @@
-"""Where in a table the rows of numbers begin, by its first lines."""
+"""The rows of numbers of a table, found in its first lines."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class RowBlock:
 
     @property
     def is_certain(self) -> bool:
-        """Whether it is the table, whatever comes below."""
+        """True if these rows are the table, however it goes on."""
         return self.rows >= ENOUGH_ROWS and self.numbers >= 2
 
 

@@ -12,7 +12,7 @@ Decision = TypeVar("Decision")
 
 
 class Sureness(IntEnum):
-    """How sure a rule is of its decision; of two rules that decide the same, the surer one counts."""
+    """The certainty of a rule's decision; of two rules that decide the same, the surer one counts."""
 
     GUESS = 1  # numbers look like it, or it stands where such a thing usually does
     WORD = 2  # a word of a name means it
