@@ -10,10 +10,7 @@ from typing import Annotated
 
 import numpy as np
 import pytest
-<<<<<<< HEAD
-=======
 from palpate_engine.cli import import_interrupts
->>>>>>> e629884c (A press of Ctrl-C that pydantic, a destructor or a long import swallowed is raised again)
 from palpate_engine.cli.import_interrupts import deferred_interrupts
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table as Cells, console
@@ -271,25 +268,3 @@ def test_no_table_cuts_a_number(capsys, monkeypatch, seed):
         parts = [part for row in rows for cell in row for part in ([cell] if "┃" in shown else cell.split())]
         assert [part for part in parts if part not in shown] == []
         assert max(map(len, shown.splitlines())) <= width
-
-
-class Finaliser:
-    """Is interrupted where an exception is ignored, as in compiled code."""
-
-    def __del__(self):
-        signal.raise_signal(signal.SIGINT)
-
-
-def wait_for_a_press():
-    with deferred_interrupts():
-        Finaliser()
-        time.sleep(10.0)
-
-
-def test_a_press_that_was_ignored_comes_once_more():
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            wait_for_a_press()
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -1,13 +1,8 @@
 """Ctrl-C while modules are imported, or a library would swallow it: it waits for the end of that.
 
 An exception within an import leaves half a module, is made another one of by what makes classes, or is printed and
-<<<<<<< HEAD
-ignored where a lock of the import is given back. Compiled code ignores one as well, outside of imports, where it cannot
-raise it: such a press waits once more.
-=======
 ignored where a lock of the import is given back. Pydantic's compiled core drops it, or makes an error of its own of it,
 and of a destructor or a callback the interpreter itself prints and ignores it: then the press would be lost.
->>>>>>> e629884c (A press of Ctrl-C that pydantic, a destructor or a long import swallowed is raised again)
 """
 
 from __future__ import annotations
@@ -37,18 +32,6 @@ def deferred_interrupts() -> Iterator[None]:
     if not is_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-<<<<<<< HEAD
-    press, print_unraisable = _KeyPress(), sys.unraisablehook
-
-    def repeat_ignored(unraisable: sys.UnraisableHookArgs) -> None:
-        if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            press.wait()
-        else:
-            print_unraisable(unraisable)
-
-    signal.signal(signal.SIGINT, press.take)
-    sys.unraisablehook = repeat_ignored
-=======
     press, hook = _KeyPress(), sys.unraisablehook
 
     def keep_interrupt(unraisable: sys.UnraisableHookArgs) -> None:
@@ -60,16 +43,11 @@ def deferred_interrupts() -> Iterator[None]:
 
     signal.signal(signal.SIGINT, press.take)
     sys.unraisablehook = keep_interrupt
->>>>>>> e629884c (A press of Ctrl-C that pydantic, a destructor or a long import swallowed is raised again)
     try:
         yield
     finally:
         press.forget()
-<<<<<<< HEAD
-        sys.unraisablehook = print_unraisable
-=======
         sys.unraisablehook = hook
->>>>>>> e629884c (A press of Ctrl-C that pydantic, a destructor or a long import swallowed is raised again)
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -84,10 +62,6 @@ class _KeyPress:
         """Ctrl-C was pressed."""
         if not _swallows_exceptions(frame):
             raise KeyboardInterrupt
-        self.wait()
-
-    def wait(self) -> None:
-        """Look again, until the import has ended."""
         if self._until is None:
             self.wait()
 
