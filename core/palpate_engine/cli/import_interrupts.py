@@ -62,14 +62,14 @@ class _KeyPress:
         """Ctrl-C was pressed."""
         if not _swallows_exceptions(frame):
             raise KeyboardInterrupt
-        if self._until is None:
-            self.wait()
+        self.wait()
 
     def wait(self) -> None:
-        """Look again and again whether the press can be raised."""
-        self._until = time.monotonic() + _LONGEST
-        signal.signal(signal.SIGALRM, self._look)
-        signal.setitimer(signal.ITIMER_REAL, _LOOK, _LOOK)
+        """Look again, until the import has ended."""
+        if self._until is None:
+            self._until = time.monotonic() + _LONGEST
+            signal.signal(signal.SIGALRM, self._look)
+            signal.setitimer(signal.ITIMER_REAL, _LOOK, _LOOK)
 
     def _look(self, number: int, frame: FrameType | None) -> None:
         if self._until is None:
